@@ -1,0 +1,37 @@
+# What makes this a ROS package: messages, parameters, exports.
+find_package(catkin REQUIRED COMPONENTS
+  cv_bridge
+  diagnostic_updater
+  dynamic_reconfigure
+  image_transport
+  message_generation
+  nodelet
+  pluginlib
+  rosbag
+  roscpp
+  sensor_msgs
+  std_msgs
+  std_srvs
+)
+add_message_files(FILES
+  Correspondences.msg
+  HomographyStamped.msg
+  MatchStatistics.msg
+  StageStatistics.msg
+)
+generate_messages(DEPENDENCIES std_msgs)
+generate_dynamic_reconfigure_options(cfg/Ktgp.cfg)
+
+catkin_package(
+  INCLUDE_DIRS include
+  LIBRARIES ktgp_orb_core ktgp_orb_nodelets
+  CATKIN_DEPENDS
+    cv_bridge diagnostic_updater dynamic_reconfigure image_transport message_runtime nodelet
+    pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs
+  DEPENDS OpenCV EIGEN3
+)
+
+install(DIRECTORY launch rviz
+  DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(FILES nodelet_plugins.xml
+  DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// Bytes of one ORB descriptor (256 bits).
+constexpr int kDescriptorBytes = 32;
+
+/// What is kept of an image: its keypoints, their descriptors and the image size.
+/// The size travels with the keypoints because GMS and the homography checks need it.
+struct Features {
+  /// Positions in pixels: x right, y down, origin at the centre of the top-left pixel.
+  std::vector<cv::KeyPoint> keypoints;
+  /// One row of 32 bytes (CV_8U) per keypoint, in the same order.
+  cv::Mat descriptors;
+  /// Width and height of the image in pixels.
+  cv::Size image_size;
+
+  std::size_t size() const { return keypoints.size(); }
+  bool empty() const { return keypoints.empty(); }
+};
+
+/// Throws std::invalid_argument unless `features` has one 32-byte CV_8U descriptor row per keypoint
+/// and, where it has keypoints, an image size above zero. `name` ("reference", "target") opens the
+/// message.
+void requireValid(const Features& features, const std::string& name);
+
+/// Throws std::invalid_argument unless `descriptors` is empty or CV_8U with 32 columns.
+void requireDescriptors(const cv::Mat& descriptors, const std::string& name);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/gms_filter.h"
+#include "ktgp_orb/knn_matcher.h"
+#include "ktgp_orb/prosac_homography.h"
+#include "ktgp_orb/ratio_filter.h"
+#include "ktgp_orb/status.h"
+
+namespace ktgp_orb {
+
+/// Options of the four stages.
+struct MatcherOptions {
+  KnnOptions knn;
+  double ratio_threshold = kDefaultRatioThreshold;  ///< T_w, in (0, 1]
+  GmsOptions gms;                                   ///< gms.threshold is T_G
+  ProsacOptions prosac;
+};
+
+/// Counts and time of one stage. The output of a stage is the input of the next.
+struct StageStatistics {
+  const char* name = "";      ///< "knn", "tf", "gms" or "prosac"
+  std::size_t input = 0;      ///< knn: target features; others: correspondences
+  std::size_t output = 0;     ///< correspondences left
+  double milliseconds = 0.0;  ///< wall-clock time
+};
+
+/// Everything known about one pair of frames. Reused from call to call for its buffers.
+struct MatchResult {
+  Status status = Status::no_reference;
+  /// One per target feature, in target order; `level` says how far each came.
+  std::vector<Correspondence> correspondences;
+  GmsResult gms;
+  ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
+  std::array<StageStatistics, 4> stages;  ///< knn, tf, gms, prosac
+
+  /// Correspondences that reached at least `level`, in target order, into `out`.
+  void surviving(Level level, std::vector<Correspondence>& out) const;
+};
+
+/// KNN -> TF -> GMS -> PROSAC over the features of two frames.
+class KtgpMatcher {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit KtgpMatcher(const MatcherOptions& options = {});
+
+  const MatcherOptions& options() const { return options_; }
+
+  /// Throws std::invalid_argument for malformed features (see requireValid); bad data such as
+  /// keypoints outside the image or no features at all is legal and ends in a status.
+  void match(const Features& reference, const Features& target, MatchResult& result);
+
+ private:
+  void estimateHomography(const Features& reference, const Features& target, MatchResult& result);
+
+  MatcherOptions options_;
+  KnnMatcher knn_;
+  GmsFilter gms_;
+  ProsacHomography prosac_;
+  PointPairs pairs_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,75 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "ktgp_orb/status.h"
+
+namespace ktgp_orb {
+
+/// Options of the homography estimator (Chum & Matas, "Matching with PROSAC", CVPR 2005).
+struct ProsacOptions {
+  double threshold = 3.0;  ///< inlier when the reprojection error in the target is below, px, > 0
+  int max_iterations = 2000;  ///< samples drawn at most, 1..1000000
+  double confidence = 0.995;  ///< 1 - eta0: wanted probability of no better model left, in (0, 1)
+  std::uint64_t seed = 1;     ///< of the estimator's own generator; same seed, same answer
+};
+
+/// The correspondences as the estimator sees them: three parallel arrays of equal length.
+struct PointPairs {
+  std::vector<Eigen::Vector2d> reference;  ///< px in the reference image, finite
+  std::vector<Eigen::Vector2d> target;     ///< px in the target image, finite
+  std::vector<double> quality;             ///< beta = d1/d2 (Eq. 6), smaller is better
+
+  std::size_t size() const { return reference.size(); }
+  void clear() {
+    reference.clear();
+    target.clear();
+    quality.clear();
+  }
+};
+
+/// The rule that ended the sampling.
+enum class ProsacStop : std::uint8_t {
+  not_run,         ///< fewer than four pairs
+  maximality,      ///< a better model would have been found with the wanted confidence
+  max_iterations,  ///< the budget was used up
+};
+
+/// Homography, its support and how it was found. Reused from call to call for its buffers.
+struct ProsacResult {
+  Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
+  /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero; zero unless status is ok.
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
+  /// 1 where the reprojection error of `homography` is below the threshold, exactly; else 0.
+  std::vector<std::uint8_t> mask;
+  std::size_t inliers = 0;           ///< ones in `mask`
+  std::size_t distinct_inliers = 0;  ///< inliers counted once per reference and target position
+  double rmse = 0.0;                 ///< root mean square reprojection error of the inliers, px
+  int iterations = 0;                ///< samples drawn
+  int local_optimisations = 0;       ///< times a new best model was polished
+  std::size_t growth_set_size = 0;   ///< best pairs sampled from at the end, n of PROSAC
+  ProsacStop stop = ProsacStop::not_run;
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement.
+  Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
+};
+
+/// Finds the homography that most pairs agree with, sampling the best pairs first.
+class ProsacHomography {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit ProsacHomography(const ProsacOptions& options = {});
+
+  /// `reference_size`: of the reference image in px, for the check that H's horizon does not cross
+  /// it; empty: the bounding box of the points instead. Throws std::invalid_argument for arrays of
+  /// different length or a value that is not finite.
+  void estimate(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
+
+ private:
+  ProsacOptions options_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+
+namespace ktgp_orb {
+
+/// The paper's ratio threshold T_w.
+constexpr double kDefaultRatioThreshold = 0.66;
+
+/// Threshold filtering (TF, Eq. 3): raises every correspondence with W = d1/d2 < `threshold`,
+/// strictly, from Level::knn to Level::kt and returns how many those are.
+/// `threshold` T_w in (0, 1], else std::invalid_argument.
+std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences);
+
+}  // namespace ktgp_orb

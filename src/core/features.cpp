@@ -1,0 +1,32 @@
+#include "ktgp_orb/features.h"
+
+#include <stdexcept>
+
+namespace ktgp_orb {
+
+void requireDescriptors(const cv::Mat& descriptors, const std::string& name) {
+  if (descriptors.empty()) return;
+  if (descriptors.type() != CV_8UC1 || descriptors.cols != kDescriptorBytes) {
+    throw std::invalid_argument(name + " descriptors are " + cv::typeToString(descriptors.type()) +
+                                " with " + std::to_string(descriptors.cols) +
+                                " columns; expected CV_8UC1 with 32 columns (256 bits)");
+  }
+}
+
+void requireValid(const Features& features, const std::string& name) {
+  requireDescriptors(features.descriptors, name);
+  const auto rows = static_cast<std::size_t>(features.descriptors.rows);
+  if (rows != features.size()) {
+    throw std::invalid_argument(name + " has " + std::to_string(features.size()) +
+                                " keypoints but " + std::to_string(rows) +
+                                " descriptor rows; expected one row per keypoint");
+  }
+  if (!features.empty() && (features.image_size.width <= 0 || features.image_size.height <= 0)) {
+    throw std::invalid_argument(name + " has image size " +
+                                std::to_string(features.image_size.width) + "x" +
+                                std::to_string(features.image_size.height) +
+                                "; expected the width and height of its image in pixels");
+  }
+}
+
+}  // namespace ktgp_orb

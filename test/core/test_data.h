@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdlib>
+#include <optional>
+#include <string>
+
+namespace ktgp_orb::test {
+
+/// Folder named by an environment variable, or nothing where it is unset: the test then skips.
+inline std::optional<std::string> folderFrom(const char* variable) {
+  const char* value = std::getenv(variable);
+  if (value == nullptr || *value == '\0') return std::nullopt;
+  return std::string(value);
+}
+
+/// Real images and bags (KTGP_ORB_DATA).
+inline std::optional<std::string> dataFolder() {
+  return folderFrom("KTGP_ORB_DATA");
+}
+
+/// Reference results of other implementations (KTGP_ORB_ORACLE).
+inline std::optional<std::string> oracleFolder() {
+  return folderFrom("KTGP_ORB_ORACLE");
+}
+
+}  // namespace ktgp_orb::test
+
+/// Skips the running test, in a line that says why, unless the folder is there.
+#define KTGP_ORB_REQUIRE_FOLDER(folder, variable) \
+  if (!(folder)) GTEST_SKIP() << variable << " is not set: this test needs it"
