@@ -19,7 +19,8 @@ add_message_files(FILES
   MatchStatistics.msg
   StageStatistics.msg
 )
-generate_messages(DEPENDENCIES std_msgs)
+add_service_files(FILES MatchPair.srv)
+generate_messages(DEPENDENCIES sensor_msgs std_msgs)
 generate_dynamic_reconfigure_options(cfg/Ktgp.cfg)
 
 catkin_package(

@@ -22,8 +22,9 @@ struct MatcherOptions {
   ProsacOptions prosac;
 };
 
-/// Counts and time of one stage. The output of a stage is the input of the next.
-struct StageStatistics {
+/// Counts and time of one stage (the message of it is StageStatistics). The output of a stage is
+/// the input of the next.
+struct StageResult {
   const char* name = "";      ///< "knn", "tf", "gms" or "prosac"
   std::size_t input = 0;      ///< knn: target features; others: correspondences
   std::size_t output = 0;     ///< correspondences left
@@ -37,7 +38,7 @@ struct MatchResult {
   std::vector<Correspondence> correspondences;
   GmsResult gms;
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
-  std::array<StageStatistics, 4> stages;  ///< knn, tf, gms, prosac
+  std::array<StageResult, 4> stages;  ///< knn, tf, gms, prosac
 
   /// Correspondences that reached at least `level`, in target order, into `out`.
   void surviving(Level level, std::vector<Correspondence>& out) const;

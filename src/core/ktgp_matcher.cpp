@@ -7,7 +7,7 @@ namespace {
 
 /// Fills the statistics of one stage from the return value of `run`, which it times.
 template <typename Run>
-void timeStage(StageStatistics& stage, const char* name, std::size_t input, Run run) {
+void timeStage(StageResult& stage, const char* name, std::size_t input, Run run) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
   stage.output = run();

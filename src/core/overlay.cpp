@@ -75,7 +75,7 @@ void drawText(cv::Mat& canvas, int line, const std::string& text) {
 std::string describe(const MatchResult& result, bool milliseconds) {
   std::string text = milliseconds ? "ms  " : "matches  ";
   char buffer[64];
-  for (const StageStatistics& stage : result.stages) {
+  for (const StageResult& stage : result.stages) {
     if (milliseconds) {
       std::snprintf(buffer, sizeof(buffer), " %s %.2f", stage.name, stage.milliseconds);
     } else {

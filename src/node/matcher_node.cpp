@@ -1,0 +1,24 @@
+// The matcher as a program of its own: loads the same nodelet that a manager would load.
+
+#include <nodelet/loader.h>
+#include <ros/ros.h>
+
+#include <exception>
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "matcher");
+  try {
+    nodelet::Loader loader;
+    const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",
+                                    ros::names::getRemappings(), nodelet::V_string());
+    if (!loaded) {
+      ROS_FATAL("nodelet ktgp_orb/matcher cannot be loaded: is the workspace sourced?");
+      return 1;
+    }
+    ros::spin();
+  } catch (const std::exception& error) {
+    ROS_FATAL("%s", error.what());
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <sensor_msgs/Image.h>
+
+#include <opencv2/core.hpp>
+#include <stdexcept>
+
+namespace ktgp_orb {
+
+/// An image message that cannot be used; what() says what is wrong and what would be right.
+class RefusedImage : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
+/// message's own data and is valid while `message` lives. Colour and Bayer images are converted;
+/// 16-bit ones are stretched from their darkest to their brightest pixel, since cameras deliver
+/// 10, 12 or 14 bits in them. Throws RefusedImage for an empty image, a step or amount of data that
+/// does not fit the size, and an encoding that is neither grey, colour nor Bayer.
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message);
+
+}  // namespace ktgp_orb

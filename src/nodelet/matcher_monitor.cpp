@@ -1,0 +1,187 @@
+#include "matcher_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+using Lock = std::lock_guard<std::mutex>;
+
+constexpr double kImplausibleLatency = 3600.0;  // s; stamps of another clock, not a slow matcher
+
+double ratio(std::uint64_t part, std::uint64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+}  // namespace
+
+void MatcherMonitor::Counts::operator+=(const Counts& other) {
+  seconds += other.seconds;
+  arrived += other.arrived;
+  dropped += other.dropped;
+  refused += other.refused;
+  matched += other.matched;
+  no_reference += other.no_reference;
+  ok += other.ok;
+  inliers += other.inliers;
+  latency_sum += other.latency_sum;
+  latency_max = std::max(latency_max, other.latency_max);
+}
+
+void MatcherMonitor::setLimits(const MonitorLimits& limits) {
+  const Lock lock(mutex_);
+  limits_ = limits;
+}
+
+void MatcherMonitor::imageArrived() {
+  const Lock lock(mutex_);
+  ++current_.arrived;
+  ++total_.arrived;
+}
+
+void MatcherMonitor::imageDropped() {
+  const Lock lock(mutex_);
+  ++current_.dropped;
+  ++total_.dropped;
+}
+
+void MatcherMonitor::imageRefused(const std::string& reason) {
+  const Lock lock(mutex_);
+  ++current_.refused;
+  ++total_.refused;
+  last_error_ = reason;
+}
+
+void MatcherMonitor::setError(const std::string& error) {
+  const Lock lock(mutex_);
+  last_error_ = error;
+}
+
+void MatcherMonitor::frameMatched(Status status, std::size_t inliers, double latency_seconds) {
+  const Lock lock(mutex_);
+  last_status_ = status;
+  if (status == Status::no_reference) ++current_.no_reference;
+  if (status == Status::ok) ++current_.ok;
+  ++current_.matched;
+  current_.inliers += inliers;
+  current_.latency_sum += latency_seconds;
+  current_.latency_max = std::max(current_.latency_max, latency_seconds);
+}
+
+void MatcherMonitor::setListening(bool listening, const std::string& topic) {
+  const Lock lock(mutex_);
+  listening_ = listening;
+  topic_ = topic;
+}
+
+std::uint64_t MatcherMonitor::dropped() const {
+  const Lock lock(mutex_);
+  return total_.dropped;
+}
+
+std::uint64_t MatcherMonitor::refused() const {
+  const Lock lock(mutex_);
+  return total_.refused;
+}
+
+std::uint64_t MatcherMonitor::arrived() const {
+  const Lock lock(mutex_);
+  return total_.arrived;
+}
+
+void MatcherMonitor::tick() {
+  const Lock lock(mutex_);
+  const auto now = Clock::now();
+  current_.seconds = std::chrono::duration<double>(now - period_start_).count();
+  period_start_ = now;
+  periods_[next_period_] = current_;
+  next_period_ = (next_period_ + 1) % periods_.size();
+  current_ = {};
+}
+
+MatcherMonitor::Counts MatcherMonitor::window() const {
+  Counts sum;
+  for (const Counts& period : periods_) sum += period;
+  return sum;
+}
+
+std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& level) const {
+  level = DiagnosticStatus::OK;
+  if (!listening_) return "idle: no subscriber on any output";
+  const double rate =
+      counts.seconds > 0.0 ? static_cast<double>(counts.arrived) / counts.seconds : 0.0;
+  if (counts.arrived == 0) {
+    level = DiagnosticStatus::ERROR;
+    return "no image on " + topic_;
+  }
+  if (counts.refused == counts.arrived) {
+    level = DiagnosticStatus::ERROR;
+    return "every image is refused: " + last_error_;
+  }
+  level = DiagnosticStatus::WARN;
+  if (counts.refused > 0) return "images refused: " + last_error_;
+  if (rate < limits_.min_input_rate) return "images arrive too slowly";
+  if (ratio(counts.dropped, counts.arrived) > limits_.max_drop_ratio) {
+    return "many images dropped: they arrive faster than they are matched";
+  }
+  level = DiagnosticStatus::OK;
+  return "images arrive";
+}
+
+void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  const Lock lock(mutex_);
+  const Counts counts = window();
+  unsigned char level = DiagnosticStatus::OK;
+  const std::string message = inputMessage(counts, level);
+  report.summary(level, message);
+  report.add("topic", topic_);
+  report.addf("rate (1/s)", "%.2f",
+              counts.seconds > 0.0 ? static_cast<double>(counts.arrived) / counts.seconds : 0.0);
+  report.add("images", total_.arrived);
+  report.add("dropped", total_.dropped);
+  report.add("refused", total_.refused);
+  report.add("last error", last_error_);
+}
+
+void MatcherMonitor::reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  const Lock lock(mutex_);
+  const Counts counts = window();
+  const std::uint64_t with_reference = counts.matched - counts.no_reference;
+  const double ok_ratio = ratio(counts.ok, with_reference);
+  if (with_reference == 0) {
+    report.summary(DiagnosticStatus::OK, "nothing to match");
+  } else if (counts.ok == 0) {
+    report.summaryf(DiagnosticStatus::ERROR, "no homography found: %s", toString(last_status_));
+  } else if (ok_ratio < limits_.min_ok_ratio) {
+    report.summaryf(DiagnosticStatus::WARN, "few homographies found: %s", toString(last_status_));
+  } else {
+    report.summary(DiagnosticStatus::OK, "homographies found");
+  }
+  report.add("frames matched", with_reference);
+  report.add("frames without reference", counts.no_reference);
+  report.addf("share with homography", "%.3f", ok_ratio);
+  report.addf("inliers per homography", "%.1f", ratio(counts.inliers, counts.ok));
+  report.add("last status", toString(last_status_));
+}
+
+void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  const Lock lock(mutex_);
+  const Counts counts = window();
+  const double mean =
+      counts.matched > 0 ? counts.latency_sum / static_cast<double>(counts.matched) : 0.0;
+  if (std::abs(mean) > kImplausibleLatency) {
+    report.summary(
+        DiagnosticStatus::WARN,
+        "image stamps are of another clock; playing a bag needs use_sim_time and --clock");
+  } else if (counts.latency_max > limits_.max_latency) {
+    report.summary(DiagnosticStatus::WARN, "results are late");
+  } else {
+    report.summary(DiagnosticStatus::OK, "results are in time");
+  }
+  report.addf("mean (ms)", "%.2f", 1e3 * mean);
+  report.addf("maximum (ms)", "%.2f", 1e3 * counts.latency_max);
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <dynamic_reconfigure/server.h>
+#include <image_transport/image_transport.h>
+#include <ktgp_orb/KtgpConfig.h>
+#include <ktgp_orb/MatchPair.h>
+#include <nodelet/nodelet.h>
+#include <ros/ros.h>
+#include <std_srvs/Trigger.h>
+
+#include <atomic>
+#include <boost/thread/recursive_mutex.hpp>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "matcher_monitor.h"
+#include "newest_slot.h"
+#include "parameters.h"
+#include "sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// The matcher as a ROS nodelet. Topics, services and parameters stand in the README.
+///
+/// Threads: callbacks only store (the newest image, a configuration, a request); one worker thread
+/// takes the newest image, applies what was stored before it, matches and publishes.
+class MatcherNodelet : public nodelet::Nodelet {
+ public:
+  MatcherNodelet() = default;
+  ~MatcherNodelet() override;
+
+ private:
+  void onInit() override;
+  void requireTransport() const;
+  void advertise();
+  void advertiseServices();
+  void startReconfigure();
+
+  void connectionsChanged();
+  bool anySubscriber() const;
+  void subscribe();
+  void unsubscribe();
+
+  void imageArrived(const sensor_msgs::ImageConstPtr& image);
+  void reconfigured(KtgpConfig& config);
+  bool matchPair(MatchPair::Request& request, MatchPair::Response& response);
+  void watch();
+  void warnWithoutInput();
+
+  void work();
+  void applyRequests(const sensor_msgs::ImageConstPtr& image);
+  void applyConfiguration();
+  void processImage(const sensor_msgs::ImageConstPtr& image);
+  void publish(const FrameMessages& messages);
+  void refuse(const std::string& reason);
+
+  /// What services and connections ask of the worker.
+  struct Requests {
+    bool forget_reference = false;
+    bool reset = false;
+    bool set_reference = false;
+  };
+  template <typename Change>
+  ros::ServiceServer trigger(const std::string& name, const std::string& answer, Change change);
+
+  // ROS side
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<image_transport::ImageTransport> private_transport_;
+  ros::Publisher correspondences_pub_;
+  ros::Publisher homography_pub_;
+  ros::Publisher accumulated_pub_;
+  ros::Publisher statistics_pub_;
+  image_transport::Publisher overlay_pub_;
+  std::vector<ros::ServiceServer> services_;
+  ros::WallTimer watch_timer_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+  boost::recursive_mutex reconfigure_mutex_;
+  std::unique_ptr<dynamic_reconfigure::Server<KtgpConfig>> reconfigure_server_;
+
+  std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
+  bool advertised_ = false;
+  image_transport::Subscriber image_sub_;
+  bool subscribed_ = false;
+  int silent_seconds_ = 0;
+  std::uint64_t arrived_before_ = 0;
+  std::string image_topic_;
+  std::string transport_hint_;
+
+  // Shared with the worker
+  std::mutex state_mutex_;  // guards configuration_, config_ and requests_
+  Configuration configuration_;
+  KtgpConfig config_;
+  bool configured_ = false;
+  Requests requests_;
+  std::atomic<bool> paused_{false};
+  NewestSlot<sensor_msgs::ImageConstPtr> newest_;
+  MatcherMonitor monitor_;
+
+  // The worker's own
+  std::unique_ptr<SequenceMatcher> matcher_;
+  std::thread worker_;
+};
+
+}  // namespace ktgp_orb
