@@ -16,8 +16,7 @@ int main(int argc, char** argv) {
       return 1;
     }
     ros::spin();
-  } catch (const std::exception& error) {
-    ROS_FATAL("%s", error.what());
+  } catch (const std::exception& /*said by the nodelet itself*/) {
     return 1;
   }
   return 0;

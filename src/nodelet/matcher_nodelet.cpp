@@ -48,6 +48,15 @@ MatcherNodelet::~MatcherNodelet() {
 }
 
 void MatcherNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s", error.what());  // what loads the nodelet may not say why it failed
+    throw;
+  }
+}
+
+void MatcherNodelet::start() {
   ros::NodeHandle& private_node = getPrivateNodeHandle();
   transport_hint_ = private_node.param<std::string>("image_transport", "raw");
   image_topic_ = getNodeHandle().resolveName("image");
@@ -81,10 +90,10 @@ void MatcherNodelet::requireTransport() const {
   const auto names = transport.getLoadableTransports();
   const std::string wanted = "image_transport/" + transport_hint_;
   if (std::find(names.begin(), names.end(), wanted) != names.end()) return;
-  throw std::runtime_error("image transport '" + transport_hint_ +
-                           "' is not installed; the package " + transport_hint_ +
-                           "_image_transport brings it (on ROS Noetic: apt install ros-noetic-" +
-                           transport_hint_ + "-image-transport)");
+  throw std::invalid_argument("image transport '" + transport_hint_ +
+                              "' is not installed; the package " + transport_hint_ +
+                              "_image_transport brings it (on ROS Noetic: apt install ros-noetic-" +
+                              transport_hint_ + "-image-transport)");
 }
 
 void MatcherNodelet::advertise() {

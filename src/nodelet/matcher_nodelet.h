@@ -33,6 +33,7 @@ class MatcherNodelet : public nodelet::Nodelet {
 
  private:
   void onInit() override;
+  void start();
   void requireTransport() const;
   void advertise();
   void advertiseServices();

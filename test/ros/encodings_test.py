@@ -1,0 +1,157 @@
+#!/usr/bin/python3
+"""Every picture encoding is matched; what cannot be matched is refused, said and counted."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait_until
+from rosgraph_msgs.msg import Log
+
+
+def colour(grey):
+    return np.dstack([grey, grey, grey])
+
+
+def with_alpha(grey):
+    return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+
+
+ENCODINGS = {
+    'mono8': lambda grey: grey,
+    '8UC1': lambda grey: grey,
+    'bgr8': colour,
+    'rgb8': colour,
+    'bgra8': with_alpha,
+    'rgba8': with_alpha,
+    'bayer_rggb8': lambda grey: grey,
+    'bayer_grbg8': lambda grey: grey,
+    'mono16': lambda grey: grey.astype(np.uint16) * 16,  # a 12-bit camera
+    'bgr16': lambda grey: colour(grey).astype(np.uint16) * 257,
+}
+
+
+class EncodingsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.log = Recorder('/rosout', Log)
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.camera = Camera()
+        cls.camera.wait_for_subscriber()
+
+    def send_and_wait(self, encoding='mono8', convert=lambda grey: grey):
+        return self.statistics.wait_for(self.camera.send_view(encoding, convert))
+
+    def assert_translation(self, stamp):
+        message = self.homographies.wait_for(stamp)
+        self.assertEqual(message.status, HomographyStamped.STATUS_OK)
+        expected = [1, 0, -5, 0, 1, -3, 0, 0, 1]  # the scene moves against the camera
+        for row in range(2):
+            self.assertAlmostEqual(message.homography[3 * row + 2], expected[3 * row + 2], delta=0.5)
+            for column in range(2):
+                self.assertAlmostEqual(message.homography[3 * row + column],
+                                       expected[3 * row + column], delta=0.005)
+
+    def check_motion(self, encoding):
+        convert = ENCODINGS[encoding]
+        first = self.send_and_wait(encoding, convert)
+        self.assertEqual(first.status, MatchStatistics.STATUS_NO_REFERENCE,
+                         'a change of encoding must reset the reference')
+        second = self.send_and_wait(encoding, convert)
+        self.assertEqual(second.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(second.reference_stamp, first.header.stamp)
+        self.assert_translation(second.header.stamp)
+
+    def test_every_encoding_gives_the_true_motion(self):
+        check_each(sorted(ENCODINGS), self.check_motion)
+
+    def test_a_change_of_size_resets_the_reference(self):
+        self.send_and_wait()
+        stamp = self.camera.send(
+            image_message(view(100, 100, 320, 240), self.camera.next_stamp()))
+        self.assertEqual(self.statistics.wait_for(stamp).status,
+                         MatchStatistics.STATUS_NO_REFERENCE)
+
+    def refused(self, change, expected_words):
+        """Sends a broken image; it must be refused with a reason, and the next good one work."""
+        before = self.send_and_wait()
+        broken = image_message(view(100, 100), self.camera.next_stamp())
+        change(broken)
+        self.camera.send(broken)
+        # The image may wait in the slot: only when it is counted may the next one follow.
+        wait_until(lambda: self.refused_count() > before.refused_frames, 'the image is counted')
+        after = self.send_and_wait()
+        self.assertEqual(after.refused_frames, before.refused_frames + 1)
+        self.assertEqual(after.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(after.reference_stamp, before.header.stamp)
+        self.assertIsNone(self.statistics.with_stamp(broken.header.stamp))
+        wait_until(lambda: expected_words in self.last_error(), 'diagnostics say ' + expected_words)
+
+    def input_status(self):
+        for array in reversed(self.diagnostics.messages()):
+            for status in array.status:
+                if status.name.endswith('input'):
+                    return {value.key: value.value for value in status.values}
+        return {}
+
+    def refused_count(self):
+        return int(self.input_status().get('refused', -1))
+
+    def last_error(self):
+        return self.input_status().get('last error', '')
+
+    def test_refused_images(self):
+        def wrong_step(image):
+            image.step = 100
+
+        def too_little_data(image):
+            image.data = image.data[:1000]
+
+        def empty(image):
+            image.width = image.height = image.step = 0
+            image.data = b''
+
+        def depth(image):
+            image.encoding = '16UC1'
+
+        def nonsense(image):
+            image.encoding = 'no such encoding'
+
+        def no_encoding(image):
+            image.encoding = ''
+
+        words = {wrong_step: 'step is 100; expected at least 640',
+                 too_little_data: 'data has 1000 bytes; expected at least 307200',
+                 empty: 'image is empty (0x0)',
+                 depth: "encoding '16UC1'",
+                 nonsense: "encoding 'no such encoding'",
+                 no_encoding: "encoding ''"}
+        check_each(words, lambda change: self.refused(change, words[change]))
+        errors = [m for m in self.log.messages()
+                  if m.level == Log.ERROR and 'is refused' in m.msg]
+        self.assertGreaterEqual(len(errors), 1)
+        self.assertIn('/camera/image_raw', errors[0].msg)
+
+    def test_the_error_is_throttled(self):
+        before = sum('is refused' in m.msg for m in self.log.messages())
+        count = self.send_and_wait().refused_frames
+        for i in range(50):
+            broken = image_message(view(100, 100), self.camera.next_stamp())
+            broken.step = 1
+            self.camera.send(broken)
+            rospy.rostime.wallsleep(0.01)
+        self.send_and_wait()
+        wait_until(lambda: self.refused_count() > count, 'refused images are counted')
+        said = sum('is refused' in m.msg for m in self.log.messages()) - before
+        self.assertLessEqual(said, 2)
+
+
+if __name__ == '__main__':
+    rospy.init_node('encodings_test')
+    rostest.rosrun('ktgp_orb', 'encodings', EncodingsTest, sys.argv)

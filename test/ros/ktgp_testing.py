@@ -1,0 +1,125 @@
+"""What the integration tests share: images with a known motion, a camera, a recorder of topics."""
+
+import threading
+import time
+
+import numpy as np
+import rospy
+from sensor_msgs.msg import Image
+
+TIMEOUT = 30.0  # s that any expected message may take on a busy machine
+
+
+def texture(height=1200, width=1600, seed=1):
+    """Grey picture with corners at several scales everywhere."""
+    random = np.random.RandomState(seed)
+    picture = np.zeros((height, width))
+    for cell in (4, 8, 16, 32):
+        blocks = random.rand(height // cell + 1, width // cell + 1)
+        picture += np.kron(blocks, np.ones((cell, cell)))[:height, :width]
+    return (picture / picture.max() * 255).astype(np.uint8)
+
+
+_TEXTURE = texture()
+
+
+def view(x, y, width=640, height=480):
+    """The picture that a camera moved by x, y pixels sees."""
+    return np.ascontiguousarray(_TEXTURE[y:y + height, x:x + width])
+
+
+def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
+    message = Image()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    message.height, message.width = pixels.shape[:2]
+    message.encoding = encoding
+    message.step = int(pixels.nbytes / pixels.shape[0])
+    message.data = pixels.tobytes()
+    return message
+
+
+def wait_until(condition, what, timeout=TIMEOUT):
+    """Waits for a condition of the live system, in wall time."""
+    end = time.time() + timeout
+    while not condition():
+        if time.time() > end or rospy.is_shutdown():
+            raise AssertionError('timed out waiting until ' + what)
+        time.sleep(0.01)
+
+
+def check_each(cases, check):
+    """Runs a check for every case and names those that fail (rosunit does not show subtests)."""
+    failures = []
+    for case in cases:
+        try:
+            check(case)
+        except AssertionError as error:
+            failures.append('%s: %s' % (case, error))
+    if failures:
+        raise AssertionError('\n'.join(failures))
+
+
+class Recorder:
+    """Keeps every message of a topic."""
+
+    def __init__(self, topic, message_type):
+        self._lock = threading.Lock()
+        self._messages = []
+        self.topic = topic
+        self._subscriber = rospy.Subscriber(topic, message_type, self._store, queue_size=1000)
+
+    def _store(self, message):
+        with self._lock:
+            self._messages.append(message)
+
+    def messages(self):
+        with self._lock:
+            return list(self._messages)
+
+    def with_stamp(self, stamp):
+        """The message whose header has this stamp, or None."""
+        return next((m for m in self.messages() if m.header.stamp == stamp), None)
+
+    def wait_for(self, stamp, timeout=TIMEOUT):
+        wait_until(lambda: self.with_stamp(stamp), '%s has stamp %s' % (self.topic, stamp), timeout)
+        return self.with_stamp(stamp)
+
+    def publishers(self):
+        return self._subscriber.get_num_connections()
+
+    def close(self):
+        self._subscriber.unregister()
+
+
+class Camera:
+    """Publishes images one by one on /camera/image_raw, 33 ms of stamps apart."""
+
+    def __init__(self, topic='/camera/image_raw'):
+        self._publisher = rospy.Publisher(topic, Image, queue_size=5)
+        self._stamp = rospy.Time(1000, 0)
+        self._count = 0
+
+    def wait_for_subscriber(self):
+        wait_until(lambda: self._publisher.get_num_connections() > 0, 'the matcher subscribes')
+
+    def wait_for_no_subscriber(self):
+        wait_until(lambda: self._publisher.get_num_connections() == 0, 'the matcher unsubscribes')
+
+    def subscribers(self):
+        return self._publisher.get_num_connections()
+
+    def next_stamp(self):
+        self._stamp += rospy.Duration(0.033)
+        return self._stamp
+
+    def send(self, message):
+        self._publisher.publish(message)
+        return message.header.stamp
+
+    def send_view(self, encoding='mono8', convert=lambda grey: grey):
+        """Sends the next view of a camera that moves 5 px right and 3 px down per frame."""
+        self._count += 1
+        step = self._count % 60
+        pixels = convert(view(100 + 5 * step, 100 + 3 * step))
+        return self.send(image_message(pixels, self.next_stamp(), encoding))
