@@ -29,10 +29,14 @@ catkin_package(
   CATKIN_DEPENDS
     cv_bridge diagnostic_updater dynamic_reconfigure image_transport message_runtime nodelet
     pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs
-  DEPENDS OpenCV EIGEN3
+  DEPENDS EIGEN3 OpenCV
 )
 
+install(DIRECTORY include/${PROJECT_NAME}/
+  DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(PROGRAMS scripts/start_rqt
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES nodelet_plugins.xml
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -1,0 +1,10 @@
+# The library and its tools without ROS: the folders that catkin would name are GNU's.
+include(GNUInstallDirs)
+#catkin_lint: ignore immutable_var
+#catkin_lint: ignore wrong_install_destination
+set(CATKIN_PACKAGE_LIB_DESTINATION ${CMAKE_INSTALL_LIBDIR})
+set(CATKIN_GLOBAL_BIN_DESTINATION ${CMAKE_INSTALL_BINDIR})
+set(CATKIN_PACKAGE_BIN_DESTINATION ${CMAKE_INSTALL_BINDIR})
+option(CATKIN_ENABLE_TESTING "Build the tests" ON)
+enable_testing()
+install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${PROJECT_NAME})
