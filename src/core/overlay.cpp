@@ -13,6 +13,7 @@ const cv::Scalar kMagenta(255, 0, 255);
 const cv::Scalar kOrange(0, 140, 255);
 const cv::Scalar kRed(0, 0, 220);
 const cv::Scalar kWhite(255, 255, 255);
+constexpr double kLineOpacity = 0.3;
 constexpr int kTextHeight = 18;  // px per line of text
 
 void copyAsBgr(const cv::Mat& image, cv::Mat region) {
@@ -40,16 +41,22 @@ class Painter {
       : reference_(reference), target_(target), canvas_(canvas) {}
 
   void line(const Correspondence& c, const cv::Scalar& colour) const {
-    const cv::Point2f from =
-        reference_.features.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
-    cv::line(canvas_, from, targetPoint(c), colour, 1, cv::LINE_AA);
+    cv::line(canvas_, referencePoint(c), targetPoint(c), colour, 1, cv::LINE_AA);
   }
 
-  void dot(const Correspondence& c, const cv::Scalar& colour) const {
+  void targetDot(const Correspondence& c, const cv::Scalar& colour) const {
     cv::circle(canvas_, targetPoint(c), 1, colour, cv::FILLED);
   }
 
+  void referenceDot(const Correspondence& c, const cv::Scalar& colour) const {
+    cv::circle(canvas_, referencePoint(c), 1, colour, cv::FILLED);
+  }
+
  private:
+  const cv::Point2f& referencePoint(const Correspondence& c) const {
+    return reference_.features.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
+  }
+
   cv::Point2f targetPoint(const Correspondence& c) const {
     const auto& keypoints = target_.features.keypoints;
     const auto offset = static_cast<float>(reference_.image.cols);
@@ -92,19 +99,29 @@ std::string describe(const MatchResult& result, bool milliseconds) {
 void drawOverlay(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);
-  const Painter painter(reference, target, canvas);
-  const auto draw = [&](Level level, const cv::Scalar& colour) {
+  cv::Mat lines = canvas.clone();
+  const auto forEach = [&](Level level, const auto& draw) {
     for (const Correspondence& c : result.correspondences) {
-      if (c.level == level) painter.line(c, colour);
+      if (c.level == level) draw(c);
     }
   };
-  // Where a match is ambiguous the line says nothing, and a thousand of them hide the rest.
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level == Level::knn) painter.dot(c, kRed);
-  }
-  draw(Level::kt, kOrange);
-  draw(Level::ktg, kMagenta);
-  draw(Level::ktgp, kYellow);
+  const Painter line_painter(reference, target, lines);
+  forEach(Level::kt, [&](const auto& c) { line_painter.line(c, kOrange); });
+  forEach(Level::ktg, [&](const auto& c) { line_painter.line(c, kMagenta); });
+  forEach(Level::ktgp, [&](const auto& c) { line_painter.line(c, kYellow); });
+  // A thousand solid lines would hide the images.
+  cv::addWeighted(lines, kLineOpacity, canvas, 1.0 - kLineOpacity, 0.0, canvas);
+
+  const Painter painter(reference, target, canvas);
+  const auto dots = [&](const auto& c, const cv::Scalar& colour) {
+    painter.referenceDot(c, colour);
+    painter.targetDot(c, colour);
+  };
+  // Where a match is ambiguous the line says nothing.
+  forEach(Level::knn, [&](const auto& c) { painter.targetDot(c, kRed); });
+  forEach(Level::kt, [&](const auto& c) { dots(c, kOrange); });
+  forEach(Level::ktg, [&](const auto& c) { dots(c, kMagenta); });
+  forEach(Level::ktgp, [&](const auto& c) { dots(c, kYellow); });
   drawText(canvas, 0, describe(result, false));
   drawText(canvas, 1, describe(result, true));
 }
