@@ -1,0 +1,157 @@
+#!/usr/bin/python3
+"""A bag through the live matcher, frame by frame: every message is there, consistent and true.
+
+Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be empty) and
+~segment_topic (names of the stretches of the demo bag; may be empty). Each frame is sent when the
+one before has its statistics, so that none is dropped however busy the machine is.
+"""
+
+import sys
+import unittest
+
+import numpy as np
+import rosbag
+import rospy
+import rostest
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_testing import Camera, Recorder
+
+STAGES = ['knn', 'tf', 'gms', 'prosac']
+
+
+def matrix(message):
+    return np.array(message.homography).reshape(3, 3)
+
+
+def transform(homography, points):
+    mapped = np.column_stack([points, np.ones(len(points))]) @ homography.T
+    return mapped[:, :2] / mapped[:, 2:]
+
+
+def corner_error(estimate, truth, width, height):
+    corners = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1]], float)
+    return np.abs(np.linalg.norm(transform(estimate, corners) - transform(truth, corners),
+                                 axis=1)).max()
+
+
+class BagTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        path, topic = rospy.get_param('~bag'), rospy.get_param('~topic', '/camera/image_raw')
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.camera = Camera()
+        cls.camera.wait_for_subscriber()
+        cls.truth, cls.segments, cls.headers = {}, {}, []
+        topics = {topic, rospy.get_param('~truth_topic', ''), rospy.get_param('~segment_topic', '')}
+        with rosbag.Bag(path) as bag:
+            for name, message, time in bag.read_messages(topics=sorted(topics - {''})):
+                if name == topic:
+                    cls.size = (message.width, message.height)
+                    cls.headers.append(message.header)
+                    cls.statistics.wait_for(cls.camera.send(message))
+                elif name == rospy.get_param('~truth_topic', ''):
+                    cls.truth[message.header.stamp] = message
+                else:
+                    cls.segments[time] = message.data
+        last = cls.headers[-1].stamp
+        cls.correspondences.wait_for(last)
+        cls.homographies.wait_for(last)
+
+    def pairs(self):
+        """Headers of each frame and of the one before it."""
+        return list(zip(self.headers[1:], self.headers))
+
+    def test_every_frame_has_every_message_with_its_header(self):
+        self.assertGreater(len(self.headers), 10)
+        statistics = self.statistics.messages()
+        self.assertEqual([m.header.stamp for m in statistics], [h.stamp for h in self.headers])
+        self.assertEqual(statistics[0].status, MatchStatistics.STATUS_NO_REFERENCE)
+        self.assertEqual(statistics[0].stages, [])
+        self.assertEqual(statistics[-1].dropped_frames, 0)
+        for recorder in (self.correspondences, self.homographies):
+            self.assertEqual(len(recorder.messages()), len(self.headers) - 1)
+        for header, before in self.pairs():
+            for recorder in (self.statistics, self.correspondences, self.homographies):
+                message = recorder.with_stamp(header.stamp)
+                self.assertEqual(message.header.frame_id, header.frame_id)
+                self.assertEqual(message.reference_stamp, before.stamp)
+
+    def test_statistics_are_consistent(self):
+        for m in self.statistics.messages()[1:]:
+            self.assertEqual([stage.name for stage in m.stages], STAGES)
+            self.assertEqual(m.stages[0].input, m.target_features)
+            for stage, following in zip(m.stages, m.stages[1:]):
+                self.assertEqual(stage.output, following.input)
+                self.assertLessEqual(following.output, following.input)
+            self.assertAlmostEqual(m.retention, m.stages[1].output / m.stages[1].input)
+            parts = m.extraction_milliseconds + sum(stage.milliseconds for stage in m.stages)
+            self.assertAlmostEqual(m.total_milliseconds, parts, places=6)
+            self.assertEqual(m.reference_features, self.before(m).target_features)
+
+    def before(self, statistics):
+        return self.statistics.with_stamp(statistics.reference_stamp)
+
+    def test_correspondences_agree_with_statistics_and_homography(self):
+        for m in self.correspondences.messages():
+            statistics = self.statistics.with_stamp(m.header.stamp)
+            homography = self.homographies.with_stamp(m.header.stamp)
+            levels = np.frombuffer(m.level, np.uint8)
+            for level, stage in ((Correspondences.LEVEL_KT, 1), (Correspondences.LEVEL_KTG, 2),
+                                 (Correspondences.LEVEL_KTGP, 3)):
+                self.assertEqual((levels >= level).sum(), statistics.stages[stage].output)
+            arrays = (m.reference_x, m.reference_y, m.target_x, m.target_y, m.distance, m.ratio,
+                      m.reference_index, m.target_index)
+            self.assertEqual({len(array) for array in arrays}, {len(levels)})
+            self.assertEqual((m.image_width, m.image_height), self.size)
+            if len(levels):
+                self.assertLess(max(m.ratio), 0.66)
+                self.assertLess(max(m.target_index), statistics.target_features)
+                self.assertLess(max(m.reference_index), statistics.reference_features)
+            self.assertEqual(homography.status, statistics.status)
+            if homography.status != HomographyStamped.STATUS_OK:
+                continue
+            # The final matches are exactly those within 3 px of the homography.
+            reference = np.column_stack([m.reference_x, m.reference_y]).astype(float)
+            target = np.column_stack([m.target_x, m.target_y]).astype(float)
+            errors = np.linalg.norm(transform(matrix(homography), reference) - target, axis=1)
+            clear = np.abs(errors - 3.0) > 1e-4  # the message rounds to single precision
+            survived = levels >= Correspondences.LEVEL_KTG
+            np.testing.assert_array_equal((levels == Correspondences.LEVEL_KTGP)[clear & survived],
+                                          (errors < 3.0)[clear & survived])
+            self.assertEqual(homography.inliers, (levels == Correspondences.LEVEL_KTGP).sum())
+            final = errors[levels == Correspondences.LEVEL_KTGP]
+            self.assertAlmostEqual(homography.reprojection_rmse, np.sqrt((final ** 2).mean()),
+                                   places=4)
+
+    def test_most_frames_find_their_homography(self):
+        ok = [m.status == MatchStatistics.STATUS_OK for m in self.statistics.messages()[1:]]
+        self.assertGreaterEqual(np.mean(ok), 0.9)
+
+    def test_homographies_are_within_a_pixel_of_the_truth(self):
+        if not self.truth:
+            return  # a real recording has none
+        errors = []
+        for header, _ in self.pairs():
+            if self.segment(header.stamp) != 'clean':
+                continue
+            message = self.homographies.with_stamp(header.stamp)
+            truth = self.truth[header.stamp]
+            self.assertEqual(truth.reference_stamp, message.reference_stamp)
+            found = message.status == HomographyStamped.STATUS_OK
+            errors.append(corner_error(matrix(message), matrix(truth), *self.size)
+                          if found else np.inf)
+        self.assertGreater(len(errors), 100)
+        share = np.mean(np.array(errors) < 1.0)
+        print('corner error on %d clean frames: median %.3f px, %.1f %% below 1 px'
+              % (len(errors), np.median(errors), 100 * share))
+        self.assertGreaterEqual(share, 0.95)
+
+    def segment(self, stamp):
+        return self.segments.get(stamp, 'clean')
+
+
+if __name__ == '__main__':
+    rospy.init_node('bag_test')
+    rostest.rosrun('ktgp_orb', 'bag', BagTest, sys.argv)
