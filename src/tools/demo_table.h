@@ -1,0 +1,50 @@
+#pragma once
+
+#include <ktgp_orb/MatchStatistics.h>
+
+#include <limits>
+#include <map>
+#include <string>
+#include <vector>
+
+namespace ktgp_orb::demo {
+
+/// What the report knows of a frame beside its statistics.
+struct FrameResult {
+  std::string segment;
+  /// Largest error of the homography at a corner of the image, px; infinite where none was found.
+  double error = std::numeric_limits<double>::infinity();
+};
+
+/// The line that is refreshed while the demo runs.
+std::string frameLine(std::size_t frame, std::size_t frames, const MatchStatistics& statistics,
+                      const FrameResult& result);
+
+/// Collects the frames and sums them up, as a whole and for each stretch of the flight.
+class ResultTable {
+ public:
+  void add(const MatchStatistics& statistics, const FrameResult& result);
+  std::size_t frames() const { return all_.frames; }
+
+  /// `in_bag`: frames there were to match.
+  std::string text(std::size_t in_bag) const;
+
+ private:
+  struct Column {
+    std::size_t frames = 0;
+    std::size_t found = 0;                // homographies
+    std::vector<double> counts[5];        // features, knn, tf, gms, prosac
+    std::vector<double> milliseconds[6];  // extraction, knn, tf, gms, prosac, total
+    std::vector<double> retention;
+    std::vector<double> error;  // px, of the homographies found
+    std::vector<double> rmse;   // px, of the final matches to their homography
+    void add(const MatchStatistics& statistics, const FrameResult& result);
+  };
+
+  Column all_;
+  std::vector<std::string> order_;  // of the segments, as they came
+  std::map<std::string, Column> segments_;
+  std::uint64_t dropped_ = 0;
+};
+
+}  // namespace ktgp_orb::demo
