@@ -1,0 +1,59 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// Threads that share the iterations of a loop. The caller works too, so a pool of one thread
+/// starts none. Once built it allocates nothing. One parallelFor at a time, and none from inside
+/// another.
+class ThreadPool {
+ public:
+  /// `threads`: the caller included, >= 0; 0 = as many as the machine runs at once.
+  explicit ThreadPool(int threads);
+  ~ThreadPool();
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  /// Threads that share a loop, the caller included.
+  int threads() const { return static_cast<int>(workers_.size()) + 1; }
+
+  /// Calls function(i) once for every i in [0, count), in any order and from any of the threads,
+  /// and returns when all are done. The first exception ends the loop early and is thrown on.
+  template <typename Function>
+  void parallelFor(int count, const Function& function) {
+    run({[](const void* f, int i) { (*static_cast<const Function*>(f))(i); }, &function, count});
+  }
+
+ private:
+  /// A loop without its type, so that handing it over needs no std::function and no heap.
+  struct Loop {
+    void (*call)(const void* function, int i);
+    const void* function;
+    int count;
+  };
+
+  void run(const Loop& loop);
+  void work();
+  void takeIterations(const Loop& loop);
+  void stop();
+
+  std::vector<std::thread> workers_;
+  std::atomic<int> next_{0};  // first iteration that nobody has taken
+  std::mutex mutex_;          // guards what follows
+  std::condition_variable loop_opened_;
+  std::condition_variable worker_left_;
+  const Loop* loop_ = nullptr;  // the open loop; null lets late workers sleep on
+  std::uint64_t loops_opened_ = 0;
+  int busy_workers_ = 0;
+  std::exception_ptr error_;
+  bool stopping_ = false;
+};
+
+}  // namespace ktgp_orb

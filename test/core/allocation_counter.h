@@ -1,0 +1,51 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdlib>
+#include <new>
+
+// Counts every operator new of the program, from all threads. It replaces the global operators, so
+// include it in one source file of a test program only.
+
+namespace ktgp_orb::test {
+
+inline std::atomic<std::size_t> allocation_count{0};
+
+/// Allocations since it was made.
+class AllocationCounter {
+ public:
+  std::size_t count() const { return allocation_count - start_; }
+
+ private:
+  std::size_t start_ = allocation_count;
+};
+
+inline void* countedAllocation(std::size_t size, std::size_t alignment) {
+  ++allocation_count;
+  // aligned_alloc wants a multiple of the alignment, and asks for zero bytes get a pointer too.
+  const std::size_t rounded = (size + alignment) / alignment * alignment;
+  if (void* memory = std::aligned_alloc(alignment, rounded)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace ktgp_orb::test
+
+void* operator new(std::size_t size) {
+  return ktgp_orb::test::countedAllocation(size, alignof(std::max_align_t));
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return ktgp_orb::test::countedAllocation(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
