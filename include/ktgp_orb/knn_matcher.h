@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cstdint>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -10,14 +10,19 @@ namespace ktgp_orb {
 
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
-  int threads = 1;  ///< threads that share the queries; 0 = all of the machine; the answer is equal
+  int threads = 1;  ///< threads that share the queries, 0..1024; 0 = all of the machine
 };
 
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
+/// The best instructions of the processor are chosen at run time. The answer does not depend on
+/// them, nor on the number of threads. Memory: 34 bytes per reference descriptor, reused.
 class KnnMatcher {
  public:
-  /// Throws std::invalid_argument for a negative number of threads.
+  /// Starts the threads. Throws std::invalid_argument for a number of them outside 0..1024.
   explicit KnnMatcher(const KnnOptions& options = {});
+  ~KnnMatcher();
+  KnnMatcher(KnnMatcher&&) noexcept;
+  KnnMatcher& operator=(KnnMatcher&&) noexcept;
 
   /// `reference`, `target`: M×32 and N×32 CV_8U, continuous or not; else std::invalid_argument.
   /// `correspondences` becomes N entries in target order, with level knn. Equal distances: the
@@ -27,7 +32,8 @@ class KnnMatcher {
              std::vector<Correspondence>& correspondences);
 
  private:
-  KnnOptions options_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace ktgp_orb

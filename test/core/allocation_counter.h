@@ -11,18 +11,22 @@
 namespace ktgp_orb::test {
 
 inline std::atomic<std::size_t> allocation_count{0};
+inline std::atomic<std::size_t> allocated_bytes{0};
 
-/// Allocations since it was made.
+/// Allocations since it was made, whether freed since or not.
 class AllocationCounter {
  public:
-  std::size_t count() const { return allocation_count - start_; }
+  std::size_t count() const { return allocation_count - start_count_; }
+  std::size_t bytes() const { return allocated_bytes - start_bytes_; }
 
  private:
-  std::size_t start_ = allocation_count;
+  std::size_t start_count_ = allocation_count;
+  std::size_t start_bytes_ = allocated_bytes;
 };
 
 inline void* countedAllocation(std::size_t size, std::size_t alignment) {
   ++allocation_count;
+  allocated_bytes += size;
   // aligned_alloc wants a multiple of the alignment, and asks for zero bytes get a pointer too.
   const std::size_t rounded = (size + alignment) / alignment * alignment;
   if (void* memory = std::aligned_alloc(alignment, rounded)) return memory;

@@ -81,6 +81,7 @@ TEST(ThreadPool, CountsItsOwnAllocations) {  // the counter itself works
   const test::AllocationCounter allocations;
   const std::vector<int> some(10);
   EXPECT_EQ(allocations.count(), 1u);
+  EXPECT_EQ(allocations.bytes(), 10 * sizeof(int));
 }
 
 TEST(ThreadPool, ZeroMeansAllOfTheMachine) {

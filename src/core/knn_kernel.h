@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+
+// The inner loop of the search, one per instruction set. Candidates (reference descriptors) lie in
+// the lanes of vectors, so that one instruction works on the same byte of many of them:
+//
+//   group    2 * lanes candidates: 32 rows, row b holding byte b of each of them, then two rows of
+//            16-bit candidate numbers. Even bytes of a row belong to the first half of the group's
+//            candidates, odd ones to the second, so that a row of bytes widens to two rows of 16
+//            bits by a mask and a shift.
+//   block    at most kGroupsPerBlock groups: what a key can number
+//   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key is the
+//            nearer candidate and, at equal distance, the one with the lower index. Min and max
+//            keep the best two of every lane without a branch.
+
+constexpr int kKeyNumberBits = 6;
+constexpr int kGroupsPerBlock = (1 << kKeyNumberBits) / 2;
+/// The key of no candidate, above all others. It also numbers the lanes that pad the last group:
+/// or'ed into any key it stays itself.
+constexpr std::int16_t kNoKey = 32767;
+/// Rows of a group: descriptor bytes, then the candidate numbers of either half.
+constexpr int kRowsPerGroup = kDescriptorBytes + 2;
+/// Rows whose distances, at most 8 each, add up in a byte.
+constexpr int kRowsPerSum = kDescriptorBytes / 2;
+/// Queries that share a pass over a block and so every row that is read and split.
+constexpr int kQueriesPerPass = 4;
+/// 16-bit lanes of the widest kernel (512 bits).
+constexpr int kMaxLanes = 32;
+
+/// The queries of a pass: 32 bytes each, of any alignment.
+struct QueryPass {
+  const std::uint8_t* descriptor[kQueriesPerPass];
+};
+
+/// The best two keys of every lane, for one query.
+struct LaneKeys {
+  alignas(64) std::int16_t best[kMaxLanes];
+  alignas(64) std::int16_t second[kMaxLanes];
+};
+
+struct KnnKernel {
+  const char* name;  ///< "portable", or Highway's name of the target such as "AVX2"
+  int lanes;         ///< 16-bit lanes; a row has twice as many bytes
+  /// Searches the first `group_count` groups of `block` (64-byte aligned) for the queries of a
+  /// pass; `keys` has kQueriesPerPass entries, of which the first `lanes` lanes are written.
+  void (*scan)(const std::uint8_t* block, int group_count, const QueryPass& queries,
+               LaneKeys* keys);
+};
+
+/// Plain C++ that needs neither Highway nor a popcount instruction.
+KnnKernel portableKnnKernel();
+
+/// The vector kernels that this processor runs, the fastest first. Only where Highway is built in.
+std::vector<KnnKernel> highwayKnnKernels();
+
+/// The kernels that this build has and this processor runs, the fastest first, the portable last.
+std::vector<KnnKernel> supportedKnnKernels();
+
+}  // namespace ktgp_orb

@@ -1,0 +1,382 @@
+#include "ktgp_orb/knn_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "allocation_counter.h"
+#include "knn_kernel.h"
+#include "knn_search.h"
+#include "test_data.h"
+
+namespace ktgp_orb {
+namespace {
+
+int hamming(const std::uint8_t* a, const std::uint8_t* b) {
+  int distance = 0;
+  for (int i = 0; i < kDescriptorBytes; ++i) {
+    for (int difference = a[i] ^ b[i]; difference != 0; difference >>= 1) {
+      distance += difference & 1;
+    }
+  }
+  return distance;
+}
+
+/// The definition, one pair after the other.
+Correspondence nearestTwo(const cv::Mat& reference, const cv::Mat& target, int t) {
+  Correspondence c{-1, t, 1000, 1000, Level::knn};
+  for (int r = 0; r < reference.rows; ++r) {
+    const int distance = hamming(reference.ptr(r), target.ptr(t));
+    if (distance < c.distance) {
+      c.second_distance = c.distance;
+      c.distance = distance;
+      c.reference_index = r;
+    } else {
+      c.second_distance = std::min(c.second_distance, distance);
+    }
+  }
+  if (reference.rows == 1) c.second_distance = 0;
+  return c;
+}
+
+std::vector<Correspondence> naive(const cv::Mat& reference, const cv::Mat& target) {
+  std::vector<Correspondence> all;
+  for (int t = 0; t < target.rows && !reference.empty(); ++t) {
+    all.push_back(nearestTwo(reference, target, t));
+  }
+  return all;
+}
+
+std::string toString(const Correspondence& c) {
+  return std::to_string(c.target_index) + " -> " + std::to_string(c.reference_index) + " at " +
+         std::to_string(c.distance) + ", second " + std::to_string(c.second_distance) + ", level " +
+         std::to_string(static_cast<int>(c.level));
+}
+
+::testing::AssertionResult same(const std::vector<Correspondence>& actual,
+                                const std::vector<Correspondence>& expected) {
+  if (actual.size() != expected.size()) {
+    return ::testing::AssertionFailure()
+           << actual.size() << " correspondences instead of " << expected.size();
+  }
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    const std::string a = toString(actual[i]);
+    const std::string e = toString(expected[i]);
+    if (a != e) return ::testing::AssertionFailure() << a << " instead of " << e;
+  }
+  return ::testing::AssertionSuccess();
+}
+
+class Generator {
+ public:
+  explicit Generator(unsigned seed) : random_(seed) {}
+
+  cv::Mat descriptors(int rows) {
+    return descriptors(rows, [this](int, int) { return static_cast<std::uint8_t>(random_()); });
+  }
+
+  /// Copies of `different` random descriptors in random order.
+  cv::Mat duplicates(int rows, int different) {
+    const cv::Mat originals = descriptors(different);
+    cv::Mat all(rows, kDescriptorBytes, CV_8U);
+    for (int r = 0; r < rows; ++r) {
+      originals.row(static_cast<int>(random_() % static_cast<unsigned>(different)))
+          .copyTo(all.row(r));
+    }
+    return all;
+  }
+
+  static cv::Mat descriptors(int rows, const std::function<std::uint8_t(int, int)>& byte) {
+    cv::Mat all(rows, kDescriptorBytes, CV_8U);
+    for (int r = 0; r < rows; ++r) {
+      for (int b = 0; b < kDescriptorBytes; ++b) all.at<std::uint8_t>(r, b) = byte(r, b);
+    }
+    return all;
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+class KnnKernels : public ::testing::TestWithParam<KnnKernel> {
+ protected:
+  std::vector<Correspondence> match(const cv::Mat& reference, const cv::Mat& target) {
+    search_.match(reference, target, result_);
+    return result_;
+  }
+
+  /// References around the size of a block, where the candidate numbers begin anew.
+  std::vector<int> blockSizes() const {
+    const int block = 2 * GetParam().lanes * kGroupsPerBlock;
+    return {block - 1, block, block + 1, 2 * block + 1};
+  }
+
+  Generator generator_{20};
+
+ private:
+  KnnSearch search_{GetParam(), 1};  // reused by all calls of a test, as from frame to frame
+  std::vector<Correspondence> result_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Supported, KnnKernels, ::testing::ValuesIn(supportedKnnKernels()),
+                         [](const auto& info) { return info.param.name; });
+
+TEST_P(KnnKernels, FindTheNearestTwoAtAwkwardSizes) {
+  const int sizes[] = {0, 1, 2, 3, 7, 8, 9, 63, 64, 65};
+  for (int m : sizes) {
+    for (int n : sizes) {
+      const cv::Mat reference = generator_.descriptors(m);
+      const cv::Mat target = generator_.descriptors(n);
+      ASSERT_TRUE(same(match(reference, target), naive(reference, target))) << m << " x " << n;
+    }
+  }
+}
+
+TEST_P(KnnKernels, FindTheNearestTwoAtEverySize) {
+  const cv::Mat reference = generator_.descriptors(200);
+  const cv::Mat target = generator_.descriptors(200);
+  for (int n = 0; n <= 200; ++n) {
+    const cv::Mat few_references = reference.rowRange(0, n);
+    const cv::Mat five_targets = target.rowRange(0, std::min(n, 5));
+    ASSERT_TRUE(same(match(few_references, five_targets), naive(few_references, five_targets)))
+        << n;
+    const cv::Mat five_references = reference.rowRange(0, 5);
+    const cv::Mat few_targets = target.rowRange(0, n);
+    ASSERT_TRUE(same(match(five_references, few_targets), naive(five_references, few_targets)))
+        << n;
+  }
+}
+
+TEST_P(KnnKernels, FindTheNearestTwoAcrossBlocks) {
+  const cv::Mat target = generator_.descriptors(9);
+  for (int m : blockSizes()) {
+    const cv::Mat reference = generator_.descriptors(m);
+    ASSERT_TRUE(same(match(reference, target), naive(reference, target))) << m;
+  }
+}
+
+TEST_P(KnnKernels, FindTheNearestTwoWhereverTheyAre) {
+  const int m = blockSizes().back();
+  const cv::Mat target = Generator::descriptors(1, [](int, int) { return std::uint8_t{0}; });
+  cv::Mat reference = Generator::descriptors(m, [](int, int) { return std::uint8_t{0xff}; });
+  for (int nearest = 0; nearest < m; nearest += 1 + nearest / 100) {
+    for (int step : {1, 7, 64, m / 2}) {
+      const int second = (nearest + step) % m;
+      auto& one_byte = reference.at<std::uint8_t>(nearest, nearest % kDescriptorBytes);
+      auto& other_byte = reference.at<std::uint8_t>(second, nearest % 31);
+      one_byte = 0x3f;    // distance 254
+      other_byte = 0xef;  // 255, all others 256
+      const std::vector<Correspondence> expected{{nearest, 0, 254, 255, Level::knn}};
+      ASSERT_TRUE(same(match(reference, target), expected)) << nearest << " and " << second;
+      one_byte = other_byte = 0xff;
+    }
+  }
+}
+
+TEST_P(KnnKernels, TakeTheLowestIndexWhereAllAreEqual) {
+  for (int m : {1, 2, 63, 64, 65, blockSizes().back()}) {
+    for (std::uint8_t value : {0x00, 0x5a, 0xff}) {
+      const cv::Mat reference = Generator::descriptors(m, [](int, int) { return 0xff; });
+      const cv::Mat target = Generator::descriptors(5, [value](int, int) { return value; });
+      ASSERT_TRUE(same(match(reference, target), naive(reference, target)))
+          << m << " at " << int{value};
+    }
+  }
+}
+
+TEST_P(KnnKernels, TakeTheLowestIndexAmongDuplicates) {
+  for (int different : {2, 3, 10, 100}) {
+    for (int m : {65, 300, blockSizes().back()}) {
+      const cv::Mat reference = generator_.duplicates(m, different);
+      cv::Mat target = generator_.duplicates(20, 7);
+      reference.rowRange(0, 10).copyTo(target.rowRange(0, 10));
+      ASSERT_TRUE(same(match(reference, target), naive(reference, target)))
+          << different << " in " << m;
+    }
+  }
+}
+
+TEST_P(KnnKernels, FollowCandidatesThatComeEverCloser) {
+  // Candidate r differs from the target in the last 256 - r bits, or in the first r: every one is
+  // a new best, or none is.
+  const cv::Mat target = Generator::descriptors(1, [](int, int) { return std::uint8_t{0}; });
+  const auto leadingOnes = [](int ones, int b) {
+    return static_cast<std::uint8_t>(0xff00 >> std::clamp(ones - 8 * b, 0, 8));
+  };
+  const cv::Mat closer =
+      Generator::descriptors(257, [&](int r, int b) { return leadingOnes(256 - r, b); });
+  const cv::Mat farther = Generator::descriptors(257, leadingOnes);
+  for (int n = 1; n <= 257; ++n) {
+    ASSERT_TRUE(same(match(closer.rowRange(0, n), target), naive(closer.rowRange(0, n), target)));
+    ASSERT_TRUE(same(match(farther.rowRange(0, n), target), naive(farther.rowRange(0, n), target)));
+  }
+}
+
+TEST_P(KnnKernels, ReadMatricesWithGapsBetweenRows) {
+  const cv::Mat wide_reference = generator_.descriptors(6 * 70).reshape(0, 70);
+  const cv::Mat wide_target = generator_.descriptors(6 * 30).reshape(0, 30);
+  for (int column : {0, 1, 33, 160}) {
+    const cv::Mat reference = wide_reference.colRange(column, column + 32);
+    const cv::Mat target = wide_target.colRange(column, column + 32);
+    ASSERT_FALSE(reference.isContinuous());
+    ASSERT_TRUE(same(match(reference, target), naive(reference, target))) << column;
+  }
+}
+
+TEST_P(KnnKernels, GiveTheSameForAnyNumberOfThreads) {
+  const cv::Mat reference = generator_.duplicates(3000, 2000);
+  const cv::Mat target = generator_.descriptors(777);
+  const std::vector<Correspondence> expected = match(reference, target);
+  for (int threads : {1, 2, 3, 8}) {
+    KnnSearch search(GetParam(), threads);
+    std::vector<Correspondence> result;
+    for (int repetition = 0; repetition < 5; ++repetition) {
+      search.match(reference, target, result);
+      ASSERT_TRUE(same(result, expected)) << threads << " threads";
+    }
+  }
+}
+
+TEST_P(KnnKernels, AllocateNothingInSteadyState) {
+  const cv::Mat reference = generator_.descriptors(1000);
+  const cv::Mat target = generator_.descriptors(1000);
+  for (int threads : {1, 3}) {
+    KnnSearch search(GetParam(), threads);
+    std::vector<Correspondence> result;
+    search.match(reference, target, result);
+    const test::AllocationCounter allocations;
+    for (int n : {1000, 3, 0, 999}) {
+      search.match(reference.rowRange(0, n), target, result);
+      search.match(reference, target.rowRange(0, n), result);
+    }
+    EXPECT_EQ(allocations.count(), 0u) << threads << " threads";
+  }
+}
+
+TEST_P(KnnKernels, AgreeWithBruteForceMatcherOnRealImages) {
+  const auto data = test::dataFolder();
+  KTGP_ORB_REQUIRE_FOLDER(data, "KTGP_ORB_DATA");
+  const auto orb = cv::ORB::create(2000);
+  const auto describe = [&](const std::string& file) {
+    cv::Mat image = cv::imread(*data + "/oxford/" + file, cv::IMREAD_GRAYSCALE);
+    std::vector<cv::KeyPoint> keypoints;
+    cv::Mat descriptors;
+    if (!image.empty()) orb->detectAndCompute(image, cv::noArray(), keypoints, descriptors);
+    return descriptors;
+  };
+  for (const std::string set : {"leuven", "bikes"}) {
+    const cv::Mat reference = describe(set + "/img1.ppm");
+    const cv::Mat target = describe(set + "/img4.ppm");
+    ASSERT_GT(reference.rows, 1000) << set;
+    std::vector<std::vector<cv::DMatch>> expected;
+    cv::BFMatcher(cv::NORM_HAMMING).knnMatch(target, reference, expected, 2);
+    const std::vector<Correspondence> actual = match(reference, target);
+    ASSERT_EQ(actual.size(), expected.size());
+    for (std::size_t i = 0; i < actual.size(); ++i) {
+      ASSERT_EQ(actual[i].target_index, static_cast<int>(i));
+      ASSERT_EQ(actual[i].distance, expected[i][0].distance) << set << ' ' << i;
+      ASSERT_EQ(actual[i].second_distance, expected[i][1].distance) << set << ' ' << i;
+    }
+    for (int t = 0; t < target.rows; t += 25) {
+      const std::vector<Correspondence> one{actual[static_cast<std::size_t>(t)]};
+      ASSERT_TRUE(same(one, {nearestTwo(reference, target, t)})) << set;
+    }
+  }
+}
+
+TEST(KnnKernelList, EndsWithThePortableKernelAndNamesNoneTwice) {
+  std::vector<std::string> names;
+  for (const KnnKernel& kernel : supportedKnnKernels()) names.emplace_back(kernel.name);
+  EXPECT_EQ(names.back(), "portable");
+  std::sort(names.begin(), names.end());
+  EXPECT_EQ(std::adjacent_find(names.begin(), names.end()), names.end());
+}
+
+TEST(KnnMatcher, TakesAHundredThousandFeaturesOnEitherSide) {
+  Generator generator(3);
+  const cv::Mat many = generator.duplicates(100000, 60000);
+  const cv::Mat few = generator.descriptors(500);
+  KnnMatcher matcher;
+  std::vector<Correspondence> result;
+  const test::AllocationCounter allocations;
+  matcher.match(many, few, result);
+  ASSERT_EQ(result.size(), 500u);
+  for (int t = 0; t < 500; t += 50) {
+    ASSERT_TRUE(same({result[static_cast<std::size_t>(t)]}, {nearestTwo(many, few, t)}));
+  }
+  matcher.match(few, many, result);
+  ASSERT_EQ(result.size(), 100000u);
+  for (int t = 0; t < 100000; t += 777) {
+    ASSERT_TRUE(same({result[static_cast<std::size_t>(t)]}, {nearestTwo(few, many, t)}));
+  }
+  // 34 bytes a reference, one correspondence a target; a matrix of distances would be 50 MB.
+  EXPECT_LT(allocations.bytes(), 100000 * (36 + sizeof(Correspondence)) + 100000);
+}
+
+TEST(KnnMatcher, GivesTheSameForAnyNumberOfThreads) {
+  Generator generator(4);
+  const cv::Mat reference = generator.descriptors(500);
+  const cv::Mat target = generator.descriptors(400);
+  const std::vector<Correspondence> expected = naive(reference, target);
+  for (int threads : {0, 1, 2, 3, 8}) {
+    KnnOptions options;
+    options.threads = threads;
+    std::vector<Correspondence> result;
+    KnnMatcher(options).match(reference, target, result);
+    EXPECT_TRUE(same(result, expected)) << threads << " threads";
+  }
+}
+
+TEST(KnnMatcher, GoesOnWorkingAfterAMove) {
+  Generator generator(5);
+  const cv::Mat reference = generator.descriptors(50);
+  const cv::Mat target = generator.descriptors(40);
+  KnnMatcher first;
+  KnnMatcher second = std::move(first);
+  std::vector<Correspondence> result;
+  second.match(reference, target, result);
+  EXPECT_TRUE(same(result, naive(reference, target)));
+}
+
+TEST(KnnMatcher, GivesNothingWithoutReferenceOrTarget) {
+  Generator generator(6);
+  const cv::Mat some = generator.descriptors(3);
+  KnnMatcher matcher;
+  std::vector<Correspondence> result(7);
+  matcher.match(cv::Mat(), some, result);
+  EXPECT_TRUE(result.empty());
+  result.resize(7);
+  matcher.match(some, cv::Mat(), result);
+  EXPECT_TRUE(result.empty());
+  matcher.match(some, cv::Mat(5, 0, CV_8U), result);  // has rows, and no bytes to read
+  EXPECT_TRUE(result.empty());
+}
+
+TEST(KnnMatcher, RefusesDescriptorsOfAnotherTypeOrWidth) {
+  const cv::Mat good(4, 32, CV_8U, cv::Scalar(0));
+  KnnMatcher matcher;
+  std::vector<Correspondence> result;
+  for (const cv::Mat& bad :
+       {cv::Mat(4, 31, CV_8U), cv::Mat(4, 33, CV_8U), cv::Mat(4, 64, CV_8U), cv::Mat(4, 32, CV_32F),
+        cv::Mat(4, 32, CV_8S), cv::Mat(4, 32, CV_8UC2), cv::Mat(32, 4, CV_8U)}) {
+    EXPECT_THROW(matcher.match(bad, good, result), std::invalid_argument);
+    EXPECT_THROW(matcher.match(good, bad, result), std::invalid_argument);
+  }
+}
+
+TEST(KnnMatcher, RefusesANegativeNumberOfThreads) {
+  KnnOptions options;
+  options.threads = -1;
+  EXPECT_THROW(KnnMatcher{options}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
