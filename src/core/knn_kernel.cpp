@@ -1,5 +1,7 @@
 #include "knn_kernel.h"
 
+#include <cstddef>
+
 namespace ktgp_orb {
 namespace {
 
@@ -8,8 +10,9 @@ namespace {
 using Words __attribute__((vector_size(16))) = std::uint16_t;
 using Keys __attribute__((vector_size(16))) = std::int16_t;
 
-constexpr int kRowBytes = sizeof(Words);
+constexpr std::ptrdiff_t kRowBytes = sizeof(Words);
 constexpr int kLanes = kRowBytes / 2;
+constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
 Words load(const std::uint8_t* row) {
   return *reinterpret_cast<const Words*>(row);
@@ -48,7 +51,7 @@ void scanOne(const std::uint8_t* block, int group_count, const std::uint8_t* des
   Keys best = Keys{} + kNoKey;
   Keys second = best;
   for (int g = 0; g < group_count; ++g) {
-    const std::uint8_t* group = block + g * kRowsPerGroup * kRowBytes;
+    const std::uint8_t* group = block + g * kGroupBytes;
     const Words front = sumRows(group, 0, query);
     const Words back = sumRows(group, kRowsPerSum, query);
     const Words distances[2] = {(front & 0xff) + (back & 0xff), (front >> 8) + (back >> 8)};

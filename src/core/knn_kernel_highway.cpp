@@ -10,6 +10,8 @@
 #include <hwy/highway.h>
 // clang-format on
 
+#include <cstddef>
+
 #include "knn_kernel.h"
 
 // Without vectors the portable kernel is the better one.
@@ -28,8 +30,9 @@ using Bytes = hn::Vec<decltype(kBytes)>;
 using Words = hn::Vec<decltype(kWords)>;
 using Keys = hn::Vec<decltype(kKeys)>;
 
-constexpr int kRowBytes = HWY_LANES(std::uint8_t);
+constexpr std::ptrdiff_t kRowBytes = HWY_LANES(std::uint8_t);
 constexpr int kLanes = HWY_LANES(std::int16_t);
+constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
 #if HWY_TARGET <= HWY_AVX3_DL || HWY_TARGET == HWY_NEON
 
@@ -123,7 +126,7 @@ void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPa
   for (int q = 0; q < kQueriesPerPass; ++q) queries[q].set(pass.descriptor[q]);
   const Words low_byte = hn::Set(kWords, 0xff);
   for (int g = 0; g < group_count; ++g) {
-    const std::uint8_t* group = block + g * kRowsPerGroup * kRowBytes;
+    const std::uint8_t* group = block + g * kGroupBytes;
     Bytes front[kQueriesPerPass];
     Bytes back[kQueriesPerPass];
     sumRows(group, 0, queries, front);
@@ -159,23 +162,23 @@ namespace ktgp_orb {
 
 std::vector<KnnKernel> highwayKnnKernels() {
   std::vector<KnnKernel> kernels;
-  const auto addIfSupported = [&](std::int64_t target, KnnKernel (*kernel)()) {
+  const auto add_if_supported = [&](std::int64_t target, KnnKernel (*kernel)()) {
     if ((hwy::SupportedTargets() & target) != 0) kernels.push_back(kernel());
   };
 #if HWY_TARGETS & HWY_AVX3_DL
-  addIfSupported(HWY_AVX3_DL, N_AVX3_DL::knnKernel);
+  add_if_supported(HWY_AVX3_DL, N_AVX3_DL::knnKernel);
 #endif
 #if HWY_TARGETS & HWY_AVX3
-  addIfSupported(HWY_AVX3, N_AVX3::knnKernel);
+  add_if_supported(HWY_AVX3, N_AVX3::knnKernel);
 #endif
 #if HWY_TARGETS & HWY_AVX2
-  addIfSupported(HWY_AVX2, N_AVX2::knnKernel);
+  add_if_supported(HWY_AVX2, N_AVX2::knnKernel);
 #endif
 #if HWY_TARGETS & HWY_SSE4
-  addIfSupported(HWY_SSE4, N_SSE4::knnKernel);
+  add_if_supported(HWY_SSE4, N_SSE4::knnKernel);
 #endif
 #if HWY_TARGETS & HWY_NEON
-  addIfSupported(HWY_NEON, N_NEON::knnKernel);
+  add_if_supported(HWY_NEON, N_NEON::knnKernel);
 #endif
   return kernels;
 }

@@ -1,6 +1,7 @@
 #include "knn_search.h"
 
 #include <algorithm>
+#include <cstddef>
 
 #include "ktgp_orb/features.h"
 
@@ -15,6 +16,10 @@ constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above any distance
 
 int ceilDivide(int a, int b) {
   return (a + b - 1) / b;
+}
+
+std::ptrdiff_t groupBytes(const KnnKernel& kernel) {
+  return std::ptrdiff_t{kRowsPerGroup} * 2 * kernel.lanes;
 }
 
 std::int16_t minimum(const std::int16_t* keys, int lanes) {
@@ -65,12 +70,12 @@ void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target,
 
 void KnnSearch::layOut(const cv::Mat& reference) {
   const int lanes = kernel_.lanes;
-  const int row_bytes = 2 * lanes;
+  const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
   group_count_ = ceilDivide(reference.rows, 2 * lanes);
-  const std::size_t bytes = static_cast<std::size_t>(group_count_) * kRowsPerGroup * row_bytes;
+  const auto bytes = static_cast<std::size_t>(group_count_ * groupBytes(kernel_));
   groups_.resize((bytes + sizeof(CacheLine) - 1) / sizeof(CacheLine));
   std::uint8_t* group = groups_.front().bytes;
-  for (int g = 0; g < group_count_; ++g, group += kRowsPerGroup * row_bytes) {
+  for (int g = 0; g < group_count_; ++g, group += groupBytes(kernel_)) {
     for (int half = 0; half < 2; ++half) {
       const int half_group = 2 * g + half;
       const auto number = static_cast<std::int16_t>(half_group % (2 * kGroupsPerBlock));
@@ -81,7 +86,7 @@ void KnnSearch::layOut(const cv::Mat& reference) {
         numbers[lane] = candidate < reference.rows ? number : kNoKey;
         if (candidate >= reference.rows) continue;
         const std::uint8_t* descriptor = reference.ptr(candidate);
-        std::uint8_t* column = group + 2 * lane + half;
+        std::uint8_t* column = group + std::ptrdiff_t{2} * lane + half;
         for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
       }
     }
@@ -95,8 +100,7 @@ void KnnSearch::searchChunk(const cv::Mat& target, int first, int end,
   }
   const std::uint8_t* groups = groups_.front().bytes;
   for (int g = 0; g < group_count_; g += kGroupsPerBlock) {
-    const std::uint8_t* block =
-        groups + static_cast<std::size_t>(g) * kRowsPerGroup * 2 * kernel_.lanes;
+    const std::uint8_t* block = groups + g * groupBytes(kernel_);
     for (int t = first; t < end; t += kQueriesPerPass) {
       QueryPass queries;
       for (int q = 0; q < kQueriesPerPass; ++q) {
