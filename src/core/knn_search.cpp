@@ -22,6 +22,23 @@ std::ptrdiff_t groupBytes(const KnnKernel& kernel) {
   return std::ptrdiff_t{kRowsPerGroup} * 2 * kernel.lanes;
 }
 
+/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes beyond
+/// the last candidate keep whatever bytes they had: their number hides them.
+void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
+  const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
+  const int half = h % 2;
+  const int first = h * lanes;
+  const int end = std::clamp(reference.rows, first, first + lanes);
+  for (int candidate = first; candidate < end; ++candidate) {
+    const std::uint8_t* descriptor = reference.ptr(candidate);
+    std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;
+    for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
+  }
+  auto* numbers = reinterpret_cast<std::int16_t*>(group + (kDescriptorBytes + half) * row_bytes);
+  std::fill(numbers, numbers + (end - first), static_cast<std::int16_t>(h % (2 * kGroupsPerBlock)));
+  std::fill(numbers + (end - first), numbers + lanes, kNoKey);
+}
+
 std::int16_t minimum(const std::int16_t* keys, int lanes) {
   std::int16_t smallest = kNoKey;
   for (int i = 0; i < lanes; ++i) smallest = std::min(smallest, keys[i]);
@@ -69,27 +86,13 @@ void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target,
 }
 
 void KnnSearch::layOut(const cv::Mat& reference) {
-  const int lanes = kernel_.lanes;
-  const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
-  group_count_ = ceilDivide(reference.rows, 2 * lanes);
-  const auto bytes = static_cast<std::size_t>(group_count_ * groupBytes(kernel_));
+  const std::ptrdiff_t group_bytes = groupBytes(kernel_);
+  group_count_ = ceilDivide(reference.rows, 2 * kernel_.lanes);
+  const auto bytes = static_cast<std::size_t>(group_count_ * group_bytes);
   groups_.resize((bytes + sizeof(CacheLine) - 1) / sizeof(CacheLine));
-  std::uint8_t* group = groups_.front().bytes;
-  for (int g = 0; g < group_count_; ++g, group += groupBytes(kernel_)) {
-    for (int half = 0; half < 2; ++half) {
-      const int half_group = 2 * g + half;
-      const auto number = static_cast<std::int16_t>(half_group % (2 * kGroupsPerBlock));
-      auto* numbers =
-          reinterpret_cast<std::int16_t*>(group + (kDescriptorBytes + half) * row_bytes);
-      for (int lane = 0; lane < lanes; ++lane) {
-        const int candidate = half_group * lanes + lane;
-        numbers[lane] = candidate < reference.rows ? number : kNoKey;
-        if (candidate >= reference.rows) continue;
-        const std::uint8_t* descriptor = reference.ptr(candidate);
-        std::uint8_t* column = group + std::ptrdiff_t{2} * lane + half;
-        for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
-      }
-    }
+  std::uint8_t* groups = groups_.front().bytes;
+  for (int h = 0; h < 2 * group_count_; ++h) {
+    layOutHalfGroup(reference, kernel_.lanes, h, groups + h / 2 * group_bytes);
   }
 }
 

@@ -204,6 +204,21 @@ TEST_P(KnnKernels, TakeTheLowestIndexAmongDuplicates) {
   }
 }
 
+TEST_P(KnnKernels, TakeTheLowestIndexAcrossBlocks) {
+  const int m = blockSizes().back();
+  const cv::Mat target = generator_.descriptors(3);
+  const cv::Mat random = generator_.descriptors(m);
+  for (int first : {0, 1, m / 2 - 1}) {
+    for (int step : {1, 9, m / 2}) {
+      cv::Mat reference = random.clone();
+      target.row(1).copyTo(reference.row(first));
+      target.row(1).copyTo(reference.row(first + step));
+      ASSERT_TRUE(same(match(reference, target), naive(reference, target)))
+          << first << " and " << first + step;
+    }
+  }
+}
+
 TEST_P(KnnKernels, FollowCandidatesThatComeEverCloser) {
   // Candidate r differs from the target in the last 256 - r bits, or in the first r: every one is
   // a new best, or none is.
