@@ -30,7 +30,8 @@ void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* g
   const int first = h * lanes;
   const int end = std::clamp(reference.rows, first, first + lanes);
   for (int candidate = first; candidate < end; ++candidate) {
-    const std::uint8_t* descriptor = reference.ptr(candidate);
+    std::uint8_t descriptor[kDescriptorBytes];  // a copy, which writing the column cannot change
+    std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
     std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;
     for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
   }
