@@ -13,6 +13,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <map>
@@ -89,11 +90,27 @@ double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
   return largest;
 }
 
+/// Root mean square distance of the final matches from where the truth puts them, px.
+double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& truth) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < matches.level.size(); ++i) {
+    if (matches.level[i] < Correspondences::LEVEL_KTGP) continue;
+    const Eigen::Vector3d reference(matches.reference_x[i], matches.reference_y[i], 1.0);
+    const Eigen::Vector2d target(matches.target_x[i], matches.target_y[i]);
+    sum += (Eigen::Vector3d(truth * reference).hnormalized() - target).squaredNorm();
+    ++count;
+  }
+  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+}
+
 class Report {
  public:
   Report(const std::string& bag, const std::string& folder)
       : truth_(bag), bag_(bag), folder_(folder), terminal_(isatty(STDOUT_FILENO) != 0) {
     ros::NodeHandle node;
+    correspondences_sub_ =
+        node.subscribe("/camera/matcher/correspondences", 50, &Report::onCorrespondences, this);
     homographies_ = node.subscribe("/camera/matcher/homography", 50, &Report::onHomography, this);
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
     statistics_ = node.subscribe("/camera/matcher/statistics", 50, &Report::onStatistics, this);
@@ -132,9 +149,9 @@ class Report {
   std::string videoPath() const { return folder_ + "/matches.mp4"; }
   std::string picturePath() const { return folder_ + "/stages.png"; }
 
-  void onHomography(const HomographyStampedConstPtr& message) {
-    homography_ = message;  // always published before the statistics of the same frame
-  }
+  // Both are published before the statistics of the same frame.
+  void onCorrespondences(const CorrespondencesConstPtr& message) { correspondences_ = message; }
+  void onHomography(const HomographyStampedConstPtr& message) { homography_ = message; }
 
   void onStatistics(const MatchStatisticsConstPtr& message) {
     FrameResult result;
@@ -205,8 +222,10 @@ class Report {
   bool terminal_;
   bool finished_ = false;
   ResultTable table_;
+  CorrespondencesConstPtr correspondences_;
   HomographyStampedConstPtr homography_;
   cv::VideoWriter video_;
+  ros::Subscriber correspondences_sub_;
   ros::Subscriber homographies_;
   ros::Subscriber overlays_;
   ros::Subscriber statistics_;

@@ -69,7 +69,7 @@ void ResultTable::Column::add(const MatchStatistics& statistics, const FrameResu
   if (!std::isfinite(result.error)) return;
   ++found;
   error.push_back(result.error);
-  rmse.push_back(statistics.reprojection_rmse);
+  reprojection_error.push_back(result.reprojection_error);
 }
 
 void ResultTable::add(const MatchStatistics& statistics, const FrameResult& result) {
@@ -102,10 +102,13 @@ std::string ResultTable::text(std::size_t in_bag) const {
         [i](const Column& c) { return p50p95(c.milliseconds[i]); });
   }
   row("corner error p50 / p95, px", [](const Column& c) { return p50p95(c.error); });
-  row("reprojection RMSE, px", [](const Column& c) { return format("%.3f", mean(c.rmse)); });
+  row("reprojection error, px",
+      [](const Column& c) { return format("%.3f", mean(c.reprojection_error)); });
   text += format("\nframes in the bag %zu, matched %zu, dropped by the matcher %lu\n", in_bag,
                  all_.frames, static_cast<unsigned long>(dropped_));
-  text += "Corner error: the homography against the truth, largest at a corner of the image.\n";
+  text +=
+      "Against the truth: corner error, of the homography, largest at a corner of the image; "
+      "reprojection\nerror, root mean square over the final matches of a frame.\n";
   return text;
 }
 

@@ -14,6 +14,7 @@ struct FrameResult {
   std::string segment;
   /// Largest error of the homography at a corner of the image, px; infinite where none was found.
   double error = std::numeric_limits<double>::infinity();
+  double reprojection_error = 0.0;  ///< RMS of the final matches against the true homography, px
 };
 
 /// The line that is refreshed while the demo runs.
@@ -36,8 +37,8 @@ class ResultTable {
     std::vector<double> counts[5];        // features, knn, tf, gms, prosac
     std::vector<double> milliseconds[6];  // extraction, knn, tf, gms, prosac, total
     std::vector<double> retention;
-    std::vector<double> error;  // px, of the homographies found
-    std::vector<double> rmse;   // px, of the final matches to their homography
+    std::vector<double> error;               // px, of the homographies found
+    std::vector<double> reprojection_error;  // px
     void add(const MatchStatistics& statistics, const FrameResult& result);
   };
 
