@@ -156,11 +156,14 @@ class Report {
   void onStatistics(const MatchStatisticsConstPtr& message) {
     FrameResult result;
     result.segment = truth_.segment(message->header.stamp);
+    const ros::Time& stamp = message->header.stamp;
     const bool found = message->status == MatchStatistics::STATUS_OK && homography_ &&
-                       homography_->header.stamp == message->header.stamp;
+                       correspondences_ && homography_->header.stamp == stamp &&
+                       correspondences_->header.stamp == stamp;
     if (found) {
-      result.error = cornerError(matrix(*homography_),
-                                 truth_.between(message->reference_stamp, message->header.stamp));
+      const Eigen::Matrix3d truth = truth_.between(message->reference_stamp, stamp);
+      result.error = cornerError(matrix(*homography_), truth);
+      result.reprojection_error = reprojectionError(*correspondences_, truth);
     }
     table_.add(*message, result);
     showLine(*message, result);
