@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <opencv2/core/types.hpp>
 #include <vector>
 
@@ -57,11 +59,21 @@ struct ProsacResult {
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
 };
 
+/// Distance in px between H x_reference and x_target: what the mask is about.
+inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                                const Eigen::Vector2d& target) {
+  const Eigen::Vector3d p = homography * reference.homogeneous();
+  return (p.hnormalized() - target).norm();
+}
+
 /// Finds the homography that most pairs agree with, sampling the best pairs first.
 class ProsacHomography {
  public:
   /// Throws std::invalid_argument naming the option and its range.
   explicit ProsacHomography(const ProsacOptions& options = {});
+  ~ProsacHomography();
+  ProsacHomography(ProsacHomography&&) noexcept;
+  ProsacHomography& operator=(ProsacHomography&&) noexcept;
 
   /// `reference_size`: of the reference image in px, for the check that H's horizon does not cross
   /// it; empty: the bounding box of the points instead. Throws std::invalid_argument for arrays of
@@ -69,7 +81,13 @@ class ProsacHomography {
   void estimate(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 
  private:
+  struct Workspace;
+  bool search(ProsacResult& result, Eigen::Matrix3d& best);
+  void conclude(const PointPairs& pairs, const cv::Size& reference_size,
+                const Eigen::Matrix3d& best, ProsacResult& result);
+
   ProsacOptions options_;
+  std::unique_ptr<Workspace> workspace_;
 };
 
 }  // namespace ktgp_orb

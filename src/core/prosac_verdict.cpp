@@ -1,0 +1,113 @@
+#include "prosac_verdict.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kLogMaxFalseAlarms = -4.0;  // log10
+constexpr double kPi = 3.14159265358979323846;
+
+double boundingBoxArea(const std::vector<Eigen::Vector2d>& points) {
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& p : points) box.extend(p);
+  return box.volume();
+}
+
+/// log10 of (N - 4) C(N, k) C(k, 4) p^(k-4), for k = 4, 5, …
+class FalseAlarms {
+ public:
+  explicit FalseAlarms(std::size_t pairs) : n_(static_cast<double>(pairs)) {
+    for (double i = 1.0; i <= 4.0; i += 1.0) log_subsets_ += std::log10((n_ - 4.0 + i) / i);
+    log_subsets_ += std::log10(std::max(n_ - 4.0, 1.0));
+  }
+
+  /// Goes from k to k + 1: C(N, k) C(k, 4) becomes (N - k) / (k - 3) times as much.
+  double next(double p) {
+    log_subsets_ += std::log10((n_ - k_) / (k_ - 3.0));
+    k_ += 1.0;
+    return log_subsets_ + (k_ - 4.0) * std::log10(std::min(p, 1.0));
+  }
+
+ private:
+  double n_;
+  double k_ = 4.0;
+  double log_subsets_ = 0.0;
+};
+
+std::uint64_t hash(const Eigen::Vector2d& p) {
+  std::uint64_t bits[2];
+  const Eigen::Vector2d q = p + Eigen::Vector2d::Zero();  // -0 becomes 0
+  std::memcpy(bits, q.data(), sizeof bits);
+  std::uint64_t h = (bits[0] ^ (bits[1] << 32 | bits[1] >> 32)) * 0x9e3779b97f4a7c15U;
+  h = (h ^ (h >> 29)) * 0xbf58476d1ce4e5b9U;
+  return h ^ (h >> 32);
+}
+
+}  // namespace
+
+bool ProsacVerdict::explainableByChance(const PointPairs& pairs,
+                                        const std::vector<std::uint8_t>& mask,
+                                        const std::vector<double>& squared_error,
+                                        double threshold) {
+  const auto larger = [&](std::size_t a, std::size_t b) {
+    return squared_error[a] != squared_error[b] ? squared_error[a] > squared_error[b] : a > b;
+  };
+  queue_.clear();
+  taken_.clear();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (mask[i] != 0) queue_.push_back(i);
+  }
+  std::make_heap(queue_.begin(), queue_.end(), larger);
+  const double area = boundingBoxArea(pairs.target);
+  FalseAlarms false_alarms(pairs.size());
+  while (!queue_.empty()) {
+    std::pop_heap(queue_.begin(), queue_.end(), larger);
+    const std::size_t candidate = queue_.back();
+    queue_.pop_back();
+    if (!isApart(pairs, candidate, threshold)) continue;
+    taken_.push_back(candidate);
+    if (taken_.size() <= 4) continue;
+    const double covered = std::max(1.0, kPi * squared_error[candidate]);
+    if (false_alarms.next(covered / area) < kLogMaxFalseAlarms) return false;
+  }
+  return true;
+}
+
+bool ProsacVerdict::isApart(const PointPairs& pairs, std::size_t candidate, double distance) const {
+  const double distance2 = distance * distance;
+  return std::all_of(taken_.begin(), taken_.end(), [&](std::size_t other) {
+    return (pairs.reference[other] - pairs.reference[candidate]).squaredNorm() > distance2 &&
+           (pairs.target[other] - pairs.target[candidate]).squaredNorm() > distance2;
+  });
+}
+
+std::size_t ProsacVerdict::distinctInliers(const PointPairs& pairs,
+                                           const std::vector<std::uint8_t>& mask) {
+  return std::min(distinct(pairs.reference, mask), distinct(pairs.target, mask));
+}
+
+std::size_t ProsacVerdict::distinct(const std::vector<Eigen::Vector2d>& points,
+                                    const std::vector<std::uint8_t>& mask) {
+  std::size_t slots = 16;
+  while (slots < 2 * points.size()) slots *= 2;
+  const std::size_t empty = points.size();
+  table_.assign(slots, empty);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (mask[i] == 0) continue;
+    std::size_t slot = hash(points[i]) & (slots - 1);
+    while (table_[slot] != empty && points[table_[slot]] != points[i]) {
+      slot = (slot + 1) & (slots - 1);
+    }
+    if (table_[slot] != empty) continue;
+    table_[slot] = i;
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace ktgp_orb

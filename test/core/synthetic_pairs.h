@@ -1,0 +1,124 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <random>
+#include <vector>
+
+#include "ktgp_orb/prosac_homography.h"
+
+namespace ktgp_orb::test {
+
+/// How well PROSAC's order tells inliers from outliers.
+enum class Order {
+  good,      ///< inliers tend to come first, with an overlap
+  random,    ///< says nothing
+  reversed,  ///< every outlier comes before every inlier
+};
+
+/// Point pairs of which `inliers` follow a known homography.
+struct Scene {
+  std::size_t pairs = 100;
+  std::size_t inliers = 50;
+  double sigma = 0.5;  ///< px, Gaussian, in the target
+  Order order = Order::good;
+  cv::Size size{640, 480};
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+};
+
+/// Uniform and normal numbers that are the same with every standard library.
+class Numbers {
+ public:
+  explicit Numbers(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(engine_() >> 11) * 0x1p-53;
+  }
+  double normal() {  // Box & Muller
+    const double r = std::sqrt(-2.0 * std::log(1.0 - uniform(0.0, 1.0)));
+    return r * std::cos(2.0 * M_PI * uniform(0.0, 1.0));
+  }
+  Eigen::Vector2d pointIn(const cv::Size& size) {
+    const double x = uniform(0.0, size.width - 1.0);
+    return {x, uniform(0.0, size.height - 1.0)};
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+inline bool isInside(const Eigen::Vector2d& p, const cv::Size& size) {
+  return p.x() >= 0.0 && p.y() >= 0.0 && p.x() <= size.width - 1.0 && p.y() <= size.height - 1.0;
+}
+
+inline std::vector<Eigen::Vector2d> corners(const cv::Size& size) {
+  const double w = size.width - 1.0;
+  const double h = size.height - 1.0;
+  return {{0.0, 0.0}, {w, 0.0}, {w, h}, {0.0, h}};
+}
+
+/// The homography that moves each corner of the image by up to `shift` of its size.
+inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numbers& numbers) {
+  Eigen::Matrix<double, 8, 8> a = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 8, 1> b;
+  int row = 0;
+  for (const Eigen::Vector2d& c : corners(size)) {
+    const double u = c.x() + size.width * numbers.uniform(-shift, shift);
+    const double v = c.y() + size.height * numbers.uniform(-shift, shift);
+    a.row(row) << c.x(), c.y(), 1, 0, 0, 0, -u * c.x(), -u * c.y();
+    a.row(row + 1) << 0, 0, 0, c.x(), c.y(), 1, -v * c.x(), -v * c.y();
+    b.segment<2>(row) << u, v;
+    row += 2;
+  }
+  const Eigen::Matrix<double, 8, 1> h = a.fullPivLu().solve(b);
+  Eigen::Matrix3d homography;
+  homography << h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], 1.0;
+  return homography;
+}
+
+/// Mean distance in px between where two homographies map the corners of the reference image.
+inline double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b,
+                          const cv::Size& size) {
+  double sum = 0.0;
+  for (const Eigen::Vector2d& c : corners(size)) {
+    const Eigen::Vector3d p = a * c.homogeneous();
+    const Eigen::Vector3d q = b * c.homogeneous();
+    sum += (p.hnormalized() - q.hnormalized()).norm() / 4.0;
+  }
+  return sum;
+}
+
+inline double qualityOf(bool inlier, Order order, Numbers& numbers) {
+  switch (order) {
+    case Order::good:
+      return inlier ? numbers.uniform(0.0, 0.8) : numbers.uniform(0.4, 1.0);
+    case Order::reversed:
+      return inlier ? numbers.uniform(0.5, 1.0) : numbers.uniform(0.0, 0.5);
+    case Order::random:
+      break;
+  }
+  return numbers.uniform(0.0, 1.0);
+}
+
+/// Inliers first, then outliers: uniform in both images and independent.
+inline PointPairs makePairs(const Scene& scene, Numbers& numbers) {
+  PointPairs pairs;
+  while (pairs.size() < scene.pairs) {
+    const bool inlier = pairs.size() < scene.inliers;
+    const Eigen::Vector2d x = numbers.pointIn(scene.size);
+    Eigen::Vector2d u = numbers.pointIn(scene.size);
+    if (inlier) {
+      u = (scene.homography * x.homogeneous()).hnormalized();
+      if (!isInside(u, scene.size)) continue;
+      u.x() += scene.sigma * numbers.normal();
+      u.y() += scene.sigma * numbers.normal();
+    }
+    pairs.reference.push_back(x);
+    pairs.target.push_back(u);
+    pairs.quality.push_back(qualityOf(inlier, scene.order, numbers));
+  }
+  return pairs;
+}
+
+}  // namespace ktgp_orb::test
