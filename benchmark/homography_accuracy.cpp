@@ -118,7 +118,8 @@ std::vector<Named> estimators() {
           {"ProsacHomography", prosac()}};
 }
 
-// ---- Matches -------------------------------------------------------------------------------------
+// ---- Matches
+// -------------------------------------------------------------------------------------
 
 Features extract(const cv::Mat& image) {
   Features features;
@@ -187,7 +188,8 @@ std::vector<Pair> oxfordPairs(const std::string& folder, const Filters& filters)
   return pairs;
 }
 
-// ---- Generated pairs -----------------------------------------------------------------------------
+// ---- Generated pairs
+// -----------------------------------------------------------------------------
 
 double uniform(Random& random, double low, double high) {
   return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
@@ -250,7 +252,8 @@ std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters)
   return pairs;
 }
 
-// ---- Tables --------------------------------------------------------------------------------------
+// ---- Tables
+// --------------------------------------------------------------------------------------
 
 std::vector<double> errorsOf(const Named& estimator, const std::vector<Pair>& pairs, int runs) {
   std::vector<double> errors;
@@ -264,7 +267,8 @@ std::vector<double> errorsOf(const Named& estimator, const std::vector<Pair>& pa
 
 void printOxford(const std::string& folder, const Filters& filters) {
   const std::vector<Pair> pairs = oxfordPairs(folder, filters);
-  std::printf("\nOxford, %s: %zu pairs, %d runs each\n\n", filters.name.c_str(), pairs.size(), kRuns);
+  std::printf("\nOxford, %s: %zu pairs, %d runs each\n\n", filters.name.c_str(), pairs.size(),
+              kRuns);
   std::printf("| estimator | AUC 3 px | AUC 5 px | AUC 10 px | wrong (> 20 px) | none |\n");
   std::printf("|---|---|---|---|---|---|\n");
   for (const Named& estimator : estimators()) {
@@ -282,7 +286,8 @@ void printOxford(const std::string& folder, const Filters& filters) {
 
 void printWarped(const std::string& folder, const Filters& filters) {
   const std::vector<Pair> pairs = warpedPairs(folder, filters);
-  std::printf("\nWarped, %s: %zu pairs, exact ground truth\n\n", filters.name.c_str(), pairs.size());
+  std::printf("\nWarped, %s: %zu pairs, exact ground truth\n\n", filters.name.c_str(),
+              pairs.size());
   std::printf("| estimator | median corner error (px) | 75 %% | 90 %% | AUC 1 px | AUC 3 px |\n");
   std::printf("|---|---|---|---|---|---|\n");
   for (const Named& estimator : estimators()) {

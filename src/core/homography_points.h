@@ -21,22 +21,15 @@ struct PointArrays {
 
   std::size_t paddedSize() const { return x.size(); }
 
-  /// Makes room for n pairs. The padding lies so far off that no homography explains it.
+  /// Makes room for n pairs, whose values are not set yet. The padding lies so far off that no
+  /// homography explains it.
   void resize(std::size_t n) {
     const std::size_t padded = (n + kLanes - 1) / kLanes * kLanes;
     size = n;
-    for (std::vector<Scalar>* array : {&x, &y}) array->assign(padded, Scalar(0));
-    for (std::vector<Scalar>* array : {&u, &v}) array->assign(padded, kFar);
-  }
-
-  /// Keeps the first n <= size pairs.
-  void truncate(std::size_t n) {
-    const std::size_t padded = (n + kLanes - 1) / kLanes * kLanes;
-    size = n;
-    for (std::vector<Scalar>* array : {&x, &y, &u, &v}) {
-      array->resize(padded);
-      std::fill(array->begin() + static_cast<std::ptrdiff_t>(n), array->end(),
-                array == &x || array == &y ? Scalar(0) : kFar);
+    for (std::vector<Scalar>* array : {&x, &y, &u, &v}) array->resize(padded);
+    for (std::size_t i = n; i < padded; ++i) {
+      x[i] = y[i] = Scalar(0);
+      u[i] = v[i] = kFar;
     }
   }
 
@@ -61,10 +54,11 @@ struct Normalisation {
   static Normalisation of(const std::vector<Eigen::Vector2d>& points) {
     Normalisation n;
     const double count = static_cast<double>(points.size());
-    for (const Eigen::Vector2d& p : points) n.centre += p / count;
+    for (const Eigen::Vector2d& p : points) n.centre += p;
+    n.centre /= count;
     double spread = 0.0;
-    for (const Eigen::Vector2d& p : points) spread += (p - n.centre).lpNorm<1>() / count;
-    if (spread > 0.0) n.scale = 1.0 / spread;
+    for (const Eigen::Vector2d& p : points) spread += (p - n.centre).lpNorm<1>();
+    if (spread > 0.0) n.scale = count / spread;
     return n;
   }
 

@@ -2,6 +2,8 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
+#include <utility>
 
 namespace ktgp_orb {
 namespace {
@@ -10,12 +12,16 @@ using Matrix8 = HomographyRefinement::Matrix8;
 using Vector8 = HomographyRefinement::Vector8;
 using Points = PointArrays<double>;
 using Lanes = Eigen::Array<double, 2, 1>;
+using Map = Eigen::Map<Lanes>;
 
-constexpr double kFreedom =
-    4.0;  // of Student's t: heavy tails, yet near Gaussian for Gaussian data
+constexpr double kFreedom = 4.0;  // of Student's t; 4 did best on keypoints of real images
 
 Lanes load(const std::vector<double>& array, std::size_t first) {
   return Eigen::Map<const Lanes>(array.data() + first);
+}
+
+double sum(const Lanes& lanes) {
+  return lanes[0] + lanes[1];
 }
 
 /// Where H puts two reference points, and how far off the target points that is.
@@ -37,15 +43,62 @@ struct Projection {
   }
 };
 
-/// The step d that solves (JtJ + damping diag(JtJ)) d = -Jt r; false where it is not determined.
-bool solve(const Matrix8& jtj, const Vector8& jtr, double damping, Vector8& step) {
-  Matrix8 damped = jtj;
-  damped.diagonal() *= 1.0 + damping;
-  const Eigen::LDLT<Matrix8> ldlt(damped);
-  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
-  step = -ldlt.solve(jtr);
-  return step.allFinite();
-}
+/// The sums of J^T w J and J^T w e. J's rows for one pair are [x y z 0 0 0 -u x -u y] and
+/// [0 0 0 x y z -v x -v y], so that J^T w J has 19 different entries, not 36.
+class NormalEquations {
+ public:
+  NormalEquations() {
+    for (Lanes& lanes : s_) lanes.setZero();
+    for (Lanes& lanes : g_) lanes.setZero();
+  }
+
+  void add(const Projection& p, const Lanes& weight) {
+    const Lanes x = weight * p.x;
+    const Lanes y = weight * p.y;
+    const Lanes z = weight * p.z;
+    const Lanes products[5] = {x * p.x, x * p.y, x * p.z, y * p.y, y * p.z};
+    for (int i = 0; i < 5; ++i) {
+      s_[i] += products[i];
+      s_[5 + i] += p.u * products[i];
+      s_[10 + i] += p.v * products[i];
+    }
+    s_[15] += z * p.z;
+    const Lanes q = p.u * p.u + p.v * p.v;
+    s_[16] += q * products[0];
+    s_[17] += q * products[1];
+    s_[18] += q * products[3];
+    g_[0] += x * p.du;
+    g_[1] += y * p.du;
+    g_[2] += z * p.du;
+    g_[3] += x * p.dv;
+    g_[4] += y * p.dv;
+    g_[5] += z * p.dv;
+    const Lanes along = p.u * p.du + p.v * p.dv;
+    g_[6] -= x * along;
+    g_[7] -= y * along;
+  }
+
+  void store(Matrix8& jtj, Vector8& jtr) const {
+    double t[19];
+    for (int i = 0; i < 19; ++i) t[i] = sum(s_[i]);
+    Eigen::Matrix3d plain;
+    plain << t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[15];
+    Eigen::Matrix<double, 3, 2> u;
+    u << t[5], t[6], t[6], t[8], t[7], t[9];
+    Eigen::Matrix<double, 3, 2> v;
+    v << t[10], t[11], t[11], t[13], t[12], t[14];
+    Eigen::Matrix2d q;
+    q << t[16], t[17], t[17], t[18];
+    jtj << plain, Eigen::Matrix3d::Zero(), -u,  //
+        Eigen::Matrix3d::Zero(), plain, -v,     //
+        -u.transpose(), -v.transpose(), q;
+    for (int i = 0; i < 8; ++i) jtr[i] = sum(g_[i]);
+  }
+
+ private:
+  Lanes s_[19];  // xx xy xz yy yz, the same times u, times v, zz, (uu + vv) times xx xy yy
+  Lanes g_[8];
+};
 
 Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
   Eigen::Matrix3d sum = h;
@@ -55,178 +108,141 @@ Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
 
 }  // namespace
 
-std::size_t HomographyRefinement::select(const Points& points, const Eigen::Matrix3d& homography,
-                                         double limit) {
-  const Eigen::Matrix3d& h = homography;
-  const double limit2 = limit * limit;
+std::size_t HomographyRefinement::select(const Points& points,
+                                         const std::vector<std::uint8_t>& mask,
+                                         std::size_t max_pairs) {
   std::size_t n = 0;
-  selected_.resize(points.size);
-  for (std::size_t i = 0; i < points.size; i += 2) {
-    const Projection p(points, h, i);
-    const Lanes squared = p.du * p.du + p.dv * p.dv;
-    for (std::size_t k = 0; k < std::min<std::size_t>(2, points.size - i); ++k) {
-      const auto lane = static_cast<Eigen::Index>(k);
-      if (!(squared[lane] < limit2) || !(p.z[lane] * h(2, 2) > 0.0)) continue;
-      selected_.x[n] = points.x[i + k];
-      selected_.y[n] = points.y[i + k];
-      selected_.u[n] = points.u[i + k];
-      selected_.v[n] = points.v[i + k];
-      ++n;
-    }
+  selected_.resize(std::min(points.size, max_pairs));
+  for (std::size_t i = 0; i < points.size && n < max_pairs; ++i) {
+    if (mask[i] == 0) continue;
+    selected_.x[n] = points.x[i];
+    selected_.y[n] = points.y[i];
+    selected_.u[n] = points.u[i];
+    selected_.v[n] = points.v[i];
+    ++n;
   }
-  selected_.truncate(n);
-  weight_.assign(selected_.paddedSize(), 0.0);
-  std::fill_n(weight_.begin(), n, 1.0);
-  squared_.resize(selected_.paddedSize());
+  selected_.size = n;
+  for (std::vector<double>* array : {&squared_, &weight_, &former_weight_}) {
+    array->resize(selected_.paddedSize());
+  }
   return n;
 }
 
-bool HomographyRefinement::gaussNewtonStep(Eigen::Matrix3d& homography) {
+/// Fills squared_, weight_ and `sums` in one pass, with the scale as it is.
+void HomographyRefinement::accumulate(const Eigen::Matrix3d& homography, Sums& sums) {
+  NormalEquations normal;
+  Lanes weights = Lanes::Zero();
+  Lanes derivatives = Lanes::Zero();
+  Lanes squares = Lanes::Zero();
+  Lanes costs = Lanes::Zero();
+  Lanes former_costs = Lanes::Zero();
+  std::swap(weight_, former_weight_);
+  for (std::size_t i = 0; i < selected_.size; i += 2) {
+    const Projection p(selected_, homography, i);
+    Lanes squared = p.du * p.du + p.dv * p.dv;
+    Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+    if (i + 1 == selected_.size) squared[1] = weight[1] = 0.0;  // padding
+    normal.add(p, weight);
+    const Lanes weight2 = weight * weight;
+    weights += weight;
+    derivatives += weight2;
+    squares += weight2 * squared;
+    costs += weight * squared;
+    former_costs += load(former_weight_, i) * squared;
+    Map(squared_.data() + i) = squared;
+    Map(weight_.data() + i) = weight;
+  }
+  normal.store(sums.jtj, sums.jtr);
+  sums.weight = sum(weights);
+  sums.derivative = sum(derivatives) * kFreedom / (kFreedom + 2.0);
+  sums.square = sum(squares);
+  sums.cost = sum(costs);
+  sums.former_cost = sum(former_costs);
+}
+
+/// Maximum likelihood for the scale at given errors by expectation maximisation, in the form that
+/// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994).
+void HomographyRefinement::updateScale(double min_scale) {
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    Lanes weights = Lanes::Zero();
+    Lanes cost = Lanes::Zero();
+    for (std::size_t i = 0; i < selected_.size; i += 2) {
+      const Lanes squared = load(squared_, i);
+      Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+      if (i + 1 == selected_.size) weight[1] = 0.0;  // padding
+      weights += weight;
+      cost += weight * squared;
+    }
+    scale2_ = std::max(sum(cost) / (2.0 * sum(weights)), min_scale * min_scale);
+  }
+}
+
+namespace {
+
+/// The step d with c (JtwJ + damping diag(JtwJ)) d = -Jtwe; false where it is not determined. The
+/// factor c, derivative over weight, makes J^T w J the second derivative of the likelihood: the
+/// weights fall with the errors, and without it every step would be a fifth too short.
+template <typename Sums>
+bool solve(const Sums& sums, double damping, Vector8& step) {
+  Matrix8 damped = sums.jtj;
+  damped.diagonal() *= 1.0 + damping;
+  const Eigen::LDLT<Matrix8> ldlt(damped);
+  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
+  step = ldlt.solve(sums.jtr) * (-sums.weight / sums.derivative);
+  return step.allFinite();
+}
+
+}  // namespace
+
+bool HomographyRefinement::step(double scale, Eigen::Matrix3d& homography) {
   homography /= homography(2, 2);
-  const Normal normal = normalEquations(homography);
+  scale2_ = scale * scale;
+  accumulate(homography, sums_);
   Vector8 step;
-  if (!solve(normal.jtj, normal.jtr, 0.0, step)) return false;
+  if (!solve(sums_, 0.0, step)) return false;
   homography = plus(homography, step);
   return true;
 }
 
-bool HomographyRefinement::levenbergMarquardt(double min_scale, Eigen::Matrix3d& homography) {
+bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matrix3d& homography) {
   constexpr int kMaxSteps = 30;
-  constexpr double kConverged = 1e-9;  // of the entries of H, which are of the order of 1
+  constexpr double kConverged = 1e-5;  // of the entries of H, which are of the order of 1
   homography /= homography(2, 2);
-  double damping = 1e-6;
-  residuals(homography);
-  scale2_ = 0.0;
+  scale2_ = scale * scale;
+  accumulate(homography, sums_);
+  double damping = 0.0;
   for (int i = 0; i < kMaxSteps; ++i) {
-    const double cost = updateWeights(min_scale);
-    const Normal normal = normalEquations(homography);
     Vector8 step;
-    if (!solve(normal.jtj, normal.jtr, damping, step)) return false;
+    if (!solve(sums_, damping, step)) return false;
     const Eigen::Matrix3d candidate = plus(homography, step);
-    residuals(candidate);
-    double candidate_cost = 0.0;
-    for (std::size_t k = 0; k < selected_.size; ++k) candidate_cost += weight_[k] * squared_[k];
-    if (candidate_cost <= cost) {
+    const double cost = sums_.cost;
+    Sums sums;
+    updateScale(min_scale);
+    accumulate(candidate, sums);
+    if (sums.former_cost <= cost) {
       homography = candidate;
+      sums_ = sums;
       damping *= 0.1;
     } else {
-      residuals(homography);
-      damping = std::max(damping, 1e-6) * 10.0;
+      accumulate(homography, sums_);
+      damping = std::max(10.0 * damping, 1e-4);
     }
     if (step.cwiseAbs().maxCoeff() < kConverged) break;
   }
+  scale = std::sqrt(scale2_);
   return true;
 }
 
-void HomographyRefinement::residuals(const Eigen::Matrix3d& homography) {
-  for (std::size_t i = 0; i < selected_.paddedSize(); i += 2) {
-    const Projection p(selected_, homography, i);
-    Eigen::Map<Lanes>(squared_.data() + i) = p.du * p.du + p.dv * p.dv;
-  }
-}
-
-/// One step of expectation maximisation for the scale (Lange, Little & Taylor, JASA 1989), then
-/// w = (nu + 2) / (nu + e²/scale²). Returns the weighted cost.
-double HomographyRefinement::updateWeights(double min_scale) {
+/// Huber, Robust Statistics (1981), section 7.6: the mean of w² e² over the square of the mean of
+/// d(w e)/de, times (J^T J)^-1, for which (J^T w J)^-1 times the mean weight stands. Eight of the
+/// 2n errors went into the eight entries.
+Matrix8 HomographyRefinement::covariance() const {
   const double n = static_cast<double>(selected_.size);
-  if (scale2_ == 0.0) {
-    for (std::size_t i = 0; i < selected_.size; ++i) scale2_ += squared_[i] / (2.0 * n);
-  }
-  for (int round = 0; round < 2; ++round) {
-    scale2_ = std::max(scale2_, min_scale * min_scale);
-    double cost = 0.0;
-    for (std::size_t i = 0; i < selected_.size; ++i) {
-      weight_[i] = (kFreedom + 2.0) / (kFreedom + squared_[i] / scale2_);
-      cost += weight_[i] * squared_[i];
-    }
-    if (round == 1) return cost;
-    scale2_ = cost / (2.0 * n);
-  }
-  return 0.0;
-}
-
-/// J's rows for one pair are [x y z 0 0 0 -u x -u y] and [0 0 0 x y z -v x -v y], x, y and z being
-/// divided by w: so JtJ has 19 different sums, not 36.
-HomographyRefinement::Normal HomographyRefinement::normalEquations(
-    const Eigen::Matrix3d& homography) const {
-  enum { xx, xy, xz, yy, yz, zz, uxx, uxy, uxz, uyy, uyz, vxx, vxy, vxz, vyy, vyz, qxx, qxy, qyy };
-  Lanes s[19];
-  Lanes g[8];
-  for (Lanes& lanes : s) lanes.setZero();
-  for (Lanes& lanes : g) lanes.setZero();
-  for (std::size_t i = 0; i < selected_.paddedSize(); i += 2) {
-    const Projection p(selected_, homography, i);
-    const Lanes weight = load(weight_, i);
-    const Lanes x = weight * p.x;
-    const Lanes y = weight * p.y;
-    const Lanes z = weight * p.z;
-    const Lanes pxx = x * p.x;
-    const Lanes pxy = x * p.y;
-    const Lanes pxz = x * p.z;
-    const Lanes pyy = y * p.y;
-    const Lanes pyz = y * p.z;
-    s[xx] += pxx;
-    s[xy] += pxy;
-    s[xz] += pxz;
-    s[yy] += pyy;
-    s[yz] += pyz;
-    s[zz] += z * p.z;
-    s[uxx] += p.u * pxx;
-    s[uxy] += p.u * pxy;
-    s[uxz] += p.u * pxz;
-    s[uyy] += p.u * pyy;
-    s[uyz] += p.u * pyz;
-    s[vxx] += p.v * pxx;
-    s[vxy] += p.v * pxy;
-    s[vxz] += p.v * pxz;
-    s[vyy] += p.v * pyy;
-    s[vyz] += p.v * pyz;
-    const Lanes q = p.u * p.u + p.v * p.v;
-    s[qxx] += q * pxx;
-    s[qxy] += q * pxy;
-    s[qyy] += q * pyy;
-    g[0] += x * p.du;
-    g[1] += y * p.du;
-    g[2] += z * p.du;
-    g[3] += x * p.dv;
-    g[4] += y * p.dv;
-    g[5] += z * p.dv;
-    const Lanes along = p.u * p.du + p.v * p.dv;
-    g[6] -= x * along;
-    g[7] -= y * along;
-  }
-  double t[19];
-  for (int i = 0; i < 19; ++i) t[i] = s[i][0] + s[i][1];
-  Normal normal;
-  normal.jtj << t[xx], t[xy], t[xz], 0, 0, 0, -t[uxx], -t[uxy],              //
-      t[xy], t[yy], t[yz], 0, 0, 0, -t[uxy], -t[uyy],                        //
-      t[xz], t[yz], t[zz], 0, 0, 0, -t[uxz], -t[uyz],                        //
-      0, 0, 0, t[xx], t[xy], t[xz], -t[vxx], -t[vxy],                        //
-      0, 0, 0, t[xy], t[yy], t[yz], -t[vxy], -t[vyy],                        //
-      0, 0, 0, t[xz], t[yz], t[zz], -t[vxz], -t[vyz],                        //
-      -t[uxx], -t[uxy], -t[uxz], -t[vxx], -t[vxy], -t[vxz], t[qxx], t[qxy],  //
-      -t[uxy], -t[uyy], -t[uyz], -t[vxy], -t[vyy], -t[vyz], t[qxy], t[qyy];
-  for (int i = 0; i < 8; ++i) normal.jtr[i] = g[i][0] + g[i][1];
-  return normal;
-}
-
-/// Huber, Robust Statistics (1981), section 7.6: the mean square of the weighted residuals over the
-/// square of the mean derivative, times (JtJ)^-1 without weights. Eight of the 2n residuals went
-/// into the eight entries.
-Matrix8 HomographyRefinement::covariance(const Eigen::Matrix3d& homography) {
-  double square = 0.0;
-  double derivative = 0.0;
-  for (std::size_t i = 0; i < selected_.size; ++i) {
-    const double w = (kFreedom + 2.0) / (kFreedom + squared_[i] / scale2_);
-    square += w * w * squared_[i];
-    derivative += w * kFreedom / (kFreedom + squared_[i] / scale2_);
-    weight_[i] = 1.0;
-  }
-  const double n = static_cast<double>(selected_.size);
-  square /= std::max(2.0 * n - 8.0, 1.0);
-  derivative /= n;
-  const Matrix8 jtj = normalEquations(homography).jtj;
-  return square / (derivative * derivative) * Eigen::LDLT<Matrix8>(jtj).solve(Matrix8::Identity());
+  const double square = sums_.square / std::max(2.0 * n - 8.0, 1.0);
+  const double derivative = sums_.derivative / n;
+  return square / (derivative * derivative) * (sums_.weight / n) *
+         Eigen::LDLT<Matrix8>(sums_.jtj).solve(Matrix8::Identity());
 }
 
 }  // namespace ktgp_orb

@@ -3,10 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 #include "homography_checks.h"
 #include "homography_points.h"
@@ -42,6 +43,15 @@ void requireValid(const PointPairs& pairs) {
   }
 }
 
+/// An integer that orders as the number in single precision does.
+std::uint64_t sortKey(double quality) {
+  const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
+  std::uint32_t bits = 0;
+  std::memcpy(&bits, &single, sizeof bits);
+  const std::uint32_t sign = bits >> 31;
+  return bits ^ (sign != 0 ? 0xffffffffU : 0x80000000U);
+}
+
 void reset(std::size_t pairs, ProsacResult& result) {
   std::vector<std::uint8_t> mask = std::move(result.mask);  // keep the buffer
   mask.assign(pairs, 0);
@@ -53,12 +63,13 @@ void reset(std::size_t pairs, ProsacResult& result) {
 
 /// What one call of estimate() works on; kept for its buffers.
 struct ProsacHomography::Workspace {
-  std::vector<std::size_t> order;  // of quality, best first
+  std::vector<std::uint64_t> order;  // quality in the upper half, index in the lower; best first
   Normalisation reference, target;
   PointArrays<float> points;          // normalised, in order of quality, for scoring
   PointArrays<double> exact;          // the same in double precision, for refinement
   double limit = 0.0;                 // the threshold in normalised target units
   std::vector<std::uint8_t> inlier;   // of the best model, in order of quality
+  std::vector<std::uint8_t> refined;  // the pairs that the refinement used last
   std::vector<double> squared_error;  // of the final model, px², in input order
   HomographyRefinement refinement;
   ProsacStopping stopping;
@@ -72,18 +83,17 @@ struct ProsacHomography::Workspace {
 void ProsacHomography::Workspace::load(const PointPairs& pairs, double threshold) {
   const std::size_t n = pairs.size();
   order.resize(n);
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-    return pairs.quality[a] != pairs.quality[b] ? pairs.quality[a] < pairs.quality[b] : a < b;
-  });
+  for (std::size_t i = 0; i < n; ++i) order[i] = sortKey(pairs.quality[i]) << 32 | i;
+  std::sort(order.begin(), order.end());
   reference = Normalisation::of(pairs.reference);
   target = Normalisation::of(pairs.target);
   limit = threshold * target.scale;
   points.resize(n);
   exact.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Vector2d x = reference.apply(pairs.reference[order[i]]);
-    const Eigen::Vector2d u = target.apply(pairs.target[order[i]]);
+    const std::size_t index = order[i] & 0xffffffffU;
+    const Eigen::Vector2d x = reference.apply(pairs.reference[index]);
+    const Eigen::Vector2d u = target.apply(pairs.target[index]);
     points.set(i, x, u);
     exact.set(i, x, u);
   }
@@ -102,17 +112,19 @@ bool ProsacHomography::Workspace::solve(const ProsacSampler::Sample& sample, dou
                          min_area * target.scale * target.scale, h);
 }
 
-/// Local optimisation (Chum, Matas & Kittler, DAGM 2003): least squares over the inliers, from a
-/// wide limit down to the threshold. Returns the cost of the best model met, which `h` becomes.
+/// Local optimisation (Chum, Matas & Kittler, DAGM 2003): a step over the inliers, from a wide
+/// limit down to the threshold. Returns the cost of the best model met, which `h` becomes.
 float ProsacHomography::Workspace::polish(float cost, Eigen::Matrix3d& h) {
-  Eigen::Matrix3d step = h;
+  constexpr std::size_t kEnough = 200;  // inliers, the best by quality; more would not find more
+  Eigen::Matrix3d candidate = h;
   for (double widening : {2.0, 1.5, 1.0, 1.0}) {
-    if (refinement.select(exact, step, widening * limit) <= kSampleSize) break;
-    if (!refinement.gaussNewtonStep(step)) break;
-    const float step_cost = msacCost(points, step, limit, cost);
-    if (step_cost >= cost) continue;
-    cost = step_cost;
-    h = step;
+    findInliers(points, candidate, widening * limit, inlier);
+    if (refinement.select(exact, inlier, kEnough) <= kSampleSize) break;
+    if (!refinement.step(widening * limit / 3.0, candidate)) break;
+    const float candidate_cost = msacCost(points, candidate, limit, cost);
+    if (candidate_cost >= cost) continue;
+    cost = candidate_cost;
+    h = candidate;
   }
   return cost;
 }
@@ -215,22 +227,27 @@ Matrix8 pixelCovariance(const Matrix8& covariance, const Normalisation& referenc
 void ProsacHomography::conclude(const PointPairs& pairs, const cv::Size& reference_size,
                                 const Eigen::Matrix3d& best, ProsacResult& result) {
   constexpr int kMaxRounds = 10;
-  constexpr double kMinScale = 1e-4;            // px
+  constexpr double kMinScale = 1e-4;  // px
+  // Reach of the refinement, in thresholds. The weights tell good pairs from bad ones better than
+  // the threshold does, so the refinement sees the pairs just beyond it as well.
+  constexpr double kRefinementReach = 2.0;
   constexpr double kMaxCornerDeviation = 20.0;  // px
   Workspace& work = *workspace_;
   Eigen::Matrix3d h = best;
   bool determined = true;
-  std::size_t support = 0;
+  double scale = work.limit / kRefinementReach;
   for (int round = 0; round < kMaxRounds && determined; ++round) {
-    const std::size_t inliers = work.refinement.select(work.exact, h, work.limit);
+    const std::size_t inliers =
+        findInliers(work.points, h, kRefinementReach * work.limit, work.inlier);
     if (inliers <= kSampleSize) return;  // nothing but the sample: no_model
-    if (inliers == support) break;
-    support = inliers;
-    determined = work.refinement.levenbergMarquardt(kMinScale * work.target.scale, h);
+    if (round > 0 && work.inlier == work.refined) break;
+    work.refined = work.inlier;
+    work.refinement.select(work.exact, work.inlier, inliers);
+    determined = work.refinement.minimise(kMinScale * work.target.scale, scale, h);
   }
   result.status = Status::model_rejected;
   if (!determined) return;
-  const Matrix8 covariance = work.refinement.covariance(h);
+  const Matrix8 covariance = work.refinement.covariance();
   auto corners = imageCorners(reference_size, pairs.reference);
   const Eigen::Matrix3d pixel = work.target.inverse() * h * work.reference.matrix();
   if (!keepsPlaneInView(pixel, corners)) return;

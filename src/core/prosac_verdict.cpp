@@ -53,26 +53,32 @@ bool ProsacVerdict::explainableByChance(const PointPairs& pairs,
                                         const std::vector<std::uint8_t>& mask,
                                         const std::vector<double>& squared_error,
                                         double threshold) {
-  const auto larger = [&](std::size_t a, std::size_t b) {
-    return squared_error[a] != squared_error[b] ? squared_error[a] > squared_error[b] : a > b;
-  };
-  queue_.clear();
-  taken_.clear();
+  inliers_.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (mask[i] != 0) queue_.push_back(i);
+    if (mask[i] != 0) inliers_.push_back(i);
   }
-  std::make_heap(queue_.begin(), queue_.end(), larger);
+  // Any order gives a valid bound, the largest error so far being that of the last one taken. Good
+  // models pass as they come, after a few inliers; only poor ones are worth sorting.
+  if (!explainable(pairs, squared_error, threshold)) return false;
+  std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
+    return squared_error[a] != squared_error[b] ? squared_error[a] < squared_error[b] : a < b;
+  });
+  return explainable(pairs, squared_error, threshold);
+}
+
+/// The rule on the inliers in the order that they are in.
+bool ProsacVerdict::explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
+                                double threshold) {
   const double area = boundingBoxArea(pairs.target);
   FalseAlarms false_alarms(pairs.size());
-  while (!queue_.empty()) {
-    std::pop_heap(queue_.begin(), queue_.end(), larger);
-    const std::size_t candidate = queue_.back();
-    queue_.pop_back();
+  double largest = 1.0 / kPi;
+  taken_.clear();
+  for (const std::size_t candidate : inliers_) {
     if (!isApart(pairs, candidate, threshold)) continue;
     taken_.push_back(candidate);
+    largest = std::max(largest, squared_error[candidate]);
     if (taken_.size() <= 4) continue;
-    const double covered = std::max(1.0, kPi * squared_error[candidate]);
-    if (false_alarms.next(covered / area) < kLogMaxFalseAlarms) return false;
+    if (false_alarms.next(kPi * largest / area) < kLogMaxFalseAlarms) return false;
   }
   return true;
 }

@@ -32,11 +32,13 @@ class ProsacVerdict {
   std::size_t distinctInliers(const PointPairs& pairs, const std::vector<std::uint8_t>& mask);
 
  private:
+  bool explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
+                   double threshold);
   std::size_t distinct(const std::vector<Eigen::Vector2d>& points,
                        const std::vector<std::uint8_t>& mask);
   bool isApart(const PointPairs& pairs, std::size_t candidate, double distance) const;
 
-  std::vector<std::size_t> queue_;  // inliers, a heap by error
+  std::vector<std::size_t> inliers_;
   std::vector<std::size_t> taken_;  // inliers that count
   std::vector<std::size_t> table_;  // hash table of positions
 };
