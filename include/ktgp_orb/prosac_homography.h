@@ -82,9 +82,9 @@ class ProsacHomography {
 
  private:
   struct Workspace;
-  bool search(ProsacResult& result, Eigen::Matrix3d& best);
-  void conclude(const PointPairs& pairs, const cv::Size& reference_size,
-                const Eigen::Matrix3d& best, ProsacResult& result);
+  bool refine(Eigen::Matrix3d& homography, bool& supported);
+  void judge(const PointPairs& pairs, const cv::Size& reference_size,
+             const Eigen::Matrix3d& homography, ProsacResult& result);
 
   ProsacOptions options_;
   std::unique_ptr<Workspace> workspace_;

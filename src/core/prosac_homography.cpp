@@ -3,20 +3,16 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstring>
-#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include "homography_checks.h"
-#include "homography_points.h"
 #include "homography_refinement.h"
 #include "homography_score.h"
-#include "homography_solver.h"
 #include "options_check.h"
-#include "prosac_sampler.h"
-#include "prosac_stopping.h"
+#include "prosac_points.h"
+#include "prosac_search.h"
 #include "prosac_verdict.h"
 
 namespace ktgp_orb {
@@ -43,13 +39,22 @@ void requireValid(const PointPairs& pairs) {
   }
 }
 
-/// An integer that orders as the number in single precision does.
-std::uint64_t sortKey(double quality) {
-  const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
-  std::uint32_t bits = 0;
-  std::memcpy(&bits, &single, sizeof bits);
-  const std::uint32_t sign = bits >> 31;
-  return bits ^ (sign != 0 ? 0xffffffffU : 0x80000000U);
+/// Chance that a pair agrees with a wrong model: a random target point within the threshold. Never
+/// taken below 1 %, as keypoints are not spread evenly.
+double chanceInlier(const PointPairs& pairs, double threshold) {
+  constexpr double kLeast = 0.01;
+  constexpr double kMost = 0.5;
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& p : pairs.target) box.extend(p);
+  const double disc = 3.14159265358979323846 * threshold * threshold;
+  return std::clamp(disc / std::max(box.volume(), disc), kLeast, kMost);
+}
+
+void clearModel(ProsacResult& result) {
+  result.homography.setZero();
+  std::fill(result.mask.begin(), result.mask.end(), std::uint8_t{0});
+  result.inliers = 0;
+  result.rmse = 0.0;
 }
 
 void reset(std::size_t pairs, ProsacResult& result) {
@@ -63,71 +68,14 @@ void reset(std::size_t pairs, ProsacResult& result) {
 
 /// What one call of estimate() works on; kept for its buffers.
 struct ProsacHomography::Workspace {
-  std::vector<std::uint64_t> order;  // quality in the upper half, index in the lower; best first
-  Normalisation reference, target;
-  PointArrays<float> points;          // normalised, in order of quality, for scoring
-  PointArrays<double> exact;          // the same in double precision, for refinement
-  double limit = 0.0;                 // the threshold in normalised target units
-  std::vector<std::uint8_t> inlier;   // of the best model, in order of quality
-  std::vector<std::uint8_t> refined;  // the pairs that the refinement used last
-  std::vector<double> squared_error;  // of the final model, px², in input order
+  ProsacPoints points;
+  ProsacSearch search;
   HomographyRefinement refinement;
-  ProsacStopping stopping;
+  std::vector<std::uint8_t> inlier;   // by quality: pairs that the refinement may use
+  std::vector<std::uint8_t> refined;  // by quality: pairs that it used last
+  std::vector<double> squared_error;  // of the final homography, px², in input order
   ProsacVerdict verdict;
-
-  void load(const PointPairs& pairs, double threshold);
-  bool solve(const ProsacSampler::Sample& sample, double threshold, Eigen::Matrix3d& h) const;
-  float polish(float cost, Eigen::Matrix3d& h);
 };
-
-void ProsacHomography::Workspace::load(const PointPairs& pairs, double threshold) {
-  const std::size_t n = pairs.size();
-  order.resize(n);
-  for (std::size_t i = 0; i < n; ++i) order[i] = sortKey(pairs.quality[i]) << 32 | i;
-  std::sort(order.begin(), order.end());
-  reference = Normalisation::of(pairs.reference);
-  target = Normalisation::of(pairs.target);
-  limit = threshold * target.scale;
-  points.resize(n);
-  exact.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::size_t index = order[i] & 0xffffffffU;
-    const Eigen::Vector2d x = reference.apply(pairs.reference[index]);
-    const Eigen::Vector2d u = target.apply(pairs.target[index]);
-    points.set(i, x, u);
-    exact.set(i, x, u);
-  }
-}
-
-bool ProsacHomography::Workspace::solve(const ProsacSampler::Sample& sample, double threshold,
-                                        Eigen::Matrix3d& h) const {
-  FourPoints from;
-  FourPoints to;
-  for (std::size_t i = 0; i < kSampleSize; ++i) {
-    from[i] = {exact.x[sample[i]], exact.y[sample[i]]};
-    to[i] = {exact.u[sample[i]], exact.v[sample[i]]};
-  }
-  const double min_area = threshold * threshold;
-  return solveFourPoints(from, to, min_area * reference.scale * reference.scale,
-                         min_area * target.scale * target.scale, h);
-}
-
-/// Local optimisation (Chum, Matas & Kittler, DAGM 2003): a step over the inliers, from a wide
-/// limit down to the threshold. Returns the cost of the best model met, which `h` becomes.
-float ProsacHomography::Workspace::polish(float cost, Eigen::Matrix3d& h) {
-  constexpr std::size_t kEnough = 200;  // inliers, the best by quality; more would not find more
-  Eigen::Matrix3d candidate = h;
-  for (double widening : {2.0, 1.5, 1.0, 1.0}) {
-    findInliers(points, candidate, widening * limit, inlier);
-    if (refinement.select(exact, inlier, kEnough) <= kSampleSize) break;
-    if (!refinement.step(widening * limit / 3.0, candidate)) break;
-    const float candidate_cost = msacCost(points, candidate, limit, cost);
-    if (candidate_cost >= cost) continue;
-    cost = candidate_cost;
-    h = candidate;
-  }
-  return cost;
-}
 
 ProsacHomography::ProsacHomography(const ProsacOptions& options)
     : options_(options), workspace_(std::make_unique<Workspace>()) {
@@ -148,75 +96,57 @@ void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& referen
     result.status = Status::too_few_matches;
     return;
   }
-  workspace_->load(pairs, options_.threshold);
-  Eigen::Matrix3d h;
-  if (!search(result, h)) return;  // no_model
-  conclude(pairs, reference_size, h, result);
-}
-
-/// Chum & Matas' loop: samples from the best pairs until both stopping rules are content. False
-/// where no sample gave a model.
-bool ProsacHomography::search(ProsacResult& result, Eigen::Matrix3d& best) {
   Workspace& work = *workspace_;
-  const std::size_t n = work.points.size;
-  ProsacSampler sampler(n, options_.max_iterations, options_.seed);
-  work.stopping.reset(n, 0.01, options_.confidence);
-  float best_cost = std::numeric_limits<float>::infinity();
-  result.stop = ProsacStop::max_iterations;
-  while (sampler.drawn() < options_.max_iterations) {
-    const ProsacSampler::Sample sample = sampler.draw(work.stopping.terminationLength());
-    Eigen::Matrix3d model;
-    if (work.solve(sample, options_.threshold, model)) {
-      float cost = msacCost(work.points, model, work.limit, best_cost);
-      if (cost < best_cost) {
-        cost = work.polish(cost, model);
-        ++result.local_optimisations;
-        best = model;
-        best_cost = cost;
-        findInliers(work.points, best, work.limit, work.inlier);
-        work.stopping.update(work.inlier);
-      }
-    }
-    if (sampler.drawn() >= work.stopping.samplesNeeded()) {
-      result.stop = ProsacStop::maximality;
-      break;
-    }
+  work.points.load(pairs, options_.threshold);
+  const double chance = chanceInlier(pairs, options_.threshold);
+  if (!work.search.run(work.points, options_, chance, result)) return;  // no_model
+  Eigen::Matrix3d h = work.search.best();
+  bool supported = false;
+  if (refine(h, supported)) {
+    judge(pairs, reference_size, h, result);
+  } else if (supported) {
+    result.status = Status::model_rejected;
   }
-  result.iterations = sampler.drawn();
-  result.growth_set_size = sampler.growthSetSize();
-  return best_cost < std::numeric_limits<float>::infinity();
 }
 
 namespace {
 
-/// Squared reprojection errors, mask, inliers and RMSE of the final homography, in pixels.
+/// H scaled to H(2,2) = 1, to length 1 where that is not possible. Returns what it was divided by.
+double scaleLastToOne(Eigen::Matrix3d& h) {
+  constexpr double kNearZero = 1e-9;  // of H's length
+  const bool possible = std::abs(h(2, 2)) > kNearZero * h.norm();
+  const double divisor = possible ? h(2, 2) : h.norm();
+  h /= divisor;
+  return divisor;
+}
+
+/// Squared reprojection errors, mask, inliers and RMSE of the homography, in pixels.
 void applyThreshold(const PointPairs& pairs, double threshold, std::vector<double>& squared_error,
                     ProsacResult& result) {
   squared_error.resize(pairs.size());
   double sum = 0.0;
-  result.inliers = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error = reprojectionError(result.homography, pairs.reference[i], pairs.target[i]);
     squared_error[i] = error * error;
     result.mask[i] = error < threshold ? 1 : 0;
     if (result.mask[i] == 0) continue;
     ++result.inliers;
-    sum += error * error;
+    sum += squared_error[i];
   }
   result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
 }
 
 /// Covariance of the pixel homography's entries from that of the normalised one's, by the chain
-/// rule through T_target^-1 H T_reference and the division by its last entry.
-Matrix8 pixelCovariance(const Matrix8& covariance, const Normalisation& reference,
-                        const Normalisation& target, const Eigen::Matrix3d& pixel, double last) {
+/// rule through T_target^-1 H T_reference and the division by the last entry.
+Matrix8 pixelCovariance(const Matrix8& covariance, const ProsacPoints& points,
+                        const Eigen::Matrix3d& pixel, double divisor) {
   Matrix8 jacobian;
   for (int j = 0; j < 8; ++j) {
     Eigen::Matrix3d unit = Eigen::Matrix3d::Zero();
     unit(j / 3, j % 3) = 1.0;
-    const Eigen::Matrix3d column = target.inverse() * unit * reference.matrix();
+    const Eigen::Matrix3d column = points.target.inverse() * unit * points.reference.matrix();
     for (int i = 0; i < 8; ++i) {
-      jacobian(i, j) = (column(i / 3, i % 3) - pixel(i / 3, i % 3) * column(2, 2)) / last;
+      jacobian(i, j) = (column(i / 3, i % 3) - pixel(i / 3, i % 3) * column(2, 2)) / divisor;
     }
   }
   return jacobian * covariance * jacobian.transpose();
@@ -224,55 +154,54 @@ Matrix8 pixelCovariance(const Matrix8& covariance, const Normalisation& referenc
 
 }  // namespace
 
-void ProsacHomography::conclude(const PointPairs& pairs, const cv::Size& reference_size,
-                                const Eigen::Matrix3d& best, ProsacResult& result) {
+/// Refines the best homography over the pairs within reach until these stay the same. False where
+/// they do not determine it; `supported` says whether there were more of them than a sample has.
+bool ProsacHomography::refine(Eigen::Matrix3d& h, bool& supported) {
+  // The weights tell good pairs from bad ones better than the threshold does, so the refinement
+  // sees the pairs just beyond it as well.
+  constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
   constexpr double kMinScale = 1e-4;  // px
-  // Reach of the refinement, in thresholds. The weights tell good pairs from bad ones better than
-  // the threshold does, so the refinement sees the pairs just beyond it as well.
-  constexpr double kRefinementReach = 2.0;
-  constexpr double kMaxCornerDeviation = 20.0;  // px
   Workspace& work = *workspace_;
-  Eigen::Matrix3d h = best;
-  bool determined = true;
-  double scale = work.limit / kRefinementReach;
-  for (int round = 0; round < kMaxRounds && determined; ++round) {
-    const std::size_t inliers =
-        findInliers(work.points, h, kRefinementReach * work.limit, work.inlier);
-    if (inliers <= kSampleSize) return;  // nothing but the sample: no_model
-    if (round > 0 && work.inlier == work.refined) break;
-    work.refined = work.inlier;
-    work.refinement.select(work.exact, work.inlier, inliers);
-    determined = work.refinement.minimise(kMinScale * work.target.scale, scale, h);
+  const ProsacPoints& points = work.points;
+  double scale = points.limit / kReach;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    const std::size_t near = findInliers(points.scoring, h, kReach * points.limit, work.inlier);
+    supported = near > kSampleSize;
+    if (!supported) return false;
+    if (round > 0 && work.inlier == work.refined) return true;
+    std::swap(work.inlier, work.refined);
+    work.refinement.select(points.refinement, work.refined, near);
+    if (!work.refinement.minimise(kMinScale * points.target.scale, scale, h)) return false;
   }
+  return true;
+}
+
+/// Verdict on the normalised homography; fills in what the verdict allows.
+void ProsacHomography::judge(const PointPairs& pairs, const cv::Size& reference_size,
+                             const Eigen::Matrix3d& h, ProsacResult& result) {
+  constexpr double kMaxCornerDeviation = 10.0;  // px; beyond, the inliers do not determine H
+  Workspace& work = *workspace_;
+  const ProsacPoints& points = work.points;
   result.status = Status::model_rejected;
-  if (!determined) return;
-  const Matrix8 covariance = work.refinement.covariance();
   auto corners = imageCorners(reference_size, pairs.reference);
-  const Eigen::Matrix3d pixel = work.target.inverse() * h * work.reference.matrix();
+  Eigen::Matrix3d pixel = points.target.inverse() * h * points.reference.matrix();
   if (!keepsPlaneInView(pixel, corners)) return;
-  for (Eigen::Vector2d& corner : corners) corner = work.reference.apply(corner);
-  if (!(cornerDeviation(h, covariance, corners) < kMaxCornerDeviation * work.target.scale)) return;
-  const bool scalable = std::abs(pixel(2, 2)) > 1e-9 * pixel.norm();
-  const double last = scalable ? pixel(2, 2) : pixel.norm();
-  result.homography = pixel / last;
-  if (scalable) result.homography(2, 2) = 1.0;
+  const Matrix8 covariance = work.refinement.covariance();
+  for (Eigen::Vector2d& corner : corners) corner = points.reference.apply(corner);
+  if (!(cornerDeviation(h, covariance, corners) < kMaxCornerDeviation * points.target.scale))
+    return;
+
+  const double divisor = scaleLastToOne(pixel);
+  result.homography = pixel;
   applyThreshold(pairs, options_.threshold, work.squared_error, result);
   if (work.verdict.explainableByChance(pairs, result.mask, work.squared_error,
                                        options_.threshold)) {
-    const ProsacStop stop = result.stop;
-    (void)stop;
-    result.homography.setZero();
-    std::fill(result.mask.begin(), result.mask.end(), std::uint8_t{0});
-    result.inliers = 0;
-    result.rmse = 0.0;
+    clearModel(result);
     return;
   }
   result.distinct_inliers = work.verdict.distinctInliers(pairs, result.mask);
-  if (scalable) {
-    result.covariance =
-        pixelCovariance(covariance, work.reference, work.target, result.homography, last);
-  }
+  result.covariance = pixelCovariance(covariance, points, pixel, divisor);
   result.status = Status::ok;
 }
 

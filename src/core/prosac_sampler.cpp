@@ -13,6 +13,15 @@ double orderedSamples(std::size_t n) {
 
 }  // namespace
 
+void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample) {
+  for (std::size_t i = first; i < sample.size(); ++i) {
+    const auto drawn = sample.begin() + static_cast<std::ptrdiff_t>(i);
+    do {
+      sample[i] = random.below(static_cast<std::uint32_t>(end));
+    } while (std::find(sample.begin(), drawn, sample[i]) != drawn);
+  }
+}
+
 ProsacSampler::ProsacSampler(std::size_t points, int budget, std::uint64_t seed)
     : points_(points), random_(seed) {
   const double n = static_cast<double>(points);
@@ -24,29 +33,18 @@ double ProsacSampler::samplesUntil(std::size_t n) const {
   return 1.0 + steady_ * (static_cast<double>(n) - 4.0) + growth_ * orderedSamples(n);
 }
 
-ProsacSampler::Sample ProsacSampler::draw(std::size_t limit) {
+ProsacSample ProsacSampler::draw(std::size_t limit) {
   ++drawn_;
   limit = std::min(limit, points_);
   while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < drawn_) ++growth_set_size_;
-  Sample sample{};
-  const bool growing = samplesUntil(growth_set_size_) >= drawn_;
-  if (growing) {
+  ProsacSample sample{};
+  if (samplesUntil(growth_set_size_) >= drawn_) {
     sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn before
-    drawDistinct(growth_set_size_ - 1, 1, sample);
+    drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {
-    drawDistinct(growth_set_size_, 0, sample);
+    drawDistinct(growth_set_size_, 0, random_, sample);
   }
   return sample;
-}
-
-/// Fills sample[first..3] with places below `from` that are not in the sample yet.
-void ProsacSampler::drawDistinct(std::size_t from, std::size_t first, Sample& sample) {
-  for (std::size_t i = first; i < sample.size(); ++i) {
-    const auto end = sample.begin() + static_cast<std::ptrdiff_t>(i);
-    do {
-      sample[i] = random_.below(static_cast<std::uint32_t>(from));
-    } while (std::find(sample.begin(), end, sample[i]) != end);
-  }
 }
 
 }  // namespace ktgp_orb

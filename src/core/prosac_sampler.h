@@ -8,6 +8,12 @@
 
 namespace ktgp_orb {
 
+/// Places of four different pairs in the order of quality.
+using ProsacSample = std::array<std::size_t, 4>;
+
+/// Fills sample[first..3] with numbers below `end` that the sample does not hold yet.
+void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample);
+
 /// Draws samples of four from a growing set of the best pairs (Chum & Matas, CVPR 2005, section 2).
 ///
 /// The growth function says how many samples have been drawn by the time the best n pairs were
@@ -20,13 +26,11 @@ namespace ktgp_orb {
 /// the budget as T_N. The last pair is reached with the last sample, whatever N.
 class ProsacSampler {
  public:
-  using Sample = std::array<std::size_t, 4>;  ///< four different places in the order of quality
-
   /// `points` N >= 4; `budget`: samples that will be drawn at most, >= 1.
   ProsacSampler(std::size_t points, int budget, std::uint64_t seed);
 
   /// The next sample. The set of pairs grows no further than `limit`, n* of the paper.
-  Sample draw(std::size_t limit);
+  ProsacSample draw(std::size_t limit);
 
   int drawn() const { return drawn_; }
   std::size_t growthSetSize() const { return growth_set_size_; }
@@ -35,8 +39,6 @@ class ProsacSampler {
   double samplesUntil(std::size_t n) const;
 
  private:
-  void drawDistinct(std::size_t from, std::size_t first, Sample& sample);
-
   std::size_t points_;
   double steady_;  // r
   double growth_;  // T_N / (N (N-1) (N-2) (N-3))
