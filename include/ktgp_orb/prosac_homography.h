@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -83,6 +84,8 @@ class ProsacHomography {
  private:
   struct Workspace;
   bool refine(Eigen::Matrix3d& homography, bool& supported);
+  bool isDetermined(const Eigen::Matrix3d& homography,
+                    const std::array<Eigen::Vector2d, 4>& corners) const;
   void judge(const PointPairs& pairs, const cv::Size& reference_size,
              const Eigen::Matrix3d& homography, ProsacResult& result);
 

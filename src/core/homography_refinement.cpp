@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace ktgp_orb {
@@ -234,15 +235,49 @@ bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matr
   return true;
 }
 
-/// Huber, Robust Statistics (1981), section 7.6: the mean of w² e² over the square of the mean of
-/// d(w e)/de, times (J^T J)^-1, for which (J^T w J)^-1 times the mean weight stands. Eight of the
-/// 2n errors went into the eight entries.
-Matrix8 HomographyRefinement::covariance() const {
+/// Huber, Robust Statistics (1981), section 7.6: the covariance is the mean of w² e² over the
+/// square of the mean of d(w e)/de, times (J^T J)^-1, for which the mean weight times (J^T w J)^-1
+/// stands. Eight of the 2n errors went into the eight entries. This is what (J^T w J)^-1 is
+/// multiplied by.
+double HomographyRefinement::varianceFactor() const {
   const double n = static_cast<double>(selected_.size);
   const double square = sums_.square / std::max(2.0 * n - 8.0, 1.0);
   const double derivative = sums_.derivative / n;
-  return square / (derivative * derivative) * (sums_.weight / n) *
-         Eigen::LDLT<Matrix8>(sums_.jtj).solve(Matrix8::Identity());
+  return square / (derivative * derivative) * (sums_.weight / n);
+}
+
+namespace {
+
+Matrix8 inverse(const Matrix8& information) {
+  constexpr double kSingular = 1e-14;
+  const Eigen::LDLT<Matrix8> ldlt(information);
+  const Vector8 pivots = ldlt.vectorD();
+  if (ldlt.info() != Eigen::Success || !(pivots.minCoeff() > kSingular * pivots.maxCoeff())) {
+    return Matrix8::Constant(std::numeric_limits<double>::infinity());
+  }
+  return ldlt.solve(Matrix8::Identity());
+}
+
+}  // namespace
+
+Matrix8 HomographyRefinement::covariance() const {
+  return varianceFactor() * inverse(sums_.jtj);
+}
+
+Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homography,
+                                                std::size_t count, std::size_t fold,
+                                                std::size_t folds) const {
+  NormalEquations normal;
+  for (std::size_t i = 0; i < count; i += 2) {
+    Lanes weight = load(weight_, i);
+    if (i % folds == fold) weight[0] = 0.0;
+    if ((i + 1) % folds == fold || i + 1 == count) weight[1] = 0.0;
+    normal.add(Projection(selected_, homography, i), weight);
+  }
+  Matrix8 jtj;
+  Vector8 unused;
+  normal.store(jtj, unused);
+  return varianceFactor() * inverse(jtj);
 }
 
 }  // namespace ktgp_orb

@@ -34,6 +34,13 @@ class HomographyRefinement {
   /// Covariance of the eight entries after minimise().
   Matrix8 covariance() const;
 
+  /// The same from the first `count` pairs only, and of these without every one whose place leaves
+  /// `fold` when divided by `folds`. Infinite where the rest does not determine H.
+  Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
+                            std::size_t folds) const;
+
+  std::size_t size() const { return selected_.size; }
+
  private:
   /// Sums over the selected pairs at one H; e: reprojection error, w: its weight.
   struct Sums {
@@ -47,6 +54,7 @@ class HomographyRefinement {
   };
 
   void accumulate(const Eigen::Matrix3d& homography, Sums& sums);
+  double varianceFactor() const;
   void updateScale(double min_scale);
 
   PointArrays<double> selected_;

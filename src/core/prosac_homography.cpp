@@ -177,20 +177,39 @@ bool ProsacHomography::refine(Eigen::Matrix3d& h, bool& supported) {
   return true;
 }
 
+/// True where the pairs of the refinement say where the image goes, and still do without any
+/// quarter of them: with all of them but one on a line, everything hangs on that one.
+bool ProsacHomography::isDetermined(const Eigen::Matrix3d& h,
+                                    const std::array<Eigen::Vector2d, 4>& corners) const {
+  constexpr double kMaxDeviation = 10.0;         // px at the worst corner
+  constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
+  constexpr std::size_t kEnough = 200;           // pairs; more would be determined even better
+  const HomographyRefinement& refinement = workspace_->refinement;
+  const double px = workspace_->points.target.scale;
+  if (!(cornerDeviation(h, refinement.covariance(), corners) < kMaxDeviation * px)) return false;
+  const std::size_t all = refinement.size();
+  const std::size_t folds = all <= 8 ? all : 4;
+  const auto holdsWith = [&](std::size_t count) {
+    for (std::size_t fold = 0; fold < folds; ++fold) {
+      const Matrix8 without = refinement.covarianceWithout(h, count, fold, folds);
+      if (!(cornerDeviation(h, without, corners) < kMaxDeviationWithout * px)) return false;
+    }
+    return true;
+  };
+  return holdsWith(std::min(all, kEnough)) || (all > kEnough && holdsWith(all));
+}
+
 /// Verdict on the normalised homography; fills in what the verdict allows.
 void ProsacHomography::judge(const PointPairs& pairs, const cv::Size& reference_size,
                              const Eigen::Matrix3d& h, ProsacResult& result) {
-  constexpr double kMaxCornerDeviation = 10.0;  // px; beyond, the inliers do not determine H
   Workspace& work = *workspace_;
   const ProsacPoints& points = work.points;
   result.status = Status::model_rejected;
   auto corners = imageCorners(reference_size, pairs.reference);
   Eigen::Matrix3d pixel = points.target.inverse() * h * points.reference.matrix();
   if (!keepsPlaneInView(pixel, corners)) return;
-  const Matrix8 covariance = work.refinement.covariance();
   for (Eigen::Vector2d& corner : corners) corner = points.reference.apply(corner);
-  if (!(cornerDeviation(h, covariance, corners) < kMaxCornerDeviation * points.target.scale))
-    return;
+  if (!isDetermined(h, corners)) return;
 
   const double divisor = scaleLastToOne(pixel);
   result.homography = pixel;
@@ -201,7 +220,7 @@ void ProsacHomography::judge(const PointPairs& pairs, const cv::Size& reference_
     return;
   }
   result.distinct_inliers = work.verdict.distinctInliers(pairs, result.mask);
-  result.covariance = pixelCovariance(covariance, points, pixel, divisor);
+  result.covariance = pixelCovariance(work.refinement.covariance(), points, pixel, divisor);
   result.status = Status::ok;
 }
 
