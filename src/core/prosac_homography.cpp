@@ -183,7 +183,7 @@ bool ProsacHomography::isDetermined(const Eigen::Matrix3d& h,
                                     const std::array<Eigen::Vector2d, 4>& corners) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
   constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
-  constexpr std::size_t kEnough = 200;           // pairs; more would be determined even better
+  constexpr std::size_t kEnough = 100;           // pairs; more would be determined even better
   const HomographyRefinement& refinement = workspace_->refinement;
   const double px = workspace_->points.target.scale;
   if (!(cornerDeviation(h, refinement.covariance(), corners) < kMaxDeviation * px)) return false;

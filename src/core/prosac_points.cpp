@@ -1,7 +1,9 @@
 #include "prosac_points.h"
 
-#include <algorithm>
+#include <array>
 #include <cstring>
+#include <numeric>
+#include <utility>
 
 namespace ktgp_orb {
 namespace {
@@ -10,7 +12,7 @@ constexpr int kIndexBits = 32;
 constexpr std::uint64_t kIndexMask = 0xffffffffU;
 
 /// An integer that orders as the number does in single precision, which tells all ratios of Hamming
-/// distances apart. One integer to compare makes sorting twice as fast as an indirect comparison.
+/// distances apart.
 std::uint64_t sortKey(double quality) {
   const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
   std::uint32_t bits = 0;
@@ -21,12 +23,24 @@ std::uint64_t sortKey(double quality) {
 
 }  // namespace
 
+/// Radix sort, byte by byte from the lowest: stable, and several times faster than comparing.
+void ProsacPoints::sortByQuality(const std::vector<double>& quality) {
+  const std::size_t n = quality.size();
+  order_.resize(n);
+  sorted_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) order_[i] = sortKey(quality[i]) << kIndexBits | i;
+  for (int shift = kIndexBits; shift < 64; shift += 8) {
+    std::array<std::size_t, 257> start{};
+    for (const std::uint64_t key : order_) ++start[(key >> shift & 0xffU) + 1];
+    std::partial_sum(start.begin(), start.end(), start.begin());
+    for (const std::uint64_t key : order_) sorted_[start[key >> shift & 0xffU]++] = key;
+    std::swap(order_, sorted_);
+  }
+}
+
 void ProsacPoints::load(const PointPairs& pairs, double threshold) {
   const std::size_t n = pairs.size();
-  order_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) order_[i] = sortKey(pairs.quality[i]) << kIndexBits | i;
-  std::sort(order_.begin(), order_.end());
-
+  sortByQuality(pairs.quality);
   reference = Normalisation::of(pairs.reference);
   target = Normalisation::of(pairs.target);
   limit = threshold * target.scale;

@@ -24,7 +24,10 @@ struct ProsacPoints {
   void load(const PointPairs& pairs, double threshold);
 
  private:
+  void sortByQuality(const std::vector<double>& quality);
+
   std::vector<std::uint64_t> order_;  // quality in the upper half, index in the lower
+  std::vector<std::uint64_t> sorted_;
 };
 
 }  // namespace ktgp_orb

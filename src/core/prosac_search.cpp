@@ -68,7 +68,7 @@ bool ProsacSearch::improve(const ProsacSample& sample) {
 void ProsacSearch::polish() {
   constexpr std::size_t kEnough = 200;  // inliers, the best by quality; more would not find more
   Eigen::Matrix3d candidate = best_;
-  for (double widening : {2.0, 1.5, 1.0, 1.0}) {
+  for (double widening : {2.0, 1.0, 1.0}) {
     const double limit = widening * points_->limit;
     findInliers(points_->scoring, candidate, limit, inlier_);
     if (refinement_.select(points_->refinement, inlier_, kEnough) <= kSampleSize) return;

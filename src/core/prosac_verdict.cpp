@@ -100,7 +100,7 @@ std::size_t ProsacVerdict::distinct(const std::vector<Eigen::Vector2d>& points,
                                     const std::vector<std::uint8_t>& mask) {
   std::size_t slots = 16;
   while (slots < 2 * points.size()) slots *= 2;
-  const std::size_t empty = points.size();
+  const auto empty = static_cast<std::uint32_t>(points.size());
   table_.assign(slots, empty);
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
@@ -110,7 +110,7 @@ std::size_t ProsacVerdict::distinct(const std::vector<Eigen::Vector2d>& points,
       slot = (slot + 1) & (slots - 1);
     }
     if (table_[slot] != empty) continue;
-    table_[slot] = i;
+    table_[slot] = static_cast<std::uint32_t>(i);
     ++count;
   }
   return count;

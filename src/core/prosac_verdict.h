@@ -39,8 +39,8 @@ class ProsacVerdict {
   bool isApart(const PointPairs& pairs, std::size_t candidate, double distance) const;
 
   std::vector<std::size_t> inliers_;
-  std::vector<std::size_t> taken_;  // inliers that count
-  std::vector<std::size_t> table_;  // hash table of positions
+  std::vector<std::size_t> taken_;    // inliers that count
+  std::vector<std::uint32_t> table_;  // hash table of positions
 };
 
 }  // namespace ktgp_orb
