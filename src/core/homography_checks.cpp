@@ -35,23 +35,30 @@ bool keepsPlaneInView(const Eigen::Matrix3d& homography,
   return homography.determinant() > 0.0 && nearest > kClear * farthest;
 }
 
-double cornerDeviation(const Eigen::Matrix3d& homography,
-                       const Eigen::Matrix<double, 8, 8>& covariance,
-                       const std::array<Eigen::Vector2d, 4>& corners) {
-  double largest = 0.0;
+CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
+                                const Eigen::Matrix<double, 8, 8>& covariance,
+                                const std::array<Eigen::Vector2d, 4>& corners) {
+  const auto root = [](double variance) {
+    return variance >= 0.0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
+  };
+  CornerDeviation largest;
   for (const Eigen::Vector2d& corner : corners) {
     const Eigen::Vector3d p = homography * corner.homogeneous();
     const Eigen::Vector2d q = p.hnormalized();
     const double x = corner.x() / p.z();
     const double y = corner.y() / p.z();
-    Eigen::Matrix<double, 2, 8> jacobian;
-    jacobian << x, y, 1.0 / p.z(), 0.0, 0.0, 0.0, -q.x() * x, -q.x() * y,  //
+    Eigen::Matrix<double, 2, 8> by_entries;
+    by_entries << x, y, 1.0 / p.z(), 0.0, 0.0, 0.0, -q.x() * x, -q.x() * y,  //
         0.0, 0.0, 0.0, x, y, 1.0 / p.z(), -q.y() * x, -q.y() * y;
-    const double variance = (jacobian * covariance * jacobian.transpose()).trace();
-    if (!(variance >= 0.0)) return std::numeric_limits<double>::infinity();
-    largest = std::max(largest, variance);
+    const Eigen::Matrix2d by_corner =
+        (homography.topLeftCorner<2, 2>() - q * homography.block<1, 2>(2, 0)) / p.z();
+    const Eigen::Matrix2d spread = by_entries * covariance * by_entries.transpose();
+    const Eigen::Matrix2d back = by_corner.inverse();
+    largest.target = std::max(largest.target, root(spread.trace()));
+    largest.reference =
+        std::max(largest.reference, root((back * spread * back.transpose()).trace()));
   }
-  return std::sqrt(largest);
+  return largest;
 }
 
 }  // namespace ktgp_orb

@@ -17,10 +17,17 @@ std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
 bool keepsPlaneInView(const Eigen::Matrix3d& homography,
                       const std::array<Eigen::Vector2d, 4>& corners);
 
-/// Largest standard deviation, over the corners, of where H maps them: the root of the trace of
-/// the propagated covariance of H's first eight entries, H(2,2) = 1. Infinite where undefined.
-double cornerDeviation(const Eigen::Matrix3d& homography,
-                       const Eigen::Matrix<double, 8, 8>& covariance,
-                       const std::array<Eigen::Vector2d, 4>& corners);
+/// How uncertain H is: largest standard deviation over the corners of where H maps them, in the
+/// target, and of where H maps them back from there, in the reference.
+struct CornerDeviation {
+  double target = 0.0;
+  double reference = 0.0;
+};
+
+/// The root of the trace of the covariance propagated from that of H's first eight entries, with
+/// H(2,2) = 1, in the units of H. Infinite where undefined.
+CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
+                                const Eigen::Matrix<double, 8, 8>& covariance,
+                                const std::array<Eigen::Vector2d, 4>& corners);
 
 }  // namespace ktgp_orb

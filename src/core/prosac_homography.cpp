@@ -179,20 +179,27 @@ bool ProsacHomography::refine(Eigen::Matrix3d& h, bool& supported) {
 
 /// True where the pairs of the refinement say where the image goes, and still do without any
 /// quarter of them: with all of them but one on a line, everything hangs on that one.
+/// Deviations count in the image where they are smaller: a strong perspective magnifies a corner
+/// that it moves far out of sight, and the error of it likewise.
 bool ProsacHomography::isDetermined(const Eigen::Matrix3d& h,
                                     const std::array<Eigen::Vector2d, 4>& corners) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
   constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
   constexpr std::size_t kEnough = 100;           // pairs; more would be determined even better
   const HomographyRefinement& refinement = workspace_->refinement;
-  const double px = workspace_->points.target.scale;
-  if (!(cornerDeviation(h, refinement.covariance(), corners) < kMaxDeviation * px)) return false;
+  const ProsacPoints& points = workspace_->points;
+  const auto deviation = [&](const Matrix8& covariance) {
+    const CornerDeviation normalised = cornerDeviation(h, covariance, corners);
+    return std::min(normalised.target / points.target.scale,
+                    normalised.reference / points.reference.scale);
+  };
+  if (!(deviation(refinement.covariance()) < kMaxDeviation)) return false;
   const std::size_t all = refinement.size();
   const std::size_t folds = all <= 8 ? all : 4;
   const auto holdsWith = [&](std::size_t count) {
     for (std::size_t fold = 0; fold < folds; ++fold) {
       const Matrix8 without = refinement.covarianceWithout(h, count, fold, folds);
-      if (!(cornerDeviation(h, without, corners) < kMaxDeviationWithout * px)) return false;
+      if (!(deviation(without) < kMaxDeviationWithout)) return false;
     }
     return true;
   };

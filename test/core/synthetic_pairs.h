@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <cmath>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
