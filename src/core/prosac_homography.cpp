@@ -196,14 +196,14 @@ bool ProsacHomography::isDetermined(const Eigen::Matrix3d& h,
   if (!(deviation(refinement.covariance()) < kMaxDeviation)) return false;
   const std::size_t all = refinement.size();
   const std::size_t folds = all <= 8 ? all : 4;
-  const auto holdsWith = [&](std::size_t count) {
+  const auto holds_with = [&](std::size_t count) {
     for (std::size_t fold = 0; fold < folds; ++fold) {
       const Matrix8 without = refinement.covarianceWithout(h, count, fold, folds);
       if (!(deviation(without) < kMaxDeviationWithout)) return false;
     }
     return true;
   };
-  return holdsWith(std::min(all, kEnough)) || (all > kEnough && holdsWith(all));
+  return holds_with(std::min(all, kEnough)) || (all > kEnough && holds_with(all));
 }
 
 /// Verdict on the normalised homography; fills in what the verdict allows.

@@ -21,7 +21,7 @@ double boundingBoxArea(const std::vector<Eigen::Vector2d>& points) {
 class FalseAlarms {
  public:
   explicit FalseAlarms(std::size_t pairs) : n_(static_cast<double>(pairs)) {
-    for (double i = 1.0; i <= 4.0; i += 1.0) log_subsets_ += std::log10((n_ - 4.0 + i) / i);
+    for (int i = 1; i <= 4; ++i) log_subsets_ += std::log10((n_ - 4.0 + i) / i);
     log_subsets_ += std::log10(std::max(n_ - 4.0, 1.0));
   }
 
