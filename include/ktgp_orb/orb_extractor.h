@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
 
@@ -7,18 +8,37 @@
 
 namespace ktgp_orb {
 
+/// Who does the work. Both give the same keypoints and descriptors.
+enum class ExtractorKind : std::uint8_t {
+  fast,    ///< this package's vector code
+  opencv,  ///< cv::ORB, one thread; has no uniform distribution
+};
+
+/// Which of the corners become keypoints.
+enum class KeypointDistribution : std::uint8_t {
+  ranked,   ///< those of highest Harris response, wherever they are: cv::ORB's choice
+  uniform,  ///< an equal share from every part of the image
+};
+
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
 struct OrbOptions {
   int features = 2000;        ///< keypoints to keep at most, >= 1
-  double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in (1, 2]
+  double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
+  ExtractorKind extractor = ExtractorKind::fast;
+  KeypointDistribution distribution = KeypointDistribution::ranked;
+  int threads = 1;  ///< threads that share the work; 0 = all of the machine; the answer is equal
 
   bool operator==(const OrbOptions& other) const;
   bool operator!=(const OrbOptions& other) const { return !(*this == other); }
 };
 
 /// Finds ORB keypoints (Rublee et al., ICCV 2011) and their 256-bit rBRIEF descriptors.
+///
+/// With KeypointDistribution::ranked the keypoints, their order and the descriptors are those of
+/// cv::ORB::create(features, scale_factor, levels, 31, 0, 2, HARRIS_SCORE, 31, fast_threshold).
+/// At equal Harris response cv::ORB keeps more than it was asked for, and so does this.
 class OrbExtractor {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -29,9 +49,13 @@ class OrbExtractor {
 
   const OrbOptions& options() const;
 
-  /// `image`: 8-bit grey, any stride; an empty image gives no features. Throws
-  /// std::invalid_argument for any other type. Buffers of `features` are reused.
+  /// `image`: 8-bit grey, any stride; an empty image, or one without room for a 63 px patch, gives
+  /// no features. Throws std::invalid_argument for any other type. Buffers of `features` are
+  /// reused.
   void extract(const cv::Mat& image, Features& features);
+  /// Only keypoints where `mask` (8-bit, the size of `image`, or empty: everywhere) is not zero.
+  /// Throws std::invalid_argument for any other mask.
+  void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
   struct Impl;

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "orb_kernels.h"
+
+namespace ktgp_orb {
+
+/// Memory of one thread for fastCorners.
+struct FastScratch {
+  std::vector<std::uint8_t> scores;
+  std::vector<std::int32_t> maxima;
+};
+
+/// Appends the FAST-9 corners of the rows [first_row, last_row) of `image` after non-maximum
+/// suppression, row by row and from left to right, with their FAST score as response. Only those
+/// at least kEdgeMargin px from the border; the image and the rows must be larger than that.
+void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
+                 const OrbKernels& kernels, FastScratch& scratch,
+                 std::vector<cv::KeyPoint>& corners);
+
+/// Replaces the response by the Harris response in `image`.
+void scoreByHarris(const cv::Mat& image, const OrbKernels& kernels,
+                   std::vector<cv::KeyPoint>& keypoints);
+
+/// Sets the angle, in degrees in [0, 360), of the vector from each keypoint to the intensity
+/// centroid around it.
+void orient(const cv::Mat& image, const OrbKernels& kernels, std::vector<cv::KeyPoint>& keypoints);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
+constexpr int kOrientationRadius = 15;
+/// Radius of the blur before the descriptor, in px.
+constexpr int kBlurRadius = 3;
+/// Largest offset, along x or y, of a pixel that the rotated sampling pattern reads, in px.
+constexpr int kPatternRadius = 18;
+/// Keypoints stay this far from the border of their pyramid level, in px.
+constexpr int kEdgeMargin = 31;
+
+/// First-order moments of the intensities around a keypoint (Rosin, 1999): sums of x*I and y*I.
+struct Moments {
+  int x = 0;
+  int y = 0;
+};
+
+/// The pixel loops of ORB. One set of functions per instruction set; all give the same bits.
+///
+/// A `pixel` pointer stands on the pixel meant; `stride` is the distance of rows in bytes.
+struct OrbKernels {
+  const char* name;  ///< instruction set, e.g. "AVX2"
+
+  /// FAST-9 scores (Rosten & Drummond, ECCV 2006) of `count` pixels of a row: the largest threshold
+  /// at which a pixel is still a corner, or 0 where that is below `threshold` (1..255).
+  /// Reads three pixels around; may read 64 bytes beyond and write 64 beyond scores[count - 1].
+  void (*fastScores)(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int threshold,
+                     std::uint8_t* scores);
+
+  /// Non-maximum suppression: writes the indices of the scores in `row` that exceed all eight
+  /// neighbours to `maxima`, ascending, and returns their number. The rows hold `count` scores and
+  /// are readable one before and 64 beyond; `maxima` has room for `count`.
+  int (*localMaxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                     int count, std::int32_t* maxima);
+
+  /// Harris response (k = 0.04) of the 7x7 block of Sobel gradients around a pixel.
+  float (*harris)(const std::uint8_t* pixel, std::ptrdiff_t stride);
+
+  /// Moments of the disc of kOrientationRadius.
+  Moments (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
+
+  /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours
+  /// on either side. May read 64 bytes beyond and write 64 values beyond out[count - 1].
+  void (*blurAlongRow)(const std::uint8_t* pixel, int count, float* out);
+  /// Gaussian blur across 2 * kBlurRadius + 1 such rows, from the top down, to the nearest integer.
+  /// May read 64 values beyond and write 64 bytes beyond out[count - 1].
+  void (*blurAcrossRows)(const float* const* rows, int count, std::uint8_t* out);
+
+  /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, its sampling pattern
+  /// rotated by the angle of this cosine and sine: 32 bytes.
+  void (*describe)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+                   std::uint8_t* descriptor);
+};
+
+/// Plain C++, the definition of what the others compute.
+const OrbKernels& portableOrbKernels();
+/// The fastest set this machine can run.
+const OrbKernels& bestOrbKernels();
+/// Every set this machine can run.
+std::vector<const OrbKernels*> allOrbKernels();
+
+}  // namespace ktgp_orb
