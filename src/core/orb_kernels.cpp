@@ -132,7 +132,7 @@ const OrbKernels& portableOrbKernels() {
   return kPortable;
 }
 
-#if 1
+#ifndef KTGP_ORB_HAVE_HIGHWAY
 const OrbKernels& bestOrbKernels() {
   return portableOrbKernels();
 }

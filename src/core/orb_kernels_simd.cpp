@@ -1,0 +1,66 @@
+// The pixel loops of ORB with Highway: compiled for every instruction set, chosen at run time.
+#include "orb_kernels.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "orb_kernels_simd.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+#include <hwy/highway.h>
+
+// Without vectors the plain loops are as good.
+#undef KTGP_ORB_VECTORS
+#define KTGP_ORB_VECTORS (HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128)
+#if KTGP_ORB_VECTORS
+#include "orb_blur-inl.h"
+#include "orb_fast-inl.h"
+#include "orb_patch-inl.h"
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb {
+namespace HWY_NAMESPACE {
+
+const OrbKernels* kernels() {
+#if KTGP_ORB_VECTORS
+  static const OrbKernels kKernels = [] {
+    OrbKernels set{hwy::TargetName(HWY_TARGET), fastScores, localMaxima, harris, moments,
+                   blurAlongRow, blurAcrossRows, describe};
+#if !HWY_NATIVE_FMA
+    set.blurAlongRow = portableOrbKernels().blurAlongRow;
+    set.blurAcrossRows = portableOrbKernels().blurAcrossRows;
+#endif
+    return set;
+  }();
+  return &kKernels;
+#else
+  return &portableOrbKernels();
+#endif
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ktgp_orb {
+
+HWY_EXPORT(kernels);
+
+const OrbKernels& bestOrbKernels() {
+  return *HWY_DYNAMIC_DISPATCH(kernels)();
+}
+
+std::vector<const OrbKernels*> allOrbKernels() {
+  std::vector<const OrbKernels*> all{&portableOrbKernels()};
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    const OrbKernels* set = HWY_DYNAMIC_DISPATCH(kernels)();
+    if (set != all.front()) all.push_back(set);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  return all;
+}
+
+}  // namespace ktgp_orb
+#endif

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+
+#include "orb_kernels_common.h"
+#include "orb_pattern.h"
+
+namespace ktgp_orb {
+
+/// Columns of the orientation disc, rounded up to whole registers.
+constexpr int kDiscColumns = 32;
+
+/// The orientation disc as vector code wants it: column c lies at x = c - kOrientationRadius.
+struct DiscTable {
+  std::uint8_t rows[kOrientationRadius + 1][kDiscColumns];  ///< 255 inside, by distance of the row
+  std::int16_t x[kDiscColumns];
+};
+
+constexpr DiscTable makeDiscTable() {
+  DiscTable table{};
+  for (int column = 0; column < kDiscColumns; ++column) {
+    const int x = column - kOrientationRadius;
+    table.x[column] = static_cast<std::int16_t>(x);
+    for (int y = 0; y <= kOrientationRadius; ++y) {
+      const bool inside = x >= -kDiscHalfWidth[y] && x <= kDiscHalfWidth[y];
+      table.rows[y][column] = inside ? 255 : 0;
+    }
+  }
+  return table;
+}
+
+constexpr DiscTable kDiscTable = makeDiscTable();
+
+/// The sampling pattern in single precision, aligned for the widest registers.
+struct PatternTable {
+  alignas(64) float first_x[kPatternPairs];
+  alignas(64) float first_y[kPatternPairs];
+  alignas(64) float second_x[kPatternPairs];
+  alignas(64) float second_y[kPatternPairs];
+};
+
+constexpr PatternTable makePatternTable() {
+  PatternTable table{};
+  for (int i = 0; i < kPatternPairs; ++i) {
+    table.first_x[i] = kOrbPattern.first_x[i];
+    table.first_y[i] = kOrbPattern.first_y[i];
+    table.second_x[i] = kOrbPattern.second_x[i];
+    table.second_y[i] = kOrbPattern.second_y[i];
+  }
+  return table;
+}
+
+constexpr PatternTable kPatternTable = makePatternTable();
+
+}  // namespace ktgp_orb
