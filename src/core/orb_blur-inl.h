@@ -36,13 +36,16 @@ void blurAlongRow(const std::uint8_t* pixel, int count, float* out) {
 
 void blurAcrossRows(const float* const* rows, int count, std::uint8_t* out) {
   const Floats d;
+  const hn::RebindToUnsigned<Floats> du;
+  const auto rounder = hn::Set(d, kRounder);
   for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d))) {
     const auto load = [&](int row) { return hn::LoadU(d, rows[row] + x); };
     auto sum = hn::Mul(hn::Set(d, kGaussian[0]), load(3));
     sum = hn::MulAdd(hn::Set(d, kGaussian[1]), hn::Add(load(4), load(2)), sum);
     sum = hn::MulAdd(hn::Set(d, kGaussian[2]), hn::Add(load(5), load(1)), sum);
     sum = hn::MulAdd(hn::Set(d, kGaussian[3]), hn::Add(load(6), load(0)), sum);
-    hn::StoreU(hn::DemoteTo(FewBytes(), hn::NearestInt(sum)), FewBytes(), out + x);
+    const auto rounded = hn::And(hn::BitCast(du, hn::Add(sum, rounder)), hn::Set(du, 0xFF));
+    hn::StoreU(hn::U8FromU32(rounded), FewBytes(), out + x);
   }
 }
 

@@ -11,9 +11,10 @@ constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end o
 void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernels& kernels,
               BlurScratch& scratch, cv::Mat& blurred) {
   const int columns = image.cols - 2 * kBlurMargin;
-  const std::ptrdiff_t pitch = columns + kVectorSlack;
-  scratch.resize(kRows * static_cast<std::size_t>(pitch));
-  const auto along = [&](int y) { return scratch.data() + y % kRows * pitch; };
+  // Rows start on cache lines, 16 values each: loads that straddle two take twice as long.
+  const int pitch = (columns + kVectorSlack + 15) / 16 * 16;
+  if (scratch.cols < pitch) scratch.create(kRows, pitch, CV_32F);
+  const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
   for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {
     kernels.blurAlongRow(image.ptr<std::uint8_t>(y) + kBlurMargin, columns, along(y));
     const int middle = y - kBlurRadius;

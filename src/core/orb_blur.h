@@ -1,7 +1,6 @@
 #pragma once
 
 #include <opencv2/core.hpp>
-#include <vector>
 
 #include "orb_kernels.h"
 
@@ -11,7 +10,7 @@ namespace ktgp_orb {
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
 
 /// Memory of one thread for blurRows.
-using BlurScratch = std::vector<float>;
+using BlurScratch = cv::Mat;
 
 /// The rows [first_row, last_row) of `image` under a 7x7 Gaussian of sigma 2 into `blurred`, except
 /// for kBlurMargin pixels on either side. The rows keep that distance from the border too;

@@ -22,8 +22,14 @@ namespace HWY_NAMESPACE {
 const OrbKernels* kernels() {
 #if KTGP_ORB_VECTORS
   static const OrbKernels kKernels = [] {
-    OrbKernels set{hwy::TargetName(HWY_TARGET), fastScores, localMaxima, harris, moments,
-                   blurAlongRow, blurAcrossRows, describe};
+    OrbKernels set{hwy::TargetName(HWY_TARGET),
+                   fastScores,
+                   localMaxima,
+                   harris,
+                   moments,
+                   blurAlongRow,
+                   blurAcrossRows,
+                   describe};
 #if !HWY_NATIVE_FMA
     set.blurAlongRow = portableOrbKernels().blurAlongRow;
     set.blurAcrossRows = portableOrbKernels().blurAcrossRows;

@@ -2,11 +2,9 @@
 // descriptor. No include guard: orb_kernels_simd.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
-#include <cstring>
-
 #include "orb_kernels_common.h"
-#include "orb_pattern.h"
 #include "orb_patch_tables.h"
+#include "orb_pattern.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb {
@@ -82,45 +80,42 @@ Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   return result;
 }
 
-// Offsets of pattern points after rotation. The order of the roundings is part of the definition:
-// each product, their sum, then to the nearest pixel.
-struct Rotation {
-  using D = hn::ScalableTag<float>;
-  hn::Vec<D> cosine, sine;
-  hn::Vec<hn::RebindToSigned<D>> stride;
-
-  HWY_INLINE auto operator()(const float* pattern_x, const float* pattern_y) const {
-    const auto x = hn::Load(D(), pattern_x);
-    const auto y = hn::Load(D(), pattern_y);
-    const auto column = hn::NearestInt(hn::Sub(hn::Mul(x, cosine), hn::Mul(y, sine)));
-    const auto row = hn::NearestInt(hn::Add(hn::Mul(x, sine), hn::Mul(y, cosine)));
-    return row * stride + column;
-  }
-};
-
-void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
-              std::uint8_t* descriptor) {
+// Byte offsets of the pattern's points after rotation. The order of the roundings is part of the
+// definition: each product, their sum, then to the nearest pixel.
+HWY_INLINE void rotatePattern(float cosine, float sine, std::int32_t stride,
+                              std::int32_t* HWY_RESTRICT offsets) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const Rotation rotate{hn::Set(d, cosine), hn::Set(d, sine),
-                        hn::Set(di, static_cast<std::int32_t>(stride))};
-  const auto* base = reinterpret_cast<const std::int32_t*>(pixel);
-  const auto sample = [&](const float* x, const float* y) {
-    return hn::And(hn::GatherOffset(di, base, rotate(x, y)), hn::Set(di, 0xFF));
-  };
-  std::uint8_t bits[8] = {};
-  for (int i = 0; i < kPatternPairs; i += lanes) {
-    const auto first = sample(kPatternTable.first_x + i, kPatternTable.first_y + i);
-    const auto second = sample(kPatternTable.second_x + i, kPatternTable.second_y + i);
-    hn::StoreMaskBits(di, first < second, bits);
-    if (lanes >= 8) {
-      std::memcpy(descriptor + i / 8, bits, static_cast<std::size_t>(lanes) / 8);
-    } else {
-      const int shift = i % 8;
-      if (shift == 0) descriptor[i / 8] = 0;
-      descriptor[i / 8] |= static_cast<std::uint8_t>(bits[0] << shift);
+  const auto c = hn::Set(d, cosine);
+  const auto s = hn::Set(d, sine);
+  const auto rounder = hn::Set(d, kRounder);
+  const auto pitch = hn::Set(di, stride);
+  // What the rounder adds to row * stride + column, modulo 2^32.
+  const auto surplus = hn::Set(
+      di, static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1u)));
+  for (int i = 0; i < 2 * kPatternPairs; i += static_cast<int>(hn::Lanes(d))) {
+    const auto x = hn::Load(d, kPatternTable.x + i);
+    const auto y = hn::Load(d, kPatternTable.y + i);
+    const auto column = hn::Add(hn::Sub(hn::Mul(x, c), hn::Mul(y, s)), rounder);
+    const auto row = hn::Add(hn::Add(hn::Mul(x, s), hn::Mul(y, c)), rounder);
+    const auto offset = hn::BitCast(di, row) * pitch + hn::BitCast(di, column) - surplus;
+    hn::Store(offset, di, offsets + i);
+  }
+}
+
+// The pixels are read one by one: gather instructions are slower, where there are any.
+void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+              std::uint8_t* descriptor) {
+  alignas(64) std::int32_t offsets[2 * kPatternPairs];
+  rotatePattern(cosine, sine, static_cast<std::int32_t>(stride), offsets);
+  const std::int32_t* first = offsets;
+  const std::int32_t* second = offsets + kPatternPairs;
+  for (int byte = 0; byte < kPatternPairs / 8; ++byte, first += 8, second += 8) {
+    unsigned bits = 0;
+    for (int i = 7; i >= 0; --i) {
+      bits = 2 * bits + static_cast<unsigned>(pixel[first[i]] < pixel[second[i]]);
     }
+    descriptor[byte] = static_cast<std::uint8_t>(bits);
   }
 }
 

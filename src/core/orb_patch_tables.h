@@ -31,21 +31,19 @@ constexpr DiscTable makeDiscTable() {
 
 constexpr DiscTable kDiscTable = makeDiscTable();
 
-/// The sampling pattern in single precision, aligned for the widest registers.
+/// The sampling pattern in single precision: the first point of every pair, then the second ones.
 struct PatternTable {
-  alignas(64) float first_x[kPatternPairs];
-  alignas(64) float first_y[kPatternPairs];
-  alignas(64) float second_x[kPatternPairs];
-  alignas(64) float second_y[kPatternPairs];
+  alignas(64) float x[2 * kPatternPairs];
+  alignas(64) float y[2 * kPatternPairs];
 };
 
 constexpr PatternTable makePatternTable() {
   PatternTable table{};
   for (int i = 0; i < kPatternPairs; ++i) {
-    table.first_x[i] = kOrbPattern.first_x[i];
-    table.first_y[i] = kOrbPattern.first_y[i];
-    table.second_x[i] = kOrbPattern.second_x[i];
-    table.second_y[i] = kOrbPattern.second_y[i];
+    table.x[i] = kOrbPattern.first_x[i];
+    table.y[i] = kOrbPattern.first_y[i];
+    table.x[kPatternPairs + i] = kOrbPattern.second_x[i];
+    table.y[kPatternPairs + i] = kOrbPattern.second_y[i];
   }
   return table;
 }
