@@ -10,6 +10,25 @@
 namespace ktgp_orb {
 namespace {
 
+void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, std::uint16_t* out) {
+  for (const ResizeBlock* block = blocks; block != blocks + count; ++block) {
+    for (int i = 0; i < kResizeBlock; ++i) {
+      const int left = row[block->start + block->taps[i]];
+      const int right = row[block->start + block->taps[kResizeBlock + i]];
+      *out++ = static_cast<std::uint16_t>(block->weights[i] * left +
+                                          block->weights[kResizeBlock + i] * right);
+    }
+  }
+}
+
+void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
+             std::uint8_t* out) {
+  for (int x = 0; x < count; ++x) {
+    const int sum = (256 - weight) * above[x] + weight * below[x];
+    out[x] = static_cast<std::uint8_t>((sum + (1 << 15)) >> 16);
+  }
+}
+
 // The arc of nine neighbours that starts at `start` is all darker (or all brighter) than the centre
 // by more than what this returns.
 int arcContrast(const int (&difference)[16], int start) {
@@ -127,8 +146,9 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
 }  // namespace
 
 const OrbKernels& portableOrbKernels() {
-  static constexpr OrbKernels kPortable{"portable", fastScores,   localMaxima,    harris,
-                                        moments,    blurAlongRow, blurAcrossRows, describe};
+  static constexpr OrbKernels kPortable{"portable",     resizeRow, mixRows, fastScores,
+                                        localMaxima,    harris,    moments, blurAlongRow,
+                                        blurAcrossRows, describe};
   return kPortable;
 }
 

@@ -21,11 +21,31 @@ struct Moments {
   int y = 0;
 };
 
+/// Target pixels that are interpolated at a time.
+constexpr int kResizeBlock = 8;
+
+/// Where kResizeBlock neighbouring pixels of a resized row come from: for each its left and then,
+/// in the second half, its right source pixel, with weights that add up to 256.
+struct ResizeBlock {
+  std::int32_t start;                   ///< first source pixel of the block
+  std::uint8_t taps[2 * kResizeBlock];  ///< source pixels, from `start` on
+  std::uint16_t weights[2 * kResizeBlock];
+};
+
 /// The pixel loops of ORB. One set of functions per instruction set; all give the same bits.
 ///
 /// A `pixel` pointer stands on the pixel meant; `stride` is the distance of rows in bytes.
 struct OrbKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
+
+  /// Linear interpolation along a row into `count` blocks of values in units of 1/256. The taps are
+  /// 0..15 (plain C++: any) and 16 bytes from each start are readable.
+  void (*resizeRow)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
+                    std::uint16_t* out);
+  /// Interpolation between two such rows, with `weight`/256 for the one below, to the nearest
+  /// integer, half up. May read 64 values beyond and write 64 bytes beyond out[count - 1].
+  void (*mixRows)(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
+                  std::uint8_t* out);
 
   /// FAST-9 scores (Rosten & Drummond, ECCV 2006) of `count` pixels of a row: the largest threshold
   /// at which a pixel is still a corner, or 0 where that is below `threshold` (1..255).

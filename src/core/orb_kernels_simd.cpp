@@ -13,6 +13,7 @@
 #include "orb_blur-inl.h"
 #include "orb_fast-inl.h"
 #include "orb_patch-inl.h"
+#include "orb_resize-inl.h"
 #endif
 
 HWY_BEFORE_NAMESPACE();
@@ -23,6 +24,8 @@ const OrbKernels* kernels() {
 #if KTGP_ORB_VECTORS
   static const OrbKernels kKernels = [] {
     OrbKernels set{hwy::TargetName(HWY_TARGET),
+                   resizeRow,
+                   mixRows,
                    fastScores,
                    localMaxima,
                    harris,

@@ -21,7 +21,7 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
-  pyramid_.shrink();
+  pyramid_.shrink(kernels_);
   for (int level = 0; level < pyramid_.used(); ++level) {
     detect(level);
     blur(level);

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "orb_kernels.h"
-
 namespace ktgp_orb {
 namespace {
 
@@ -37,7 +35,8 @@ std::vector<int> featuresPerLevel(int features, double scale_factor, int levels)
   return result;
 }
 
-OrbPyramid::OrbPyramid(int features, double scale_factor, int levels) : levels_(levels) {
+OrbPyramid::OrbPyramid(int features, double scale_factor, int levels)
+    : levels_(levels), shrinkers_(levels - 1) {
   const std::vector<int> quota = featuresPerLevel(features, scale_factor, levels);
   for (int i = 0; i < levels; ++i) {
     levels_[i].scale = static_cast<float>(std::pow(scale_factor, i));
@@ -56,13 +55,13 @@ void OrbPyramid::setImage(const cv::Mat& image, const cv::Mat& mask) {
   }
 }
 
-void OrbPyramid::shrink() {
+void OrbPyramid::shrink(const OrbKernels& kernels) {
   const cv::Mat& original = levels_[0].image;
   for (int i = 1; i < used_; ++i) {
     const PyramidLevel& finer = levels_[i - 1];
     PyramidLevel& level = levels_[i];
     const cv::Size size(scaled(original.cols, level.scale), scaled(original.rows, level.scale));
-    cv::resize(finer.image, level.image, size, 0, 0, cv::INTER_LINEAR_EXACT);
+    shrinkers_[i - 1].shrink(finer.image, size, kernels, level.image);
     if (finer.mask.empty()) {
       level.mask.release();
     } else {

@@ -3,6 +3,9 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "orb_kernels.h"
+#include "orb_resize.h"
+
 namespace ktgp_orb {
 
 /// One scale of the image and what ORB wants from it.
@@ -25,7 +28,7 @@ class OrbPyramid {
   /// come first; the rest are left out.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
   /// Computes level 1 and above, each from the one before.
-  void shrink();
+  void shrink(const OrbKernels& kernels);
 
   std::vector<PyramidLevel>& levels() { return levels_; }
   /// Levels that can hold keypoints in this image.
@@ -33,6 +36,7 @@ class OrbPyramid {
 
  private:
   std::vector<PyramidLevel> levels_;
+  std::vector<Shrinker> shrinkers_;  // of level i into level i + 1
   int used_ = 0;
 };
 
