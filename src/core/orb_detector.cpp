@@ -7,10 +7,6 @@ namespace {
 
 constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row of scores
 
-const std::uint8_t* pixelAt(const cv::Mat& image, const cv::KeyPoint& keypoint) {
-  return image.ptr<std::uint8_t>(static_cast<int>(keypoint.pt.y)) + static_cast<int>(keypoint.pt.x);
-}
-
 // Three rows of FAST scores that move down the image. A row has one score more on either side than
 // there are pixels to report, for the neighbours of the first and the last.
 class ScoreRows {
@@ -69,18 +65,17 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
 
 void scoreByHarris(const cv::Mat& image, const OrbKernels& kernels,
                    std::vector<cv::KeyPoint>& keypoints) {
+  const auto stride = static_cast<std::ptrdiff_t>(image.step);
   for (cv::KeyPoint& keypoint : keypoints) {
-    keypoint.response =
-        kernels.harris(pixelAt(image, keypoint), static_cast<std::ptrdiff_t>(image.step));
+    keypoint.response = kernels.harris(pixelAt(image, keypoint.pt), stride);
   }
 }
 
-void orient(const cv::Mat& image, const OrbKernels& kernels, std::vector<cv::KeyPoint>& keypoints) {
-  for (cv::KeyPoint& keypoint : keypoints) {
-    const Moments sum =
-        kernels.moments(pixelAt(image, keypoint), static_cast<std::ptrdiff_t>(image.step));
-    keypoint.angle = cv::fastAtan2(static_cast<float>(sum.y), static_cast<float>(sum.x));
-  }
+float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
+                             const cv::Point2f& point) {
+  const Moments sum =
+      kernels.moments(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
+  return cv::fastAtan2(static_cast<float>(sum.y), static_cast<float>(sum.x));
 }
 
 }  // namespace ktgp_orb

@@ -1,77 +1,130 @@
 #include "orb_pipeline.h"
 
+#include <algorithm>
 #include <cmath>
 #include <opencv2/features2d.hpp>
-
-#include "orb_blur.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr float kPatchSize = 31.f;
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
+constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
+constexpr int kKeypointsPerTask = 64;
+
+int divideUp(int a, int b) {
+  return (a + b - 1) / b;
+}
+
+// Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
+// that somebody else holds too is left to them.
+void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
+  const bool shared = descriptors.u != nullptr && descriptors.u->refcount > 1;
+  if (shared || descriptors.type() != CV_8UC1 || descriptors.cols != kDescriptorBytes) {
+    descriptors.release();
+    descriptors.create(std::max(rows, capacity), kDescriptorBytes, CV_8U);
+  }
+  descriptors.resize(static_cast<std::size_t>(rows));
+}
 
 }  // namespace
 
 OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
     : options_(options),
       kernels_(kernels),
+      pool_(options.threads),
       pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels) {}
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
-  pyramid_.shrink(kernels_);
-  for (int level = 0; level < pyramid_.used(); ++level) {
-    detect(level);
-    blur(level);
-  }
-  describe(features);
+  cutIntoBands();
+  // Level 0 is the image itself: other threads can begin with it while one makes the other levels.
+  const int ready = levels_[0].last_band;
+  pool_.parallelFor(1 + ready, [&](int i) {
+    if (i == 0) {
+      pyramid_.shrink(kernels_);
+    } else {
+      detectAndBlur(bands_[i - 1]);
+    }
+  });
+  pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
+                    [&](int i) { detectAndBlur(bands_[ready + i]); });
+  pool_.parallelFor(pyramid_.used(), [&](int level) { chooseKeypoints(level); });
+  gather(features);
+  const auto count = static_cast<int>(features.size());
+  pool_.parallelFor(divideUp(count, kKeypointsPerTask), [&](int task) {
+    const int begin = task * kKeypointsPerTask;
+    const int end = std::min(count, begin + kKeypointsPerTask);
+    for (int i = begin; i < end; ++i) orientAndDescribe(i, features);
+  });
 }
 
-void OrbPipeline::detect(int level) {
+void OrbPipeline::cutIntoBands() {
+  std::size_t used = 0;
+  for (int level = 0; level < pyramid_.used(); ++level) {
+    const cv::Size size = pyramid_.levels()[level].size;
+    const int rows = size.height - 2 * kBlurMargin;
+    const int count = pool_.threads() == 1 ? 1 : divideUp(rows, kBandRows);
+    levels_[level].first_band = static_cast<int>(used);
+    for (int i = 0; i < count; ++i, ++used) {
+      if (bands_.size() == used) bands_.emplace_back();
+      bands_[used].level = level;
+      bands_[used].first_row = kBlurMargin + rows * i / count;
+      bands_[used].last_row = kBlurMargin + rows * (i + 1) / count;
+    }
+    levels_[level].last_band = static_cast<int>(used);
+    levels_[level].blurred.create(size.height, size.width + kVectorSlack, CV_8U);
+  }
+}
+
+void OrbPipeline::detectAndBlur(Band& band) {
+  const cv::Mat& image = pyramid_.levels()[band.level].image;
+  band.corners.clear();
+  const int first = std::max(band.first_row, kEdgeMargin);
+  const int last = std::min(band.last_row, image.rows - kEdgeMargin);
+  if (first < last) {
+    fastCorners(image, first, last, options_.fast_threshold, kernels_, band.fast_scratch,
+                band.corners);
+  }
+  blurRows(image, band.first_row, band.last_row, kernels_, band.blur_scratch,
+           levels_[band.level].blurred);
+}
+
+void OrbPipeline::chooseKeypoints(int level) {
   const PyramidLevel& source = pyramid_.levels()[level];
   std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
   keypoints.clear();
-  fastCorners(source.image, kEdgeMargin, source.image.rows - kEdgeMargin, options_.fast_threshold,
-              kernels_, fast_scratch_, keypoints);
+  for (int i = levels_[level].first_band; i < levels_[level].last_band; ++i) {
+    keypoints.insert(keypoints.end(), bands_[i].corners.begin(), bands_[i].corners.end());
+  }
   cv::KeyPointsFilter::runByPixelsMask(keypoints, source.mask);
   // FAST's score is a poor rank: it only makes the first choice, of twice as many as are wanted.
   cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
   scoreByHarris(source.image, kernels_, keypoints);
   cv::KeyPointsFilter::retainBest(keypoints, source.features_quota);
-  orient(source.image, kernels_, keypoints);
 }
 
-void OrbPipeline::blur(int level) {
-  const cv::Mat& image = pyramid_.levels()[level].image;
-  cv::Mat& blurred = levels_[level].blurred;
-  blurred.create(image.rows, image.cols + kVectorSlack, CV_8U);
-  blurRows(image, kBlurMargin, image.rows - kBlurMargin, kernels_, blur_scratch_, blurred);
-}
-
-void OrbPipeline::describe(Features& features) {
-  int count = 0;
+void OrbPipeline::gather(Features& features) {
   for (int level = 0; level < pyramid_.used(); ++level) {
-    count += static_cast<int>(levels_[level].keypoints.size());
-  }
-  features.descriptors.create(count, kDescriptorBytes, CV_8U);
-  for (int level = 0; level < pyramid_.used(); ++level) {
-    const cv::Mat& blurred = levels_[level].blurred;
-    const float scale = pyramid_.levels()[level].scale;
-    for (cv::KeyPoint keypoint : levels_[level].keypoints) {
-      const auto row = static_cast<int>(features.keypoints.size());
-      const float angle = keypoint.angle * static_cast<float>(CV_PI / 180.);
-      const auto x = static_cast<int>(keypoint.pt.x);
-      const auto y = static_cast<int>(keypoint.pt.y);
-      kernels_.describe(blurred.ptr<std::uint8_t>(y) + x, static_cast<std::ptrdiff_t>(blurred.step),
-                        std::cos(angle), std::sin(angle), features.descriptors.ptr(row));
+    for (cv::KeyPoint& keypoint : levels_[level].keypoints) {
       keypoint.octave = level;
-      keypoint.size = kPatchSize * scale;
-      keypoint.pt *= scale;
+      keypoint.size = kPatchSize * pyramid_.levels()[level].scale;
       features.keypoints.push_back(keypoint);
     }
   }
+  resizeDescriptors(static_cast<int>(features.size()), options_.features, features.descriptors);
+}
+
+void OrbPipeline::orientAndDescribe(int index, Features& features) {
+  cv::KeyPoint& keypoint = features.keypoints[index];
+  const PyramidLevel& level = pyramid_.levels()[keypoint.octave];
+  const cv::Mat& blurred = levels_[keypoint.octave].blurred;
+  keypoint.angle = intensityCentroidAngle(level.image, kernels_, keypoint.pt);
+  const float angle = keypoint.angle * static_cast<float>(CV_PI / 180.);
+  kernels_.describe(pixelAt(blurred, keypoint.pt), static_cast<std::ptrdiff_t>(blurred.step),
+                    std::cos(angle), std::sin(angle), features.descriptors.ptr(index));
+  keypoint.pt *= level.scale;
 }
 
 }  // namespace ktgp_orb

@@ -8,33 +8,48 @@
 #include "orb_blur.h"
 #include "orb_detector.h"
 #include "orb_pyramid.h"
+#include "thread_pool.h"
 
 namespace ktgp_orb {
 
-/// The steps of ORB over all pyramid levels, cut into tasks for the threads.
+/// The steps of ORB over all pyramid levels, cut into tasks for the threads. Which thread does a
+/// task makes no difference to what comes out of it.
 class OrbPipeline {
  public:
   OrbPipeline(const OrbOptions& options, const OrbKernels& kernels);
 
-  /// `image` and `mask` are valid (see OrbExtractor); `features` is empty but for its buffers.
+  /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet.
   void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
+  /// Rows of one level that one task takes through FAST and blur, with memory of its own.
+  struct Band {
+    int level = 0;
+    int first_row = 0;
+    int last_row = 0;
+    std::vector<cv::KeyPoint> corners;
+    FastScratch fast_scratch;
+    BlurScratch blur_scratch;
+  };
   struct Level {
     cv::Mat blurred;
-    std::vector<cv::KeyPoint> keypoints;
+    std::vector<cv::KeyPoint> keypoints;  ///< in px of the level
+    int first_band = 0;
+    int last_band = 0;
   };
 
-  void detect(int level);
-  void blur(int level);
-  void describe(Features& features);
+  void cutIntoBands();
+  void detectAndBlur(Band& band);
+  void chooseKeypoints(int level);
+  void gather(Features& features);
+  void orientAndDescribe(int index, Features& features);
 
   OrbOptions options_;
   const OrbKernels& kernels_;
+  ThreadPool pool_;
   OrbPyramid pyramid_;
   std::vector<Level> levels_;
-  FastScratch fast_scratch_;
-  BlurScratch blur_scratch_;
+  std::vector<Band> bands_;  // level by level, from the top down
 };
 
 }  // namespace ktgp_orb

@@ -48,24 +48,22 @@ void OrbPyramid::setImage(const cv::Mat& image, const cv::Mat& mask) {
   levels_[0].image = image;
   levels_[0].mask = mask;
   used_ = 0;
-  for (const PyramidLevel& level : levels_) {
-    const int side = std::min(scaled(image.cols, level.scale), scaled(image.rows, level.scale));
-    if (side <= 2 * kEdgeMargin) break;
+  for (PyramidLevel& level : levels_) {
+    level.size = cv::Size(scaled(image.cols, level.scale), scaled(image.rows, level.scale));
+    if (std::min(level.size.width, level.size.height) <= 2 * kEdgeMargin) break;
     ++used_;
   }
 }
 
 void OrbPyramid::shrink(const OrbKernels& kernels) {
-  const cv::Mat& original = levels_[0].image;
   for (int i = 1; i < used_; ++i) {
     const PyramidLevel& finer = levels_[i - 1];
     PyramidLevel& level = levels_[i];
-    const cv::Size size(scaled(original.cols, level.scale), scaled(original.rows, level.scale));
-    shrinkers_[i - 1].shrink(finer.image, size, kernels, level.image);
+    shrinkers_[i - 1].shrink(finer.image, level.size, kernels, level.image);
     if (finer.mask.empty()) {
       level.mask.release();
     } else {
-      shrinkMask(finer.mask, size, level.mask);
+      shrinkMask(finer.mask, level.size, level.mask);
     }
   }
 }

@@ -10,6 +10,7 @@ namespace ktgp_orb {
 
 /// One scale of the image and what ORB wants from it.
 struct PyramidLevel {
+  cv::Size size;           ///< px
   cv::Mat image;           ///< 8-bit grey; level 0 is the caller's image itself
   cv::Mat mask;            ///< 8-bit, non-zero where keypoints may lie; empty: everywhere
   float scale = 1.f;       ///< size of level 0 divided by the size of this one
