@@ -63,14 +63,6 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
   }
 }
 
-void scoreByHarris(const cv::Mat& image, const OrbKernels& kernels,
-                   std::vector<cv::KeyPoint>& keypoints) {
-  const auto stride = static_cast<std::ptrdiff_t>(image.step);
-  for (cv::KeyPoint& keypoint : keypoints) {
-    keypoint.response = kernels.harris(pixelAt(image, keypoint.pt), stride);
-  }
-}
-
 float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
                              const cv::Point2f& point) {
   const Moments sum =

@@ -21,18 +21,20 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners);
 
-/// Replaces the response by the Harris response in `image`.
-void scoreByHarris(const cv::Mat& image, const OrbKernels& kernels,
-                   std::vector<cv::KeyPoint>& keypoints);
+/// The pixel of an 8-bit image at a point with whole coordinates.
+inline const std::uint8_t* pixelAt(const cv::Mat& image, const cv::Point2f& point) {
+  return image.ptr<std::uint8_t>(static_cast<int>(point.y)) + static_cast<int>(point.x);
+}
+
+/// Harris response of a pixel.
+inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
+                            const cv::Point2f& point) {
+  return kernels.harris(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
+}
 
 /// Angle, in degrees in [0, 360), of the vector from a pixel to the intensity centroid around it
 /// (Rublee et al., section 3.2).
 float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
                              const cv::Point2f& point);
-
-/// The pixel of an 8-bit image at a point with whole coordinates.
-inline const std::uint8_t* pixelAt(const cv::Mat& image, const cv::Point2f& point) {
-  return image.ptr<std::uint8_t>(static_cast<int>(point.y)) + static_cast<int>(point.x);
-}
 
 }  // namespace ktgp_orb

@@ -58,13 +58,17 @@ bool OrbOptions::operator==(const OrbOptions& other) const {
 }
 
 struct OrbExtractor::Impl {
-  explicit Impl(const OrbOptions& o) : options(o), pipeline(o, bestOrbKernels()) {
-    if (o.extractor == ExtractorKind::opencv) opencv = createOpencv(o);
+  explicit Impl(const OrbOptions& o) : options(o) {
+    if (o.extractor == ExtractorKind::opencv) {
+      opencv = createOpencv(o);
+    } else {
+      pipeline = std::make_unique<OrbPipeline>(o, bestOrbKernels());
+    }
   }
 
   OrbOptions options;
-  OrbPipeline pipeline;
-  cv::Ptr<cv::ORB> opencv;
+  std::unique_ptr<OrbPipeline> pipeline;  // either this
+  cv::Ptr<cv::ORB> opencv;                // or this
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
@@ -96,7 +100,7 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   if (impl_->opencv) {
     impl_->opencv->detectAndCompute(image, mask, features.keypoints, features.descriptors);
   } else {
-    impl_->pipeline.extract(image, mask, features);
+    impl_->pipeline->extract(image, mask, features);
   }
 }
 

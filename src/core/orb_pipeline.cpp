@@ -11,9 +11,15 @@ constexpr float kPatchSize = 31.f;
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
 constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
 constexpr int kKeypointsPerTask = 64;
+constexpr int kThresholdRatio = 3;  // full FAST threshold / that of poor cells
 
 int divideUp(int a, int b) {
   return (a + b - 1) / b;
+}
+
+// What a corner must reach in parts of the image that have too few at the full threshold.
+int weakThreshold(int fast_threshold) {
+  return std::max(1, fast_threshold / kThresholdRatio);
 }
 
 // Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
@@ -34,7 +40,8 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
       kernels_(kernels),
       pool_(options.threads),
       pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
-      levels_(options.levels) {}
+      levels_(options.levels),
+      uniform_choice_(options.features, options.fast_threshold, options.levels) {}
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
@@ -50,7 +57,7 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   });
   pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
                     [&](int i) { detectAndBlur(bands_[ready + i]); });
-  pool_.parallelFor(pyramid_.used(), [&](int level) { chooseKeypoints(level); });
+  options_.distribution == KeypointDistribution::uniform ? chooseUniform() : chooseRanked();
   gather(features);
   const auto count = static_cast<int>(features.size());
   pool_.parallelFor(divideUp(count, kKeypointsPerTask), [&](int task) {
@@ -81,28 +88,52 @@ void OrbPipeline::cutIntoBands() {
 void OrbPipeline::detectAndBlur(Band& band) {
   const cv::Mat& image = pyramid_.levels()[band.level].image;
   band.corners.clear();
+  const bool ranked = options_.distribution == KeypointDistribution::ranked;
+  const int threshold = ranked ? options_.fast_threshold : weakThreshold(options_.fast_threshold);
   const int first = std::max(band.first_row, kEdgeMargin);
   const int last = std::min(band.last_row, image.rows - kEdgeMargin);
   if (first < last) {
-    fastCorners(image, first, last, options_.fast_threshold, kernels_, band.fast_scratch,
-                band.corners);
+    fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
   }
   blurRows(image, band.first_row, band.last_row, kernels_, band.blur_scratch,
            levels_[band.level].blurred);
 }
 
-void OrbPipeline::chooseKeypoints(int level) {
-  const PyramidLevel& source = pyramid_.levels()[level];
+void OrbPipeline::collectCorners(int level) {
   std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
   keypoints.clear();
   for (int i = levels_[level].first_band; i < levels_[level].last_band; ++i) {
     keypoints.insert(keypoints.end(), bands_[i].corners.begin(), bands_[i].corners.end());
   }
-  cv::KeyPointsFilter::runByPixelsMask(keypoints, source.mask);
-  // FAST's score is a poor rank: it only makes the first choice, of twice as many as are wanted.
-  cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
-  scoreByHarris(source.image, kernels_, keypoints);
-  cv::KeyPointsFilter::retainBest(keypoints, source.features_quota);
+  cv::KeyPointsFilter::runByPixelsMask(keypoints, pyramid_.levels()[level].mask);
+}
+
+void OrbPipeline::chooseRanked() {
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    collectCorners(level);
+    const PyramidLevel& source = pyramid_.levels()[level];
+    std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
+    // FAST's score is a poor rank: it only makes the first choice, of twice as many as are wanted.
+    cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
+    for (cv::KeyPoint& keypoint : keypoints) {
+      keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);
+    }
+    cv::KeyPointsFilter::retainBest(keypoints, source.features_quota);
+  });
+}
+
+void OrbPipeline::chooseUniform() {
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    collectCorners(level);
+    const PyramidLevel& source = pyramid_.levels()[level];
+    uniform_choice_.sortIntoCells(level, source.size, source.features_quota,
+                                  levels_[level].keypoints);
+  });
+  uniform_choice_.share(pyramid_.used());
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    uniform_choice_.keepShares(level, pyramid_.levels()[level].image, kernels_,
+                               levels_[level].keypoints);
+  });
 }
 
 void OrbPipeline::gather(Features& features) {

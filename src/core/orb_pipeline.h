@@ -8,6 +8,7 @@
 #include "orb_blur.h"
 #include "orb_detector.h"
 #include "orb_pyramid.h"
+#include "orb_uniform.h"
 #include "thread_pool.h"
 
 namespace ktgp_orb {
@@ -40,7 +41,9 @@ class OrbPipeline {
 
   void cutIntoBands();
   void detectAndBlur(Band& band);
-  void chooseKeypoints(int level);
+  void chooseRanked();
+  void chooseUniform();
+  void collectCorners(int level);
   void gather(Features& features);
   void orientAndDescribe(int index, Features& features);
 
@@ -50,6 +53,7 @@ class OrbPipeline {
   OrbPyramid pyramid_;
   std::vector<Level> levels_;
   std::vector<Band> bands_;  // level by level, from the top down
+  UniformChoice uniform_choice_;
 };
 
 }  // namespace ktgp_orb

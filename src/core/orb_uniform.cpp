@@ -1,0 +1,129 @@
+#include "orb_uniform.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "orb_detector.h"
+
+namespace ktgp_orb {
+namespace {
+
+// Keypoints that a cell keeps where all have enough. Smaller cells spread the keypoints better, and
+// leave less choice which.
+constexpr double kKeypointsPerCell = 4.0;
+
+struct Grid {
+  Grid(const cv::Size& size, int quota)
+      : width(size.width - 2 * kEdgeMargin), height(size.height - 2 * kEdgeMargin) {
+    const double cells = std::max(1.0, quota / kKeypointsPerCell);
+    const double side = std::sqrt(width * height / cells);
+    columns = std::max(1, cvRound(width / side));
+    rows = std::max(1, cvRound(height / side));
+  }
+
+  int cellOf(const cv::Point2f& point) const {
+    const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns / width;
+    const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows / height;
+    return row * columns + column;
+  }
+
+  int width;  // px in which keypoints may lie
+  int height;
+  int columns = 1;
+  int rows = 1;
+};
+
+// Higher response first; of equal ones the upper, then the left.
+bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
+  if (a.response != b.response) return a.response > b.response;
+  if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
+  return a.pt.x < b.pt.x;
+}
+
+using Iterator = std::vector<cv::KeyPoint>::iterator;
+
+// Moves the best `count` of [first, last) to the front, best first.
+void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
+               const OrbKernels& kernels) {
+  for (auto it = first; it != last; ++it) it->response = harrisResponse(image, kernels, it->pt);
+  std::partial_sort(first, first + count, last, isBetter);
+}
+
+}  // namespace
+
+UniformChoice::UniformChoice(int features, int strong_score, int levels)
+    : features_(features), strong_score_(static_cast<float>(strong_score)), levels_(levels) {}
+
+void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quota,
+                                  std::vector<cv::KeyPoint>& corners) {
+  Level& level = levels_[level_index];
+  const Grid grid(size, quota);
+  const int cells = grid.columns * grid.rows;
+  level.bucket.clear();
+  level.begin.assign(2 * cells + 1, 0);
+  for (const cv::KeyPoint& corner : corners) {
+    const int bucket = 2 * grid.cellOf(corner.pt) + (corner.response < strong_score_ ? 1 : 0);
+    level.bucket.push_back(bucket);
+    ++level.begin[bucket + 1];
+  }
+  for (int i = 0; i < 2 * cells; ++i) level.begin[i + 1] += level.begin[i];
+  level.cells.resize(cells);
+  for (int i = 0; i < cells; ++i) {
+    level.cells[i] = {level.begin[2 * i], level.begin[2 * i + 1], level.begin[2 * i + 2], 0};
+  }
+  level.sorted.resize(corners.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    level.sorted[level.begin[level.bucket[i]]++] = corners[i];
+  }
+  corners.swap(level.sorted);
+}
+
+void UniformChoice::share(int levels) {
+  const auto forEachCell = [&](auto&& visit) {
+    for (int i = 0; i < levels; ++i) {
+      for (Cell& cell : levels_[i].cells) visit(cell);
+    }
+  };
+  // The largest share that all can have without keeping too many.
+  const auto keptAt = [&](int share) {
+    int sum = 0;
+    forEachCell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
+    return sum;
+  };
+  int share = 0;
+  int beyond = features_ + 1;
+  while (beyond - share > 1) {
+    const int middle = share + (beyond - share) / 2;
+    (keptAt(middle) <= features_ ? share : beyond) = middle;
+  }
+  // What is left goes, one each, to cells spread evenly among those that have more.
+  int richer = 0;
+  forEachCell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
+  const std::int64_t left = std::min(features_ - keptAt(share), richer);
+  std::int64_t visited = 0;
+  forEachCell([&](Cell& cell) {
+    cell.kept = std::min(cell.size(), share);
+    if (cell.size() <= share) return;
+    if ((visited + 1) * left / richer > visited * left / richer) ++cell.kept;
+    ++visited;
+  });
+}
+
+void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbKernels& kernels,
+                               std::vector<cv::KeyPoint>& corners) {
+  Level& level = levels_[level_index];
+  level.sorted.clear();
+  const auto keep = [&](int begin, int end, int count) {
+    const auto first = corners.begin() + begin;
+    bestFirst(first, corners.begin() + end, count, image, kernels);
+    level.sorted.insert(level.sorted.end(), first, first + count);
+  };
+  for (const Cell& cell : level.cells) {
+    const int strong_kept = std::min(cell.kept, cell.weak - cell.first);
+    keep(cell.first, cell.weak, strong_kept);
+    if (cell.kept > strong_kept) keep(cell.weak, cell.last, cell.kept - strong_kept);
+  }
+  corners.swap(level.sorted);
+}
+
+}  // namespace ktgp_orb
