@@ -16,8 +16,10 @@ enum class ExtractorKind : std::uint8_t {
 
 /// Which of the corners become keypoints.
 enum class KeypointDistribution : std::uint8_t {
-  ranked,   ///< those of highest Harris response, wherever they are: cv::ORB's choice
-  uniform,  ///< an equal share from every part of the image
+  ranked,  ///< those of highest Harris response, wherever they are: cv::ORB's choice
+  /// An equal share from every part of the image; where corners are few, also those of half the
+  /// FAST threshold.
+  uniform,
 };
 
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
@@ -28,6 +30,9 @@ struct OrbOptions {
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
   ExtractorKind extractor = ExtractorKind::fast;
   KeypointDistribution distribution = KeypointDistribution::ranked;
+  /// With the uniform distribution: keypoints that each cell of the image keeps where all have
+  /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
+  int cell_share = 16;
   int threads = 1;  ///< threads that share the work; 0 = all of the machine; the answer is equal
 
   bool operator==(const OrbOptions& other) const;

@@ -17,6 +17,7 @@ void requireValid(const OrbOptions& options) {
   requireInRange("scale_factor", options.scale_factor, 1.01, 2.0);
   requireInRange("levels", options.levels, 1, 16);
   requireInRange("fast_threshold", options.fast_threshold, 1, 255);
+  requireInRange("cell_share", options.cell_share, 1, 1000000);
   requireInRange("threads", options.threads, 0, 1024);
   if (options.extractor == ExtractorKind::opencv &&
       options.distribution != KeypointDistribution::ranked) {
@@ -42,7 +43,7 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 
 auto asTuple(const OrbOptions& o) {
   return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
-                  o.distribution, o.threads);
+                  o.distribution, o.cell_share, o.threads);
 }
 
 cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {

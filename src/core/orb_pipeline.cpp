@@ -11,7 +11,7 @@ constexpr float kPatchSize = 31.f;
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
 constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
 constexpr int kKeypointsPerTask = 64;
-constexpr int kThresholdRatio = 3;  // full FAST threshold / that of poor cells
+constexpr int kThresholdRatio = 2;  // full FAST threshold / that of poor cells
 
 int divideUp(int a, int b) {
   return (a + b - 1) / b;
@@ -41,7 +41,8 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
       pool_(options.threads),
       pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels),
-      uniform_choice_(options.features, options.fast_threshold, options.levels) {}
+      uniform_choice_(options.features, options.fast_threshold, options.cell_share,
+                      options.levels) {}
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);

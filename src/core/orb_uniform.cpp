@@ -8,31 +8,6 @@
 namespace ktgp_orb {
 namespace {
 
-// Keypoints that a cell keeps where all have enough. Smaller cells spread the keypoints better, and
-// leave less choice which.
-constexpr double kKeypointsPerCell = 4.0;
-
-struct Grid {
-  Grid(const cv::Size& size, int quota)
-      : width(size.width - 2 * kEdgeMargin), height(size.height - 2 * kEdgeMargin) {
-    const double cells = std::max(1.0, quota / kKeypointsPerCell);
-    const double side = std::sqrt(width * height / cells);
-    columns = std::max(1, cvRound(width / side));
-    rows = std::max(1, cvRound(height / side));
-  }
-
-  int cellOf(const cv::Point2f& point) const {
-    const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns / width;
-    const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows / height;
-    return row * columns + column;
-  }
-
-  int width;  // px in which keypoints may lie
-  int height;
-  int columns = 1;
-  int rows = 1;
-};
-
 // Higher response first; of equal ones the upper, then the left.
 bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   if (a.response != b.response) return a.response > b.response;
@@ -51,14 +26,31 @@ void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
 
 }  // namespace
 
-UniformChoice::UniformChoice(int features, int strong_score, int levels)
-    : features_(features), strong_score_(static_cast<float>(strong_score)), levels_(levels) {}
+CellGrid::CellGrid(const cv::Size& size, int quota, int keypoints_per_cell)
+    : width_(size.width - 2 * kEdgeMargin), height_(size.height - 2 * kEdgeMargin) {
+  const double cells = std::max(1.0, static_cast<double>(quota) / keypoints_per_cell);
+  const double side = std::sqrt(width_ * height_ / cells);
+  columns_ = std::max(1, cvRound(width_ / side));
+  rows_ = std::max(1, cvRound(height_ / side));
+}
+
+int CellGrid::cellOf(const cv::Point2f& point) const {
+  const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns_ / width_;
+  const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows_ / height_;
+  return row * columns_ + column;
+}
+
+UniformChoice::UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels)
+    : features_(features),
+      keypoints_per_cell_(keypoints_per_cell),
+      strong_score_(static_cast<float>(strong_score)),
+      levels_(levels) {}
 
 void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quota,
                                   std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
-  const Grid grid(size, quota);
-  const int cells = grid.columns * grid.rows;
+  const CellGrid grid(size, quota, keypoints_per_cell_);
+  const int cells = grid.cells();
   level.bucket.clear();
   level.begin.assign(2 * cells + 1, 0);
   for (const cv::KeyPoint& corner : corners) {

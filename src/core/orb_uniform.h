@@ -7,6 +7,24 @@
 
 namespace ktgp_orb {
 
+/// A pyramid level cut into cells of about `keypoints_per_cell` keypoints, less its margin.
+class CellGrid {
+ public:
+  CellGrid() = default;
+  /// `size` of the level in px, larger than twice kEdgeMargin; `quota`: keypoints wanted from it.
+  CellGrid(const cv::Size& size, int quota, int keypoints_per_cell);
+
+  int cells() const { return columns_ * rows_; }
+  /// Row by row; `point` at least kEdgeMargin px from the border.
+  int cellOf(const cv::Point2f& point) const;
+
+ private:
+  int width_ = 0;  // px in which keypoints may lie
+  int height_ = 0;
+  int columns_ = 0;
+  int rows_ = 0;
+};
+
 /// Chooses keypoints so that every part of the image keeps an equal share of them.
 ///
 /// Each pyramid level is cut into cells, their number in proportion to the keypoints wanted from
@@ -16,7 +34,7 @@ namespace ktgp_orb {
 class UniformChoice {
  public:
   /// `features` to keep in all; corners of at least `strong_score` come first in their cell.
-  UniformChoice(int features, int strong_score, int levels);
+  UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels);
 
   /// Orders the corners of a level (response: FAST score) by cell. `size` of the level in px,
   /// `quota`: keypoints wanted from it. Different levels may be given from different threads.
@@ -44,6 +62,7 @@ class UniformChoice {
   };
 
   int features_;
+  int keypoints_per_cell_;
   float strong_score_;
   std::vector<Level> levels_;
 };
