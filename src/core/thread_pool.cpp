@@ -6,6 +6,17 @@
 #include "options_check.h"
 
 namespace ktgp_orb {
+namespace {
+
+// Waking a sleeping thread takes about as long as a short loop. So whoever waits first looks again
+// a number of times, some tens of microseconds in all, letting other threads run in between.
+template <typename Condition>
+void waitAwake(const Condition& condition) {
+  constexpr int kLooks = 200;
+  for (int i = 0; i < kLooks && !condition(); ++i) std::this_thread::yield();
+}
+
+}  // namespace
 
 ThreadPool::ThreadPool(int threads) {
   requireInRange("threads", threads, 0, 1024);
@@ -44,14 +55,18 @@ void ThreadPool::run(const Loop& loop) {
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
   loop_ = nullptr;  // a worker that has not woken up by now is not waited for
+  lock.unlock();
+  waitAwake([this] { return busy_workers_ == 0; });
+  lock.lock();
   worker_left_.wait(lock, [this] { return busy_workers_ == 0; });
   if (error_) std::rethrow_exception(std::exchange(error_, nullptr));
 }
 
 void ThreadPool::work() {
   std::uint64_t loops_seen = 0;
-  std::unique_lock<std::mutex> lock(mutex_);
   while (true) {
+    waitAwake([&] { return loops_opened_ != loops_seen; });
+    std::unique_lock<std::mutex> lock(mutex_);
     loop_opened_.wait(lock, [&] { return stopping_ || (loop_ && loops_seen != loops_opened_); });
     if (stopping_) return;
     loops_seen = loops_opened_;
