@@ -16,12 +16,12 @@ void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernel
   if (scratch.cols < pitch) scratch.create(kRows, pitch, CV_32F);
   const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
   for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {
-    kernels.blurAlongRow(image.ptr<std::uint8_t>(y) + kBlurMargin, columns, along(y));
+    kernels.blur_along_row(image.ptr<std::uint8_t>(y) + kBlurMargin, columns, along(y));
     const int middle = y - kBlurRadius;
     if (middle < first_row) continue;
     const float* rows[kRows];
     for (int i = 0; i < kRows; ++i) rows[i] = along(middle - kBlurRadius + i);
-    kernels.blurAcrossRows(rows, columns, blurred.ptr<std::uint8_t>(middle) + kBlurMargin);
+    kernels.blur_across_rows(rows, columns, blurred.ptr<std::uint8_t>(middle) + kBlurMargin);
   }
 }
 

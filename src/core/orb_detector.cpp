@@ -22,8 +22,8 @@ class ScoreRows {
   }
 
   void compute(int y) {
-    kernels_.fastScores(image_.ptr<std::uint8_t>(y) + kEdgeMargin - 1,
-                        static_cast<std::ptrdiff_t>(image_.step), count_, threshold_, row(y));
+    kernels_.fast_scores(image_.ptr<std::uint8_t>(y) + kEdgeMargin - 1,
+                         static_cast<std::ptrdiff_t>(image_.step), count_, threshold_, row(y));
   }
 
   // The score of column kEdgeMargin.
@@ -53,8 +53,8 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
   for (int y = first_row; y < last_row; ++y) {
     scores.compute(y + 1);
     const std::uint8_t* row = scores.first(y);
-    const int found = kernels.localMaxima(scores.first(y - 1), row, scores.first(y + 1), columns,
-                                          scratch.maxima.data());
+    const int found = kernels.local_maxima(scores.first(y - 1), row, scores.first(y + 1), columns,
+                                           scratch.maxima.data());
     for (int i = 0; i < found; ++i) {
       const int x = scratch.maxima[i];
       corners.emplace_back(static_cast<float>(kEdgeMargin + x), static_cast<float>(y), 7.f, -1.f,

@@ -40,24 +40,24 @@ struct OrbKernels {
 
   /// Linear interpolation along a row into `count` blocks of values in units of 1/256. The taps are
   /// 0..15 (plain C++: any) and 16 bytes from each start are readable.
-  void (*resizeRow)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
-                    std::uint16_t* out);
+  void (*resize_row)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
+                     std::uint16_t* out);
   /// Interpolation between two such rows, with `weight`/256 for the one below, to the nearest
   /// integer, half up. May read 64 values beyond and write 64 bytes beyond out[count - 1].
-  void (*mixRows)(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
-                  std::uint8_t* out);
+  void (*mix_rows)(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
+                   std::uint8_t* out);
 
   /// FAST-9 scores (Rosten & Drummond, ECCV 2006) of `count` pixels of a row: the largest threshold
   /// at which a pixel is still a corner, or 0 where that is below `threshold` (1..255).
   /// Reads three pixels around; may read 64 bytes beyond and write 64 beyond scores[count - 1].
-  void (*fastScores)(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int threshold,
-                     std::uint8_t* scores);
+  void (*fast_scores)(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int threshold,
+                      std::uint8_t* scores);
 
   /// Non-maximum suppression: writes the indices of the scores in `row` that exceed all eight
   /// neighbours to `maxima`, ascending, and returns their number. The rows hold `count` scores and
   /// are readable one before and 64 beyond; `maxima` has room for `count`.
-  int (*localMaxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
-                     int count, std::int32_t* maxima);
+  int (*local_maxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
+                      int count, std::int32_t* maxima);
 
   /// Harris response (k = 0.04) of the 7x7 block of Sobel gradients around a pixel.
   float (*harris)(const std::uint8_t* pixel, std::ptrdiff_t stride);
@@ -67,10 +67,10 @@ struct OrbKernels {
 
   /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours
   /// on either side. May read 64 bytes beyond and write 64 values beyond out[count - 1].
-  void (*blurAlongRow)(const std::uint8_t* pixel, int count, float* out);
+  void (*blur_along_row)(const std::uint8_t* pixel, int count, float* out);
   /// Gaussian blur across 2 * kBlurRadius + 1 such rows, from the top down, to the nearest integer.
   /// May read 64 values beyond and write 64 bytes beyond out[count - 1].
-  void (*blurAcrossRows)(const float* const* rows, int count, std::uint8_t* out);
+  void (*blur_across_rows)(const float* const* rows, int count, std::uint8_t* out);
 
   /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, its sampling pattern
   /// rotated by the angle of this cosine and sine: 32 bytes.

@@ -34,8 +34,8 @@ const OrbKernels* kernels() {
                    blurAcrossRows,
                    describe};
 #if !HWY_NATIVE_FMA
-    set.blurAlongRow = portableOrbKernels().blurAlongRow;
-    set.blurAcrossRows = portableOrbKernels().blurAcrossRows;
+    set.blur_along_row = portableOrbKernels().blur_along_row;
+    set.blur_across_rows = portableOrbKernels().blur_across_rows;
 #endif
     return set;
   }();

@@ -64,7 +64,7 @@ const std::uint16_t* Shrinker::resizedRow(const cv::Mat& source, int row,
                                           const OrbKernels& kernels) {
   const int slot = row % 2;  // the two rows in use are neighbours
   if (buffered_row_[slot] != row) {
-    const auto& resize = columns_.narrow ? kernels.resizeRow : portableOrbKernels().resizeRow;
+    const auto& resize = columns_.narrow ? kernels.resize_row : portableOrbKernels().resize_row;
     resize(source.ptr<std::uint8_t>(row), columns_.blocks.data(),
            static_cast<int>(columns_.blocks.size()), buffers_[slot].data());
     buffered_row_[slot] = row;
@@ -90,7 +90,7 @@ void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKern
   for (int y = 0; y < size.height; ++y) {
     const std::uint16_t* above = resizedRow(source, rows_.firstTap(y), kernels);
     const std::uint16_t* below = resizedRow(source, rows_.secondTap(y), kernels);
-    kernels.mixRows(above, below, rows_.secondWeight(y), size.width, target.ptr<std::uint8_t>(y));
+    kernels.mix_rows(above, below, rows_.secondWeight(y), size.width, target.ptr<std::uint8_t>(y));
   }
 }
 

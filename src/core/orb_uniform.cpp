@@ -52,7 +52,7 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
   const CellGrid grid(size, quota, keypoints_per_cell_);
   const int cells = grid.cells();
   level.bucket.clear();
-  level.begin.assign(2 * cells + 1, 0);
+  level.begin.assign(2 * static_cast<std::size_t>(cells) + 1, 0);
   for (const cv::KeyPoint& corner : corners) {
     const int bucket = 2 * grid.cellOf(corner.pt) + (corner.response < strong_score_ ? 1 : 0);
     level.bucket.push_back(bucket);
@@ -71,29 +71,29 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
 }
 
 void UniformChoice::share(int levels) {
-  const auto forEachCell = [&](auto&& visit) {
+  const auto for_each_cell = [&](auto&& visit) {
     for (int i = 0; i < levels; ++i) {
       for (Cell& cell : levels_[i].cells) visit(cell);
     }
   };
   // The largest share that all can have without keeping too many.
-  const auto keptAt = [&](int share) {
+  const auto kept_at = [&](int share) {
     int sum = 0;
-    forEachCell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
+    for_each_cell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
     return sum;
   };
   int share = 0;
   int beyond = features_ + 1;
   while (beyond - share > 1) {
     const int middle = share + (beyond - share) / 2;
-    (keptAt(middle) <= features_ ? share : beyond) = middle;
+    (kept_at(middle) <= features_ ? share : beyond) = middle;
   }
   // What is left goes, one each, to cells spread evenly among those that have more.
   int richer = 0;
-  forEachCell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
-  const std::int64_t left = std::min(features_ - keptAt(share), richer);
+  for_each_cell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
+  const std::int64_t left = std::min(features_ - kept_at(share), richer);
   std::int64_t visited = 0;
-  forEachCell([&](Cell& cell) {
+  for_each_cell([&](Cell& cell) {
     cell.kept = std::min(cell.size(), share);
     if (cell.size() <= share) return;
     if ((visited + 1) * left / richer > visited * left / richer) ++cell.kept;

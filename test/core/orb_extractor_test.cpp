@@ -56,9 +56,9 @@ void expectOpencvsAnswer(const cv::Mat& image, const OrbOptions& options, const 
 TEST(OrbExtractor, AgreesWithOpencvOnTheOxfordImages) {
   const auto folder = test::dataFolder();
   KTGP_ORB_REQUIRE_FOLDER(folder, "KTGP_ORB_DATA");
-  const std::pair<const char*, const char*> kSets[] = {
+  const std::pair<const char*, const char*> sets[] = {
       {"leuven", ".ppm"}, {"bikes", ".ppm"}, {"boat", ".pgm"}};
-  for (const auto& [set, suffix] : kSets) {
+  for (const auto& [set, suffix] : sets) {
     for (int i = 1; i <= 6; ++i) {
       const std::string path =
           *folder + "/oxford/" + set + "/img" + std::to_string(i) + std::string(suffix);

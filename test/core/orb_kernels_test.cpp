@@ -72,8 +72,8 @@ TEST_P(OrbKernelsTest, ScoresEveryLengthOfRow) {
   std::vector<std::uint8_t> expected(400);
   std::vector<std::uint8_t> actual(400);
   for (int count = 1; count <= 200; ++count) {
-    plain().fastScores(image.ptr(5) + 3, stride, count, 10, expected.data());
-    kernels().fastScores(image.ptr(5) + 3, stride, count, 10, actual.data());
+    plain().fast_scores(image.ptr(5) + 3, stride, count, 10, expected.data());
+    kernels().fast_scores(image.ptr(5) + 3, stride, count, 10, actual.data());
     ASSERT_TRUE(std::equal(actual.begin(), actual.begin() + count, expected.begin())) << count;
   }
 }
@@ -85,8 +85,8 @@ TEST_P(OrbKernelsTest, FindsTheMaximaOfEveryLengthOfRow) {
   std::vector<std::int32_t> actual(200);
   for (int count = 1; count <= 200; ++count) {
     const auto find = [&](const OrbKernels& set, std::vector<std::int32_t>& maxima) {
-      return set.localMaxima(scores.ptr(0) + 1, scores.ptr(1) + 1, scores.ptr(2) + 1, count,
-                             maxima.data());
+      return set.local_maxima(scores.ptr(0) + 1, scores.ptr(1) + 1, scores.ptr(2) + 1, count,
+                              maxima.data());
     };
     const int found = find(plain(), expected);
     ASSERT_EQ(find(kernels(), actual), found);
@@ -135,10 +135,10 @@ TEST_P(OrbKernelsTest, BlursEveryLengthOfRow) {
       out[s].assign(300, 0);
       for (int i = 0; i < 7; ++i) {
         rows[s][i].assign(300, 0.f);
-        sets[s]->blurAlongRow(image.ptr(i) + 3, count, rows[s][i].data());
+        sets[s]->blur_along_row(image.ptr(i) + 3, count, rows[s][i].data());
         row_of[i] = rows[s][i].data();
       }
-      sets[s]->blurAcrossRows(row_of, count, out[s].data());
+      sets[s]->blur_across_rows(row_of, count, out[s].data());
     }
     for (int i = 0; i < 7; ++i) {
       ASSERT_TRUE(std::equal(rows[0][i].begin(), rows[0][i].begin() + count, rows[1][i].begin()));

@@ -123,13 +123,13 @@ Features extract(const cv::Mat& image, KeypointDistribution distribution, int th
 
 TEST(UniformDistribution, FillsTheFaintHalfOfAnImage) {
   const cv::Mat image = halfFaint(Size(640, 480));
-  const auto shareOfFaint = [&](const Features& features) {
+  const auto share_of_faint = [&](const Features& features) {
     const auto faint = std::count_if(features.keypoints.begin(), features.keypoints.end(),
                                      [](const cv::KeyPoint& k) { return k.pt.x > 320; });
     return static_cast<double>(faint) / static_cast<double>(features.size());
   };
-  EXPECT_LT(shareOfFaint(extract(image, KeypointDistribution::ranked)), 0.2);
-  EXPECT_GT(shareOfFaint(extract(image, KeypointDistribution::uniform)), 0.35);
+  EXPECT_LT(share_of_faint(extract(image, KeypointDistribution::ranked)), 0.2);
+  EXPECT_GT(share_of_faint(extract(image, KeypointDistribution::uniform)), 0.35);
 }
 
 TEST(UniformDistribution, KeepsExactlyAsManyAsWantedWhereTheImageHasThem) {
@@ -146,7 +146,7 @@ TEST(UniformDistribution, KeepsExactlyAsManyAsWantedWhereTheImageHasThem) {
 TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
   const cv::Mat image = halfFaint(Size(403, 301));
   const Features expected = extract(image, KeypointDistribution::uniform);
-  const auto expectSame = [&](const Features& actual) {
+  const auto expect_same = [&](const Features& actual) {
     ASSERT_EQ(actual.size(), expected.size());
     for (std::size_t i = 0; i < actual.size(); ++i) {
       ASSERT_EQ(actual.keypoints[i].pt, expected.keypoints[i].pt);
@@ -155,7 +155,7 @@ TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
     EXPECT_EQ(cv::norm(actual.descriptors, expected.descriptors, cv::NORM_INF), 0.0);
   };
   for (int threads = 2; threads <= 8; ++threads) {
-    expectSame(extract(image, KeypointDistribution::uniform, threads));
+    expect_same(extract(image, KeypointDistribution::uniform, threads));
   }
   for (const OrbKernels* kernels : allOrbKernels()) {
     OrbOptions options;
@@ -163,7 +163,7 @@ TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
     options.distribution = KeypointDistribution::uniform;
     Features features;
     OrbPipeline(options, *kernels).extract(image, cv::Mat(), features);
-    expectSame(features);
+    expect_same(features);
   }
 }
 
