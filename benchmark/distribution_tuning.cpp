@@ -107,13 +107,16 @@ Score scorePair(const Features& reference, const Features& target, const Eigen::
 }
 
 Score scoreSet(const OrbOptions& options, const std::string& root, const Set& set) {
-  const std::string folder = root + "/oxford/" + set.folder;
-  const Features reference = extract(options, folder + "/img1." + set.extension);
+  const std::string folder = root + "/oxford/" + set.folder + "/";
+  const std::string end = "." + set.extension;
+  const Features reference = extract(options, folder + "img1" + end);
   Score sum;
-  for (int k = 2; k <= 6; ++k) {
-    const std::string number = std::to_string(k);
-    sum += scorePair(reference, extract(options, folder + "/img" + number + "." + set.extension),
-                     readHomography(folder + "/H1to" + number + "p"), set.turned);
+  for (const std::string k : {"2", "3", "4", "5", "6"}) {
+    std::string image = folder + "img";
+    image.append(k).append(end);
+    std::string homography = folder + "H1to";
+    homography.append(k).append("p");
+    sum += scorePair(reference, extract(options, image), readHomography(homography), set.turned);
   }
   return sum;
 }
@@ -149,9 +152,11 @@ void printTable(const std::string& root, int features) {
 
 int main() {
   const char* root = std::getenv("KTGP_ORB_DATA");
-  if (root == nullptr) {
-    std::fprintf(stderr, "set KTGP_ORB_DATA to the folder that holds oxford/\n");
+  try {
+    if (root == nullptr) throw std::runtime_error("set KTGP_ORB_DATA to what holds oxford/");
+    for (int features : {500, 1000, 2000, 4000}) printTable(root, features);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
     return 1;
   }
-  for (int features : {500, 1000, 2000, 4000}) printTable(root, features);
 }

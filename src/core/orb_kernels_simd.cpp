@@ -1,8 +1,8 @@
 // The pixel loops of ORB with Highway: compiled for every instruction set, chosen at run time.
 #include "orb_kernels.h"
 
-// The kernels keep vectors in arrays, which needs registers of known size; processors of SSSE3 alone
-// are not worth their code.
+// The kernels keep vectors in arrays, which needs registers of known size; and processors of SSSE3
+// alone are not worth their code.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 
 #undef HWY_TARGET_INCLUDE

@@ -52,7 +52,7 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
   const CellGrid grid(size, quota, keypoints_per_cell_);
   const int cells = grid.cells();
   level.bucket.clear();
-  level.begin.assign(2 * static_cast<std::size_t>(cells) + 1, 0);
+  level.begin.assign(static_cast<std::size_t>(cells) * 2 + 1, 0);
   for (const cv::KeyPoint& corner : corners) {
     const int bucket = 2 * grid.cellOf(corner.pt) + (corner.response < strong_score_ ? 1 : 0);
     level.bucket.push_back(bucket);
@@ -60,8 +60,10 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
   }
   for (int i = 0; i < 2 * cells; ++i) level.begin[i + 1] += level.begin[i];
   level.cells.resize(cells);
-  for (int i = 0; i < cells; ++i) {
-    level.cells[i] = {level.begin[2 * i], level.begin[2 * i + 1], level.begin[2 * i + 2], 0};
+  auto begin = level.begin.cbegin();
+  for (Cell& cell : level.cells) {
+    cell = {begin[0], begin[1], begin[2], 0};
+    begin += 2;
   }
   level.sorted.resize(corners.size());
   for (std::size_t i = 0; i < corners.size(); ++i) {
