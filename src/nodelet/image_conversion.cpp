@@ -3,6 +3,7 @@
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <opencv2/imgcodecs.hpp>
 #include <string>
 
 namespace ktgp_orb {
@@ -66,6 +67,17 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message) {
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be converted to grey: " + error.what());
   }
+}
+
+sensor_msgs::ImageConstPtr readImageFile(const std::string& path) {
+  if (path.empty()) return nullptr;
+  cv_bridge::CvImage image;
+  image.image = cv::imread(path, cv::IMREAD_GRAYSCALE);
+  image.encoding = encodings::MONO8;
+  if (image.image.empty()) {
+    throw RefusedImage("reference_image '" + path + "' cannot be read; expected an image file");
+  }
+  return image.toImageMsg();
 }
 
 }  // namespace ktgp_orb

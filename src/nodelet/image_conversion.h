@@ -4,6 +4,7 @@
 
 #include <opencv2/core.hpp>
 #include <stdexcept>
+#include <string>
 
 namespace ktgp_orb {
 
@@ -19,5 +20,9 @@ class RefusedImage : public std::runtime_error {
 /// 10, 12 or 14 bits in them. Throws RefusedImage for an empty image, a step or amount of data that
 /// does not fit the size, and an encoding that is neither grey, colour nor Bayer.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message);
+
+/// An image file as a mono8 message with stamp zero; null for an empty path. Throws RefusedImage
+/// naming a file that cannot be read.
+sensor_msgs::ImageConstPtr readImageFile(const std::string& path);
 
 }  // namespace ktgp_orb

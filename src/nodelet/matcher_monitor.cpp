@@ -9,6 +9,7 @@ namespace {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
+constexpr double kPatience = 3.0;               // s to wait for a first image
 constexpr double kImplausibleLatency = 3600.0;  // s; stamps of another clock, not a slow matcher
 
 double ratio(std::uint64_t part, std::uint64_t whole) {
@@ -16,6 +17,10 @@ double ratio(std::uint64_t part, std::uint64_t whole) {
 }
 
 }  // namespace
+
+double MatcherMonitor::rate(const Counts& counts) {
+  return counts.seconds > 0.0 ? static_cast<double>(counts.arrived) / counts.seconds : 0.0;
+}
 
 void MatcherMonitor::Counts::operator+=(const Counts& other) {
   seconds += other.seconds;
@@ -70,10 +75,21 @@ void MatcherMonitor::frameMatched(Status status, std::size_t inliers, double lat
   current_.latency_max = std::max(current_.latency_max, latency_seconds);
 }
 
-void MatcherMonitor::setListening(bool listening, const std::string& topic) {
+void MatcherMonitor::setTopic(const std::string& topic) {
   const Lock lock(mutex_);
-  listening_ = listening;
   topic_ = topic;
+}
+
+void MatcherMonitor::setListening(bool listening) {
+  const Lock lock(mutex_);
+  // What came before says nothing about the new subscription.
+  if (listening && !listening_) periods_ = {};
+  listening_ = listening;
+}
+
+void MatcherMonitor::setPaused(bool paused) {
+  const Lock lock(mutex_);
+  paused_ = paused;
 }
 
 std::uint64_t MatcherMonitor::dropped() const {
@@ -91,11 +107,14 @@ std::uint64_t MatcherMonitor::arrived() const {
   return total_.arrived;
 }
 
-void MatcherMonitor::tick() {
+void MatcherMonitor::tick(bool clock_stands) {
   const Lock lock(mutex_);
   const auto now = Clock::now();
-  current_.seconds = std::chrono::duration<double>(now - period_start_).count();
+  const double seconds = std::chrono::duration<double>(now - period_start_).count();
   period_start_ = now;
+  clock_stands_ = clock_stands;
+  if (clock_stands) return;
+  current_.seconds = seconds;
   periods_[next_period_] = current_;
   next_period_ = (next_period_ + 1) % periods_.size();
   current_ = {};
@@ -107,26 +126,28 @@ MatcherMonitor::Counts MatcherMonitor::window() const {
   return sum;
 }
 
+unsigned char MatcherMonitor::levelOf(double value, double limit) const {
+  if (value <= limit) return DiagnosticStatus::OK;
+  return value <= limits_.error_factor * limit ? DiagnosticStatus::WARN : DiagnosticStatus::ERROR;
+}
+
 std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& level) const {
   level = DiagnosticStatus::OK;
   if (!listening_) return "idle: no subscriber on any output";
-  const double rate =
-      counts.seconds > 0.0 ? static_cast<double>(counts.arrived) / counts.seconds : 0.0;
-  if (counts.arrived == 0) {
-    level = DiagnosticStatus::ERROR;
-    return "no image on " + topic_;
-  }
-  if (counts.refused == counts.arrived) {
-    level = DiagnosticStatus::ERROR;
-    return "every image is refused: " + last_error_;
-  }
+  if (paused_) return "paused";
+  if (clock_stands_) return "the clock stands: a paused bag, or nobody publishes /clock";
+  if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
+  level = DiagnosticStatus::ERROR;
+  if (counts.arrived == 0) return "no image on " + topic_;
+  if (counts.refused >= counts.arrived) return "every image is refused: " + last_error_;
   level = DiagnosticStatus::WARN;
   if (counts.refused > 0) return "images refused: " + last_error_;
-  if (rate < limits_.min_input_rate) return "images arrive too slowly";
-  if (ratio(counts.dropped, counts.arrived) > limits_.max_drop_ratio) {
+  level = levelOf(limits_.min_input_rate, rate(counts));
+  if (level != DiagnosticStatus::OK) return "images arrive too slowly";
+  level = levelOf(ratio(counts.dropped, counts.arrived), limits_.max_drop_ratio);
+  if (level != DiagnosticStatus::OK) {
     return "many images dropped: they arrive faster than they are matched";
   }
-  level = DiagnosticStatus::OK;
   return "images arrive";
 }
 
@@ -137,8 +158,7 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   const std::string message = inputMessage(counts, level);
   report.summary(level, message);
   report.add("topic", topic_);
-  report.addf("rate (1/s)", "%.2f",
-              counts.seconds > 0.0 ? static_cast<double>(counts.arrived) / counts.seconds : 0.0);
+  report.addf("rate (1/s)", "%.2f", rate(counts));
   report.add("images", total_.arrived);
   report.add("dropped", total_.dropped);
   report.add("refused", total_.refused);
@@ -150,12 +170,13 @@ void MatcherMonitor::reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& 
   const Counts counts = window();
   const std::uint64_t with_reference = counts.matched - counts.no_reference;
   const double ok_ratio = ratio(counts.ok, with_reference);
+  const unsigned char level = levelOf(limits_.min_ok_ratio, ok_ratio);
   if (with_reference == 0) {
     report.summary(DiagnosticStatus::OK, "nothing to match");
   } else if (counts.ok == 0) {
     report.summaryf(DiagnosticStatus::ERROR, "no homography found: %s", toString(last_status_));
-  } else if (ok_ratio < limits_.min_ok_ratio) {
-    report.summaryf(DiagnosticStatus::WARN, "few homographies found: %s", toString(last_status_));
+  } else if (level != DiagnosticStatus::OK) {
+    report.summaryf(level, "few homographies found: %s", toString(last_status_));
   } else {
     report.summary(DiagnosticStatus::OK, "homographies found");
   }
@@ -175,10 +196,10 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
     report.summary(
         DiagnosticStatus::WARN,
         "image stamps are of another clock; playing a bag needs use_sim_time and --clock");
-  } else if (counts.latency_max > limits_.max_latency) {
-    report.summary(DiagnosticStatus::WARN, "results are late");
   } else {
-    report.summary(DiagnosticStatus::OK, "results are in time");
+    const unsigned char level = levelOf(counts.latency_max, limits_.max_latency);
+    report.summary(level,
+                   level == DiagnosticStatus::OK ? "results are in time" : "results are late");
   }
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
   report.addf("maximum (ms)", "%.2f", 1e3 * counts.latency_max);

@@ -17,7 +17,8 @@ struct MonitorLimits {
   double min_input_rate = 0.0;  ///< images per second
   double max_drop_ratio = 0.5;  ///< dropped / arrived
   double max_latency = 0.5;     ///< s
-  double min_ok_ratio = 0.5;    ///< frames with a homography / frames matched
+  double min_ok_ratio = 0.5;    ///< frames with a homography / frames with a reference
+  double error_factor = 4.0;    ///< an error, no warning, this many times beyond a limit
 };
 
 /// Counts what happens to the images and reports it to diagnostics over the last ten seconds.
@@ -31,14 +32,17 @@ class MatcherMonitor {
   void imageRefused(const std::string& reason);
   void setError(const std::string& error);
   void frameMatched(Status status, std::size_t inliers, double latency_seconds);
-  void setListening(bool listening, const std::string& topic);
+  void setTopic(const std::string& topic);
+  void setListening(bool listening);
+  void setPaused(bool paused);
 
   std::uint64_t dropped() const;
   std::uint64_t refused() const;
   std::uint64_t arrived() const;
 
-  /// Moves the window on by one period; call once before each round of reports.
-  void tick();
+  /// Moves the window on by one period; call once before each round of reports. While the clock
+  /// stands (a paused bag) the window stands too.
+  void tick(bool clock_stands);
   void reportInput(diagnostic_updater::DiagnosticStatusWrapper& report);
   void reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report);
   void reportLatency(diagnostic_updater::DiagnosticStatusWrapper& report);
@@ -62,6 +66,9 @@ class MatcherMonitor {
   };
 
   Counts window() const;
+  static double rate(const Counts& counts);
+  /// Of a measured value and its upper limit, or of a lower limit and the measured value.
+  unsigned char levelOf(double value, double limit) const;
   std::string inputMessage(const Counts& counts, unsigned char& level) const;
 
   mutable std::mutex mutex_;
@@ -74,6 +81,8 @@ class MatcherMonitor {
   std::string last_error_;
   std::string topic_;
   bool listening_ = false;
+  bool paused_ = false;
+  bool clock_stands_ = false;
   Status last_status_ = Status::no_reference;
 };
 

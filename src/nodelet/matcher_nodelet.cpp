@@ -3,40 +3,48 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include <algorithm>
-#include <opencv2/core/utility.hpp>
+#include <boost/make_shared.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "image_conversion.h"
+#include "opencv_pool.h"
 
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSilentSecondsBeforeWarning = 5;
-constexpr double kRepeatWarning = 30.0;  // s between repetitions of a warning
-constexpr double kRepeatError = 5.0;     // s between repetitions of an error per image
+// ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
+// zero.
+constexpr std::chrono::seconds kRepeatRefusal{5};
 
 using Lock = std::lock_guard<std::mutex>;
 
 double latencySeconds(const ros::Time& stamp) {
-  return stamp.isZero() ? 0.0 : (ros::Time::now() - stamp).toSec();
+  return stamp.isZero() ? 0.0 : secondsBetween(stamp, ros::Time::now());
 }
 
 MonitorLimits limitsFrom(const KtgpConfig& config) {
-  return {config.min_input_rate, config.max_drop_ratio, config.max_latency, config.min_ok_ratio};
+  return {config.min_input_rate, config.max_drop_ratio, config.max_latency, config.min_ok_ratio,
+          config.error_factor};
 }
 
 }  // namespace
 
+MatcherNodelet::~MatcherNodelet() {
+  stop();
+}
+
 // Handles are shut down one by one: each shutdown waits for a callback of it that is still running,
 // and only then does what the callbacks use go away.
-MatcherNodelet::~MatcherNodelet() {
+void MatcherNodelet::stop() {
   for (ros::ServiceServer& service : services_) service.shutdown();
   watch_timer_.stop();
+  diagnostics_.reset();
   reconfigure_server_.reset();
   {
     const Lock lock(connect_mutex_);
     advertised_ = false;
-    unsubscribe();
+    if (subscribed_) unsubscribe();
   }
   newest_.close();
   if (worker_.joinable()) worker_.join();
@@ -51,7 +59,8 @@ void MatcherNodelet::onInit() {
   try {
     start();
   } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // what loads the nodelet may not say why it failed
+    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
+    stop();  // now, since the loader destroys the callback queues before this object
     throw;
   }
 }
@@ -66,6 +75,8 @@ void MatcherNodelet::start() {
     NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
   }
 
+  input_watch_ = std::make_unique<InputWatch>(image_topic_, transport_hint_);
+  monitor_.setTopic(image_topic_);
   startReconfigure();
   matcher_ = std::make_unique<SequenceMatcher>(configuration_);
   worker_ = std::thread(&MatcherNodelet::work, this);
@@ -75,7 +86,6 @@ void MatcherNodelet::start() {
   diagnostics_->add("input", &monitor_, &MatcherMonitor::reportInput);
   diagnostics_->add("matcher", &monitor_, &MatcherMonitor::reportMatcher);
   diagnostics_->add("latency", &monitor_, &MatcherMonitor::reportLatency);
-  monitor_.setListening(false, image_topic_);
   advertise();
   advertiseServices();
   // Wall time: the watch must go on while a bag with --clock is paused.
@@ -135,17 +145,15 @@ void MatcherNodelet::advertiseServices() {
   services_.push_back(trigger("reset", "every reference is forgotten", [this] {
     const Lock lock(state_mutex_);
     requests_.reset = true;
+    requests_.fix_next_frame = false;
   }));
   services_.push_back(
       trigger("set_reference", "the next image becomes the fixed reference", [this] {
         const Lock lock(state_mutex_);
-        requests_.set_reference = true;
+        requests_.fix_next_frame = true;
       }));
-  services_.push_back(trigger("pause", "images are ignored until resumed", [this] {
-    paused_ = true;
-    newest_.clear();
-  }));
-  services_.push_back(trigger("resume", "images are matched again", [this] { paused_ = false; }));
+  services_.push_back(trigger("pause", "images are ignored until resumed", [this] { pause(); }));
+  services_.push_back(trigger("resume", "images are matched again", [this] { resume(); }));
   // Matching a pair takes a while: on the threads that serve several callbacks at a time.
   services_.push_back(
       getMTPrivateNodeHandle().advertiseService("match_pair", &MatcherNodelet::matchPair, this));
@@ -156,24 +164,49 @@ void MatcherNodelet::startReconfigure() {
       reconfigure_mutex_, getPrivateNodeHandle());
   reconfigure_server_->setCallback(
       [this](KtgpConfig& config, std::uint32_t /*level*/) { reconfigured(config); });
+  if (!configured_) throw std::invalid_argument(refusal_);
 }
 
 void MatcherNodelet::reconfigured(KtgpConfig& config) {
-  const Lock lock(state_mutex_);
   try {
-    const std::uint32_t number = configured_ ? configuration_.number + 1 : 0;
-    const Configuration configuration = configurationFrom(config, number);
-    const KtgpMatcher checked(configuration.matcher);  // refuses NaN, which no clamp catches
-    const OrbExtractor checked_extractor(configuration.orb);
-    configuration_ = configuration;
+    configureFrom(config);
     config_ = config;
     configured_ = true;
-    monitor_.setLimits(limitsFrom(config));
-  } catch (const std::invalid_argument& error) {
-    if (!configured_) throw;
+  } catch (const std::exception& error) {  // NaN, which no clamp catches; an unknown mode or file
+    if (!configured_) {
+      refusal_ = error.what();  // the caller would swallow an exception
+      return;
+    }
+    monitor_.setError(error.what());
     NODELET_ERROR("new parameters are refused, the old ones stay: %s", error.what());
     config = config_;
   }
+}
+
+// Only this function writes configuration_, and one call at a time: it may read it unlocked.
+void MatcherNodelet::configureFrom(const KtgpConfig& config) {
+  const std::uint32_t number = configured_ ? configuration_.number + 1 : 0;
+  Configuration configuration = configurationFrom(config, number);
+  const bool same_image = configured_ && config.reference_image == config_.reference_image;
+  configuration.reference_image =
+      same_image ? configuration_.reference_image : readImageFile(config.reference_image);
+  if (!configured_ || configuration.threads != configuration_.threads) {
+    OpencvPool::limit(configuration.threads);
+  }
+  monitor_.setLimits(limitsFrom(config));
+  const Lock lock(state_mutex_);
+  configuration_ = configuration;
+}
+
+void MatcherNodelet::pause() {
+  paused_ = true;
+  newest_.clear();
+  monitor_.setPaused(true);
+}
+
+void MatcherNodelet::resume() {
+  paused_ = false;
+  monitor_.setPaused(false);
 }
 
 bool MatcherNodelet::anySubscriber() const {
@@ -197,16 +230,16 @@ void MatcherNodelet::subscribe() {
   image_sub_ = transport_->subscribe("image", static_cast<std::uint32_t>(queue_size),
                                      &MatcherNodelet::imageArrived, this, hints);
   subscribed_ = true;
-  silent_seconds_ = 0;
-  monitor_.setListening(true, image_topic_);
+  input_watch_->restart();
+  monitor_.setListening(true);
 }
 
 void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
   subscribed_ = false;
-  silent_seconds_ = 0;
+  input_watch_->restart();
   newest_.clear();
-  monitor_.setListening(false, image_topic_);
+  monitor_.setListening(false);
   const Lock lock(state_mutex_);
   requests_.forget_reference = true;
 }
@@ -218,42 +251,32 @@ void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void MatcherNodelet::watch() {
-  monitor_.tick();
+  const bool clock_stands = clockStands();
+  monitor_.tick(clock_stands);
   diagnostics_->force_update();
-  warnWithoutInput();
+  if (clock_stands && !last_watch_.isZero()) return;  // a paused bag, no broken camera
+  std::uint32_t publishers = 0;
+  bool subscribed = false;
+  {
+    const Lock lock(connect_mutex_);
+    subscribed = subscribed_;
+    if (subscribed_) publishers = image_sub_.getNumPublishers();
+  }
+  const std::string warning = input_watch_->tick(subscribed, monitor_.arrived(), publishers);
+  if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
 }
 
-void MatcherNodelet::warnWithoutInput() {
-  const Lock lock(connect_mutex_);
-  const std::uint64_t arrived = monitor_.arrived();
-  const bool silent = arrived == arrived_before_;
-  arrived_before_ = arrived;
-  silent_seconds_ = silent ? silent_seconds_ + 1 : 0;
-  if (silent_seconds_ < kSilentSecondsBeforeWarning) return;
-  if (subscribed_) {
-    NODELET_WARN_THROTTLE(kRepeatWarning, "no image on %s for %d s (%u publishers, transport %s)",
-                          image_topic_.c_str(), silent_seconds_, image_sub_.getNumPublishers(),
-                          transport_hint_.c_str());
-    return;
-  }
-  // Not subscribed for want of subscribers, but a wrong topic name should show all the same.
-  ros::master::V_TopicInfo topics;
-  if (silent_seconds_ != kSilentSecondsBeforeWarning || !ros::master::getTopics(topics)) return;
-  const std::string expected = image_sub_.getTopic().empty() ? image_topic_ : image_sub_.getTopic();
-  const bool published = std::any_of(topics.begin(), topics.end(), [&](const auto& topic) {
-    return topic.name == expected || topic.name == expected + "/" + transport_hint_;
-  });
-  if (published) {
-    NODELET_INFO("waits for a subscriber on its outputs; %s is published", expected.c_str());
-  } else {
-    NODELET_WARN("nobody publishes %s: is the topic name right?", expected.c_str());
-  }
+bool MatcherNodelet::clockStands() {
+  if (!ros::Time::isSimTime()) return false;
+  const ros::Time now = ros::Time::now();
+  return now == std::exchange(last_watch_, now);
 }
 
 void MatcherNodelet::work() {
   while (const auto image = newest_.take()) {
     try {
-      applyRequests(*image);
+      const OpencvPool::Use pool;
+      applyRequests();
       processImage(*image);
     } catch (const RefusedImage& error) {
       refuse(error.what());
@@ -263,32 +286,18 @@ void MatcherNodelet::work() {
   }
 }
 
-void MatcherNodelet::applyConfiguration() {
+void MatcherNodelet::applyRequests() {
   Configuration configuration;
-  {
-    const Lock lock(state_mutex_);
-    if (configuration_.number == matcher_->configuration().number) return;
-    configuration = configuration_;
-  }
-  matcher_->configure(configuration);
-}
-
-void MatcherNodelet::applyRequests(const sensor_msgs::ImageConstPtr& image) {
-  const std::string image_file = matcher_->configuration().reference_image;
-  applyConfiguration();
-  const Configuration& configuration = matcher_->configuration();
-  cv::setNumThreads(configuration.threads > 0 ? configuration.threads : -1);
   Requests requests;
   {
     const Lock lock(state_mutex_);
+    configuration = configuration_;
     std::swap(requests, requests_);
   }
+  if (configuration.number != matcher_->configuration().number) matcher_->configure(configuration);
   if (requests.forget_reference) matcher_->forgetReference();
   if (requests.reset) matcher_->reset();
-  if (requests.set_reference) matcher_->setFixedReference(image);
-  if (configuration.reference_image != image_file && !configuration.reference_image.empty()) {
-    matcher_->setFixedReference(readImageFile(configuration.reference_image));
-  }
+  if (requests.fix_next_frame) matcher_->fixNextFrame();
 }
 
 void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
@@ -314,8 +323,10 @@ void MatcherNodelet::publish(const FrameMessages& messages) {
 
 void MatcherNodelet::refuse(const std::string& reason) {
   monitor_.imageRefused(reason);
-  NODELET_ERROR_THROTTLE(kRepeatError, "image on %s is refused: %s", image_topic_.c_str(),
-                         reason.c_str());
+  const auto now = std::chrono::steady_clock::now();
+  if (now - last_refusal_ < kRepeatRefusal) return;
+  last_refusal_ = now;
+  NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
 }
 
 bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response& response) {
@@ -325,9 +336,10 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
     configuration = configuration_;
   }
   configuration.reference.mode = ReferenceMode::fixed;
+  configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   try {
+    const OpencvPool::Use pool;
     SequenceMatcher matcher(configuration);
-    matcher.setFixedReference(boost::make_shared<sensor_msgs::Image>(request.reference));
     const FrameMessages messages =
         matcher.process(boost::make_shared<sensor_msgs::Image>(request.target), false);
     response.correspondences = *messages.correspondences;

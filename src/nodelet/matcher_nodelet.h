@@ -10,11 +10,14 @@
 
 #include <atomic>
 #include <boost/thread/recursive_mutex.hpp>
+#include <chrono>
 #include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "input_watch.h"
 #include "matcher_monitor.h"
 #include "newest_slot.h"
 #include "parameters.h"
@@ -34,6 +37,7 @@ class MatcherNodelet : public nodelet::Nodelet {
  private:
   void onInit() override;
   void start();
+  void stop();
   void requireTransport() const;
   void advertise();
   void advertiseServices();
@@ -46,13 +50,15 @@ class MatcherNodelet : public nodelet::Nodelet {
 
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
   void reconfigured(KtgpConfig& config);
+  void configureFrom(const KtgpConfig& config);
+  void pause();
+  void resume();
   bool matchPair(MatchPair::Request& request, MatchPair::Response& response);
   void watch();
-  void warnWithoutInput();
+  bool clockStands();
 
   void work();
-  void applyRequests(const sensor_msgs::ImageConstPtr& image);
-  void applyConfiguration();
+  void applyRequests();
   void processImage(const sensor_msgs::ImageConstPtr& image);
   void publish(const FrameMessages& messages);
   void refuse(const std::string& reason);
@@ -61,7 +67,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   struct Requests {
     bool forget_reference = false;
     bool reset = false;
-    bool set_reference = false;
+    bool fix_next_frame = false;
   };
   template <typename Change>
   ros::ServiceServer trigger(const std::string& name, const std::string& answer, Change change);
@@ -78,22 +84,25 @@ class MatcherNodelet : public nodelet::Nodelet {
   ros::WallTimer watch_timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   boost::recursive_mutex reconfigure_mutex_;
+  KtgpConfig config_;  // what configuration_ was made from
+  bool configured_ = false;
+  std::string refusal_;  // why the parameters at start cannot be used
   std::unique_ptr<dynamic_reconfigure::Server<KtgpConfig>> reconfigure_server_;
 
   std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
   bool advertised_ = false;
   image_transport::Subscriber image_sub_;
   bool subscribed_ = false;
-  int silent_seconds_ = 0;
-  std::uint64_t arrived_before_ = 0;
   std::string image_topic_;
   std::string transport_hint_;
 
+  // The callback queue's own
+  std::unique_ptr<InputWatch> input_watch_;
+  ros::Time last_watch_;
+
   // Shared with the worker
-  std::mutex state_mutex_;  // guards configuration_, config_ and requests_
+  std::mutex state_mutex_;  // guards configuration_ and requests_
   Configuration configuration_;
-  KtgpConfig config_;
-  bool configured_ = false;
   Requests requests_;
   std::atomic<bool> paused_{false};
   NewestSlot<sensor_msgs::ImageConstPtr> newest_;
@@ -101,6 +110,7 @@ class MatcherNodelet : public nodelet::Nodelet {
 
   // The worker's own
   std::unique_ptr<SequenceMatcher> matcher_;
+  std::chrono::steady_clock::time_point last_refusal_;
   std::thread worker_;
 };
 

@@ -77,9 +77,10 @@ Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) 
   c.reference.max_age = config.max_reference_age;
   c.reference.min_overlap = config.keyframe_min_overlap;
   c.reference.min_inliers = config.keyframe_min_inliers;
-  c.reference_image = config.reference_image;
   c.overlay = config.overlay;
   c.threads = config.threads;
+  const KtgpMatcher checked_matcher(c.matcher);
+  const OrbExtractor checked_extractor(c.orb);
   return c;
 }
 

@@ -2,6 +2,7 @@
 
 #include <ktgp_orb/KtgpConfig.h>
 #include <ros/node_handle.h>
+#include <sensor_msgs/Image.h>
 
 #include <cstdint>
 #include <string>
@@ -20,11 +21,13 @@ struct Configuration {
   OrbOptions orb;
   MatcherOptions matcher;
   ReferenceOptions reference;
-  std::string reference_image;
+  sensor_msgs::ImageConstPtr reference_image;  ///< the fixed reference at first; null: none
   bool overlay = true;
   int threads = 1;
 };
 
+/// All but the reference image, which is null: reading its file may fail and takes its time.
+/// Throws std::invalid_argument for what the core refuses, NaN for example.
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
 
 /// Checks the parameters that `node` was started with, from a launch file, YAML or the command

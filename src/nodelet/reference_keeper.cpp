@@ -18,6 +18,11 @@ Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
 
 }  // namespace
 
+double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
+  const double seconds = static_cast<double>(later.sec) - static_cast<double>(earlier.sec);
+  return seconds + 1e-9 * (static_cast<double>(later.nsec) - static_cast<double>(earlier.nsec));
+}
+
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double w = size.width;
   const double h = size.height;
@@ -34,20 +39,19 @@ double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
 }
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
-  if (options.mode != options_.mode) reset();
+  if (options.mode != options_.mode) forget();
   options_ = options;
 }
 
 FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   if (options_.mode == ReferenceMode::fixed) return fixed_;
   if (!previous_) return nullptr;
-  const double gap = (stamp(next) - stamp(*previous_)).toSec();
-  const double age = (stamp(next) - stamp(*reference_)).toSec();
-  // A keyframe may be old while frames keep coming; what must not be old is the last frame.
-  const bool same_sequence = gap >= 0.0 && age >= 0.0 && gap <= options_.max_age &&
+  // A keyframe may be old while frames keep coming; what must not be old is the frame before.
+  const double gap = secondsBetween(stamp(*previous_), stamp(next));
+  const bool same_sequence = gap >= 0.0 && gap <= options_.max_age &&
                              next.grey.size() == previous_->grey.size() &&
                              next.message->encoding == previous_->message->encoding;
-  if (!same_sequence) reset();
+  if (!same_sequence) forget();
   return reference_;
 }
 
@@ -57,24 +61,28 @@ bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const 
          overlap(result.prosac.homography, frame.grey.size()) < options_.min_overlap;
 }
 
-bool ReferenceKeeper::tryAgain(const Frame& frame, const MatchResult& result) {
-  if (options_.mode != ReferenceMode::keyframe || reference_ == previous_) return false;
-  if (!weak(frame, result)) return false;
-  reference_ = previous_;
-  to_reference_ = to_previous_;
-  return true;
+FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {
+  const bool another = options_.mode == ReferenceMode::keyframe && reference_ != previous_;
+  return another && weak(frame, result) ? previous_ : nullptr;
 }
 
-void ReferenceKeeper::advance(const FramePtr& frame, const MatchResult* result) {
+void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
+                              const MatchResult* result) {
   if (options_.mode == ReferenceMode::fixed) return;
-  if (result == nullptr || result->status != Status::ok || !reference_) {
+  if (result == nullptr || result->status != Status::ok) {
     restartAt(frame);
     return;
+  }
+  const bool adjacent = reference == previous_;
+  if (adjacent) {
+    reference_ = previous_;
+    to_reference_ = to_previous_;
   }
   to_previous_ = normalised(result->prosac.homography * to_reference_);
   accumulated_ = Accumulated{first_stamp_, to_previous_};
   previous_ = frame;
-  if (options_.mode == ReferenceMode::previous) {
+  // Two neighbouring frames of weak support: a keyframe would only be tried in vain.
+  if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;
   }
@@ -87,15 +95,10 @@ void ReferenceKeeper::restartAt(const FramePtr& frame) {
   accumulated_.reset();
 }
 
-void ReferenceKeeper::reset() {
+void ReferenceKeeper::forget() {
   reference_.reset();
   previous_.reset();
   accumulated_.reset();
-}
-
-void ReferenceKeeper::clear() {
-  reset();
-  fixed_.reset();
 }
 
 }  // namespace ktgp_orb

@@ -29,17 +29,18 @@ class ReferenceKeeper {
   void setOptions(const ReferenceOptions& options);
 
   /// The frame to match `next` to, or null. Forgets a reference that cannot belong to the same
-  /// sequence: the stamp went back (a looped bag), it is older than max_age, or the size or
-  /// encoding of the images has changed. A fixed reference stays.
+  /// sequence: the stamp went back (a looped bag), the frame before is older than max_age, or the
+  /// size or encoding of the images has changed. A fixed reference stays.
   FramePtr referenceFor(const Frame& next);
 
-  /// After `frame` was matched to the reference with `result`: true where another reference was
-  /// chosen that `frame` is to be matched to once more (keyframe mode: the frame before takes over
-  /// when the keyframe's support gets weak, so that the chain of homographies does not break).
-  bool tryAgain(const Frame& frame, const MatchResult& result);
+  /// Keyframe mode, after `frame` was matched to the keyframe with `result`: the frame before, to
+  /// match to as well, where the keyframe's support got weak; else null. Should that find a
+  /// homography, it takes over, so that the chain of homographies does not break.
+  FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
-  /// After all matching of `frame`; `result` is null where there was no reference.
-  void advance(const FramePtr& frame, const MatchResult* result);
+  /// After all matching of `frame`: `reference` and `result` are of the match that counts, null
+  /// where there was no reference.
+  void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
   /// Homography from the first frame of the unbroken sequence to the last one advanced to, and the
   /// stamp of that first frame; nothing where the chain has just (re)started or in fixed mode.
@@ -49,12 +50,11 @@ class ReferenceKeeper {
   };
   const std::optional<Accumulated>& accumulated() const { return accumulated_; }
 
-  /// Makes `frame` the fixed reference.
+  /// Makes `frame` the fixed reference; null: none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
+  const FramePtr& fixed() const { return fixed_; }
   /// Forgets every reference but the fixed one.
-  void reset();
-  /// Forgets the fixed one too.
-  void clear();
+  void forget();
 
  private:
   bool weak(const Frame& frame, const MatchResult& result) const;
@@ -62,8 +62,8 @@ class ReferenceKeeper {
 
   ReferenceOptions options_;
   FramePtr fixed_;
-  FramePtr reference_;  // previous, keyframe
-  FramePtr previous_;   // keyframe: the last frame, with a good match to reference_ or the same
+  FramePtr reference_;  // previous: the frame before; keyframe: the keyframe
+  FramePtr previous_;   // the frame before, with an unbroken chain of homographies to it
   // Homographies from the first frame of the sequence.
   ros::Time first_stamp_;
   Eigen::Matrix3d to_reference_ = Eigen::Matrix3d::Identity();
@@ -73,5 +73,9 @@ class ReferenceKeeper {
 
 /// Share of an image of `size` that the image warped by `homography` covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
+
+/// `later` - `earlier`, s. Unlike ros::Duration, which throws beyond 68 years, it takes the stamps
+/// of any camera.
+double secondsBetween(const ros::Time& earlier, const ros::Time& later);
 
 }  // namespace ktgp_orb

@@ -24,29 +24,42 @@ struct FrameMessages {
   sensor_msgs::ImagePtr overlay;  ///< null unless asked for
 };
 
+/// A match made ahead of its turn, to save the time when the turn comes.
+struct MatchAhead {
+  FramePtr reference;
+  MatchResult result;
+};
+
 /// Matches the images of one stream in turn, each with one configuration from start to end.
 /// Not for use by several threads at once.
 class SequenceMatcher {
  public:
-  /// Throws std::invalid_argument for options the core refuses, and then changes nothing.
+  /// Throws std::invalid_argument for options the core refuses and RefusedImage for a reference
+  /// image of no use; `configure` then changes nothing.
   explicit SequenceMatcher(const Configuration& configuration);
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return configuration_; }
 
   /// Throws RefusedImage for an image of no use; the reference is then what it was.
   FrameMessages process(const sensor_msgs::ImageConstPtr& image, bool draw_overlay);
+  /// The same for a frame whose features were found with the options of this configuration.
+  /// `ahead`, where not null, is used up in place of matching to the reference it names.
+  FrameMessages process(const FramePtr& frame, bool draw_overlay, MatchAhead* ahead = nullptr);
 
-  /// Makes `image` the reference of the fixed mode. Throws RefusedImage.
-  void setFixedReference(const sensor_msgs::ImageConstPtr& image);
+  /// The next frame becomes the reference of the fixed mode.
+  void fixNextFrame() { fix_next_frame_ = true; }
+  /// The reference of the fixed mode, or null.
+  const FramePtr& fixedReference() const { return keeper_.fixed(); }
 
   /// Forgets the reference, but not a fixed one.
-  void forgetReference() { keeper_.reset(); }
-  /// Forgets the fixed reference too.
-  void reset() { keeper_.clear(); }
+  void forgetReference() { keeper_.forget(); }
+  /// Forgets every reference; the fixed one becomes the configuration's reference image again.
+  void reset();
 
  private:
-  FramePtr referenceFor(const FramePtr& frame);
-  void match(const FramePtr& frame, FramePtr& reference);
+  void match(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
+  void tryFrameBefore(const Frame& frame, FramePtr& reference);
+  const FramePtr& withFeatures(const FramePtr& reference);
   HomographyStampedPtr accumulatedHomography(const Frame& frame) const;
 
   Configuration configuration_;
@@ -54,10 +67,10 @@ class SequenceMatcher {
   KtgpMatcher matcher_;
   ReferenceKeeper keeper_;
   FramePtr last_reference_;
+  bool fix_next_frame_ = false;
   MatchResult result_;
+  MatchResult other_result_;
+  double lost_milliseconds_ = 0.0;  // spent on a match to another reference than the one reported
 };
-
-/// An image file as a message with stamp zero. Throws RefusedImage naming the file.
-sensor_msgs::ImageConstPtr readImageFile(const std::string& path);
 
 }  // namespace ktgp_orb
