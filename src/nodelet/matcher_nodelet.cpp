@@ -39,7 +39,6 @@ MatcherNodelet::~MatcherNodelet() {
 void MatcherNodelet::stop() {
   for (ros::ServiceServer& service : services_) service.shutdown();
   watch_timer_.stop();
-  diagnostics_.reset();
   reconfigure_server_.reset();
   {
     const Lock lock(connect_mutex_);
@@ -53,6 +52,12 @@ void MatcherNodelet::stop() {
   accumulated_pub_.shutdown();
   statistics_pub_.shutdown();
   overlay_pub_.shutdown();
+  diagnostics_.reset();
+  // Disabled first: the spinners' threads then end at once, not after their time-out.
+  queue_.disable();
+  pair_queue_.disable();
+  spinner_.stop();
+  pair_spinner_.stop();
 }
 
 void MatcherNodelet::onInit() {
@@ -60,18 +65,20 @@ void MatcherNodelet::onInit() {
     start();
   } catch (const std::exception& error) {
     NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
-    stop();  // now, since the loader destroys the callback queues before this object
     throw;
   }
 }
 
 void MatcherNodelet::start() {
-  ros::NodeHandle& private_node = getPrivateNodeHandle();
-  transport_hint_ = private_node.param<std::string>("image_transport", "raw");
-  image_topic_ = getNodeHandle().resolveName("image");
+  node_ = getNodeHandle();
+  node_.setCallbackQueue(&queue_);
+  private_node_ = getPrivateNodeHandle();
+  private_node_.setCallbackQueue(&queue_);
+  transport_hint_ = private_node_.param<std::string>("image_transport", "raw");
+  image_topic_ = node_.resolveName("image");
   requireTransport();
-  requireParametersInRange(private_node);
-  for (const std::string& name : unknownParameters(private_node)) {
+  requireParametersInRange(private_node_);
+  for (const std::string& name : unknownParameters(private_node_)) {
     NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
   }
 
@@ -80,8 +87,7 @@ void MatcherNodelet::start() {
   startReconfigure();
   matcher_ = std::make_unique<SequenceMatcher>(configuration_);
   worker_ = std::thread(&MatcherNodelet::work, this);
-  diagnostics_ =
-      std::make_unique<diagnostic_updater::Updater>(getNodeHandle(), private_node, getName());
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
   diagnostics_->setHardwareID(image_topic_);
   diagnostics_->add("input", &monitor_, &MatcherMonitor::reportInput);
   diagnostics_->add("matcher", &monitor_, &MatcherMonitor::reportMatcher);
@@ -89,14 +95,16 @@ void MatcherNodelet::start() {
   advertise();
   advertiseServices();
   // Wall time: the watch must go on while a bag with --clock is paused.
-  watch_timer_ = getNodeHandle().createWallTimer(ros::WallDuration(1.0),
-                                                 [this](const ros::WallTimerEvent&) { watch(); });
+  watch_timer_ = node_.createWallTimer(ros::WallDuration(1.0),
+                                       [this](const ros::WallTimerEvent&) { watch(); });
+  spinner_.start();
+  pair_spinner_.start();
   NODELET_INFO("matches images on %s (transport %s) while %s/* has subscribers",
-               image_topic_.c_str(), transport_hint_.c_str(), private_node.getNamespace().c_str());
+               image_topic_.c_str(), transport_hint_.c_str(), private_node_.getNamespace().c_str());
 }
 
 void MatcherNodelet::requireTransport() const {
-  const image_transport::ImageTransport transport(getNodeHandle());
+  const image_transport::ImageTransport transport(node_);
   const auto names = transport.getLoadableTransports();
   const std::string wanted = "image_transport/" + transport_hint_;
   if (std::find(names.begin(), names.end(), wanted) != names.end()) return;
@@ -109,19 +117,19 @@ void MatcherNodelet::requireTransport() const {
 void MatcherNodelet::advertise() {
   // Locked until all are there, so that an early subscriber does not find half of them.
   const Lock lock(connect_mutex_);
-  ros::NodeHandle& node = getPrivateNodeHandle();
   const ros::SubscriberStatusCallback changed = [this](const ros::SingleSubscriberPublisher&) {
     connectionsChanged();
   };
   const image_transport::SubscriberStatusCallback overlay_changed =
       [this](const image_transport::SingleSubscriberPublisher&) { connectionsChanged(); };
-  transport_ = std::make_unique<image_transport::ImageTransport>(getNodeHandle());
-  private_transport_ = std::make_unique<image_transport::ImageTransport>(node);
-  correspondences_pub_ = node.advertise<Correspondences>("correspondences", 1, changed, changed);
-  homography_pub_ = node.advertise<HomographyStamped>("homography", 1, changed, changed);
+  transport_ = std::make_unique<image_transport::ImageTransport>(node_);
+  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
+  correspondences_pub_ =
+      private_node_.advertise<Correspondences>("correspondences", 1, changed, changed);
+  homography_pub_ = private_node_.advertise<HomographyStamped>("homography", 1, changed, changed);
   accumulated_pub_ =
-      node.advertise<HomographyStamped>("accumulated_homography", 1, changed, changed);
-  statistics_pub_ = node.advertise<MatchStatistics>("statistics", 1, changed, changed);
+      private_node_.advertise<HomographyStamped>("accumulated_homography", 1, changed, changed);
+  statistics_pub_ = private_node_.advertise<MatchStatistics>("statistics", 1, changed, changed);
   overlay_pub_ =
       private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
   advertised_ = true;
@@ -138,7 +146,7 @@ ros::ServiceServer MatcherNodelet::trigger(const std::string& name, const std::s
     response.message = answer;
     return true;
   };
-  return getPrivateNodeHandle().advertiseService(name, callback);
+  return private_node_.advertiseService(name, callback);
 }
 
 void MatcherNodelet::advertiseServices() {
@@ -154,14 +162,15 @@ void MatcherNodelet::advertiseServices() {
       }));
   services_.push_back(trigger("pause", "images are ignored until resumed", [this] { pause(); }));
   services_.push_back(trigger("resume", "images are matched again", [this] { resume(); }));
-  // Matching a pair takes a while: on the threads that serve several callbacks at a time.
-  services_.push_back(
-      getMTPrivateNodeHandle().advertiseService("match_pair", &MatcherNodelet::matchPair, this));
+  // Matching a pair takes a while, in which images must not wait.
+  ros::NodeHandle pair_node = getPrivateNodeHandle();
+  pair_node.setCallbackQueue(&pair_queue_);
+  services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
 }
 
 void MatcherNodelet::startReconfigure() {
-  reconfigure_server_ = std::make_unique<dynamic_reconfigure::Server<KtgpConfig>>(
-      reconfigure_mutex_, getPrivateNodeHandle());
+  reconfigure_server_ =
+      std::make_unique<dynamic_reconfigure::Server<KtgpConfig>>(reconfigure_mutex_, private_node_);
   reconfigure_server_->setCallback(
       [this](KtgpConfig& config, std::uint32_t /*level*/) { reconfigured(config); });
   if (!configured_) throw std::invalid_argument(refusal_);
@@ -224,9 +233,9 @@ void MatcherNodelet::connectionsChanged() {
 }
 
 void MatcherNodelet::subscribe() {
-  const int queue_size = std::max(1, getPrivateNodeHandle().param("queue_size", 1));
+  const int queue_size = std::max(1, private_node_.param("queue_size", 1));
   const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(),
-                                              getPrivateNodeHandle());
+                                              private_node_);
   image_sub_ = transport_->subscribe("image", static_cast<std::uint32_t>(queue_size),
                                      &MatcherNodelet::imageArrived, this, hints);
   subscribed_ = true;
@@ -245,6 +254,10 @@ void MatcherNodelet::unsubscribe() {
 }
 
 void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
+  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // and deliver everything twice: each frame would then be matched to itself.
+  if (last_arrived_.lock() == image) return;
+  last_arrived_ = image;
   monitor_.imageArrived();
   if (paused_) return;
   if (newest_.put(image)) monitor_.imageDropped();

@@ -5,6 +5,7 @@
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchPair.h>
 #include <nodelet/nodelet.h>
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
@@ -29,6 +30,10 @@ namespace ktgp_orb {
 ///
 /// Threads: callbacks only store (the newest image, a configuration, a request); one worker thread
 /// takes the newest image, applies what was stored before it, matches and publishes.
+///
+/// The callbacks run in queues and threads of its own, not in the manager's. A manager's thread
+/// that is in a callback keeps the nodelet alive: then it is that thread that destroys it, after
+/// the unloading has returned and with the nodelet's other callback queue already gone.
 class MatcherNodelet : public nodelet::Nodelet {
  public:
   MatcherNodelet() = default;
@@ -73,6 +78,10 @@ class MatcherNodelet : public nodelet::Nodelet {
   ros::ServiceServer trigger(const std::string& name, const std::string& answer, Change change);
 
   // ROS side
+  ros::CallbackQueue queue_;
+  ros::CallbackQueue pair_queue_;
+  ros::NodeHandle node_;
+  ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
   std::unique_ptr<image_transport::ImageTransport> private_transport_;
   ros::Publisher correspondences_pub_;
@@ -99,6 +108,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   // The callback queue's own
   std::unique_ptr<InputWatch> input_watch_;
   ros::Time last_watch_;
+  boost::weak_ptr<const sensor_msgs::Image> last_arrived_;
 
   // Shared with the worker
   std::mutex state_mutex_;  // guards configuration_ and requests_
@@ -112,6 +122,9 @@ class MatcherNodelet : public nodelet::Nodelet {
   std::unique_ptr<SequenceMatcher> matcher_;
   std::chrono::steady_clock::time_point last_refusal_;
   std::thread worker_;
+
+  ros::AsyncSpinner spinner_{1, &queue_};
+  ros::AsyncSpinner pair_spinner_{1, &pair_queue_};
 };
 
 }  // namespace ktgp_orb

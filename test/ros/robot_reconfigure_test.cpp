@@ -1,0 +1,178 @@
+// Parameters change at random under traffic. Every statistics message must be what one single
+// configuration gives for its two frames: it is computed again from the frames and compared.
+
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <ktgp_orb/KtgpConfig.h>
+#include <ktgp_orb/MatchStatistics.h>
+#include <std_srvs/Trigger.h>
+
+#include <map>
+#include <random>
+
+#include "frame.h"
+#include "parameters.h"
+#include "robot_testing.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::Camera;
+using test::Recorder;
+
+int changes = 1000;
+double rate = 50.0;  // changes a second
+
+/// A random valid change; ranges are such that a frame stays a matter of milliseconds.
+void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
+  const auto integer = [&](int low, int high) {
+    return std::uniform_int_distribution<int>(low, high)(random);
+  };
+  const auto real = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  const char* const modes[] = {"previous", "keyframe", "fixed"};
+  switch (integer(0, 11)) {
+    case 0:
+      config.T_w = real(0.3, 1.0);
+      break;
+    case 1:
+      config.T_G = real(0.0, 12.0);
+      break;
+    case 2:
+      config.features = integer(50, 600);
+      break;
+    case 3:
+      config.scale_factor = real(1.1, 1.6);
+      break;
+    case 4:
+      config.levels = integer(1, 8);
+      break;
+    case 5:
+      config.fast_threshold = integer(5, 60);
+      break;
+    case 6:
+      config.gms_rotation = integer(0, 1) == 1;
+      break;
+    case 7:
+      config.gms_scale = integer(0, 1) == 1;
+      break;
+    case 8:
+      config.prosac_threshold = real(0.5, 10.0);
+      break;
+    case 9:
+      config.reference_mode = modes[integer(0, 2)];
+      break;
+    case 10:
+      config.threads = integer(0, 2);
+      break;
+    default:
+      config.keyframe_min_inliers = integer(4, 300);
+      break;
+  }
+}
+
+dynamic_reconfigure::Config messageFrom(const KtgpConfig& config) {
+  dynamic_reconfigure::Config message;
+  config.__toMessage__(message);
+  return message;
+}
+
+class Reconfigure : public testing::Test {
+ protected:
+  void SetUp() override {
+    ros::param::set("/camera/matcher/features", 300);
+    ASSERT_TRUE(test::loadMatcher(loader_, "/camera"));
+    client_ = ros::NodeHandle().serviceClient<dynamic_reconfigure::Reconfigure>(
+        "/camera/matcher/set_parameters", true);
+    ASSERT_TRUE(client_.waitForExistence());
+    camera_.keep();
+    camera_.start();
+    std_srvs::Trigger fix;  // something to match to in fixed mode
+    ASSERT_TRUE(ros::service::call("/camera/matcher/set_reference", fix));
+    ASSERT_TRUE(recorder_.waitForMore(2));
+    config_.features = 300;
+    configurations_.push_back(config_);
+  }
+
+  /// Sends one change; the answer is what the matcher made of it.
+  void change() {
+    changeAtRandom(config_, random_);
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config = messageFrom(config_);
+    ASSERT_TRUE(client_.call(call));
+    config_.__fromMessage__(call.response.config);
+    configurations_.push_back(config_);
+  }
+
+  void expectAsComputedAgain(const MatchStatistics& statistics);
+  FramePtr frameAt(const ros::Time& stamp, OrbExtractor& extractor) {
+    const auto found = images_.find(stamp);
+    return found == images_.end() ? nullptr : makeFrame(found->second, extractor);
+  }
+
+  Camera camera_{"/camera/image_raw", {320, 240}, 60.0};
+  nodelet::Loader loader_{false};
+  Recorder<MatchStatistics> recorder_{"/camera/matcher/statistics"};
+  ros::ServiceClient client_;
+  std::mt19937 random_{7};
+  KtgpConfig config_ = KtgpConfig::__getDefault__();
+  std::vector<KtgpConfig> configurations_;  // by number
+  std::map<ros::Time, sensor_msgs::ImageConstPtr> images_;
+};
+
+void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
+  ASSERT_LT(statistics.configuration, configurations_.size());
+  const Configuration configuration =
+      configurationFrom(configurations_[statistics.configuration], statistics.configuration);
+  OrbExtractor extractor(configuration.orb);
+  const FramePtr target = frameAt(statistics.header.stamp, extractor);
+  ASSERT_TRUE(target);
+  EXPECT_EQ(statistics.target_features, target->features.size());
+  if (statistics.status == MatchStatistics::STATUS_NO_REFERENCE) return;
+  const FramePtr reference = frameAt(statistics.reference_stamp, extractor);
+  ASSERT_TRUE(reference);
+  EXPECT_EQ(statistics.reference_features, reference->features.size());
+  KtgpMatcher matcher(configuration.matcher);
+  MatchResult result;
+  matcher.match(reference->features, target->features, result);
+  EXPECT_EQ(statistics.status, static_cast<std::uint8_t>(result.status));
+  ASSERT_EQ(statistics.stages.size(), result.stages.size());
+  for (std::size_t i = 0; i < result.stages.size(); ++i) {
+    EXPECT_EQ(statistics.stages[i].input, result.stages[i].input) << result.stages[i].name;
+    EXPECT_EQ(statistics.stages[i].output, result.stages[i].output) << result.stages[i].name;
+  }
+}
+
+TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
+  ros::WallRate pace(rate);
+  for (int i = 0; i < changes; ++i) {
+    ASSERT_NO_FATAL_FAILURE(change()) << "change " << i;
+    pace.sleep();
+  }
+  ASSERT_TRUE(recorder_.waitForMore(2)) << "the matcher stands still after the changes";
+  camera_.stop();
+  const auto statistics = recorder_.messages();
+  for (const auto& image : camera_.kept()) images_[image->header.stamp] = image;
+
+  std::map<std::uint32_t, int> seen;
+  std::size_t matched = 0;
+  for (const auto& s : statistics) {
+    SCOPED_TRACE("configuration " + std::to_string(s->configuration));
+    ASSERT_NO_FATAL_FAILURE(expectAsComputedAgain(*s));
+    ++seen[s->configuration];
+    matched += s->status != MatchStatistics::STATUS_NO_REFERENCE ? 1 : 0;
+  }
+  EXPECT_EQ(statistics.back()->configuration, configurations_.size() - 1);
+  std::printf("%zu messages, %zu of them with a reference, over %zu configurations\n",
+              statistics.size(), matched, seen.size());
+  EXPECT_GT(seen.size(), configurations_.size() / 10);
+  EXPECT_GT(matched, statistics.size() / 4);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+int main(int argc, char** argv) {
+  ktgp_orb::changes = static_cast<int>(ktgp_orb::test::argument(argc, argv, "changes", 1000));
+  return ktgp_orb::test::runTests(argc, argv, "robot_reconfigure_test");
+}

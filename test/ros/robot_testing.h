@@ -1,0 +1,196 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <nodelet/loader.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <atomic>
+#include <boost/make_shared.hpp>
+#include <chrono>
+#include <cstdint>
+#include <cstdlib>
+#include <functional>
+#include <mutex>
+#include <opencv2/imgproc.hpp>
+#include <string>
+#include <thread>
+#include <vector>
+
+/// What the tests share that load the nodelet into their own process: then the sanitizers see all
+/// of it, and a pointer can be compared on both sides.
+namespace ktgp_orb::test {
+
+constexpr double kTimeout = 60.0;  // s that anything expected may take on a busy machine
+
+/// Waits for a condition of the live system; false after kTimeout.
+inline bool waitUntil(const std::function<bool()>& condition) {
+  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(kTimeout);
+  while (!condition()) {
+    if (std::chrono::steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  return true;
+}
+
+/// Grey picture with corners at several scales everywhere.
+inline cv::Mat texture(const cv::Size& size) {
+  cv::RNG random(1);
+  cv::Mat sum = cv::Mat::zeros(size, CV_32F);
+  for (const int cell : {4, 8, 16, 32}) {
+    cv::Mat blocks(size.height / cell + 1, size.width / cell + 1, CV_32F);
+    random.fill(blocks, cv::RNG::UNIFORM, 0.0, 60.0);
+    cv::Mat enlarged;
+    cv::resize(blocks, enlarged, {}, cell, cell, cv::INTER_NEAREST);
+    sum += enlarged(cv::Rect({0, 0}, size));
+  }
+  cv::Mat picture;
+  sum.convertTo(picture, CV_8U);
+  return picture;
+}
+
+/// What a camera sees that moves to and fro over the texture, 5 px right and 3 px down a frame.
+class View {
+ public:
+  explicit View(const cv::Size& size)
+      : size_(size), texture_(texture({size.width + 200, size.height + 120})) {}
+
+  sensor_msgs::ImagePtr image(int number, const ros::Time& stamp) const {
+    const int step = std::abs(number % 80 - 40);
+    const cv::Mat pixels = texture_(cv::Rect({5 * step, 3 * step}, size_));
+    auto message = boost::make_shared<sensor_msgs::Image>();
+    message->header.stamp = stamp;
+    message->header.frame_id = "camera";
+    message->encoding = sensor_msgs::image_encodings::MONO8;
+    message->width = static_cast<std::uint32_t>(size_.width);
+    message->height = static_cast<std::uint32_t>(size_.height);
+    message->step = message->width;
+    message->data.resize(static_cast<std::size_t>(size_.area()));
+    pixels.copyTo(cv::Mat(size_, CV_8U, message->data.data()));
+    return message;
+  }
+
+ private:
+  cv::Size size_;
+  cv::Mat texture_;
+};
+
+/// Publishes views from a thread of its own, within the process: no image is copied on the way.
+class Camera {
+ public:
+  Camera(const std::string& topic, const cv::Size& size, double rate)
+      : view_(size),
+        rate_(rate),
+        publisher_(ros::NodeHandle().advertise<sensor_msgs::Image>(topic, 1)) {}
+  ~Camera() { stop(); }
+
+  void start() {
+    running_ = true;
+    thread_ = std::thread([this] { run(); });
+  }
+  void stop() {
+    running_ = false;
+    if (thread_.joinable()) thread_.join();
+  }
+  void setRate(double rate) { rate_ = rate; }
+  int count() const { return count_; }
+  /// Publishes one view and keeps a hold on it.
+  sensor_msgs::ImageConstPtr publish() {
+    const sensor_msgs::ImageConstPtr image = view_.image(count_++, ros::Time::now());
+    if (keep_) {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      kept_.push_back(image);
+    }
+    publisher_.publish(image);
+    return image;
+  }
+  void publishAgain(const sensor_msgs::ImageConstPtr& image) { publisher_.publish(image); }
+  /// From now on every image is kept.
+  void keep() { keep_ = true; }
+  std::vector<sensor_msgs::ImageConstPtr> kept() {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return kept_;
+  }
+  std::uint32_t subscribers() const { return publisher_.getNumSubscribers(); }
+
+ private:
+  void run() {
+    auto next = std::chrono::steady_clock::now();
+    while (running_) {
+      publish();
+      next += std::chrono::duration_cast<std::chrono::steady_clock::duration>(
+          std::chrono::duration<double>(1.0 / rate_));
+      next = std::max(next, std::chrono::steady_clock::now() - std::chrono::milliseconds(50));
+      std::this_thread::sleep_until(next);
+    }
+  }
+
+  View view_;
+  std::atomic<double> rate_;
+  ros::Publisher publisher_;
+  std::atomic<bool> running_{false};
+  std::atomic<int> count_{0};
+  std::atomic<bool> keep_{false};
+  std::mutex mutex_;  // guards kept_
+  std::vector<sensor_msgs::ImageConstPtr> kept_;
+  std::thread thread_;
+};
+
+/// Keeps every message of a topic.
+template <typename Message>
+class Recorder {
+ public:
+  using Ptr = boost::shared_ptr<const Message>;
+
+  explicit Recorder(const std::string& topic) {
+    node_.setCallbackQueue(&queue_);
+    subscriber_ = node_.subscribe<Message>(
+        topic, 1000, [this](const Ptr& message) { messages_.push_back(message); });
+  }
+  /// Everything that has come so far.
+  const std::vector<Ptr>& messages() {
+    queue_.callAvailable();
+    return messages_;
+  }
+  void clear() { messages_.clear(); }
+  bool waitForMore(std::size_t count) {
+    const std::size_t wanted = messages().size() + count;
+    return waitUntil([&] { return messages().size() >= wanted; });
+  }
+
+ private:
+  ros::CallbackQueue queue_;
+  ros::NodeHandle node_;
+  std::vector<Ptr> messages_;
+  ros::Subscriber subscriber_;
+};
+
+/// Loads the matcher as CAMERA/matcher, fed by CAMERA/image_raw.
+inline bool loadMatcher(nodelet::Loader& loader, const std::string& camera) {
+  return loader.load(camera + "/matcher", "ktgp_orb/matcher",
+                     {{camera + "/image", camera + "/image_raw"}}, {});
+}
+
+/// The value after `--name=` on the command line.
+inline double argument(int argc, char** argv, const std::string& name, double otherwise) {
+  const std::string prefix = "--" + name + "=";
+  for (int i = 1; i < argc; ++i) {
+    const std::string text = argv[i];
+    if (text.compare(0, prefix.size(), prefix) == 0) return std::stod(text.substr(prefix.size()));
+  }
+  return otherwise;
+}
+
+/// The body of main(): a node whose own callbacks need no thread but one.
+inline int runTests(int argc, char** argv, const std::string& name) {
+  testing::InitGoogleTest(&argc, argv);
+  ros::init(argc, argv, name);
+  const ros::NodeHandle node;  // keeps ROS up between the tests
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
+
+}  // namespace ktgp_orb::test
