@@ -1,0 +1,291 @@
+#!/usr/bin/python3
+"""ktgp_bag: its output is the nodelet's, and bad bags and Ctrl-C lose nothing that was good."""
+
+import csv
+import glob
+import io
+import os
+import pty
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import cv2
+import rosbag
+import rospy
+import rostest
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_testing import Recorder, image_message, wait_until
+from sensor_msgs.msg import Image
+
+TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
+          'accumulated_homography': HomographyStamped, 'statistics': MatchStatistics,
+          'matches_image': Image}
+MODES = ('previous', 'keyframe', 'fixed')
+FRAMES = 60  # of the video
+TEXT_ROWS = slice(18, 36)  # of the overlay, where the measured times stand
+
+
+def ktgp_bag(*arguments):
+    return subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag'] + list(arguments),
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          universal_newlines=True)
+
+
+def images_of(bag, topic='/camera/image_raw'):
+    with rosbag.Bag(bag) as file:
+        return [message for _, message, _ in file.read_messages(topic)]
+
+
+def without_times(message):
+    """The bytes of a message, its measured times and its publisher's counter set to zero."""
+    message.header.seq = 0
+    if hasattr(message, 'latency_milliseconds'):
+        message.latency_milliseconds = 0
+        message.extraction_milliseconds = 0
+        message.total_milliseconds = 0
+        for stage in message.stages:
+            stage.milliseconds = 0
+    if hasattr(message, 'encoding'):
+        rows = [message.data[i * message.step:(i + 1) * message.step]
+                for i in range(message.height)]
+        del rows[TEXT_ROWS]
+        message.data = b''.join(rows)
+    buffer = io.BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+class BagTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp()
+        cls.data = rospy.get_param('~data')
+        cls.tum = os.path.join(cls.data, 'bags/tum_fr2desk_raw.bag')
+        cls.patio = cls.path('patio.bag')
+        cls.write_video(cls.patio)
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder, name)
+
+    @classmethod
+    def write_video(cls, path, compression=rosbag.Compression.NONE, start=0):
+        """The first frames of the video as a bag with 30 images a second."""
+        video = cv2.VideoCapture(os.path.join(cls.data, 'sequences/patio.mp4'))
+        with rosbag.Bag(path, 'w', compression=compression) as bag:
+            for i in range(FRAMES):
+                pixels = cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)
+                stamp = rospy.Time.from_sec(1000 + start + i / 30.0)
+                bag.write('/camera/image_raw', image_message(pixels, stamp), stamp)
+
+    # The nodelet's output
+
+    def run_nodelet(self, mode, images, reference_image):
+        """Messages of every topic of a nodelet that is shown the images one at a time."""
+        nodelet = subprocess.Popen(
+            ['roslaunch', 'ktgp_orb', 'matcher.launch', 'manager:=/manager', 'namespace:=' + mode,
+             'image:=/camera/image_raw', 'reference_mode:=' + mode,
+             'reference_image:=' + reference_image])
+        recorders = {name: Recorder('/%s/matcher/%s' % (mode, name), kind)
+                     for name, kind in TOPICS.items()}
+        camera = rospy.Publisher('/camera/image_raw', Image, queue_size=5)
+        try:
+            wait_until(lambda: camera.get_num_connections() == 1, 'the matcher subscribes')
+            for recorder in recorders.values():
+                wait_until(lambda r=recorder: r.publishers() == 1, recorder.topic + ' is there')
+            for number, image in enumerate(images):
+                camera.publish(image)
+                recorders['statistics'].wait_for(image.header.stamp)
+                if recorders['statistics'].messages()[-1].status != 1:  # no reference
+                    recorders['matches_image'].wait_for(image.header.stamp)
+        finally:
+            nodelet.terminate()
+            nodelet.wait()
+        wait_until(lambda: camera.get_num_connections() == 0, 'the matcher is gone')
+        camera.unregister()
+        result = {name: recorder.messages() for name, recorder in recorders.items()}
+        for recorder in recorders.values():
+            recorder.close()
+        return result
+
+    def check_equal(self, mode, bag, images, reference_image=''):
+        expected = self.run_nodelet(mode, images, reference_image)
+        out = self.path('out.bag')
+        run = ktgp_bag(bag, out, '--topic', '/camera/image_raw', '--reference_mode', mode,
+                       '--overlay', 'true', '--threads', '3', '--reference_image', reference_image)
+        self.assertEqual(run.returncode, 0, run.stdout)
+        self.assertEqual(len(expected['statistics']), len(images))
+        for name in TOPICS:
+            got = images_of(out, '/camera/matcher/' + name)
+            self.assertEqual(len(got), len(expected[name]), '%s, %s' % (mode, name))
+            for a, b in zip(got, expected[name]):
+                self.assertEqual(without_times(a), without_times(b),
+                                 '%s, %s at %s' % (mode, name, a.header.stamp))
+
+    def test_the_output_equals_the_nodelets_on_a_video(self):
+        images = images_of(self.patio)
+        target = self.path('target.png')
+        pixels = cv2.VideoCapture(os.path.join(self.data, 'sequences/patio.mp4')).read()[1]
+        cv2.imwrite(target, pixels[100:400, 150:500])
+        for mode in MODES:
+            self.check_equal(mode, self.patio, images, target if mode == 'fixed' else '')
+
+    def test_the_output_equals_the_nodelets_on_a_colour_bag(self):
+        self.check_equal('previous', self.tum, images_of(self.tum))
+
+    # Other bags
+
+    def statistics(self, out):
+        return images_of(out, '/camera/matcher/statistics')
+
+    def test_threads_change_nothing(self):
+        outs = []
+        for threads in ('1', '2', '7'):
+            outs.append(self.path('threads%s.bag' % threads))
+            run = ktgp_bag(self.patio, outs[-1], '--topic', '/camera/image_raw', '--threads', threads)
+            self.assertEqual(run.returncode, 0, run.stdout)
+        for topic in ('correspondences', 'homography', 'accumulated_homography', 'statistics'):
+            messages = [[without_times(m) for m in images_of(out, '/camera/matcher/' + topic)]
+                        for out in outs]
+            self.assertEqual(messages[0], messages[1])
+            self.assertEqual(messages[0], messages[2])
+
+    def test_the_messages_keep_their_times_and_the_table_has_a_line_for_each(self):
+        out = self.path('times.bag')
+        table = self.path('table.csv')
+        ktgp_bag(self.tum, out, '--topic', '/camera/image_raw', '--csv', table)
+        with rosbag.Bag(self.tum) as bag:
+            recorded = [(m.header.stamp, t) for _, m, t in bag.read_messages('/camera/image_raw')]
+        with rosbag.Bag(out) as bag:
+            written = [(m.header.stamp, t)
+                       for _, m, t in bag.read_messages('/camera/matcher/statistics')]
+        self.assertEqual(written, recorded)
+        with open(table) as file:
+            lines = list(csv.DictReader(file))
+        statistics = self.statistics(out)
+        self.assertEqual(len(lines), len(statistics))
+        for line, message in zip(lines, statistics):
+            self.assertNotIn(None, line)
+            self.assertEqual(line['stamp'], '%d.%09d' % (message.header.stamp.secs,
+                                                         message.header.stamp.nsecs))
+            self.assertEqual(int(line['target_features']), message.target_features)
+            if message.stages:
+                self.assertEqual([int(line[s.name]) for s in message.stages],
+                                 [s.output for s in message.stages])
+
+    def test_every_image_topic_of_real_recordings(self):
+        for path in sorted(glob.glob(os.path.join(self.data, 'bags/*.bag'))):
+            with rosbag.Bag(path) as bag:
+                topics = {name: info for name, info in bag.get_type_and_topic_info()[1].items()
+                          if info.msg_type in ('sensor_msgs/Image', 'sensor_msgs/CompressedImage')}
+            for topic, info in topics.items():
+                out = self.path('real.bag')
+                run = ktgp_bag(path, out, '--topic', topic)
+                self.assertEqual(run.returncode, 0, run.stdout)
+                self.assertIn('%d images of %s' % (info.message_count, topic), run.stdout)
+                with open(self.path('real.csv')) as file:
+                    self.assertEqual(len(list(csv.DictReader(file))), info.message_count)
+
+    # Damage
+
+    def check_damaged(self, bag, words, least, most):
+        """The good frames, and these alone, are matched exactly as in the sound bag."""
+        sound, out = self.path('sound.bag'), self.path('damaged_out.bag')
+        ktgp_bag(self.patio, sound, '--topic', '/camera/image_raw')
+        run = ktgp_bag(bag, out, '--topic', '/camera/image_raw')
+        self.assertEqual(run.returncode, 2, run.stdout)
+        self.assertIn(words, run.stdout)
+        self.assertIn('rosbag reindex', run.stdout)
+        got, expected = self.statistics(out), self.statistics(sound)
+        self.assertTrue(least <= len(got) <= most, '%d of %d frames' % (len(got), FRAMES))
+        for a, b in zip(got, expected):
+            self.assertEqual(without_times(a), without_times(b))
+
+    def test_a_bag_cut_off_keeps_the_frames_before(self):
+        with open(self.patio, 'rb') as file:
+            content = file.read()
+        cut = self.path('cut.bag')
+        for share in (0.1, 0.55, 0.9):
+            with open(cut, 'wb') as file:
+                file.write(content[:int(share * len(content))])
+            self.check_damaged(cut, 'damaged or cut off at byte', int(share * FRAMES) - 2,
+                               int(share * FRAMES) + 1)
+
+    def test_a_compressed_bag_cut_off_keeps_the_whole_chunks_before(self):
+        for compression in (rosbag.Compression.BZ2, rosbag.Compression.LZ4):
+            bag = self.path('compressed.bag')
+            self.write_video(bag, compression)
+            with open(bag, 'rb') as file:
+                content = file.read()
+            with open(bag, 'wb') as file:
+                file.write(content[:int(0.6 * len(content))])
+            self.check_damaged(bag, 'damaged or cut off at byte', 0.5 * FRAMES, 0.65 * FRAMES)
+
+    def test_a_bag_without_index_is_read_to_its_end(self):
+        with open(self.patio, 'rb') as file:
+            content = bytearray(file.read())
+        start = content.find(b'index_pos=') + len(b'index_pos=')
+        content[start:start + 8] = bytes(8)
+        bag = self.path('unindexed.bag')
+        with open(bag, 'wb') as file:
+            file.write(content)
+        self.check_damaged(bag, 'no index', FRAMES, FRAMES)
+
+    def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
+        cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
+                 (__file__, '/camera/image_raw', 'is no bag of format 2.0'),
+                 ('/no/such.bag', '/camera/image_raw', 'does not exist'))
+        for bag, topic, words in cases:
+            run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)
+            self.assertNotEqual(run.returncode, 0)
+            self.assertIn(words, run.stdout)
+
+    def test_a_parameter_out_of_range_is_refused(self):
+        run = ktgp_bag(self.tum, self.path('none.bag'), '--topic', '/t', '--T_w', '1.5')
+        self.assertNotEqual(run.returncode, 0)
+        self.assertIn('T_w', run.stdout)
+
+    # Terminal
+
+    def start_on_terminal(self, out):
+        executable = subprocess.check_output(
+            ['catkin_find', '--first-only', '--libexec', 'ktgp_orb', 'ktgp_bag'],
+            universal_newlines=True).strip()
+        terminal, other_end = pty.openpty()
+        process = subprocess.Popen([executable, self.patio, out, '--topic', '/camera/image_raw',
+                                    '--threads', '1', '--gms_rotation', 'true'],
+                                   stdout=other_end, stderr=other_end)
+        os.close(other_end)
+        return process, terminal
+
+    def test_ctrl_c_leaves_a_valid_bag(self):
+        out = self.path('interrupted.bag')
+        process, terminal = self.start_on_terminal(out)
+        shown = b''
+        while b'] 10/' not in shown:
+            shown += os.read(terminal, 1000)
+        process.send_signal(signal.SIGINT)
+        end = time.time() + 30
+        while process.poll() is None and time.time() < end:
+            try:
+                shown += os.read(terminal, 1000)
+            except OSError:  # the other end is closed
+                break
+        self.assertEqual(process.wait(), 130)
+        self.assertIn(b'interrupted', shown)
+        statistics = self.statistics(out)  # rosbag refuses a bag without an index
+        self.assertTrue(10 <= len(statistics) < FRAMES, len(statistics))
+
+    def test_no_progress_bar_without_a_terminal(self):
+        run = ktgp_bag(self.tum, self.path('quiet.bag'), '--topic', '/camera/image_raw')
+        self.assertNotIn('\r', run.stdout)
+        self.assertNotIn('#', run.stdout)
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_bag_test')
+    rostest.rosrun('ktgp_orb', 'robot_bag', BagTest, sys.argv)

@@ -1,0 +1,132 @@
+#!/usr/bin/python3
+"""Diagnostics: each trouble is reported at its level, beyond the limits that the parameters set."""
+
+import sys
+import threading
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import MatchStatistics
+from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from std_srvs.srv import Trigger
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+GENEROUS = {'min_input_rate': 0.0, 'max_drop_ratio': 1.0, 'max_latency': 3600.0,
+            'min_ok_ratio': 0.0, 'error_factor': 4.0}
+
+
+class Traffic:
+    """A camera with a thread: views, or what `picture` makes of them."""
+
+    def __init__(self, camera):
+        self.camera = camera
+        self.period = 0.05
+        self.encoding = 'mono8'
+        self.picture = lambda pixels: pixels
+        self.running = True
+        self.thread = threading.Thread(target=self.run)
+        self.thread.start()
+
+    def run(self):
+        step = 0
+        while self.running and not rospy.is_shutdown():
+            step = (step + 1) % 60
+            pixels = self.picture(view(100 + 5 * step, 100, 320, 240))
+            self.camera.send(image_message(pixels, rospy.Time.now(), self.encoding))
+            rospy.rostime.wallsleep(self.period)
+
+    def stop(self):
+        self.running = False
+        self.thread.join()
+
+
+class DiagnosticsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=30)
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.camera = Camera()
+        cls.camera.wait_for_subscriber()
+
+    def setUp(self):
+        self.client.update_configuration(GENEROUS)
+        self.traffic = Traffic(self.camera)
+
+    def tearDown(self):
+        self.traffic.stop()
+
+    def wait_for(self, task, level, words):
+        """Waits for a report from now on; its values by key."""
+        seen = len(self.diagnostics.messages())
+
+        def found():
+            return [s for array in self.diagnostics.messages()[seen:] for s in array.status
+                    if s.name.endswith(task) and s.level == level and words in s.message]
+        wait_until(found, '%s reports "%s" at level %d' % (task, words, ord(level)
+                                                           if isinstance(level, bytes) else level))
+        return {value.key: value.value for value in found()[0].values}
+
+    def configure(self, **parameters):
+        self.client.update_configuration(parameters)
+
+    def test_all_is_well(self):
+        values = self.wait_for('input', OK, 'images arrive')
+        self.assertEqual(values['topic'], '/camera/image_raw')
+        self.wait_for('matcher', OK, 'homographies found')
+        self.wait_for('latency', OK, 'results are in time')
+
+    def test_rate(self):
+        self.configure(min_input_rate=40.0)  # 20 arrive: below the limit, not below a quarter
+        values = self.wait_for('input', WARN, 'too slowly')
+        self.assertLess(float(values['rate (1/s)']), 21)
+        self.configure(error_factor=1.1)
+        self.wait_for('input', ERROR, 'too slowly')
+
+    def test_latency(self):
+        self.configure(max_latency=0.0001, error_factor=1000.0 / 1.0)
+        self.wait_for('latency', WARN, 'late')
+        self.configure(error_factor=1.0)
+        self.wait_for('latency', ERROR, 'late')
+
+    def test_drops(self):
+        self.configure(max_drop_ratio=0.05, error_factor=1.0, features=100000)
+        self.traffic.period = 0.001
+        values = self.wait_for('input', ERROR, 'dropped')
+        self.assertGreater(int(values['dropped']), 0)
+        self.configure(max_drop_ratio=1.0, features=2000)
+
+    def test_matcher(self):
+        noise = np.random.RandomState(1)
+        self.traffic.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
+        self.configure(min_ok_ratio=1.0, error_factor=1000.0)
+        self.wait_for('matcher', WARN, 'few homographies')
+        self.wait_for('matcher', ERROR, 'no homography')
+
+    def test_last_error(self):
+        self.traffic.encoding = 'nonsense'
+        values = self.wait_for('input', WARN, 'refused')
+        self.assertIn("encoding 'nonsense'", values['last error'])
+        self.wait_for('input', ERROR, 'every image is refused')
+
+    def test_silence(self):
+        self.traffic.stop()
+        self.wait_for('input', ERROR, 'no image on /camera/image_raw')
+
+    def test_paused_and_idle_are_no_trouble(self):
+        rospy.ServiceProxy('/camera/matcher/pause', Trigger)()
+        self.wait_for('input', OK, 'paused')
+        rospy.ServiceProxy('/camera/matcher/resume', Trigger)()
+        self.statistics.close()
+        self.wait_for('input', OK, 'idle')
+        type(self).statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        self.camera.wait_for_subscriber()
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_diagnostics_test')
+    rostest.rosrun('ktgp_orb', 'robot_diagnostics', DiagnosticsTest, sys.argv)

@@ -1,0 +1,221 @@
+#!/usr/bin/python3
+"""Reference modes and services: what each frame is matched to, and who decides it."""
+
+import os
+import sys
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_orb.srv import MatchPair
+from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from std_srvs.srv import Trigger
+
+DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
+            'keyframe_min_inliers': 100, 'max_reference_age': 1.0}
+OK = MatchStatistics.STATUS_OK
+NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
+PAN = 20  # px that the camera moves right from frame to frame
+WIDTH, HEIGHT = 640, 480
+
+
+def translation(message):
+    return message.homography[2], message.homography[5]
+
+
+class ReferenceTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=30)
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.accumulated = Recorder('/camera/matcher/accumulated_homography', HomographyStamped)
+        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
+        cls.camera = Camera()
+        cls.camera.wait_for_subscriber()
+        for recorder in (cls.statistics, cls.homographies, cls.accumulated, cls.correspondences):
+            wait_until(lambda recorder=recorder: recorder.publishers() == 1, 'it is connected')
+
+    def setUp(self):
+        self.client.update_configuration(DEFAULTS)
+        self.call('reset')
+
+    def call(self, service):
+        answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
+        self.assertTrue(answer.success)
+        return answer.message
+
+    def send(self, x, y=100, size=(WIDTH, HEIGHT)):
+        """Statistics of a frame that looks at the picture from x, y."""
+        message = image_message(view(x, y, *size), self.camera.next_stamp())
+        return self.statistics.wait_for(self.camera.send(message))
+
+    def pan(self, frames):
+        return [self.send(100 + PAN * i) for i in range(frames)]
+
+    def check_translation(self, message, x, y):
+        for measured, true in zip(translation(message), (x, y)):
+            self.assertAlmostEqual(measured, true, delta=1.5)
+
+    def test_previous_is_the_frame_before(self):
+        statistics = self.pan(5)
+        self.assertEqual(statistics[0].status, NO_REFERENCE)
+        for before, now in zip(statistics, statistics[1:]):
+            self.assertEqual((now.status, now.reference_stamp), (OK, before.header.stamp))
+            self.assertTrue(now.reference_changed)
+
+    def test_a_keyframe_stays_until_the_overlap_is_too_small(self):
+        self.client.update_configuration({'reference_mode': 'keyframe',
+                                          'keyframe_min_overlap': 0.8})
+        frames = int(0.2 * WIDTH / PAN)  # that a keyframe lasts: 1 - 20 * frames / 640 >= 0.8
+        statistics = self.pan(3 * frames)
+        stamps = [s.header.stamp for s in statistics]
+        for i, s in enumerate(statistics[1:], 1):
+            expected = (i - 1) // frames * frames
+            self.assertEqual(stamps.index(s.reference_stamp), expected, 'frame %d' % i)
+            self.assertEqual(s.reference_changed, (i - 1) % frames == 0, 'frame %d' % i)
+            homography = self.homographies.wait_for(stamps[i])
+            self.assertEqual(homography.reference_stamp, s.reference_stamp)
+            self.check_translation(homography, -PAN * (i - expected), 0)
+
+    def drift(self, mode):
+        """How far the centre of the first frame is off after a pan over half the frame, px."""
+        self.client.update_configuration({'reference_mode': mode})
+        self.call('reset')
+        statistics = self.pan(16)
+        self.assertIsNone(self.accumulated.with_stamp(statistics[0].header.stamp))
+        for i, s in enumerate(statistics[1:], 1):
+            accumulated = self.accumulated.wait_for(s.header.stamp)
+            self.assertEqual(accumulated.reference_stamp, statistics[0].header.stamp)
+            h = np.reshape(accumulated.homography, (3, 3))
+            x, y, w = h.dot((WIDTH / 2, HEIGHT / 2, 1))
+            error = np.hypot(x / w - (WIDTH / 2 - PAN * i), y / w - HEIGHT / 2)
+            self.assertLess(error, 0.5 * i, '%s, frame %d' % (mode, i))
+        return error
+
+    def test_the_accumulated_homography_goes_back_to_the_first_frame(self):
+        keyframe, previous = self.drift('keyframe'), self.drift('previous')
+        print('drift after 15 frames: keyframe %.3f px, previous %.3f px' % (keyframe, previous))
+        self.assertLess(keyframe, previous)
+
+    def test_a_keyframe_without_enough_inliers_gives_way_to_the_frame_before(self):
+        self.client.update_configuration({'reference_mode': 'keyframe',
+                                          'keyframe_min_inliers': 100000})
+        statistics = self.pan(5)
+        for before, now in zip(statistics, statistics[1:]):
+            self.assertEqual(now.reference_stamp, before.header.stamp)
+
+    def test_a_lost_frame_starts_the_chain_anew(self):
+        self.client.update_configuration({'reference_mode': 'keyframe'})
+        self.pan(3)
+        flat = image_message(np.full((HEIGHT, WIDTH), 128, np.uint8), self.camera.next_stamp())
+        lost = self.statistics.wait_for(self.camera.send(flat))
+        self.assertEqual(lost.status, MatchStatistics.STATUS_TOO_FEW_FEATURES)
+        self.assertEqual(self.homographies.wait_for(lost.header.stamp).inliers, 0)
+        self.assertNotEqual(self.send(100).status, OK)  # matched to the flat frame
+        last = self.send(100 + PAN)
+        self.assertEqual(last.status, OK)
+        accumulated = self.accumulated.wait_for(last.header.stamp)
+        self.assertEqual(accumulated.reference_stamp, last.reference_stamp)
+
+    def test_the_mode_changes_at_run_time(self):
+        first = self.pan(2)[0].header.stamp
+        self.client.update_configuration({'reference_mode': 'keyframe'})
+        key = self.send(140)
+        self.assertEqual(key.status, NO_REFERENCE)
+        self.assertGreater(key.header.stamp, first)
+        for x in (160, 180, 200):
+            self.assertEqual(self.send(x).reference_stamp, key.header.stamp)
+        self.client.update_configuration({'reference_mode': 'previous'})
+        before = self.send(220)
+        self.assertEqual(self.send(240).reference_stamp, before.header.stamp)
+
+    def test_set_reference_fixes_the_next_frame_until_reset(self):
+        self.client.update_configuration({'reference_mode': 'fixed'})
+        self.assertEqual(self.send(100).status, NO_REFERENCE)
+        self.call('set_reference')
+        fixed = self.send(200)
+        self.assertEqual(fixed.reference_stamp, fixed.header.stamp)
+        for x in (260, 180, 220):
+            s = self.send(x)
+            self.assertEqual((s.status, s.reference_stamp), (OK, fixed.header.stamp))
+            self.check_translation(self.homographies.wait_for(s.header.stamp), 200 - x, 0)
+        self.call('reset')
+        self.assertEqual(self.send(200).status, NO_REFERENCE)
+
+    def test_set_reference_waits_for_a_usable_frame(self):
+        self.client.update_configuration({'reference_mode': 'fixed'})
+        self.call('set_reference')
+        depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
+                              '32FC1')
+        self.camera.send(depth)
+        refused = self.statistics.messages()[-1].refused_frames if self.statistics.messages() else 0
+        fixed = self.send(200)
+        self.assertGreaterEqual(fixed.refused_frames, refused)
+        self.assertEqual(self.send(220).reference_stamp, fixed.header.stamp)
+
+    def test_an_image_file_of_another_size_is_a_target(self):
+        path = os.path.join(tempfile.mkdtemp(), 'target.png')
+        cv2.imwrite(path, view(300, 200, 320, 240))
+        self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': path})
+        s = self.send(200, 150)
+        self.assertEqual(s.status, OK)
+        self.assertTrue(s.reference_stamp.is_zero())
+        # Point (0, 0) of the target is at (300, 200) of the picture.
+        self.check_translation(self.homographies.wait_for(s.header.stamp), 100, 50)
+        matches = self.correspondences.wait_for(s.header.stamp)
+        self.assertEqual((matches.reference_width, matches.reference_height), (320, 240))
+        self.assertEqual((matches.image_width, matches.image_height), (WIDTH, HEIGHT))
+        self.assertLess(max(matches.reference_x), 320)
+        self.call('set_reference')
+        fixed = self.send(220, 150)
+        self.assertEqual(fixed.reference_stamp, fixed.header.stamp)
+        self.call('reset')  # back to the file
+        self.assertTrue(self.send(210, 150).reference_stamp.is_zero())
+
+    def test_a_missing_image_file_is_refused(self):
+        answer = self.client.update_configuration({'reference_image': '/no/such/image.png'})
+        self.assertEqual(answer['reference_image'], '')
+
+    def test_pause_and_resume(self):
+        before = self.pan(2)[-1]
+        self.call('pause')
+        unseen = self.camera.send(image_message(view(140, 100), self.camera.next_stamp()))
+        # An image sent after `unseen` has gone through shows that `unseen` was ignored.
+        self.call('resume')
+        after = self.send(160)
+        self.assertIsNone(self.statistics.with_stamp(unseen))
+        self.assertEqual((after.status, after.reference_stamp), (OK, before.header.stamp))
+
+    def test_match_pair_leaves_the_stream_alone(self):
+        match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        before = self.pan(2)[-1]
+        reference = image_message(view(400, 300), rospy.Time(5))
+        target = image_message(view(410, 320), rospy.Time(6))
+        answer = match(reference, target)
+        self.assertTrue(answer.success, answer.message)
+        self.assertEqual(answer.statistics.status, OK)
+        self.assertEqual(answer.homography.reference_stamp, rospy.Time(5))
+        self.assertEqual(answer.homography.header.stamp, rospy.Time(6))
+        self.check_translation(answer.homography, -10, -20)
+        self.assertEqual(len(answer.correspondences.level), answer.statistics.stages[1].output)
+        self.assertEqual(self.send(140).reference_stamp, before.header.stamp)
+
+    def test_match_pair_says_what_is_wrong_with_an_image(self):
+        match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        good = image_message(view(400, 300), rospy.Time(5))
+        bad = image_message(view(400, 300), rospy.Time(6), 'magenta')
+        for pair in ((good, bad), (bad, good)):
+            answer = match(*pair)
+            self.assertFalse(answer.success)
+            self.assertIn("encoding 'magenta'", answer.message)
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_reference_test')
+    rostest.rosrun('ktgp_orb', 'robot_reference', ReferenceTest, sys.argv)
