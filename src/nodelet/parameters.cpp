@@ -20,6 +20,18 @@ ReferenceMode referenceModeFrom(const std::string& name) {
                               "'; expected previous, keyframe or fixed");
 }
 
+ExtractorKind extractorFrom(const std::string& name) {
+  if (name == "fast") return ExtractorKind::fast;
+  if (name == "opencv") return ExtractorKind::opencv;
+  throw std::invalid_argument("extractor is '" + name + "'; expected fast or opencv");
+}
+
+KeypointDistribution distributionFrom(const std::string& name) {
+  if (name == "ranked") return KeypointDistribution::ranked;
+  if (name == "uniform") return KeypointDistribution::uniform;
+  throw std::invalid_argument("distribution is '" + name + "'; expected ranked or uniform");
+}
+
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
                          const std::string& expected) {
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
@@ -64,6 +76,9 @@ Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) 
   c.orb.scale_factor = config.scale_factor;
   c.orb.levels = config.levels;
   c.orb.fast_threshold = config.fast_threshold;
+  c.orb.extractor = extractorFrom(config.extractor);
+  c.orb.distribution = distributionFrom(config.distribution);
+  c.orb.threads = config.threads;
   c.matcher.knn.threads = config.threads;
   c.matcher.ratio_threshold = config.T_w;
   c.matcher.gms.threshold = config.T_G;
