@@ -17,7 +17,7 @@ from ktgp_testing import Camera, Recorder, image_message, view, wait_until
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
-            'keyframe_min_inliers': 100, 'max_reference_age': 1.0}
+            'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False}
 OK = MatchStatistics.STATUS_OK
 NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
@@ -162,7 +162,9 @@ class ReferenceTest(unittest.TestCase):
     def test_an_image_file_of_another_size_is_a_target(self):
         path = os.path.join(tempfile.mkdtemp(), 'target.png')
         cv2.imwrite(path, view(300, 200, 320, 240))
-        self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': path})
+        # Half the size: half the cell size of GMS's grid, which is a scale to it.
+        self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': path,
+                                          'gms_scale': True})
         s = self.send(200, 150)
         self.assertEqual(s.status, OK)
         self.assertTrue(s.reference_stamp.is_zero())

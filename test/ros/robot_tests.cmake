@@ -16,3 +16,8 @@ ktgp_orb_rostest(robot_paused_bag robot_paused_bag.test bag:=DATA/bags/tum_fr2de
 ktgp_orb_rostest(robot_two_cameras robot_cameras.test "cameras:=left right")
 ktgp_orb_rostest(robot_eight_cameras robot_cameras.test "cameras:=c1 c2 c3 c4 c5 c6 c7 c8")
 ktgp_orb_rostest(robot_bag robot_bag.test data:=DATA/)
+add_test(NAME robot_network
+  COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/run_in_devel ${CATKIN_DEVEL_PREFIX}
+    /usr/bin/python3 ${CMAKE_CURRENT_SOURCE_DIR}/robot_network_test.py
+    --gtest_output=xml:${PROJECT_BINARY_DIR}/test_results/robot_network/robot_network.xml)
+set_tests_properties(robot_network PROPERTIES RUN_SERIAL ON TIMEOUT 300 SKIP_RETURN_CODE 77)
