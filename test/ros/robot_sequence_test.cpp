@@ -69,7 +69,7 @@ TEST(Sequence, AMatchAheadCountsOnlyForTheReferenceItNames) {
   matcher.process(frames[1], false);
   const auto messages = matcher.process(frames[2], false, &stale);
   EXPECT_EQ(messages.statistics->reference_stamp, ros::Time(1.1));
-  EXPECT_NEAR(messages.homography->homography[2], -5.0, 0.5);
+  EXPECT_NEAR(messages.homography->homography[2], 5.0, 0.5);
 }
 
 }  // namespace
