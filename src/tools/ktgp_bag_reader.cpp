@@ -118,8 +118,7 @@ std::unique_ptr<ImageSource> openBag(const std::string& path, const std::string&
   try {
     return std::make_unique<IndexedBag>(path, topic);
   } catch (const rosbag::BagUnindexedException&) {
-    return std::make_unique<SalvagedBag>(path, topic,
-                                         "no index; was its recording cut off?");
+    return std::make_unique<SalvagedBag>(path, topic, "no index; was its recording cut off?");
   } catch (const rosbag::BagException& error) {
     return std::make_unique<SalvagedBag>(path, topic,
                                          std::string("unreadable index: ") + error.what());
