@@ -147,7 +147,7 @@ class Recorder {
   explicit Recorder(const std::string& topic) {
     node_.setCallbackQueue(&queue_);
     subscriber_ = node_.subscribe<Message>(
-        topic, 1000, [this](const Ptr& message) { messages_.push_back(message); });
+        topic, 0, [this](const Ptr& message) { messages_.push_back(message); });
   }
   /// Everything that has come so far.
   const std::vector<Ptr>& messages() {
