@@ -1,5 +1,6 @@
 // Accuracy of ProsacHomography beside cv::findHomography on identical matches of real images, as
 // Markdown. Needs the Oxford sets: KTGP_ORB_DATA=<folder that holds oxford/leuven/img1.ppm, ...>.
+// Argument: generated homographies for each of the 18 images, 7 unless given.
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -225,14 +226,14 @@ void addNoise(double sigma, int seed, cv::Mat& image) {
   image = sum;
 }
 
-/// Every image of the three sets under seven homographies: 126 pairs.
-std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters) {
+/// Every image of the three sets under so many homographies.
+std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters, int homographies) {
   std::vector<Pair> pairs;
   Random random(2024);
   for (const std::string set : {"leuven", "bikes", "boat"}) {
     for (int k = 1; k <= 6; ++k) {
       const cv::Mat original = readGrey(folder, set, k);
-      for (int i = 0; i < 7; ++i) {
+      for (int i = 0; i < homographies; ++i) {
         Pair pair;
         pair.name = set + std::to_string(k) + "." + std::to_string(i);
         pair.size = original.size();
@@ -284,8 +285,8 @@ void printOxford(const std::string& folder, const Filters& filters) {
   }
 }
 
-void printWarped(const std::string& folder, const Filters& filters) {
-  const std::vector<Pair> pairs = warpedPairs(folder, filters);
+void printWarped(const std::string& folder, const Filters& filters, int homographies) {
+  const std::vector<Pair> pairs = warpedPairs(folder, filters, homographies);
   std::printf("\nWarped, %s: %zu pairs, exact ground truth\n\n", filters.name.c_str(),
               pairs.size());
   std::printf("| estimator | median corner error (px) | 75 %% | 90 %% | AUC 1 px | AUC 3 px |\n");
@@ -305,7 +306,8 @@ void printWarped(const std::string& folder, const Filters& filters) {
 }  // namespace
 }  // namespace ktgp_orb
 
-int main() {
+int main(int argc, char** argv) {
+  const int homographies = argc > 1 ? std::atoi(argv[1]) : 7;
   const char* folder = std::getenv("KTGP_ORB_DATA");
   if (folder == nullptr) {
     std::fprintf(stderr, "KTGP_ORB_DATA is not set: this program needs the Oxford sets\n");
@@ -315,6 +317,7 @@ int main() {
   const Filters loose{"TF 0.8", 0.8, false};
   const Filters strict{"TF 0.66 + GMS with rotation and scale", 0.66, true};
   for (const Filters& filters : {loose, strict}) ktgp_orb::printOxford(folder, filters);
-  for (const Filters& filters : {loose, strict}) ktgp_orb::printWarped(folder, filters);
+  for (const Filters& filters : {loose, strict})
+    ktgp_orb::printWarped(folder, filters, homographies);
   return 0;
 }

@@ -17,8 +17,10 @@ namespace ktgp_orb {
 struct ProsacOptions {
   double threshold = 3.0;  ///< inlier when the reprojection error in the target is below, px, > 0
   int max_iterations = 2000;  ///< samples drawn at most, 1..1000000
-  double confidence = 0.995;  ///< 1 - eta0: wanted probability of no better model left, in (0, 1)
-  std::uint64_t seed = 1;     ///< of the estimator's own generator; same seed, same answer
+  /// 1 - eta0 of the maximality rule: wanted probability that no better model was missed, in (0,
+  /// 1).
+  double confidence = 0.995;
+  std::uint64_t seed = 1;  ///< of the estimator's own generator; same seed, same answer
 };
 
 /// The correspondences as the estimator sees them: three parallel arrays of equal length.
@@ -56,7 +58,8 @@ struct ProsacResult {
   int local_optimisations = 0;       ///< times a new best model was polished
   std::size_t growth_set_size = 0;   ///< best pairs sampled from at the end, n of PROSAC
   ProsacStop stop = ProsacStop::not_run;
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement.
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement; NaN
+  /// where H(2,2) is near zero, which takes an origin far from all points and no reference size.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
 };
 
@@ -67,7 +70,17 @@ inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::
   return (p.hnormalized() - target).norm();
 }
 
-/// Finds the homography that most pairs agree with, sampling the best pairs first.
+/// Finds the homography that most pairs agree with, sampling the best pairs first, or says why it
+/// does not trust any:
+/// - too_few_matches: fewer than four pairs;
+/// - no_model: nothing but the four pairs of a sample agrees with any homography;
+/// - model_rejected: the best one has a support that chance explains (fewer than about one in
+///   10 000 sets of random pairs pass; a pair closer than the threshold to another in one of the
+///   images adds nothing), turns the image inside out, sends a part of it beyond the horizon, or is
+///   not determined by its inliers: uncertain by more than 10 px at a corner, or by more than 20 px
+///   once a quarter of the inliers is left out.
+/// The homography maximises the likelihood under Student's t errors over the pairs within twice the
+/// threshold; its mask is the plain test against the threshold.
 class ProsacHomography {
  public:
   /// Throws std::invalid_argument naming the option and its range.

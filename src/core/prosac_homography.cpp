@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -111,13 +112,12 @@ void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& referen
 
 namespace {
 
-/// H scaled to H(2,2) = 1, to length 1 where that is not possible. Returns what it was divided by.
-double scaleLastToOne(Eigen::Matrix3d& h) {
+/// Scales H to H(2,2) = 1, to length 1 where that is not possible; false in that case.
+bool scaleLastToOne(Eigen::Matrix3d& h) {
   constexpr double kNearZero = 1e-9;  // of H's length
   const bool possible = std::abs(h(2, 2)) > kNearZero * h.norm();
-  const double divisor = possible ? h(2, 2) : h.norm();
-  h /= divisor;
-  return divisor;
+  h /= possible ? h(2, 2) : h.norm();
+  return possible;
 }
 
 /// Squared reprojection errors, mask, inliers and RMSE of the homography, in pixels.
@@ -139,7 +139,10 @@ void applyThreshold(const PointPairs& pairs, double threshold, std::vector<doubl
 /// Covariance of the pixel homography's entries from that of the normalised one's, by the chain
 /// rule through T_target^-1 H T_reference and the division by the last entry.
 Matrix8 pixelCovariance(const Matrix8& covariance, const ProsacPoints& points,
-                        const Eigen::Matrix3d& pixel, double divisor) {
+                        const Eigen::Matrix3d& h) {
+  const Eigen::Matrix3d undivided = points.target.inverse() * h * points.reference.matrix();
+  const double divisor = undivided(2, 2);
+  const Eigen::Matrix3d pixel = undivided / divisor;
   Matrix8 jacobian;
   for (int j = 0; j < 8; ++j) {
     Eigen::Matrix3d unit = Eigen::Matrix3d::Zero();
@@ -218,7 +221,7 @@ void ProsacHomography::judge(const PointPairs& pairs, const cv::Size& reference_
   for (Eigen::Vector2d& corner : corners) corner = points.reference.apply(corner);
   if (!isDetermined(h, corners)) return;
 
-  const double divisor = scaleLastToOne(pixel);
+  const bool scaled = scaleLastToOne(pixel);
   result.homography = pixel;
   applyThreshold(pairs, options_.threshold, work.squared_error, result);
   if (work.verdict.explainableByChance(pairs, result.mask, work.squared_error,
@@ -227,7 +230,11 @@ void ProsacHomography::judge(const PointPairs& pairs, const cv::Size& reference_
     return;
   }
   result.distinct_inliers = work.verdict.distinctInliers(pairs, result.mask);
-  result.covariance = pixelCovariance(work.refinement.covariance(), points, pixel, divisor);
+  if (scaled) {
+    result.covariance = pixelCovariance(work.refinement.covariance(), points, h);
+  } else {
+    result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
   result.status = Status::ok;
 }
 
