@@ -113,6 +113,9 @@ class Camera:
         self._stamp += rospy.Duration(0.033)
         return self._stamp
 
+    def last_stamp(self):
+        return self._stamp
+
     def send(self, message):
         self._publisher.publish(message)
         return message.header.stamp

@@ -7,7 +7,7 @@ import unittest
 import rospy
 import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import Camera, Recorder, check_each
+from ktgp_testing import Camera, Recorder, check_each, wait_until
 from sensor_msgs.msg import Image
 
 OUTPUTS = {
@@ -20,7 +20,10 @@ OUTPUTS = {
 
 
 def subscribe(output):
-    return Recorder('/camera/matcher/' + output, OUTPUTS[output])
+    """A recorder that is connected: it misses nothing from now on."""
+    recorder = Recorder('/camera/matcher/' + output, OUTPUTS[output])
+    wait_until(lambda: recorder.publishers() > 0, output + ' is connected')
+    return recorder
 
 
 class LazyTest(unittest.TestCase):

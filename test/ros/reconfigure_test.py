@@ -38,20 +38,16 @@ class ReconfigureTest(unittest.TestCase):
         self.client.update_configuration({'T_w': 0.66, 'T_G': 6.0})
 
     def mean_outputs(self, **parameters):
-        """Mean output of each stage over ten frames that were matched with `parameters`."""
-        newest = self.newest()
+        """Mean output of each stage over ten frames that were sent after the change."""
         self.client.update_configuration(parameters)
+        changed = self.camera.last_stamp()
 
         def frames():
             return [m for m in self.statistics.messages()
-                    if m.configuration > newest and m.status == MatchStatistics.STATUS_OK]
+                    if m.header.stamp > changed and m.status == MatchStatistics.STATUS_OK]
         wait_until(lambda: len(frames()) >= 10, 'ten frames with %s' % parameters)
         return {stage: sum(m.stages[i].output for m in frames()) / len(frames())
                 for i, stage in enumerate(('knn', 'tf', 'gms', 'prosac'))}
-
-    def newest(self):
-        wait_until(self.statistics.messages, 'there are statistics')
-        return self.statistics.messages()[-1].configuration
 
     def test_a_higher_ratio_threshold_lets_more_through(self):
         outputs = [self.mean_outputs(T_w=value)['tf'] for value in (0.4, 0.6, 0.8, 1.0)]
