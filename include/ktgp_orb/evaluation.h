@@ -1,0 +1,81 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+
+/// Mean and root mean square of a set of values. Of no values both are 0: look at `count`.
+struct ErrorSummary {
+  std::size_t count = 0;
+  double mean = 0.0;
+  double rms = 0.0;
+};
+
+ErrorSummary summarize(const std::vector<double>& values);
+
+/// Hamming distance d1 over the correspondences that reached at least `level`. These are the
+/// figures that the paper's tables print as "ME" and "RMSE (pixels)".
+ErrorSummary descriptorDistance(const std::vector<Correspondence>& correspondences,
+                                Level level = Level::knn);
+
+/// How far matched keypoints lie apart in image coordinates, px: Eq. 10 and 11 taken literally.
+/// It measures the camera's motion, not an error.
+ErrorSummary displacement(const Features& reference, const Features& target,
+                          const std::vector<Correspondence>& matches);
+
+/// Retention Q: correspondences left by the ratio filter over those before it; 0 of none.
+double retention(std::size_t kept, std::size_t total);
+
+/// REP (Eq. 9): matched keypoints over detected keypoints, both counted in both images; 0 of none.
+double matchedShare(std::size_t matches, const Features& reference, const Features& target);
+
+/// x' ~ H x in pixels; infinite coordinates where H sends x to the horizon or behind it.
+Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x);
+
+/// Distance in the target image, px, between every match's target keypoint and the place where
+/// `homography` (reference to target) puts its reference keypoint. One value per match, in order.
+std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const Features& reference,
+                                       const Features& target,
+                                       const std::vector<Correspondence>& matches);
+
+/// Number of errors of at most `threshold` px: the correct matches.
+std::size_t countWithin(const std::vector<double>& errors, double threshold);
+
+/// Precision: share of errors of at most `threshold` px; 0 of none.
+double precision(const std::vector<double>& errors, double threshold);
+
+/// Mean distance, px, between the places where the two homographies put the corners of an image
+/// of `reference_size`; infinite where one of them is the zero matrix or sends a corner to
+/// infinity.
+double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& truth,
+                   const cv::Size& reference_size);
+
+/// Area under the curve "share of pairs with a corner error of at most x" for x from 0 to
+/// `threshold`, over `threshold`: 1 when every error is zero. An infinite error is a failed pair.
+double areaUnderCurve(const std::vector<double>& errors, double threshold);
+
+/// Counts of Mikolajczyk's repeatability.
+struct Repeatability {
+  std::size_t reference_common = 0;  ///< reference keypoints that the target image also shows
+  std::size_t target_common = 0;     ///< target keypoints that the reference image also shows
+  std::size_t repeated = 0;          ///< pairs of them, one to one, whose regions overlap enough
+
+  /// repeated over the smaller of the other two; 0 where there is none.
+  double score() const;
+};
+
+/// How many keypoints the detector finds again, whatever their descriptors (Mikolajczyk et al.,
+/// "A comparison of affine region detectors", IJCV 2005). A keypoint's region is the disc of its
+/// size; two regions repeat when 1 - intersection/union, after scaling both so that the reference
+/// region has a radius of 30 px in the target image, is at most `max_overlap_error`. `truth` maps
+/// reference to target. Keypoints closer in overlap are paired first.
+Repeatability detectorRepeatability(const Features& reference, const Features& target,
+                                    const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
+
+}  // namespace ktgp_orb

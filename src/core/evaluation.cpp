@@ -1,0 +1,128 @@
+#include "ktgp_orb/evaluation.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Adds values up without storing them.
+class Accumulator {
+ public:
+  void add(double value) {
+    ++count_;
+    sum_ += value;
+    sum_of_squares_ += value * value;
+  }
+  ErrorSummary summary() const {
+    if (count_ == 0) return {};
+    const auto n = static_cast<double>(count_);
+    return {count_, sum_ / n, std::sqrt(sum_of_squares_ / n)};
+  }
+
+ private:
+  std::size_t count_ = 0;
+  double sum_ = 0.0;
+  double sum_of_squares_ = 0.0;
+};
+
+Eigen::Vector2d position(const Features& features, std::int32_t index) {
+  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  return {p.x, p.y};
+}
+
+double share(std::size_t part, std::size_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+}  // namespace
+
+ErrorSummary summarize(const std::vector<double>& values) {
+  Accumulator accumulator;
+  for (double value : values) accumulator.add(value);
+  return accumulator.summary();
+}
+
+ErrorSummary descriptorDistance(const std::vector<Correspondence>& correspondences, Level level) {
+  Accumulator accumulator;
+  for (const Correspondence& c : correspondences) {
+    if (c.level >= level) accumulator.add(c.distance);
+  }
+  return accumulator.summary();
+}
+
+ErrorSummary displacement(const Features& reference, const Features& target,
+                          const std::vector<Correspondence>& matches) {
+  Accumulator accumulator;
+  for (const Correspondence& c : matches) {
+    const Eigen::Vector2d motion =
+        position(target, c.target_index) - position(reference, c.reference_index);
+    accumulator.add(motion.norm());
+  }
+  return accumulator.summary();
+}
+
+double retention(std::size_t kept, std::size_t total) {
+  return share(kept, total);
+}
+
+double matchedShare(std::size_t matches, const Features& reference, const Features& target) {
+  return share(2 * matches, reference.size() + target.size());
+}
+
+Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x) {
+  const Eigen::Vector3d p = homography * x.homogeneous();
+  // H is known up to a factor, so the sign of its last entry says which side of the horizon
+  // the image is on.
+  const double w = homography(2, 2) < 0.0 ? -p.z() : p.z();
+  if (!(w > 0.0)) return {kInfinity, kInfinity};
+  return p.head<2>() / p.z();
+}
+
+std::vector<double> reprojectionErrors(const Eigen::Matrix3d& homography, const Features& reference,
+                                       const Features& target,
+                                       const std::vector<Correspondence>& matches) {
+  std::vector<double> errors;
+  errors.reserve(matches.size());
+  for (const Correspondence& c : matches) {
+    const Eigen::Vector2d expected = project(homography, position(reference, c.reference_index));
+    errors.push_back((expected - position(target, c.target_index)).norm());
+  }
+  return errors;
+}
+
+std::size_t countWithin(const std::vector<double>& errors, double threshold) {
+  return static_cast<std::size_t>(
+      std::count_if(errors.begin(), errors.end(), [&](double e) { return e <= threshold; }));
+}
+
+double precision(const std::vector<double>& errors, double threshold) {
+  return share(countWithin(errors, threshold), errors.size());
+}
+
+double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& truth,
+                   const cv::Size& reference_size) {
+  const double right = reference_size.width - 1.0;
+  const double bottom = reference_size.height - 1.0;
+  const std::array<Eigen::Vector2d, 4> corners{
+      {{0.0, 0.0}, {right, 0.0}, {right, bottom}, {0.0, bottom}}};
+  double sum = 0.0;
+  for (const Eigen::Vector2d& corner : corners) {
+    sum += (project(estimated, corner) - project(truth, corner)).norm();
+  }
+  return std::isnan(sum) ? kInfinity : sum / static_cast<double>(corners.size());
+}
+
+double areaUnderCurve(const std::vector<double>& errors, double threshold) {
+  // The curve is a staircase: an error e contributes a step from e to the threshold.
+  double area = 0.0;
+  for (double e : errors) area += std::max(0.0, 1.0 - e / threshold);
+  return errors.empty() ? 0.0 : area / static_cast<double>(errors.size());
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,145 @@
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+
+#include "ktgp_orb/evaluation.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
+constexpr double kPi = 3.14159265358979323846;
+
+/// The points x with (x - centre)^T shape (x - centre) <= 1.
+struct Ellipse {
+  Eigen::Vector2d centre;
+  Eigen::Matrix2d shape;
+
+  double area() const { return kPi / std::sqrt(shape.determinant()); }
+  double halfHeight() const { return std::sqrt(shape(0, 0) / shape.determinant()); }
+};
+
+/// A horizontal chord, empty where right < left.
+struct Chord {
+  double left = 1.0;
+  double right = 0.0;
+};
+
+Chord chordAt(const Ellipse& e, double y) {
+  const double v = y - e.centre.y();
+  const double a = e.shape(0, 0);
+  const double b = e.shape(0, 1) * v;
+  const double discriminant = b * b - a * (e.shape(1, 1) * v * v - 1.0);
+  if (discriminant < 0.0) return {};
+  const double middle = e.centre.x() - b / a;
+  const double half = std::sqrt(discriminant) / a;
+  return {middle - half, middle + half};
+}
+
+/// Area common to both: exact chords, summed over `rows` by the midpoint rule.
+double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
+  const double top = std::max(a.centre.y() - a.halfHeight(), b.centre.y() - b.halfHeight());
+  const double bottom = std::min(a.centre.y() + a.halfHeight(), b.centre.y() + b.halfHeight());
+  if (!(bottom > top)) return 0.0;
+  const double step = (bottom - top) / rows;
+  double area = 0.0;
+  for (int row = 0; row < rows; ++row) {
+    const double y = top + (row + 0.5) * step;
+    const Chord p = chordAt(a, y);
+    const Chord q = chordAt(b, y);
+    area += std::max(0.0, std::min(p.right, q.right) - std::max(p.left, q.left)) * step;
+  }
+  return area;
+}
+
+/// Scales the regions, not the distance of their centres: else large regions would always repeat.
+double overlapError(Ellipse a, Ellipse b, int rows) {
+  const double factor = kNormalisedRadius * kNormalisedRadius * kPi / a.area();
+  a.shape /= factor;
+  b.shape /= factor;
+  const double intersection = intersectionArea(a, b, rows);
+  return 1.0 - intersection / (a.area() + b.area() - intersection);
+}
+
+Eigen::Vector2d positionOf(const cv::KeyPoint& keypoint) {
+  return {keypoint.pt.x, keypoint.pt.y};
+}
+
+bool isInside(const Eigen::Vector2d& p, const cv::Size& size) {
+  return p.x() >= 0.0 && p.y() >= 0.0 && p.x() <= size.width - 1.0 && p.y() <= size.height - 1.0;
+}
+
+Eigen::Matrix2d discShape(const cv::KeyPoint& keypoint) {
+  const double radius = std::max(0.5, 0.5 * keypoint.size);
+  return Eigen::Matrix2d::Identity() / (radius * radius);
+}
+
+/// The keypoint's disc as `homography` shows it in the other image, linearised at its centre.
+Ellipse mappedDisc(const Eigen::Matrix3d& homography, const cv::KeyPoint& keypoint) {
+  const Eigen::Vector3d p = homography * positionOf(keypoint).homogeneous();
+  const Eigen::Vector2d centre = p.head<2>() / p.z();
+  const Eigen::Matrix2d jacobian =
+      (homography.topLeftCorner<2, 2>() - centre * homography.bottomLeftCorner<1, 2>()) / p.z();
+  const Eigen::Matrix2d inverse = jacobian.inverse();
+  return {centre, inverse.transpose() * discShape(keypoint) * inverse};
+}
+
+struct Candidate {
+  double error;
+  std::size_t reference;
+  std::size_t target;
+};
+
+}  // namespace
+
+double Repeatability::score() const {
+  const std::size_t common = std::min(reference_common, target_common);
+  return common > 0 ? static_cast<double>(repeated) / static_cast<double>(common) : 0.0;
+}
+
+Repeatability detectorRepeatability(const Features& reference, const Features& target,
+                                    const Eigen::Matrix3d& truth, double max_overlap_error) {
+  const Eigen::Matrix3d inverse = truth.inverse();
+  std::vector<Ellipse> mapped;
+  for (const cv::KeyPoint& k : reference.keypoints) {
+    if (isInside(project(truth, positionOf(k)), target.image_size)) {
+      mapped.push_back(mappedDisc(truth, k));
+    }
+  }
+  std::vector<Ellipse> found;
+  for (const cv::KeyPoint& k : target.keypoints) {
+    if (isInside(project(inverse, positionOf(k)), reference.image_size)) {
+      found.push_back({positionOf(k), discShape(k)});
+    }
+  }
+
+  std::vector<Candidate> candidates;
+  for (std::size_t r = 0; r < mapped.size(); ++r) {
+    for (std::size_t t = 0; t < found.size(); ++t) {
+      const double distance = (mapped[r].centre - found[t].centre).norm();
+      // Unequal or far regions cannot overlap enough; most pairs end here.
+      if (distance > 2.0 * kNormalisedRadius) continue;
+      const double ratio = mapped[r].area() / found[t].area();
+      if (std::min(ratio, 1.0 / ratio) < 1.0 - max_overlap_error) continue;
+      // A few rows are good to 3 % and enough to reject, many to 0.1 %.
+      if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
+      const double error = overlapError(mapped[r], found[t], 64);
+      if (error <= max_overlap_error) candidates.push_back({error, r, t});
+    }
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.error < b.error; });
+
+  Repeatability result{mapped.size(), found.size(), 0};
+  std::vector<bool> reference_used(mapped.size(), false);
+  std::vector<bool> target_used(found.size(), false);
+  for (const Candidate& c : candidates) {
+    if (reference_used[c.reference] || target_used[c.target]) continue;
+    reference_used[c.reference] = true;
+    target_used[c.target] = true;
+    ++result.repeated;
+  }
+  return result;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,201 @@
+#include "ktgp_orb/evaluation.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Features featuresAt(const std::vector<cv::Point2f>& points, float size = 31.F,
+                    const cv::Size& image_size = {640, 480}) {
+  Features features;
+  for (const cv::Point2f& p : points) features.keypoints.emplace_back(p, size);
+  features.descriptors = cv::Mat::zeros(static_cast<int>(points.size()), kDescriptorBytes, CV_8U);
+  features.image_size = image_size;
+  return features;
+}
+
+std::vector<Correspondence> oneToOne(int n) {
+  std::vector<Correspondence> matches(static_cast<std::size_t>(n), {0, 0, 0, 0, Level::ktgp});
+  for (int i = 0; i < n; ++i) matches[i].reference_index = matches[i].target_index = i;
+  return matches;
+}
+
+Eigen::Matrix3d translation(double x, double y) {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h(0, 2) = x;
+  h(1, 2) = y;
+  return h;
+}
+
+TEST(Summary, MeanAndRootMeanSquareByHand) {
+  const ErrorSummary s = summarize({1.0, 2.0, 2.0});
+  EXPECT_EQ(s.count, 3u);
+  EXPECT_DOUBLE_EQ(s.mean, 5.0 / 3.0);
+  EXPECT_DOUBLE_EQ(s.rms, std::sqrt(3.0));
+  EXPECT_EQ(summarize({}).count, 0u);
+  EXPECT_EQ(summarize({}).mean, 0.0);
+}
+
+TEST(DescriptorDistance, CountsOnlyWhatReachedTheLevel) {
+  const std::vector<Correspondence> c{{0, 0, 100, 101, Level::knn},
+                                      {0, 1, 30, 60, Level::kt},
+                                      {0, 2, 10, 60, Level::ktgp},
+                                      {0, 3, 20, 60, Level::ktgp}};
+  const ErrorSummary all = descriptorDistance(c);
+  EXPECT_EQ(all.count, 4u);
+  EXPECT_DOUBLE_EQ(all.mean, 40.0);
+  const ErrorSummary final = descriptorDistance(c, Level::ktgp);
+  EXPECT_EQ(final.count, 2u);
+  EXPECT_DOUBLE_EQ(final.mean, 15.0);
+  EXPECT_DOUBLE_EQ(final.rms, std::sqrt(250.0));
+}
+
+TEST(Displacement, IsTheMotionInTheImage) {
+  const Features a = featuresAt({{10, 10}, {20, 20}});
+  const Features b = featuresAt({{13, 14}, {20, 20}});
+  const ErrorSummary s = displacement(a, b, oneToOne(2));
+  EXPECT_DOUBLE_EQ(s.mean, 2.5);
+  EXPECT_DOUBLE_EQ(s.rms, std::sqrt(12.5));
+}
+
+TEST(Shares, ByHandAndOfNothing) {
+  EXPECT_DOUBLE_EQ(retention(3, 4), 0.75);
+  EXPECT_EQ(retention(0, 0), 0.0);
+  const Features two = featuresAt({{1, 1}, {2, 2}});
+  const Features six = featuresAt({{1, 1}, {2, 2}, {3, 3}, {4, 4}, {5, 5}, {6, 6}});
+  EXPECT_DOUBLE_EQ(matchedShare(2, two, six), 0.5);
+  EXPECT_EQ(matchedShare(0, Features{}, Features{}), 0.0);
+}
+
+TEST(ReprojectionErrors, MeasureInTheTargetImage) {
+  // Doubles the image, then moves it by (1, 0).
+  Eigen::Matrix3d h = Eigen::Vector3d(2.0, 2.0, 1.0).asDiagonal();
+  h(0, 2) = 1.0;
+  const Features a = featuresAt({{10, 20}, {5, 5}, {0, 0}});
+  const Features b = featuresAt({{21, 40}, {14, 14}, {1, 2}});
+  const std::vector<double> errors = reprojectionErrors(h, a, b, oneToOne(3));
+  EXPECT_EQ(errors, (std::vector<double>{0.0, 5.0, 2.0}));
+  EXPECT_EQ(reprojectionErrors(-3.0 * h, a, b, oneToOne(3)), errors) << "H is known up to a factor";
+  EXPECT_EQ(countWithin(errors, 2.0), 2u);
+  EXPECT_DOUBLE_EQ(precision(errors, 2.0), 2.0 / 3.0);
+  EXPECT_DOUBLE_EQ(precision(errors, 1.9), 1.0 / 3.0);
+  EXPECT_EQ(precision({}, 3.0), 0.0);
+}
+
+TEST(ReprojectionErrors, AreInfiniteBeyondTheHorizon) {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h(2, 0) = -0.01;  // the horizon is at x = 100
+  const Features a = featuresAt({{50, 0}, {100, 0}, {150, 0}});
+  const Features b = featuresAt({{100, 0}, {0, 0}, {-300, 0}});
+  const std::vector<double> errors = reprojectionErrors(h, a, b, oneToOne(3));
+  EXPECT_DOUBLE_EQ(errors[0], 0.0);
+  EXPECT_EQ(errors[1], kInfinity);
+  EXPECT_EQ(errors[2], kInfinity);
+}
+
+TEST(CornerError, ByHand) {
+  const cv::Size size(101, 51);
+  EXPECT_EQ(cornerError(translation(5, 5), translation(5, 5), size), 0.0);
+  EXPECT_DOUBLE_EQ(cornerError(translation(8, 9), translation(5, 5), size), 5.0);
+  // Twice as wide: the two right corners move by 100 px.
+  const Eigen::Matrix3d wide = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal();
+  EXPECT_DOUBLE_EQ(cornerError(wide, Eigen::Matrix3d::Identity(), size), 50.0);
+  EXPECT_EQ(cornerError(Eigen::Matrix3d::Zero(), translation(0, 0), size), kInfinity);
+}
+
+TEST(AreaUnderCurve, EqualsADirectIntegral) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> error(0.0, 12.0);
+  for (int n = 0; n <= 200; n += 10) {
+    std::vector<double> errors(n);
+    for (int i = 0; i < n; ++i) errors[i] = i % 7 == 0 ? kInfinity : error(random);
+    for (double threshold : {1.0, 3.0, 5.0, 10.0}) {
+      constexpr int kSteps = 20000;
+      double area = 0.0;
+      for (int i = 0; i < kSteps; ++i) {
+        area += precision(errors, (i + 0.5) * threshold / kSteps) / kSteps;
+      }
+      EXPECT_NEAR(areaUnderCurve(errors, threshold), area, 1e-4) << n << " at " << threshold;
+    }
+  }
+}
+
+TEST(AreaUnderCurve, ByHand) {
+  EXPECT_DOUBLE_EQ(areaUnderCurve({0.0, 0.0}, 1.0), 1.0);
+  EXPECT_DOUBLE_EQ(areaUnderCurve({1.0, 4.0, kInfinity, 0.0}, 2.0), 0.375);
+  EXPECT_EQ(areaUnderCurve({}, 3.0), 0.0);
+}
+
+// --- repeatability ---
+
+TEST(Repeatability, IsOneForTheSameKeypoints) {
+  const Features a = featuresAt({{100, 100}, {300, 200}, {500, 400}});
+  const Repeatability r = detectorRepeatability(a, a, Eigen::Matrix3d::Identity());
+  EXPECT_EQ(r.repeated, 3u);
+  EXPECT_DOUBLE_EQ(r.score(), 1.0);
+}
+
+TEST(Repeatability, LeavesOutWhatTheOtherImageDoesNotShow) {
+  const Features a = featuresAt({{10, 100}, {300, 200}, {500, 400}});
+  const Features b = featuresAt({{200, 200}, {630, 10}});
+  const Repeatability r = detectorRepeatability(a, b, translation(-100, 0));
+  EXPECT_EQ(r.reference_common, 2u);  // the first has left the image
+  EXPECT_EQ(r.target_common, 1u);     // (730, 10) is outside the reference
+  EXPECT_EQ(r.repeated, 1u);
+  EXPECT_DOUBLE_EQ(r.score(), 1.0);
+}
+
+TEST(Repeatability, PairsOneToOneAndTheBestFirst) {
+  const Features a = featuresAt({{100, 100}, {104, 100}});
+  const Features b = featuresAt({{104, 100}});
+  EXPECT_EQ(detectorRepeatability(a, b, Eigen::Matrix3d::Identity()).repeated, 1u);
+}
+
+/// Two unit discs at distance d: their common area, in closed form.
+double lens(double d) {
+  return 2.0 * std::acos(d / 2.0) - d / 2.0 * std::sqrt(4.0 - d * d);
+}
+
+TEST(Repeatability, OverlapOfEqualDiscsAgreesWithTheClosedForm) {
+  // Discs of 30 px radius after normalisation, whatever the keypoint's own size.
+  for (float size : {31.F, 60.F, 90.F}) {
+    for (int d = 1; d < 40; ++d) {
+      const double common = lens(d / 30.0);
+      const double error = 1.0 - common / (2.0 * CV_PI - common);
+      const Features a = featuresAt({{100, 100}}, size);
+      const Features b = featuresAt({{100.F + d, 100}}, size);
+      const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
+      EXPECT_EQ(detectorRepeatability(a, b, same, error + 0.003).repeated, 1u) << d;
+      EXPECT_EQ(detectorRepeatability(a, b, same, error - 0.003).repeated, 0u) << d;
+    }
+  }
+}
+
+TEST(Repeatability, OverlapFollowsScaleAndShape) {
+  const Features a = featuresAt({{100, 100}}, 31.F);
+  const Eigen::Matrix3d twice = Eigen::Vector3d(2.0, 2.0, 1.0).asDiagonal();
+  EXPECT_EQ(detectorRepeatability(a, featuresAt({{200, 200}}, 62.F), twice, 0.01).repeated, 1u);
+  EXPECT_EQ(detectorRepeatability(a, featuresAt({{200, 200}}, 31.F), twice).repeated, 0u);
+  // An ellipse of twice the width over a disc of its height: half of it is common.
+  const Eigen::Matrix3d wide = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal();
+  const Features disc = featuresAt({{200, 100}}, 31.F);
+  EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.51).repeated, 1u);
+  EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.49).repeated, 0u);
+}
+
+TEST(Repeatability, OfNothingIsZero) {
+  const Features none = featuresAt({});
+  const Features one = featuresAt({{5, 5}});
+  EXPECT_EQ(detectorRepeatability(none, one, Eigen::Matrix3d::Identity()).score(), 0.0);
+  EXPECT_EQ(detectorRepeatability(one, none, Eigen::Matrix3d::Identity()).score(), 0.0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
