@@ -1,0 +1,31 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace ktgp_orb::tools {
+
+/// A file that cannot be read, understood or written. The message begins with its name.
+class FileError : public std::runtime_error {
+ public:
+  FileError(const std::string& file, const std::string& what)
+      : std::runtime_error(file + ": " + what) {}
+};
+
+/// The image as 8-bit grey. Throws FileError.
+cv::Mat readGrey(const std::string& file);
+
+/// A homography as text: nine numbers, row by row, separated by white space (the format of the
+/// Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers that
+/// make an invertible matrix.
+Eigen::Matrix3d readHomography(const std::string& file);
+
+/// Throws FileError, also where the ending is not that of an image format.
+void writeImage(const std::string& file, const cv::Mat& image);
+
+/// Throws FileError.
+void writeText(const std::string& file, const std::string& text);
+
+}  // namespace ktgp_orb::tools

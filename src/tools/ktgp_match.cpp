@@ -1,0 +1,308 @@
+// ktgp_match A B: matches two images and says what each of the four stages kept.
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <iostream>
+#include <optional>
+
+#include "files.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/overlay.h"
+#include "matcher_cli.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kDescription =
+    "Matches image B (target) to image A (reference) with KTGP-ORB and prints what each stage\n"
+    "keeps: nearest neighbours (knn), ratio filter (tf), motion statistics (gms), PROSAC "
+    "(prosac).\n"
+    "The homography maps pixels of A to pixels of B.";
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  ktgp_match img1.ppm img2.ppm\n"
+    "  ktgp_match img1.ppm img4.ppm --ground-truth H1to4p     errors against the known homography\n"
+    "  ktgp_match a.png b.png --draw matches.png --csv matches.csv --json result.json\n"
+    "  ktgp_match a.png b.png --gms-rotation --gms-scale      the camera rolled or zoomed\n"
+    "  ktgp_match a.png b.png --ratio-threshold 0.8           few matches? let more through\n"
+    "\n"
+    "Exit code: 0 a homography was found, 1 none was found, 2 a file or an option cannot be used.";
+
+/// Precision and corner errors are quoted at the estimator's default inlier threshold.
+constexpr double kCorrectWithin = 3.0;  // px
+
+struct Arguments {
+  std::string reference;
+  std::string target;
+  std::string ground_truth;
+  std::string json;
+  std::string csv;
+  std::string draw;
+  std::string draw_stages;
+  std::string draw_final;
+  PipelineOptions pipeline;
+};
+
+struct Frame {
+  std::string file;
+  cv::Mat image;
+  Features features;
+  double extraction_milliseconds = 0.0;
+};
+
+/// What is left after one stage, and how good it is.
+struct StageQuality {
+  StageResult statistics;
+  std::vector<Correspondence> matches;
+  ErrorSummary distance;
+  std::vector<double> errors;  ///< against the truth, px; empty where there is none
+};
+
+struct Outcome {
+  Frame reference;
+  Frame target;
+  MatchResult result;
+  std::array<StageQuality, 4> stages;
+  std::optional<Eigen::Matrix3d> truth;
+};
+
+/// One line on a terminal's stderr that says what is being done; large images take a while.
+class Progress {
+ public:
+  void say(const std::string& what) const {
+    if (shown_) std::cerr << "\r\033[K" << what << std::flush;
+  }
+  ~Progress() { say(""); }
+
+ private:
+  bool shown_ = isatty(STDERR_FILENO) != 0;
+};
+
+Frame load(const std::string& file, OrbExtractor& extractor) {
+  using Clock = std::chrono::steady_clock;
+  Frame frame;
+  frame.file = file;
+  frame.image = readGrey(file);
+  const auto start = Clock::now();
+  extractor.extract(frame.image, frame.features);
+  frame.extraction_milliseconds =
+      std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  return frame;
+}
+
+Outcome run(const Arguments& arguments) {
+  const Progress progress;
+  Outcome outcome;
+  if (!arguments.ground_truth.empty()) outcome.truth = readHomography(arguments.ground_truth);
+  OrbExtractor extractor(arguments.pipeline.orb);
+  KtgpMatcher matcher(arguments.pipeline.matcher);
+  progress.say("finding features of " + arguments.reference);
+  outcome.reference = load(arguments.reference, extractor);
+  progress.say("finding features of " + arguments.target);
+  outcome.target = load(arguments.target, extractor);
+  progress.say("matching");
+  matcher.match(outcome.reference.features, outcome.target.features, outcome.result);
+
+  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
+    StageQuality& stage = outcome.stages[i];
+    stage.statistics = outcome.result.stages[i];
+    outcome.result.surviving(static_cast<Level>(i), stage.matches);
+    stage.distance = descriptorDistance(stage.matches);
+    if (outcome.truth) {
+      stage.errors = reprojectionErrors(*outcome.truth, outcome.reference.features,
+                                        outcome.target.features, stage.matches);
+    }
+  }
+  return outcome;
+}
+
+void printFrame(const char* role, const Frame& frame) {
+  std::printf("%-9s  %s, %dx%d px, %zu keypoints in %.1f ms\n", role, frame.file.c_str(),
+              frame.image.cols, frame.image.rows, frame.features.size(),
+              frame.extraction_milliseconds);
+}
+
+void printStages(const Outcome& outcome) {
+  std::printf("\nstage    input  output   kept       ms  distance mean    rms");
+  if (outcome.truth) std::printf("  within 3 px  error mean      rms");
+  std::printf("\n");
+  for (const StageQuality& stage : outcome.stages) {
+    const StageResult& s = stage.statistics;
+    std::printf("%-7s %6zu  %6zu %5.1f%% %8.2f  %13.3f %6.3f", s.name, s.input, s.output,
+                100.0 * retention(s.output, s.input), s.milliseconds, stage.distance.mean,
+                stage.distance.rms);
+    if (outcome.truth) {
+      const ErrorSummary error = summarize(stage.errors);
+      std::printf("  %10.1f%%  %7.2f px  %7.2f", 100.0 * precision(stage.errors, kCorrectWithin),
+                  error.mean, error.rms);
+    }
+    std::printf("\n");
+  }
+}
+
+void printHomography(const Outcome& outcome) {
+  const ProsacResult& prosac = outcome.result.prosac;
+  if (outcome.result.status != Status::ok) {
+    std::printf("\nno homography: %s\n", toString(outcome.result.status));
+    return;
+  }
+  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px\n", prosac.inliers, prosac.rmse);
+  for (int row = 0; row < 3; ++row) {
+    std::printf("  %15.8g %15.8g %15.8g\n", prosac.homography(row, 0), prosac.homography(row, 1),
+                prosac.homography(row, 2));
+  }
+  if (outcome.truth) {
+    std::printf("corner error against the ground truth: %.3f px\n",
+                cornerError(prosac.homography, *outcome.truth, outcome.reference.image.size()));
+  }
+}
+
+json toJson(const ErrorSummary& summary) {
+  if (summary.count == 0) return {{"mean", nullptr}, {"rms", nullptr}};
+  return {{"mean", summary.mean}, {"rms", summary.rms}};
+}
+
+json toJson(const Frame& frame) {
+  return {{"file", frame.file},
+          {"width", frame.image.cols},
+          {"height", frame.image.rows},
+          {"keypoints", frame.features.size()},
+          {"milliseconds", frame.extraction_milliseconds}};
+}
+
+json toJson(const StageQuality& stage) {
+  json out{{"name", stage.statistics.name},
+           {"input", stage.statistics.input},
+           {"output", stage.statistics.output},
+           {"milliseconds", stage.statistics.milliseconds},
+           {"descriptor_distance", toJson(stage.distance)}};
+  if (stage.errors.empty()) return out;
+  out["reprojection_error"] = toJson(summarize(stage.errors));
+  out["precision_3px"] = precision(stage.errors, kCorrectWithin);
+  return out;
+}
+
+json toJson(const Eigen::Matrix3d& h) {
+  return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
+}
+
+json toJson(const Outcome& outcome, const PipelineOptions& options) {
+  const ProsacResult& prosac = outcome.result.prosac;
+  json out{{"reference", toJson(outcome.reference)},
+           {"target", toJson(outcome.target)},
+           {"options", toJson(options)},
+           {"status", toString(outcome.result.status)},
+           {"stages", json::array()},
+           {"homography", nullptr}};
+  for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
+  if (outcome.result.status != Status::ok) return out;
+  out["homography"] = toJson(prosac.homography);
+  out["inliers"] = prosac.inliers;
+  out["rmse"] = prosac.rmse;
+  if (outcome.truth) {
+    out["corner_error"] =
+        cornerError(prosac.homography, *outcome.truth, outcome.reference.image.size());
+  }
+  return out;
+}
+
+/// One row per nearest neighbour; `level` says how far it came.
+std::string toCsv(const Outcome& outcome) {
+  const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
+  const std::vector<double>& errors = outcome.stages[0].errors;
+  std::string out =
+      "reference_index,target_index,reference_x,reference_y,target_x,target_y,"
+      "distance,second_distance,ratio,level";
+  out += outcome.truth ? ",reprojection_error\n" : "\n";
+  std::size_t i = 0;
+  for (const Correspondence& c : outcome.result.correspondences) {
+    const auto r = static_cast<std::size_t>(c.reference_index);
+    const auto t = static_cast<std::size_t>(c.target_index);
+    const cv::Point2f& from = outcome.reference.features.keypoints[r].pt;
+    const cv::Point2f& to = outcome.target.features.keypoints[t].pt;
+    char row[256];
+    std::snprintf(row, sizeof(row), "%zu,%zu,%.9g,%.9g,%.9g,%.9g,%d,%d,%.9g,%s", r, t, from.x,
+                  from.y, to.x, to.y, c.distance, c.second_distance, c.ratio(),
+                  levels[static_cast<std::size_t>(c.level)]);
+    out += row;
+    if (outcome.truth) {
+      std::snprintf(row, sizeof(row), ",%.6g", errors[i++]);
+      out += row;
+    }
+    out += '\n';
+  }
+  return out;
+}
+
+void writeFiles(const Arguments& arguments, const Outcome& outcome) {
+  const FrameView reference{outcome.reference.image, outcome.reference.features};
+  const FrameView target{outcome.target.image, outcome.target.features};
+  if (!arguments.json.empty()) {
+    writeText(arguments.json, toJson(outcome, arguments.pipeline).dump(2) + "\n");
+  }
+  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome));
+  cv::Mat canvas;
+  if (!arguments.draw.empty()) {
+    drawOverlay(reference, target, outcome.result, canvas);
+    writeImage(arguments.draw, canvas);
+  }
+  if (!arguments.draw_stages.empty()) {
+    drawStages(reference, target, outcome.result, canvas);
+    writeImage(arguments.draw_stages, canvas);
+  }
+  if (!arguments.draw_final.empty()) {
+    drawLevel(reference, target, outcome.result, Level::ktgp, canvas);
+    writeImage(arguments.draw_final, canvas);
+  }
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  const auto file = [&](const char* name, std::string& value, const char* description) {
+    return app.add_option(name, value, description)->type_name("FILE");
+  };
+  file("A", arguments.reference, "reference image")->required();
+  file("B", arguments.target, "target image")->required();
+  file("--ground-truth", arguments.ground_truth,
+       "the true homography A -> B, nine numbers as text: adds errors to the table");
+  file("--json", arguments.json, "write everything that is known about the pair");
+  file("--csv", arguments.csv, "write a row per nearest neighbour, with the last stage it passed");
+  file("--draw", arguments.draw,
+       "write the overlay: yellow = final match, magenta = removed by PROSAC, orange = by GMS, "
+       "red dot = by the ratio filter");
+  file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
+  file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
+  addPipelineOptions(app, arguments.pipeline);
+}
+
+int matchTwoImages(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app(kDescription);
+  app.footer(kExamples);
+  addArguments(app, arguments);
+  if (const auto code = parse(app, argc, argv)) return *code;
+
+  const Outcome outcome = run(arguments);
+  printFrame("reference", outcome.reference);
+  printFrame("target", outcome.target);
+  printStages(outcome);
+  printHomography(outcome);
+  writeFiles(arguments, outcome);
+  return outcome.result.status == Status::ok ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace ktgp_orb::tools
+
+int main(int argc, char** argv) {
+  try {
+    return ktgp_orb::tools::matchTwoImages(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "ktgp_match: %s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,174 @@
+"""ktgp_match from outside."""
+import csv
+import json
+import unittest
+
+from tool_case import ToolCase, picture, translation, write_pgm
+
+
+class KtgpMatch(ToolCase):
+    def setUp(self):
+        super().setUp()
+        rows = picture()
+        write_pgm(self.folder / "a.pgm", rows, 20, 20)
+        write_pgm(self.folder / "b.pgm", rows, 13, 24)  # the scene moves by (7, -4)
+        (self.folder / "H.txt").write_text(translation(7, -4))
+
+    def match(self, *arguments):
+        return self.run_tool("ktgp_match", *arguments)
+
+    def test_prints_the_four_stages_and_the_homography(self):
+        run = self.match("a.pgm", "b.pgm")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(run.stderr, "")
+        for word in ("reference", "target", "knn", "tf", "gms", "prosac", "homography"):
+            self.assertIn(word, run.stdout)
+        self.assertNotIn("corner error", run.stdout)
+
+    def test_ground_truth_adds_errors(self):
+        run = self.match("a.pgm", "b.pgm", "--ground-truth", "H.txt", "--json", "out.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("corner error", run.stdout)
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertLess(out["corner_error"], 0.5)
+        final = out["stages"][3]
+        self.assertGreater(final["precision_3px"], 0.99)
+        self.assertLess(final["reprojection_error"]["rms"], 1.0)
+
+    def test_json_is_consistent_from_stage_to_stage(self):
+        self.match("a.pgm", "b.pgm", "--json", "out.json", "--ratio-threshold", "0.7")
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual([s["name"] for s in out["stages"]], ["knn", "tf", "gms", "prosac"])
+        self.assertEqual(out["stages"][0]["input"], out["target"]["keypoints"])
+        for before, after in zip(out["stages"], out["stages"][1:]):
+            self.assertEqual(after["input"], before["output"])
+            self.assertLessEqual(after["output"], after["input"])
+        self.assertEqual(out["status"], "ok")
+        self.assertEqual(out["stages"][3]["output"], out["inliers"])
+        self.assertEqual(out["options"]["ratio-threshold"], 0.7)
+        x, y, w = (h[0] * 160 + h[1] * 120 + h[2] for h in out["homography"])
+        self.assertAlmostEqual(x / w, 160 + 7, delta=0.5)
+        self.assertAlmostEqual(y / w, 120 - 4, delta=0.5)
+        self.assertNotIn("corner_error", out)
+
+    def test_csv_has_every_neighbour_with_its_level(self):
+        self.match("a.pgm", "b.pgm", "--json", "out.json", "--csv", "out.csv", "--ground-truth",
+                   "H.txt")
+        out = json.loads((self.folder / "out.json").read_text())
+        with open(self.folder / "out.csv", newline="", encoding="ascii") as file:
+            rows = list(csv.DictReader(file))
+        levels = [row["level"] for row in rows]
+        self.assertEqual(len(rows), out["stages"][0]["output"])
+        self.assertEqual(levels.count("ktgp"), out["inliers"])
+        for row in rows:
+            dx = float(row["target_x"]) - float(row["reference_x"]) - 7
+            dy = float(row["target_y"]) - float(row["reference_y"]) + 4
+            self.assertAlmostEqual(float(row["reprojection_error"]), (dx * dx + dy * dy) ** 0.5,
+                                   delta=1e-2)
+            if row["level"] != "knn":
+                self.assertLess(float(row["ratio"]), 0.66)
+
+    def test_pictures_are_written(self):
+        names = {"--draw": "overlay.png", "--draw-stages": "stages.jpg", "--draw-final": "f.png"}
+        run = self.match("a.pgm", "b.pgm", *[x for pair in names.items() for x in pair])
+        self.assertEqual(run.returncode, 0, run.stderr)
+        for name in names.values():
+            self.assertGreater((self.folder / name).stat().st_size, 1000)
+
+    def test_thresholds_reach_the_stages(self):
+        def outputs(*options):
+            self.match("a.pgm", "b.pgm", "--json", "out.json", *options)
+            out = json.loads((self.folder / "out.json").read_text())
+            return out["target"]["keypoints"], *[s["output"] for s in out["stages"]]
+
+        usual = outputs()
+        self.assertLess(outputs("--features", "100")[0], usual[0])
+        self.assertLess(outputs("--fast-threshold", "120")[0], usual[0])
+        self.assertLess(outputs("--levels", "1")[0], usual[0])
+        self.assertEqual(outputs("--extractor", "opencv"), usual)
+        self.assertNotEqual(outputs("--distribution", "uniform", "--features", "300"),
+                            outputs("--features", "300"))
+        self.assertLess(outputs("--ratio-threshold", "0.2")[2], usual[2])
+        self.assertLess(outputs("--gms-threshold", "40")[3], usual[3])
+        self.assertLess(outputs("--prosac-threshold", "0.3")[4], usual[4])
+
+    def test_images_that_do_not_match_give_exit_code_1(self):
+        write_pgm(self.folder / "other.pgm", picture(seed=2))
+        run = self.match("a.pgm", "other.pgm", "--json", "out.json", "--ground-truth", "H.txt")
+        self.assertEqual(run.returncode, 1, run.stdout)
+        self.assertIn("no homography", run.stdout)
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertIsNone(out["homography"])
+        self.assertNotEqual(out["status"], "ok")
+
+    def test_an_image_without_features_is_no_crash(self):
+        write_pgm(self.folder / "grey.pgm", [bytes([90] * 400)] * 300)
+        for pair in (("grey.pgm", "b.pgm"), ("a.pgm", "grey.pgm"), ("grey.pgm", "grey.pgm")):
+            run = self.match(*pair, "--csv", "out.csv", "--json", "out.json", "--draw", "o.png")
+            self.assertEqual(run.returncode, 1, run.stderr)
+            self.assertIn("too_few_features", run.stdout)
+
+    def test_unusable_files_are_named(self):
+        (self.folder / "text.png").write_text("not an image")
+        (self.folder / "eight.txt").write_text("1 0 0 0 1 0 0 0")
+        (self.folder / "word.txt").write_text("1 0 0 0 1 0 0 0 one")
+        (self.folder / "flat.txt").write_text("0 0 0 0 0 0 0 0 0")
+        for arguments, name in (
+                (("missing.png", "b.pgm"), "missing.png"),
+                (("a.pgm", "text.png"), "text.png"),
+                (("a.pgm", "b.pgm", "--ground-truth", "missing.txt"), "missing.txt"),
+                (("a.pgm", "b.pgm", "--ground-truth", "eight.txt"), "eight.txt"),
+                (("a.pgm", "b.pgm", "--ground-truth", "word.txt"), "word.txt"),
+                (("a.pgm", "b.pgm", "--ground-truth", "flat.txt"), "flat.txt"),
+                (("a.pgm", "b.pgm", "--json", "no/such/folder.json"), "no/such/folder.json"),
+                (("a.pgm", "b.pgm", "--draw", "overlay.nope"), "overlay.nope")):
+            run = self.match(*arguments)
+            self.assertEqual(run.returncode, 2, arguments)
+            self.assertIn(name, run.stderr)
+            self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
+
+    def test_thresholds_out_of_range_are_refused_with_the_range(self):
+        for option, value, expected in (("--ratio-threshold", "1.5", "(0, 1]"),
+                                        ("--ratio-threshold", "0", "(0, 1]"),
+                                        ("--ratio-threshold", "nan", "(0, 1]"),
+                                        ("--gms-threshold", "-1", "[0, 1000000]"),
+                                        ("--features", "0", "[1, 1000000]"),
+                                        ("--levels", "17", "[1, 16]"),
+                                        ("--scale-factor", "1", "2]"),
+                                        ("--scale-factor", "2.5", "2]"),
+                                        ("--fast-threshold", "256", "[1, 255]"),
+                                        ("--threads", "-1", "[0, 1024]"),
+                                        ("--gms-columns", "201", "[1, 200]"),
+                                        ("--prosac-threshold", "0", "(0, 1000000]"),
+                                        ("--max-iterations", "0", "[1, 1000000]"),
+                                        ("--confidence", "1", "(0, 1)"),
+                                        ("--seed", "-1", "[0, "),
+                                        ("--extractor", "slow", "opencv"),
+                                        ("--distribution", "even", "uniform"),
+                                        ("--cell-share", "0", "[1, "),
+                                        ("--features", "many", "not a number")):
+            run = self.match("a.pgm", "b.pgm", f"{option}={value}")
+            self.assertEqual(run.returncode, 2, (option, value))
+            self.assertIn(option, run.stderr)
+            self.assertIn(expected, run.stderr)
+
+    def test_help_says_defaults_ranges_and_examples(self):
+        run = self.match("--help")
+        self.assertEqual(run.returncode, 0)
+        for text in ("Examples:", "--ratio-threshold", "(0, 1]", "0.66", "Exit code"):
+            self.assertIn(text, run.stdout)
+
+    def test_missing_argument(self):
+        run = self.match("a.pgm")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("B is required", run.stderr)
+
+    def test_same_input_same_output(self):
+        for name in ("1.csv", "2.csv"):
+            self.match("a.pgm", "b.pgm", "--csv", name, "--threads", name[0])
+        self.assertEqual((self.folder / "1.csv").read_bytes(),
+                         (self.folder / "2.csv").read_bytes())
+
+
+if __name__ == "__main__":
+    unittest.main()
