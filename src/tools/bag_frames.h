@@ -1,0 +1,22 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+namespace ktgp_orb::tools {
+
+/// Called for every image of a bag: its stamp in s, the image as 8-bit grey and, where the bag has
+/// it, the true homography from the image before.
+using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
+                                        const std::optional<Eigen::Matrix3d>& truth)>;
+
+/// Reads the images (sensor_msgs/Image or CompressedImage) on `topic` in the order of the bag and
+/// the truth (ktgp_orb/HomographyStamped) on `truth_topic`. Throws FileError for a bag that cannot
+/// be read or has no image there, and in a build without ROS.
+void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
+             const FrameVisitor& visit);
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+namespace ktgp_orb::tools {
+
+/// Two images of which the truth is known.
+struct ImagePair {
+  std::string set;   ///< e.g. "leuven"
+  std::string name;  ///< e.g. "1-2"
+  std::string reference;
+  std::string target;
+  Eigen::Matrix3d homography;  ///< reference to target, px
+};
+
+/// What could be used and what could not.
+struct Dataset {
+  std::vector<ImagePair> pairs;
+  std::vector<std::string> problems;  ///< one line each, beginning with the file's name
+};
+
+/// Adds the pairs found at `path`:
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p),
+/// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
+/// - a folder of such folders, in the order of their names, or
+/// - a text file with `name imageA imageB homographyA->B` a line (paths relative to it, no blanks
+///   in names, # begins a comment).
+/// Image 1 is the reference. A file that is missing or broken becomes a problem; the rest goes on.
+void addPairs(const std::string& path, Dataset& dataset);
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/gms_filter.h"
+
+namespace ktgp_orb::tools {
+
+/// Cells around a cell, including it, as (column, row) offsets.
+using Neighbourhood = std::vector<cv::Point>;
+
+/// All cells at most `radius` away: 3x3 for 1, 5x5 for 2.
+Neighbourhood square(int radius);
+
+/// The cell and the four that share an edge with it.
+Neighbourhood cross();
+
+/// GMS without rotation and scale, with the neighbourhood as a parameter; over 3x3 cells it keeps
+/// what GmsFilter keeps. Removes all others from `matches`.
+void filterByGridStatistics(const Features& reference, const Features& target,
+                            const Neighbourhood& neighbourhood, const GmsOptions& options,
+                            std::vector<Correspondence>& matches);
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/prosac_homography.h"
+
+namespace ktgp_orb::tools {
+
+/// Ways to find the homography that most pairs agree with.
+enum class Estimator {
+  ransac,  ///< Fischler & Bolles 1981, OpenCV's
+  msac,    ///< Torr & Zisserman 2000: truncated squared error instead of a count
+  mlesac,  ///< Torr & Zisserman 2000: likelihood of a Gaussian and a uniform mixture
+  prosac,  ///< Chum & Matas 2005, the core's
+  usac,    ///< Raguram et al. 2013, OpenCV's USAC_DEFAULT; needs OpenCV 4.5
+};
+
+/// All that this build has, by their names on the command line.
+const std::vector<std::pair<std::string, Estimator>>& estimators();
+
+struct HomographyEstimate {
+  bool found = false;
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();  ///< reference to target
+  std::vector<std::uint8_t> mask;  ///< 1 where the reprojection error of it is below the threshold
+};
+
+/// Threshold, budget, confidence and seed are `options` for all of them.
+HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pairs,
+                                      const cv::Size& reference_size, const ProsacOptions& options);
+
+}  // namespace ktgp_orb::tools

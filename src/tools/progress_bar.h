@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <mutex>
+#include <string>
+
+namespace ktgp_orb::tools {
+
+/// A bar on stderr, on a terminal only. Can be used from several threads.
+class ProgressBar {
+ public:
+  /// `total` 0: not known beforehand; only the count is shown.
+  explicit ProgressBar(std::size_t total);
+  /// Wipes the bar.
+  ~ProgressBar();
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  /// One more is done; `what` is shown beside the bar.
+  void advance(const std::string& what);
+
+ private:
+  std::mutex mutex_;
+  std::size_t total_;
+  std::size_t done_ = 0;
+  bool shown_;
+};
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <array>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <vector>
+
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+
+namespace ktgp_orb::tools {
+
+/// One frame matched to the one before it.
+struct FrameScore {
+  double time = 0.0;  ///< s since the first frame
+  Status status = Status::no_reference;
+  std::size_t keypoints = 0;
+  std::array<std::size_t, 4> matches{};  ///< after knn, tf, gms, prosac
+  double inlier_ratio = 0.0;  ///< final matches over those that passed the ratio filter; 0 of none
+  double rmse = 0.0;          ///< of the inliers, px
+  double milliseconds = 0.0;  ///< features of this frame and all stages
+  std::optional<double> corner_error;  ///< of this frame's homography, px; where truth is known
+  std::optional<double> drift;  ///< of the homographies since the window's start, multiplied, px
+};
+
+struct SequenceScore {
+  std::vector<FrameScore> frames;
+  /// Element k-1: of the keypoints matched from a frame to the next one, the share that is matched
+  /// without a gap over k frames. Element 0 is 1.
+  std::vector<double> survival;
+};
+
+/// Runs the four stages from frame to frame and keeps count.
+class SequenceEvaluator {
+ public:
+  /// Drift is accumulated over `window` frames, then begins anew; 0: over all.
+  SequenceEvaluator(const OrbOptions& orb, const MatcherOptions& matcher, int window);
+
+  /// `image`: 8-bit grey. `truth`: homography from the frame before to this one, where known.
+  void addFrame(double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth);
+
+  SequenceScore score() const;
+
+ private:
+  void followTracks();
+  void accumulateDrift(const std::optional<Eigen::Matrix3d>& truth, FrameScore& frame);
+
+  OrbExtractor extractor_;
+  KtgpMatcher matcher_;
+  int window_;
+  double first_stamp_ = 0.0;
+  Features reference_;
+  Features target_;
+  MatchResult result_;
+  std::vector<FrameScore> frames_;
+
+  std::vector<int> track_length_;  ///< per keypoint of the newest frame, in matches
+  /// Per frame: element k-1 counts its keypoints with a track of at least k matches.
+  std::vector<std::vector<std::size_t>> long_tracks_;
+
+  int frames_in_window_ = 0;
+  Eigen::Matrix3d estimated_ = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d true_ = Eigen::Matrix3d::Identity();
+};
+
+nlohmann::json toJson(const SequenceScore& score);
+
+}  // namespace ktgp_orb::tools

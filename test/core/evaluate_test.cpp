@@ -1,0 +1,329 @@
+// The methods that ktgp_evaluate compares, step by step.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <set>
+
+#include "evaluation_output.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "methods.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Keypoints at random places, descriptors at random; the target's are the reference's moved by
+/// (12, 5) with a few bits flipped, except the last third, which is random.
+class RandomScene {
+ public:
+  explicit RandomScene(int n, unsigned seed = 1) : random_(seed), grey_(480, 640, CV_8U) {
+    cv::RNG(seed).fill(grey_, cv::RNG::UNIFORM, 0, 256);
+    reference_ = randomFeatures(n);
+    target_ = randomFeatures(n);
+    for (int i = 0; i < n - n / 3; ++i) {
+      target_.keypoints[i].pt = reference_.keypoints[i].pt + cv::Point2f(12.F, 5.F);
+      reference_.descriptors.row(i).copyTo(target_.descriptors.row(i));
+      for (int k = 0; k < 12; ++k) target_.descriptors.at<uchar>(i, random_() % 32) ^= 1;
+    }
+  }
+
+  Scene scene() const { return {grey_, grey_, reference_, target_}; }
+  const Features& reference() const { return reference_; }
+  const Features& target() const { return target_; }
+
+ private:
+  Features randomFeatures(int n) {
+    std::uniform_real_distribution<float> x(20.F, 600.F);
+    std::uniform_real_distribution<float> y(20.F, 450.F);
+    Features features;
+    features.image_size = {640, 480};
+    features.descriptors.create(n, kDescriptorBytes, CV_8U);
+    for (int i = 0; i < n; ++i) {
+      features.keypoints.emplace_back(cv::Point2f(x(random_), y(random_)), 31.F);
+      for (int k = 0; k < kDescriptorBytes; ++k) {
+        features.descriptors.at<uchar>(i, k) = static_cast<uchar>(random_());
+      }
+    }
+    return features;
+  }
+
+  std::mt19937 random_;
+  cv::Mat grey_;
+  Features reference_;
+  Features target_;
+};
+
+/// Features with the given descriptors, all at one place.
+Features described(const std::vector<std::vector<uchar>>& descriptors) {
+  Features features;
+  features.image_size = {100, 100};
+  features.descriptors = cv::Mat::zeros(static_cast<int>(descriptors.size()), 32, CV_8U);
+  for (std::size_t i = 0; i < descriptors.size(); ++i) {
+    features.keypoints.emplace_back(cv::Point2f(50.F, 50.F), 31.F);
+    std::copy(descriptors[i].begin(), descriptors[i].end(),
+              features.descriptors.ptr(static_cast<int>(i)));
+  }
+  return features;
+}
+
+/// Target indices left after one step over the given matches.
+std::vector<int> left(const Step& step, const Scene& scene, std::vector<Correspondence> matches) {
+  Matching m;
+  m.matches = std::move(matches);
+  step.run(scene, m);
+  std::vector<int> indices;
+  for (const Correspondence& c : m.matches) indices.push_back(c.target_index);
+  return indices;
+}
+
+using Indices = std::vector<int>;
+const cv::Mat kNoImage(100, 100, CV_8U, cv::Scalar(0));
+
+TEST(Steps, RatioKeepsWhatIsBelow) {
+  const Features f = described({{0}, {0}, {0}});
+  EXPECT_EQ(
+      left(ratio(0.5), {kNoImage, kNoImage, f, f}, {{0, 0, 5, 10}, {0, 1, 4, 10}, {0, 2, 0, 0}}),
+      Indices{1});
+}
+
+TEST(Steps, DistanceThresholdIsTwiceTheSmallestOrTheFloor) {
+  const Features f = described({{0}, {0}, {0}});
+  const Scene scene{kNoImage, kNoImage, f, f};
+  EXPECT_EQ(left(distanceThreshold(30), scene, {{0, 0, 5, 9}, {0, 1, 30, 40}, {0, 2, 31, 40}}),
+            (Indices{0, 1}));
+  EXPECT_EQ(left(distanceThreshold(30), scene, {{0, 0, 20, 9}, {0, 1, 40, 45}, {0, 2, 41, 45}}),
+            (Indices{0, 1}));
+}
+
+TEST(Steps, BidirectionalKeepsMutualNeighbours) {
+  // Reference 0 is nearest to both target descriptors; only target 1 is nearest to it.
+  const Features reference = described({{0x0F}, {0xFF, 0xFF}});
+  const Features target = described({{0x07}, {0x0F}});
+  Matching m;
+  const Scene scene{kNoImage, kNoImage, reference, target};
+  nearest({}).run(scene, m);
+  ASSERT_EQ(m.matches.size(), 2u);
+  bidirectional({}).run(scene, m);
+  ASSERT_EQ(m.matches.size(), 1u);
+  EXPECT_EQ(m.matches[0].target_index, 1);
+}
+
+TEST(Steps, CosineOfBinaryVectorsByHand) {
+  // 4 ones and 2 ones, 2 of them common: cosine 2 / sqrt(8) = 0.7071, distance 2.
+  const Features reference = described({{0x0F}});
+  const Features target = described({{0x03}});
+  const Scene scene{kNoImage, kNoImage, reference, target};
+  EXPECT_EQ(left(cosineSimilarity(0.70), scene, {{0, 0, 2, 9}}), Indices{0});
+  EXPECT_EQ(left(cosineSimilarity(0.71), scene, {{0, 0, 2, 9}}), Indices{});
+}
+
+TEST(Steps, NormsByHand) {
+  const Features reference = described({{30, 40}});  // 50
+  const Features target = described({{0, 45}, {0, 44}});
+  const Scene scene{kNoImage, kNoImage, reference, target};
+  EXPECT_EQ(left(similarNorm(0.1), scene, {{0, 0, 2, 9}, {0, 1, 2, 9}}), Indices{0});
+}
+
+TEST(Steps, EuclideanDistanceByHand) {
+  // Distances 0, 0, 0, 10: mean 2.5, standard deviation 4.33.
+  const Features reference = described({{10}});
+  const Features target = described({{10}, {10}, {10}, {20}});
+  const Scene scene{kNoImage, kNoImage, reference, target};
+  EXPECT_EQ(left(euclideanDistance(), scene, {{0, 0}, {0, 1}, {0, 2}, {0, 3}}), (Indices{0, 1, 2}));
+}
+
+TEST(Steps, GreyLevelIgnoresGainAndOffsetOfTheWholeImage) {
+  cv::Mat image(100, 100, CV_8U, cv::Scalar(20));
+  image(cv::Rect(50, 0, 50, 100)).setTo(100);
+  const cv::Mat brighter = image * 2 + 30;
+  Features f = described({{0}, {0}});
+  f.keypoints[0].pt = {20.F, 50.F};
+  f.keypoints[1].pt = {80.F, 50.F};
+  const Scene scene{image, brighter, f, f};
+  EXPECT_EQ(left(greyLevel(0.1), scene, {{0, 0}, {0, 1}}), Indices{0});
+}
+
+TEST(GridStatistics, OverThreeByThreeCellsAreGms) {
+  for (int n = 0; n <= 1200; n += 60) {
+    for (double factor : {0.0, 2.0, 6.0}) {
+      const RandomScene random(n, static_cast<unsigned>(n + 1));
+      GmsOptions options;
+      options.threshold = factor;
+      Matching ours;
+      nearest({}).run(random.scene(), ours);
+      Matching expected = ours;
+      gms(options).run(random.scene(), expected);
+      gmsOver(square(1), options).run(random.scene(), ours);
+      ASSERT_EQ(ours.matches.size(), expected.matches.size()) << n << " at " << factor;
+      for (std::size_t i = 0; i < ours.matches.size(); ++i) {
+        ASSERT_EQ(ours.matches[i].target_index, expected.matches[i].target_index);
+      }
+    }
+  }
+}
+
+TEST(GridStatistics, NeighbourhoodsHaveTheirNumberOfCells) {
+  EXPECT_EQ(square(1).size(), 9u);
+  EXPECT_EQ(square(2).size(), 25u);
+  EXPECT_EQ(cross().size(), 5u);
+}
+
+PointPairs pairsOf(const Eigen::Matrix3d& h, int inliers, int outliers, unsigned seed) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<double> x(0.0, 640.0);
+  std::uniform_real_distribution<double> y(0.0, 480.0);
+  std::normal_distribution<double> noise(0.0, 0.5);
+  PointPairs pairs;
+  for (int i = 0; i < inliers + outliers; ++i) {
+    const Eigen::Vector2d from(x(random), y(random));
+    const Eigen::Vector2d to =
+        i < inliers ? project(h, from) + Eigen::Vector2d(noise(random), noise(random))
+                    : Eigen::Vector2d(x(random), y(random));
+    pairs.reference.push_back(from);
+    pairs.target.push_back(to);
+    pairs.quality.push_back(i < inliers ? 0.3 : 0.6);
+  }
+  return pairs;
+}
+
+class Estimators : public ::testing::TestWithParam<std::pair<std::string, Estimator>> {};
+
+TEST_P(Estimators, FindTheHomographyAmongOutliers) {
+  Eigen::Matrix3d h;
+  h << 1.05, 0.08, -14.0, -0.06, 0.97, 21.0, 1e-4, -5e-5, 1.0;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const PointPairs pairs = pairsOf(h, 140, 60, seed);
+    const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
+    ASSERT_TRUE(e.found);
+    EXPECT_LT(cornerError(e.homography, h, {640, 480}), 1.5) << seed;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      const double error = (project(e.homography, pairs.reference[i]) - pairs.target[i]).norm();
+      ASSERT_EQ(e.mask[i] != 0, error < 3.0);
+    }
+  }
+}
+
+TEST_P(Estimators, SurviveEverySmallSet) {
+  for (int n = 0; n <= 40; ++n) {
+    const PointPairs pairs = pairsOf(Eigen::Matrix3d::Identity(), 0, n, 5);
+    const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
+    EXPECT_EQ(e.mask.size(), pairs.size());
+    EXPECT_TRUE(n >= 4 || !e.found);
+  }
+}
+
+TEST_P(Estimators, SurvivePointsThatAreAllTheSame) {
+  PointPairs pairs;
+  for (int i = 0; i < 30; ++i) {
+    pairs.reference.emplace_back(10.0, 10.0);
+    pairs.target.emplace_back(20.0, 20.0);
+    pairs.quality.push_back(0.5);
+  }
+  const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
+  EXPECT_EQ(e.mask.size(), 30u);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Estimators, ::testing::ValuesIn(estimators()),
+                         [](const auto& info) { return info.param.first; });
+
+TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
+  std::set<std::string> names;
+  for (const Method& method : allMethods({})) EXPECT_TRUE(names.insert(method.name).second);
+  for (const char* name : {"ORB", "ORB+RANSAC", "KT", "KTG", "KTGP", "KTG-RS", "KTGP-RS", "GMS",
+                           "GMS-5", "GMS5x5", "GMS-RANSAC", "MP-ORB", "KRCR", "KTBER", "Sun2016",
+                           "KTG+ransac", "KTG+msac", "KTG+mlesac"}) {
+    EXPECT_EQ(names.count(name), 1u) << name;
+  }
+}
+
+TEST(Methods, KtgpIsTheMatcher) {
+  const RandomScene random(900);
+  MatchResult expected;
+  KtgpMatcher().match(random.reference(), random.target(), expected);
+  ASSERT_EQ(expected.status, Status::ok);
+  std::vector<StepResult> steps;
+  for (const Method& method : allMethods({})) {
+    if (method.name != "KTGP") continue;
+    const Matching m = runMethod(method, random.scene(), steps);
+    ASSERT_EQ(steps.size(), 4u);
+    for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(steps[i].matches, expected.stages[i].output);
+    ASSERT_TRUE(m.homography.has_value());
+    EXPECT_EQ(*m.homography, expected.prosac.homography);
+  }
+}
+
+TEST(Methods, RunOnEveryNumberOfFeatures) {
+  std::vector<Method> methods = allMethods({});
+  std::vector<StepResult> steps;
+  for (int n : {0, 1, 2, 3, 4, 5, 8, 13, 50, 200}) {
+    const RandomScene random(n);
+    for (const Method& method : methods) {
+      const Matching m = runMethod(method, random.scene(), steps);
+      EXPECT_LE(m.matches.size(), static_cast<std::size_t>(n)) << method.name;
+      for (std::size_t i = 1; i < steps.size(); ++i) {
+        EXPECT_LE(steps[i].matches, steps[i - 1].matches) << method.name;
+      }
+    }
+  }
+}
+
+TEST(Methods, TakeTheEstimatorThatIsAskedFor) {
+  for (const Method& method : allMethods({}, Estimator::msac)) {
+    const std::string& last = method.steps.back().name;
+    const bool sampled = last == "ransac" || last == "prosac" || last == "usac";
+    EXPECT_TRUE(!sampled || method.name.rfind("KTG+", 0) == 0) << method.name;
+  }
+}
+
+// --- averages ---
+
+PairScore scoreOf(const std::string& set, std::size_t matches, double corner_error) {
+  PairScore pair;
+  pair.pair.set = set;
+  MethodScore m;
+  m.method = "M";
+  m.matches = matches;
+  m.descriptor_distance = {matches, 10.0 * static_cast<double>(matches), 1.0};
+  m.corner_error = corner_error;
+  pair.methods.push_back(m);
+  return pair;
+}
+
+TEST(Summary, AveragesOverPairsBySetAndOverAll) {
+  std::vector<PairScore> scores{scoreOf("a", 2, 1.0), scoreOf("a", 0, kInfinity),
+                                scoreOf("b", 4, 0.0)};
+  PairScore broken;
+  broken.pair.set = "b";
+  broken.problem = "b.png: cannot be opened";
+  scores.push_back(broken);
+  const std::vector<SetSummary> s = summarizeSets(scores);
+  ASSERT_EQ(s.size(), 3u);
+  EXPECT_EQ(s[0].set, "a");
+  EXPECT_EQ(s[0].pairs, 2u);
+  EXPECT_DOUBLE_EQ(s[0].matches, 1.0);
+  EXPECT_DOUBLE_EQ(s[0].descriptor_distance.mean, 20.0) << "a pair without matches has no distance";
+  EXPECT_DOUBLE_EQ((*s[0].auc)[3], 0.45);
+  EXPECT_EQ(s[1].pairs, 1u) << "the broken pair does not count";
+  EXPECT_EQ(s[2].set, "all");
+  EXPECT_DOUBLE_EQ(s[2].matches, 2.0);
+}
+
+TEST(Output, EveryRowHasEveryColumn) {
+  const std::string csv = toCsv({scoreOf("a,\"b\"", 2, kInfinity)});
+  std::istringstream in(csv);
+  std::string header;
+  std::string row;
+  std::getline(in, header);
+  std::getline(in, row);
+  EXPECT_EQ(row.rfind("\"a,\"\"b\"\"\",", 0), 0u) << row;
+  row.erase(0, std::string("\"a,\"\"b\"\"\"").size());
+  EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(row.begin(), row.end(), ','));
+  EXPECT_EQ(csv.find("inf"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,151 @@
+"""ktgp_evaluate from outside."""
+import csv
+import json
+import shutil
+import unittest
+
+from tool_case import ToolCase, picture, translation, write_pgm
+
+SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
+
+
+class KtgpEvaluate(ToolCase):
+    def setUp(self):
+        super().setUp()
+        self.make_set(self.folder / "data" / "first", "img{}.pgm", "H1to{}p")
+
+    def make_set(self, folder, image, homography, seed=1):
+        folder.mkdir(parents=True)
+        rows = picture(seed)
+        write_pgm(folder / image.format(1), rows, 20, 20)
+        for k, (x, y) in SHIFTS.items():
+            write_pgm(folder / image.format(k), rows, 20 - x, 20 - y)
+            (folder / homography.format(k)).write_text(translation(x, y))
+
+    def evaluate(self, *arguments):
+        return self.run_tool("ktgp_evaluate", "--features", 500, *arguments)
+
+    def rows(self, *arguments):
+        run = self.evaluate(*arguments, "--csv", "out.csv")
+        with open(self.folder / "out.csv", newline="", encoding="utf-8") as file:
+            return run, list(csv.DictReader(file))
+
+    def test_oxford_folder(self):
+        run, rows = self.rows("data/first")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(run.stderr, "")
+        self.assertEqual([r["pair"] for r in rows[::5]], ["1-2", "1-3", "1-4", "1-5", "1-6"])
+        self.assertEqual([r["method"] for r in rows[:5]],
+                         ["ORB", "ORB+RANSAC", "KT", "KTG", "KTGP"])
+        for row in rows:
+            self.assertEqual(row["set"], "first")
+            if row["method"] == "KTGP":
+                self.assertGreater(float(row["precision_3px"]), 0.99)
+                self.assertLess(float(row["corner_error"]), 2.5)
+                self.assertEqual(len(row["steps_ms"].split(";")), 4)
+                x, y = SHIFTS[int(row["pair"][2])]
+                self.assertAlmostEqual(float(row["displacement_mean"]), (x * x + y * y) ** 0.5,
+                                       delta=0.5)
+            if row["method"] == "KTG":
+                self.assertEqual(row["corner_error"], "")
+
+    def test_hpatches_folder_and_list_agree_with_oxford(self):
+        self.make_set(self.folder / "h" / "second", "{}.pgm", "H_1_{}")
+        lines = [f"1-{k} first/img1.pgm first/img{k}.pgm first/H1to{k}p  # a comment"
+                 for k in SHIFTS]
+        (self.folder / "data" / "third.txt").write_text("# pairs\n\n" + "\n".join(lines) + "\n")
+        run, rows = self.rows("data/first", "h", "data/third.txt", "--methods", "KTGP")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual([r["set"] for r in rows], ["first"] * 5 + ["second"] * 5 + ["third"] * 5)
+        for a, b, c in zip(rows[:5], rows[5:10], rows[10:]):
+            for key in ("pair", "matches", "corner_error", "descriptor_distance_mean"):
+                self.assertEqual(a[key], b[key])
+                self.assertEqual(a[key], c[key])
+        self.assertIn("all, 15 pairs", run.stdout)
+
+    def test_jobs_change_nothing_but_the_times(self):
+        def without_times(jobs):
+            _, rows = self.rows("data", "--methods", "all", "--jobs", jobs)
+            return [{k: v for k, v in row.items() if not k.endswith("ms")} for row in rows]
+
+        self.assertEqual(without_times(1), without_times(4))
+
+    def test_json_has_rows_summary_and_options(self):
+        self.evaluate("data", "--json", "out.json", "--methods", "KTG,KTGP", "--gms-threshold", "5",
+                      "--repeat", "3")
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual(len(out["results"]), 10)
+        self.assertEqual([s["method"] for s in out["summary"]], ["KTG", "KTGP"])
+        self.assertEqual(out["options"]["gms-threshold"], 5)
+        self.assertEqual(out["problems"], [])
+        ktg, ktgp = out["summary"]
+        self.assertNotIn("auc_3px", ktg)
+        self.assertGreater(ktgp["auc_10px"], 0.8)
+        mean = sum(r["matches"] for r in out["results"] if r["method"] == "KTGP") / 5
+        self.assertAlmostEqual(ktgp["matches"], mean)
+        self.assertEqual([s["name"] for s in out["results"][1]["steps"]],
+                         ["knn", "ratio", "gms", "prosac"])
+
+    def test_broken_data_is_named_and_the_rest_goes_on(self):
+        folder = self.folder / "data" / "first"
+        (folder / "img2.pgm").unlink()
+        (folder / "img3.pgm").write_text("no image")
+        (folder / "H1to4p").write_text("1 2 3")
+        run, rows = self.rows("data", "missing", "--methods", "KTGP", "--json", "out.json")
+        self.assertEqual(run.returncode, 1)
+        self.assertEqual([r["pair"] for r in rows], ["1-5", "1-6"])
+        for name in ("img2", "img3.pgm", "H1to4p", "missing"):
+            self.assertIn(name, run.stderr)
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual(len(out["problems"]), 4)
+
+    def test_data_without_anything_usable(self):
+        (self.folder / "empty").mkdir()
+        (self.folder / "list.txt").write_text("only three words\n")
+        for name in ("empty", "list.txt", "nowhere"):
+            run = self.evaluate(name)
+            self.assertEqual(run.returncode, 1)
+            self.assertIn(name, run.stderr)
+
+    def test_folder_without_its_first_image(self):
+        (self.folder / "data" / "first" / "img1.pgm").unlink()
+        run = self.evaluate("data/first")
+        self.assertEqual(run.returncode, 1)
+        self.assertIn("img1", run.stderr)
+
+    def test_options_that_cannot_be_used(self):
+        for arguments, text in ((("--methods", "KTX"), "KTX"),
+                                (("--estimator", "best"), "best"),
+                                (("--jobs", "0"), "--jobs"),
+                                (("--ratio-threshold", "2"), "(0, 1]"),
+                                (("--json", "no/folder.json"), "no/folder.json")):
+            run = self.evaluate("data", *arguments)
+            self.assertEqual(run.returncode, 2, arguments)
+            self.assertIn(text, run.stderr)
+        self.assertEqual(self.evaluate().returncode, 2)
+
+    def test_methods_are_listed(self):
+        run = self.evaluate("--list-methods")
+        self.assertEqual(run.returncode, 0)
+        for name in ("KTGP ", "MP-ORB", "KRCR", "KTBER", "Sun2016", "GMS-RANSAC"):
+            self.assertIn(name, run.stdout)
+
+    def test_estimator_can_be_chosen(self):
+        for estimator in ("ransac", "msac", "mlesac", "prosac"):
+            run, rows = self.rows("data", "--methods", "KTGP", "--estimator", estimator)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            for row in rows:
+                self.assertIn(estimator + "=", row["steps_ms"])
+                self.assertLess(float(row["corner_error"]), 2.5)
+
+    def test_two_sets_are_averaged_together(self):
+        shutil.copytree(self.folder / "data" / "first", self.folder / "data" / "second")
+        self.evaluate("data", "--methods", "KT", "--json", "out.json")
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual([s["set"] for s in out["summary"]], ["first", "second", "all"])
+        self.assertAlmostEqual(out["summary"][0]["matches"], out["summary"][2]["matches"])
+        self.assertEqual(out["summary"][2]["pairs"], 10)
+
+
+if __name__ == "__main__":
+    unittest.main()
