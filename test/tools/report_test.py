@@ -1,0 +1,181 @@
+"""The report: its tables against the known figures, its HTML as a browser sees it."""
+import html.parser
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+DATA = os.environ.get("KTGP_ORB_DATA", "")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+try:
+    import matplotlib  # noqa: F401  pylint: disable=unused-import
+    import PIL  # noqa: F401  pylint: disable=unused-import
+    DRAWING = True
+except ImportError:
+    DRAWING = False
+
+
+def expected():
+    """The table of test/core/paper_numbers.h: set -> (rows of counts, distances)."""
+    text = (ROOT / "test/core/paper_numbers.h").read_text()
+    found = {}
+    for name in ("leuven", "bikes"):
+        body = text[text.index(f'{{"{name}"'):]
+        rows = re.findall(r"\{(\d), (\d+), (\d+), (\d+)\}", body)[:5]
+        distances = re.findall(r"\{(\d+\.\d+), (\d+\.\d+)\}", body)[:3]
+        found[name] = ([tuple(map(int, r[1:])) for r in rows],
+                       [tuple(map(float, d)) for d in distances])
+    return found
+
+
+class Page(html.parser.HTMLParser):
+    """Tables by caption, sources of images, and whether the tags are balanced."""
+
+    VOID = {"meta", "link", "img", "br"}
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tables, self.images, self.links = [], {}, [], []
+        self.rows, self.caption, self.text = [], "", ""
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        attrs = dict(attrs)
+        if tag == "img":
+            self.images.append(attrs["src"])
+        self.links += [attrs[k] for k in ("src", "href") if k in attrs]
+        if tag not in self.VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.rows = []
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th", "caption"):
+            self.text = ""
+
+    def handle_data(self, data):
+        self.text += data
+
+    def handle_endtag(self, tag):
+        if self.open.pop() != tag:
+            raise AssertionError(f"</{tag}> closes another element")
+        if tag in ("td", "th"):
+            self.rows[-1].append(self.text)
+        if tag == "caption":
+            self.caption = self.text
+        if tag == "table":
+            self.tables[self.caption] = self.rows
+
+    def table(self, beginning):
+        return next(rows for caption, rows in self.tables.items() if caption.startswith(beginning))
+
+
+@unittest.skipUnless(DATA, "KTGP_ORB_DATA is not set: this test needs it")
+@unittest.skipUnless(DRAWING, "python3-matplotlib or python3-pil is not installed")
+class Report(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.output = pathlib.Path(cls.folder.name) / "report"
+        data = pathlib.Path(DATA) / "oxford"
+        subprocess.run([sys.executable, "-B", ROOT / "scripts/report.py", "--tools",
+                        os.environ["KTGP_ORB_TOOLS"], "--data", data / "leuven", "--data",
+                        data / "bikes", "--output", cls.output, "--repeat", "1", "--methods",
+                        "ORB,ORB+RANSAC,KT,KTG,KTGP"], check=True, stdout=subprocess.DEVNULL)
+        cls.text = (cls.output / "index.html").read_text(encoding="utf-8")
+        cls.page = Page(cls.text)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    def test_counts_are_the_known_ones(self):
+        for name, (rows, _) in expected().items():
+            table = self.page.table(f"Table 3. Matches after each stage, {name.capitalize()}")
+            for measured, (kt, ktg, ktgp) in zip(table[1:6], rows):
+                self.assertEqual([int(measured[2]), int(measured[5])], [kt, ktg], measured)
+                self.assertAlmostEqual(int(measured[8]), ktgp, delta=0.1 * ktgp)
+                self.assertLessEqual(int(measured[8]), ktg)
+
+    def test_table_1_is_the_last_stage_of_table_3(self):
+        for column, name in ((2, "Leuven"), (5, "Bikes")):
+            table = self.page.table(f"Table 3. Matches after each stage, {name}")
+            for short, long in zip(self.page.table("Table 1.")[1:], table[1:6]):
+                self.assertEqual(short[column], long[8])
+
+    def test_distances_are_the_known_ones(self):
+        for which, number in ((0, "4"), (1, "5")):
+            table = self.page.table(f"Table {number}.")
+            for column, name in ((2, "leuven"), (5, "bikes")):
+                for row, known, tolerance in zip(table[1:], expected()[name][1],
+                                                 (0.01, 0.01, 0.4)):
+                    self.assertAlmostEqual(float(row[column]), known[which], delta=tolerance)
+
+    def test_table_6_has_the_cross_checked_baseline(self):
+        table = self.page.table("Table 6.")
+        self.assertAlmostEqual(float(table[2][3]), 32.288, delta=0.01)
+        self.assertAlmostEqual(float(table[5][3]), 31.003, delta=0.01)
+
+    def test_every_figure_of_the_paper_is_there(self):
+        captions = re.findall(r"<figcaption>(.*?)</figcaption>", self.text)
+        for n in (4, 5, 6, 7, 8, 9, 10, 12):
+            self.assertTrue(any(c.startswith(f"Figure {n}.") for c in captions), n)
+        self.assertEqual(sum(c.startswith("Figure 5.") for c in captions), 10)
+        self.assertIn("What cannot be reproduced", self.text)
+
+    def test_page_is_balanced_and_needs_nothing_else(self):
+        self.assertEqual(self.page.open, [])
+        for link in self.page.links:
+            self.assertTrue(link.startswith("data:"), link[:80])
+
+    def test_markdown_has_the_same_tables_and_its_pictures(self):
+        text = (self.output / "report.md").read_text(encoding="utf-8")
+        for caption in self.page.tables:
+            self.assertIn(f"**{caption}**", text)
+        pictures = re.findall(r"\]\((figures/.*?)\)", text)
+        self.assertEqual(len(pictures), len(self.page.images))
+        for picture in pictures:
+            self.assertGreater((self.output / picture).stat().st_size, 1000, picture)
+
+    @unittest.skipUnless(CHROMIUM, "chromium is not installed: the page is not opened in a browser")
+    def test_browser_shows_every_image_without_an_error(self):
+        # The page itself has no script; this copy of it counts what was drawn.
+        count = ("<script>addEventListener('load', () => { document.title = 'broken ' + "
+                 "[...document.images].filter(i => !i.complete || !i.naturalWidth).length + "
+                 "' of ' + document.images.length })</script></body>")
+        copy = self.output / "copy.html"
+        copy.write_text(self.text.replace("</body>", count), encoding="utf-8")
+        with tempfile.TemporaryDirectory() as profile:
+            run = subprocess.run(
+                [CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+                 "--disable-background-networking", "--disable-component-update", "--disable-sync",
+                 f"--user-data-dir={profile}", "--enable-logging=stderr", "--dump-dom",
+                 copy.as_uri()], capture_output=True, text=True, timeout=120, check=False)
+        self.assertIn(f"<title>broken 0 of {len(self.page.images)}</title>", run.stdout)
+        self.assertEqual([x for x in run.stderr.splitlines() if "CONSOLE" in x], [])
+
+
+@unittest.skipUnless(DRAWING, "python3-matplotlib or python3-pil is not installed")
+class ReportOfBrokenData(unittest.TestCase):
+    def test_names_what_is_missing_and_still_writes(self):
+        with tempfile.TemporaryDirectory() as folder:
+            output = pathlib.Path(folder) / "report"
+            run = subprocess.run(
+                [sys.executable, "-B", ROOT / "scripts/report.py", "--tools",
+                 os.environ["KTGP_ORB_TOOLS"], "--data", folder + "/nowhere", "--output", output],
+                capture_output=True, text=True, check=False)
+            self.assertEqual(run.returncode, 1, run.stderr)
+            self.assertIn("nowhere", run.stderr)
+            page = (output / "index.html").read_text(encoding="utf-8")
+            self.assertIn("nowhere", page)
+            self.assertIn("fetch_oxford", page)
+
+
+if __name__ == "__main__":
+    unittest.main()
