@@ -172,7 +172,7 @@ json toJson(const SetSummary& s) {
 /// A value as a field of a CSV row; nothing for null and infinity.
 std::string toField(const json& value) {
   if (!value.is_string()) return value.dump() == "null" ? "" : value.dump();
-  const auto text = value.get<std::string>();
+  auto text = value.get<std::string>();
   if (text.find_first_of(",\"\n") == std::string::npos) return text;
   std::string out = "\"";
   for (char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
