@@ -12,8 +12,9 @@ int main(int argc, char** argv) {
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",
                                     ros::names::getRemappings(), nodelet::V_string());
     if (!loaded) {
-      ROS_FATAL("nodelet ktgp_orb/matcher does not start; if no reason stands above: is the "
-                "workspace sourced?");
+      ROS_FATAL(
+          "nodelet ktgp_orb/matcher does not start; if no reason stands above: is the "
+          "workspace sourced?");
       return 1;
     }
     ros::spin();
