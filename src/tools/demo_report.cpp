@@ -149,25 +149,49 @@ class Report {
   std::string videoPath() const { return folder_ + "/matches.mp4"; }
   std::string picturePath() const { return folder_ + "/stages.png"; }
 
-  // Both are published before the statistics of the same frame.
-  void onCorrespondences(const CorrespondencesConstPtr& message) { correspondences_ = message; }
-  void onHomography(const HomographyStampedConstPtr& message) { homography_ = message; }
+  /// The messages about one frame: each comes over a connection of its own, in any order.
+  struct Messages {
+    CorrespondencesConstPtr correspondences;
+    HomographyStampedConstPtr homography;
+    MatchStatisticsConstPtr statistics;
+
+    bool complete() const {
+      if (!statistics) return false;
+      return statistics->status == MatchStatistics::STATUS_NO_REFERENCE ||
+             (correspondences && homography);
+    }
+  };
+
+  void onCorrespondences(const CorrespondencesConstPtr& message) {
+    pending_[message->header.stamp].correspondences = message;
+    addIfComplete(message->header.stamp);
+  }
+
+  void onHomography(const HomographyStampedConstPtr& message) {
+    pending_[message->header.stamp].homography = message;
+    addIfComplete(message->header.stamp);
+  }
 
   void onStatistics(const MatchStatisticsConstPtr& message) {
+    pending_[message->header.stamp].statistics = message;
+    addIfComplete(message->header.stamp);
+  }
+
+  void addIfComplete(const ros::Time& stamp) {
+    const Messages messages = pending_[stamp];
+    if (!messages.complete()) return;
+    pending_.erase(stamp);
+    const MatchStatistics& statistics = *messages.statistics;
     FrameResult result;
-    result.segment = truth_.segment(message->header.stamp);
-    const ros::Time& stamp = message->header.stamp;
-    const bool found = message->status == MatchStatistics::STATUS_OK && homography_ &&
-                       correspondences_ && homography_->header.stamp == stamp &&
-                       correspondences_->header.stamp == stamp;
-    if (found) {
-      const Eigen::Matrix3d truth = truth_.between(message->reference_stamp, stamp);
-      result.error = cornerError(matrix(*homography_), truth);
-      result.reprojection_error = reprojectionError(*correspondences_, truth);
+    result.segment = truth_.segment(stamp);
+    if (statistics.status == MatchStatistics::STATUS_OK) {
+      const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
+      result.error = cornerError(matrix(*messages.homography), truth);
+      result.reprojection_error = reprojectionError(*messages.correspondences, truth);
     }
-    table_.add(*message, result);
-    showLine(*message, result);
-    finished_ = message->header.stamp >= truth_.lastStamp();
+    table_.add(statistics, result);
+    showLine(statistics, result);
+    finished_ = stamp >= truth_.lastStamp();
   }
 
   void showLine(const MatchStatistics& message, const FrameResult& result) {
@@ -225,8 +249,7 @@ class Report {
   bool terminal_;
   bool finished_ = false;
   ResultTable table_;
-  CorrespondencesConstPtr correspondences_;
-  HomographyStampedConstPtr homography_;
+  std::map<ros::Time, Messages> pending_;
   cv::VideoWriter video_;
   ros::Subscriber correspondences_sub_;
   ros::Subscriber homographies_;
