@@ -100,15 +100,15 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
                  cv::Mat& canvas) {
   drawSideBySide(reference.image, target.image, canvas);
   cv::Mat lines = canvas.clone();
-  const auto forEach = [&](Level level, const auto& draw) {
+  const auto for_each = [&](Level level, const auto& draw) {
     for (const Correspondence& c : result.correspondences) {
       if (c.level == level) draw(c);
     }
   };
   const Painter line_painter(reference, target, lines);
-  forEach(Level::kt, [&](const auto& c) { line_painter.line(c, kOrange); });
-  forEach(Level::ktg, [&](const auto& c) { line_painter.line(c, kMagenta); });
-  forEach(Level::ktgp, [&](const auto& c) { line_painter.line(c, kYellow); });
+  for_each(Level::kt, [&](const auto& c) { line_painter.line(c, kOrange); });
+  for_each(Level::ktg, [&](const auto& c) { line_painter.line(c, kMagenta); });
+  for_each(Level::ktgp, [&](const auto& c) { line_painter.line(c, kYellow); });
   // A thousand solid lines would hide the images.
   cv::addWeighted(lines, kLineOpacity, canvas, 1.0 - kLineOpacity, 0.0, canvas);
 
@@ -118,10 +118,10 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
     painter.targetDot(c, colour);
   };
   // Where a match is ambiguous the line says nothing.
-  forEach(Level::knn, [&](const auto& c) { painter.targetDot(c, kRed); });
-  forEach(Level::kt, [&](const auto& c) { dots(c, kOrange); });
-  forEach(Level::ktg, [&](const auto& c) { dots(c, kMagenta); });
-  forEach(Level::ktgp, [&](const auto& c) { dots(c, kYellow); });
+  for_each(Level::knn, [&](const auto& c) { painter.targetDot(c, kRed); });
+  for_each(Level::kt, [&](const auto& c) { dots(c, kOrange); });
+  for_each(Level::ktg, [&](const auto& c) { dots(c, kMagenta); });
+  for_each(Level::ktgp, [&](const auto& c) { dots(c, kYellow); });
   drawText(canvas, 0, describe(result, false));
   drawText(canvas, 1, describe(result, true));
 }
