@@ -91,9 +91,9 @@ void addRoofBox(const Polygon& outline, float height, const cv::Scalar& roof,
 
 void addGableRoof(cv::Point2f middle, cv::Size2f size, cv::Point2f along, Dice& dice,
                   Landscape& landscape) {
-  static const cv::Scalar kTiles[] = {{62, 78, 168}, {70, 92, 150},   {84, 86, 92},
-                                      {58, 62, 110}, {110, 116, 122}, {75, 105, 165}};
-  const cv::Scalar tiles = dice.shade(kTiles[dice.pick(6)], 18.F);
+  static const cv::Scalar tile_colours[] = {{62, 78, 168}, {70, 92, 150},   {84, 86, 92},
+                                            {58, 62, 110}, {110, 116, 122}, {75, 105, 165}};
+  const cv::Scalar tiles = dice.shade(tile_colours[dice.pick(6)], 18.F);
   const cv::Point2f across = normalTo(along);
   const float side = across.dot(kSun) > 0.F ? 1.F : -1.F;
   addShadow(rectangle(middle, size, along), dice.between(14.F, 24.F), landscape);
@@ -162,9 +162,9 @@ void addParking(const Polygon& place, Dice& dice, Landscape& landscape) {
 }
 
 void addHall(const Polygon& plot, Dice& dice, Landscape& landscape) {
-  static const cv::Scalar kRoofs[] = {
+  static const cv::Scalar roof_colours[] = {
       {190, 190, 188}, {150, 140, 128}, {165, 172, 180}, {140, 120, 95}, {120, 128, 150}};
-  const cv::Scalar roof = dice.shade(kRoofs[dice.pick(5)], 15.F);
+  const cv::Scalar roof = dice.shade(roof_colours[dice.pick(5)], 15.F);
   const Polygon outline = shrink(plot, 14.F);
   if (area(outline) < 2500.0) return;
   const cv::Point2f along = longestSide(outline);
@@ -211,10 +211,10 @@ cv::Point2f Dice::inside(const Polygon& polygon) {
 }
 
 void addCar(cv::Point2f middle, cv::Point2f along, Dice& dice, Landscape& landscape) {
-  static const cv::Scalar kPaints[] = {{215, 215, 215}, {45, 45, 48},   {160, 160, 160},
-                                       {45, 45, 170},   {150, 80, 40},  {90, 90, 95},
-                                       {230, 230, 228}, {60, 110, 130}, {120, 60, 50}};
-  const cv::Scalar paint = dice.shade(kPaints[dice.pick(9)], 12.F);
+  static const cv::Scalar paint_colours[] = {{215, 215, 215}, {45, 45, 48},   {160, 160, 160},
+                                             {45, 45, 170},   {150, 80, 40},  {90, 90, 95},
+                                             {230, 230, 228}, {60, 110, 130}, {120, 60, 50}};
+  const cv::Scalar paint = dice.shade(paint_colours[dice.pick(9)], 12.F);
   addBox(rectangle(middle, {21.F, 9.F}, along), 5.F, paint, landscape);
   landscape.objects.push_back(
       {rectangle(middle + along * 3.F, {4.F, 7.5F}, along), 0.F, {50, 45, 40}});
@@ -232,12 +232,12 @@ void addTown(const Polygon& block, Dice& dice, Landscape& landscape) {
 }
 
 void addField(const Polygon& block, Dice& dice, Landscape& landscape) {
-  static const cv::Scalar kCrops[] = {
+  static const cv::Scalar crop_colours[] = {
       {75, 150, 135}, {95, 165, 190}, {60, 105, 75}, {85, 115, 145}, {90, 140, 110}};
   std::vector<Polygon> parts;
   splitInto(block, 120000.0, dice, parts);
   for (const Polygon& part : parts) {
-    const cv::Scalar crop = dice.shade(kCrops[dice.pick(5)], 15.F);
+    const cv::Scalar crop = dice.shade(crop_colours[dice.pick(5)], 15.F);
     landscape.ground.push_back({part, 0.F, lighter(crop, 0.8)});
     const Polygon sown = shrink(part, 4.F);
     addStripes(sown, longestSide(part), dice.between(7.F, 12.F), dice.between(3.F, 5.F), crop, 14.F,
