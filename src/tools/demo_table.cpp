@@ -20,7 +20,8 @@ double mean(const std::vector<double>& values) {
 /// Nearest-rank percentile, `share` in 0..1.
 double percentile(std::vector<double> values, double share) {
   if (values.empty()) return 0.0;
-  const auto rank = static_cast<std::size_t>(share * static_cast<double>(values.size() - 1) + 0.5);
+  const auto last = static_cast<double>(values.size() - 1);
+  const auto rank = static_cast<std::size_t>(std::lround(share * last));
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank),
                    values.end());
   return values[rank];

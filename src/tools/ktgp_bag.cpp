@@ -171,11 +171,8 @@ int matchBag(Arguments& arguments) {
   return code;
 }
 
-}  // namespace
-}  // namespace ktgp_orb
-
-int main(int argc, char** argv) {
-  ktgp_orb::Arguments arguments;
+int run(int argc, char** argv) {
+  Arguments arguments;
   arguments.config.threads = 0;
   arguments.config.overlay = false;
   CLI::App app(
@@ -189,15 +186,22 @@ int main(int argc, char** argv) {
                  "Namespace of the output topics; without it: matcher beside the image topic");
   app.add_option("--csv", arguments.csv, "Table with a line for every image; without it: OUT.csv");
   app.add_flag("--no_csv", arguments.no_csv, "Write no table");
-  ktgp_orb::addParameterOptions(app, arguments.config);
+  addParameterOptions(app, arguments.config);
   app.footer(
       "Of the parameters, threads is the number of images worked on at a time, and overlay\n"
       "stands for a subscriber of matches_image; both defaults differ from the nodelet's.");
   CLI11_PARSE(app, argc, argv);
+  return matchBag(arguments);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+int main(int argc, char** argv) {
   try {
-    return ktgp_orb::matchBag(arguments);
+    return ktgp_orb::run(argc, argv);
   } catch (const std::exception& error) {
-    std::cerr << "ktgp_bag: " << error.what() << '\n';
+    std::fprintf(stderr, "ktgp_bag: %s\n", error.what());
     return 1;
   }
 }

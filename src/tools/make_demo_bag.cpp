@@ -9,6 +9,7 @@
 
 #include <CLI/CLI.hpp>
 #include <Eigen/LU>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <opencv2/core/utility.hpp>
@@ -106,10 +107,7 @@ void writeBag(const std::string& path, int frames, std::uint64_t seed) {
   std::filesystem::rename(unfinished, path);
 }
 
-}  // namespace
-}  // namespace ktgp_orb::demo
-
-int main(int argc, char** argv) {
+int run(int argc, char** argv) {
   std::string path;
   double seconds = 10.0;
   std::uint64_t seed = 1;
@@ -125,12 +123,18 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
   CLI11_PARSE(app, argc, argv);
+  writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed);
+  return 0;
+}
+
+}  // namespace
+}  // namespace ktgp_orb::demo
+
+int main(int argc, char** argv) {
   try {
-    const int frames = static_cast<int>(seconds * ktgp_orb::demo::kFrameRate + 0.5);
-    ktgp_orb::demo::writeBag(path, frames, seed);
+    return ktgp_orb::demo::run(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "make_demo_bag: %s: %s\n", path.c_str(), error.what());
+    std::fprintf(stderr, "make_demo_bag: %s\n", error.what());
     return 1;
   }
-  return 0;
 }
