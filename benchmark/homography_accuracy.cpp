@@ -17,11 +17,11 @@
 #include <string>
 #include <vector>
 
+#include "core/util/random.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
-#include "random.h"
 
 namespace ktgp_orb {
 namespace {

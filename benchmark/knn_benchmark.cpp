@@ -21,7 +21,7 @@
 #include <string>
 #include <vector>
 
-#include "knn_search.h"
+#include "core/knn/search.h"
 
 namespace {
 

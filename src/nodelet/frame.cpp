@@ -1,8 +1,8 @@
-#include "frame.h"
+#include "nodelet/frame.h"
 
 #include <chrono>
 
-#include "image_conversion.h"
+#include "nodelet/image_conversion.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "image_conversion.h"
+#include "nodelet/image_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>

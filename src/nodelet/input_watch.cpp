@@ -1,4 +1,4 @@
-#include "input_watch.h"
+#include "nodelet/input_watch.h"
 
 #include <ros/master.h>
 

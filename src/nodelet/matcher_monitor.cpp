@@ -1,4 +1,4 @@
-#include "matcher_monitor.h"
+#include "nodelet/matcher_monitor.h"
 
 #include <algorithm>
 #include <cmath>

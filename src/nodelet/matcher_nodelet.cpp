@@ -1,4 +1,4 @@
-#include "matcher_nodelet.h"
+#include "nodelet/matcher_nodelet.h"
 
 #include <pluginlib/class_list_macros.hpp>
 
@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "image_conversion.h"
-#include "opencv_pool.h"
+#include "nodelet/image_conversion.h"
+#include "nodelet/opencv_pool.h"
 
 namespace ktgp_orb {
 namespace {

@@ -18,11 +18,11 @@
 #include <thread>
 #include <vector>
 
-#include "input_watch.h"
-#include "matcher_monitor.h"
-#include "newest_slot.h"
-#include "parameters.h"
-#include "sequence_matcher.h"
+#include "nodelet/input_watch.h"
+#include "nodelet/matcher_monitor.h"
+#include "nodelet/newest_slot.h"
+#include "nodelet/parameters.h"
+#include "nodelet/sequence_matcher.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "message_conversion.h"
+#include "nodelet/message_conversion.h"
 
 #include <boost/make_shared.hpp>
 #include <cmath>

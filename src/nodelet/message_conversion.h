@@ -7,8 +7,8 @@
 
 #include <Eigen/Core>
 
-#include "frame.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "nodelet/frame.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "opencv_pool.h"
+#include "nodelet/opencv_pool.h"
 
 #include <mutex>
 #include <opencv2/core/utility.hpp>

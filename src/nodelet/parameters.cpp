@@ -1,4 +1,4 @@
-#include "parameters.h"
+#include "nodelet/parameters.h"
 
 #include <boost/any.hpp>
 #include <cmath>

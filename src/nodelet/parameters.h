@@ -10,7 +10,7 @@
 
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
-#include "reference_keeper.h"
+#include "nodelet/reference_keeper.h"
 
 namespace ktgp_orb {
 

@@ -1,4 +1,4 @@
-#include "reference_keeper.h"
+#include "nodelet/reference_keeper.h"
 
 #include <Eigen/Geometry>
 #include <cmath>

@@ -4,8 +4,8 @@
 
 #include <optional>
 
-#include "frame.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "nodelet/frame.h"
 
 namespace ktgp_orb {
 

@@ -1,9 +1,9 @@
-#include "sequence_matcher.h"
+#include "nodelet/sequence_matcher.h"
 
 #include <boost/make_shared.hpp>
 #include <utility>
 
-#include "message_conversion.h"
+#include "nodelet/message_conversion.h"
 
 namespace ktgp_orb {
 

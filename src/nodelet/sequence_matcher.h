@@ -7,11 +7,11 @@
 
 #include <optional>
 
-#include "frame.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
-#include "parameters.h"
-#include "reference_keeper.h"
+#include "nodelet/frame.h"
+#include "nodelet/parameters.h"
+#include "nodelet/reference_keeper.h"
 
 namespace ktgp_orb {
 

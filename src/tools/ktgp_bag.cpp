@@ -10,12 +10,12 @@
 #include <iostream>
 #include <thread>
 
-#include "image_conversion.h"
-#include "ktgp_bag_options.h"
-#include "ktgp_bag_pipeline.h"
-#include "ktgp_bag_reader.h"
-#include "ktgp_bag_writer.h"
-#include "opencv_pool.h"
+#include "nodelet/image_conversion.h"
+#include "nodelet/opencv_pool.h"
+#include "tools/bag_options.h"
+#include "tools/bag_pipeline.h"
+#include "tools/bag_reader.h"
+#include "tools/bag_writer.h"
 
 namespace ktgp_orb {
 namespace {

@@ -7,10 +7,10 @@
 #include <iostream>
 #include <optional>
 
-#include "files.h"
+#include "cli/files.h"
+#include "cli/matcher_cli.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
-#include "matcher_cli.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -7,9 +7,9 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-#include "demo_effects.h"
-#include "demo_flight.h"
-#include "demo_map.h"
+#include "demo/effects.h"
+#include "demo/flight.h"
+#include "demo/map.h"
 
 namespace ktgp_orb::demo {
 namespace {

@@ -7,9 +7,9 @@
 #include <random>
 #include <set>
 
-#include "evaluation_output.h"
+#include "evaluation/methods.h"
+#include "evaluation/output.h"
 #include "ktgp_orb/ktgp_matcher.h"
-#include "methods.h"
 
 namespace ktgp_orb::tools {
 namespace {

@@ -1,12 +1,12 @@
-#include "homography_solver.h"
+#include "core/homography/solver.h"
 
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "homography_checks.h"
-#include "homography_score.h"
+#include "core/homography/checks.h"
+#include "core/homography/score.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include "allocation_counter.h"
-#include "knn_kernel.h"
-#include "knn_search.h"
+#include "core/knn/kernel.h"
+#include "core/knn/search.h"
 #include "test_data.h"
 
 namespace ktgp_orb {

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "orb_kernels.h"
-#include "orb_pipeline.h"
+#include "core/orb/kernels.h"
+#include "core/orb/pipeline.h"
 #include "orb_test_images.h"
 #include "test_data.h"
 

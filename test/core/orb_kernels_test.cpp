@@ -1,4 +1,4 @@
-#include "orb_kernels.h"
+#include "core/orb/kernels.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <opencv2/features2d.hpp>
 #include <vector>
 
-#include "orb_detector.h"
+#include "core/orb/detector.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {

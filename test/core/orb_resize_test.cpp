@@ -1,4 +1,4 @@
-#include "orb_resize.h"
+#include "core/orb/resize.h"
 
 #include <gtest/gtest.h>
 

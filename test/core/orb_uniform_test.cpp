@@ -1,4 +1,4 @@
-#include "orb_uniform.h"
+#include "core/orb/uniform.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <opencv2/features2d.hpp>
 #include <set>
 
+#include "core/orb/pipeline.h"
 #include "ktgp_orb/orb_extractor.h"
-#include "orb_pipeline.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {

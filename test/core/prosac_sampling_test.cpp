@@ -5,8 +5,8 @@
 #include <cmath>
 #include <set>
 
-#include "prosac_sampler.h"
-#include "prosac_stopping.h"
+#include "core/prosac/sampler.h"
+#include "core/prosac/stopping.h"
 
 namespace ktgp_orb {
 namespace {

@@ -1,4 +1,4 @@
-#include "sequence_evaluation.h"
+#include "evaluation/sequence_evaluation.h"
 
 #include <gtest/gtest.h>
 

@@ -9,8 +9,8 @@
 #include <map>
 #include <random>
 
-#include "frame.h"
-#include "parameters.h"
+#include "nodelet/frame.h"
+#include "nodelet/parameters.h"
 #include "robot_testing.h"
 
 namespace ktgp_orb {

@@ -4,8 +4,8 @@
 
 #include <opencv2/core.hpp>
 
+#include "nodelet/sequence_matcher.h"
 #include "robot_testing.h"
-#include "sequence_matcher.h"
 
 namespace ktgp_orb {
 namespace {

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/gms/grid.h"
+
+namespace ktgp_orb::gms {
+
+/// Motion statistics of one target grid against one reference grid: how many matches each pair of
+/// cells has, which pair is the best of its target cell, and which rotations support that pair.
+class CellPairs {
+ public:
+  /// Counts the cell pairs. `reference_cells`: per match, its cell in `reference` or kNoCell.
+  /// The first three arguments are kept by reference until the next call.
+  void count(const CellMembers& members, const Grid& target, const Grid& reference,
+             const std::vector<std::uint32_t>& reference_cells);
+
+  /// The reference cell that most of the matches of the target cell at `place` go to, the first of
+  /// equals; kNoCell where none has one.
+  std::uint32_t best(std::size_t place) const { return cells_[place].best; }
+
+  /// False only where no rotation can support the best pair of the cell at `place`.
+  bool maySupport(std::size_t place, double threshold) const;
+
+  /// Bit m is set where the best pair of the cell at `place` is supported with the neighbourhood
+  /// turned by m times 45 degrees. Without `all_rotations` only bit 0 is looked at.
+  unsigned supportedRotations(std::size_t place, double threshold, bool all_rotations) const;
+
+ private:
+  /// An occupied target cell. Sums are over all cells before this one, so that the difference of
+  /// two entries is the sum over a range.
+  struct Cell {
+    std::uint32_t best = kNoCell;
+    std::uint32_t best_count = 0;
+    std::uint32_t target = kNoCell;  ///< numbered with the stride of the reference grid
+    std::uint32_t pairs = 0;         ///< sum of pairs, i.e. where the cell's begin
+    std::uint32_t matches = 0;       ///< sum of matches
+    std::uint32_t best_counts = 0;   ///< sum of best_count
+  };
+  /// Three cells beside each other, as a range of places.
+  struct Row {
+    std::uint32_t begin;
+    std::uint32_t end;
+  };
+  using Neighbourhood = std::array<Row, 3>;
+  using Scores = std::array<std::uint32_t, kRing>;
+
+  std::uint32_t targetIndex(std::size_t place) const;
+  Neighbourhood neighbourhood(std::size_t place) const;
+  std::uint32_t sumAround(const Neighbourhood& around, std::uint32_t Cell::*field) const;
+  std::uint32_t scoreUpright(const Cell& cell, const Neighbourhood& around) const;
+  Scores scoreRotations(const Cell& cell, const Neighbourhood& around) const;
+  unsigned supportedAtReferenceBorder(std::size_t place, const Scores& scores, unsigned rotations,
+                                      double threshold) const;
+
+  const CellMembers* members_ = nullptr;
+  const Grid* target_ = nullptr;
+  const Grid* reference_ = nullptr;
+  std::vector<Cell> cells_;  ///< by place, and one more with the total sums
+
+  // The pairs, sorted by the place of their target cell.
+  std::vector<std::uint32_t> references_;  ///< reference cell
+  std::vector<std::int32_t> steps_;        ///< reference cell minus Cell::target
+  std::vector<std::int32_t> counts_;       ///< matches from the one to the other
+
+  std::vector<std::uint32_t> histogram_;  ///< per reference cell; zero between two target cells
+};
+
+}  // namespace ktgp_orb::gms

@@ -1,0 +1,283 @@
+#include "core/homography/refinement.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace ktgp_orb {
+namespace {
+
+using Matrix8 = HomographyRefinement::Matrix8;
+using Vector8 = HomographyRefinement::Vector8;
+using Points = PointArrays<double>;
+using Lanes = Eigen::Array<double, 2, 1>;
+using Map = Eigen::Map<Lanes>;
+
+constexpr double kFreedom = 4.0;  // of Student's t; 4 did best on keypoints of real images
+
+Lanes load(const std::vector<double>& array, std::size_t first) {
+  return Eigen::Map<const Lanes>(array.data() + first);
+}
+
+double sum(const Lanes& lanes) {
+  return lanes[0] + lanes[1];
+}
+
+/// Where H puts two reference points, and how far off the target points that is.
+struct Projection {
+  Lanes x, y, z;  // reference point over the third coordinate w, and 1/w
+  Lanes u, v;     // projected
+  Lanes du, dv;   // projected - target
+
+  Projection(const Points& points, const Eigen::Matrix3d& h, std::size_t first) {
+    x = load(points.x, first);
+    y = load(points.y, first);
+    z = 1.0 / (h(2, 0) * x + h(2, 1) * y + h(2, 2));
+    u = (h(0, 0) * x + h(0, 1) * y + h(0, 2)) * z;
+    v = (h(1, 0) * x + h(1, 1) * y + h(1, 2)) * z;
+    x *= z;
+    y *= z;
+    du = u - load(points.u, first);
+    dv = v - load(points.v, first);
+  }
+};
+
+/// The sums of J^T w J and J^T w e. J's rows for one pair are [x y z 0 0 0 -u x -u y] and
+/// [0 0 0 x y z -v x -v y], so that J^T w J has 19 different entries, not 36.
+class NormalEquations {
+ public:
+  NormalEquations() {
+    for (Lanes& lanes : s_) lanes.setZero();
+    for (Lanes& lanes : g_) lanes.setZero();
+  }
+
+  void add(const Projection& p, const Lanes& weight) {
+    const Lanes x = weight * p.x;
+    const Lanes y = weight * p.y;
+    const Lanes z = weight * p.z;
+    const Lanes products[5] = {x * p.x, x * p.y, x * p.z, y * p.y, y * p.z};
+    for (int i = 0; i < 5; ++i) {
+      s_[i] += products[i];
+      s_[5 + i] += p.u * products[i];
+      s_[10 + i] += p.v * products[i];
+    }
+    s_[15] += z * p.z;
+    const Lanes q = p.u * p.u + p.v * p.v;
+    s_[16] += q * products[0];
+    s_[17] += q * products[1];
+    s_[18] += q * products[3];
+    g_[0] += x * p.du;
+    g_[1] += y * p.du;
+    g_[2] += z * p.du;
+    g_[3] += x * p.dv;
+    g_[4] += y * p.dv;
+    g_[5] += z * p.dv;
+    const Lanes along = p.u * p.du + p.v * p.dv;
+    g_[6] -= x * along;
+    g_[7] -= y * along;
+  }
+
+  void store(Matrix8& jtj, Vector8& jtr) const {
+    double t[19];
+    for (int i = 0; i < 19; ++i) t[i] = sum(s_[i]);
+    Eigen::Matrix3d plain;
+    plain << t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[15];
+    Eigen::Matrix<double, 3, 2> u;
+    u << t[5], t[6], t[6], t[8], t[7], t[9];
+    Eigen::Matrix<double, 3, 2> v;
+    v << t[10], t[11], t[11], t[13], t[12], t[14];
+    Eigen::Matrix2d q;
+    q << t[16], t[17], t[17], t[18];
+    jtj << plain, Eigen::Matrix3d::Zero(), -u,  //
+        Eigen::Matrix3d::Zero(), plain, -v,     //
+        -u.transpose(), -v.transpose(), q;
+    for (int i = 0; i < 8; ++i) jtr[i] = sum(g_[i]);
+  }
+
+ private:
+  Lanes s_[19];  // xx xy xz yy yz, the same times u, times v, zz, (uu + vv) times xx xy yy
+  Lanes g_[8];
+};
+
+Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
+  Eigen::Matrix3d sum = h;
+  for (int i = 0; i < 8; ++i) sum(i / 3, i % 3) += step[i];
+  return sum;
+}
+
+}  // namespace
+
+std::size_t HomographyRefinement::select(const Points& points,
+                                         const std::vector<std::uint8_t>& mask,
+                                         std::size_t max_pairs) {
+  std::size_t n = 0;
+  selected_.resize(std::min(points.size, max_pairs));
+  for (std::size_t i = 0; i < points.size && n < max_pairs; ++i) {
+    if (mask[i] == 0) continue;
+    selected_.x[n] = points.x[i];
+    selected_.y[n] = points.y[i];
+    selected_.u[n] = points.u[i];
+    selected_.v[n] = points.v[i];
+    ++n;
+  }
+  selected_.size = n;
+  for (std::vector<double>* array : {&squared_, &weight_, &former_weight_}) {
+    array->resize(selected_.paddedSize());
+  }
+  return n;
+}
+
+/// Fills squared_, weight_ and `sums` in one pass, with the scale as it is.
+void HomographyRefinement::accumulate(const Eigen::Matrix3d& homography, Sums& sums) {
+  NormalEquations normal;
+  Lanes weights = Lanes::Zero();
+  Lanes derivatives = Lanes::Zero();
+  Lanes squares = Lanes::Zero();
+  Lanes costs = Lanes::Zero();
+  Lanes former_costs = Lanes::Zero();
+  std::swap(weight_, former_weight_);
+  for (std::size_t i = 0; i < selected_.size; i += 2) {
+    const Projection p(selected_, homography, i);
+    Lanes squared = p.du * p.du + p.dv * p.dv;
+    Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+    if (i + 1 == selected_.size) squared[1] = weight[1] = 0.0;  // padding
+    normal.add(p, weight);
+    const Lanes weight2 = weight * weight;
+    weights += weight;
+    derivatives += weight2;
+    squares += weight2 * squared;
+    costs += weight * squared;
+    former_costs += load(former_weight_, i) * squared;
+    Map(squared_.data() + i) = squared;
+    Map(weight_.data() + i) = weight;
+  }
+  normal.store(sums.jtj, sums.jtr);
+  sums.weight = sum(weights);
+  sums.derivative = sum(derivatives) * kFreedom / (kFreedom + 2.0);
+  sums.square = sum(squares);
+  sums.cost = sum(costs);
+  sums.former_cost = sum(former_costs);
+}
+
+/// Maximum likelihood for the scale at given errors by expectation maximisation, in the form that
+/// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994).
+void HomographyRefinement::updateScale(double min_scale) {
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    Lanes weights = Lanes::Zero();
+    Lanes cost = Lanes::Zero();
+    for (std::size_t i = 0; i < selected_.size; i += 2) {
+      const Lanes squared = load(squared_, i);
+      Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+      if (i + 1 == selected_.size) weight[1] = 0.0;  // padding
+      weights += weight;
+      cost += weight * squared;
+    }
+    scale2_ = std::max(sum(cost) / (2.0 * sum(weights)), min_scale * min_scale);
+  }
+}
+
+namespace {
+
+/// The step d with c (JtwJ + damping diag(JtwJ)) d = -Jtwe; false where it is not determined. The
+/// factor c, derivative over weight, makes J^T w J the second derivative of the likelihood: the
+/// weights fall with the errors, and without it every step would be a fifth too short.
+template <typename Sums>
+bool solve(const Sums& sums, double damping, Vector8& step) {
+  Matrix8 damped = sums.jtj;
+  damped.diagonal() *= 1.0 + damping;
+  const Eigen::LDLT<Matrix8> ldlt(damped);
+  if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
+  step = ldlt.solve(sums.jtr) * (-sums.weight / sums.derivative);
+  return step.allFinite();
+}
+
+}  // namespace
+
+bool HomographyRefinement::step(double scale, Eigen::Matrix3d& homography) {
+  homography /= homography(2, 2);
+  scale2_ = scale * scale;
+  accumulate(homography, sums_);
+  Vector8 step;
+  if (!solve(sums_, 0.0, step)) return false;
+  homography = plus(homography, step);
+  return true;
+}
+
+bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matrix3d& homography) {
+  constexpr int kMaxSteps = 30;
+  constexpr double kConverged = 1e-5;  // of the entries of H, which are of the order of 1
+  homography /= homography(2, 2);
+  scale2_ = scale * scale;
+  accumulate(homography, sums_);
+  double damping = 0.0;
+  for (int i = 0; i < kMaxSteps; ++i) {
+    Vector8 step;
+    if (!solve(sums_, damping, step)) return false;
+    const Eigen::Matrix3d candidate = plus(homography, step);
+    const double cost = sums_.cost;
+    Sums sums;
+    updateScale(min_scale);
+    accumulate(candidate, sums);
+    if (sums.former_cost <= cost) {
+      homography = candidate;
+      sums_ = sums;
+      damping *= 0.1;
+    } else {
+      accumulate(homography, sums_);
+      damping = std::max(10.0 * damping, 1e-4);
+    }
+    if (step.cwiseAbs().maxCoeff() < kConverged) break;
+  }
+  scale = std::sqrt(scale2_);
+  return true;
+}
+
+/// Huber, Robust Statistics (1981), section 7.6: the covariance is the mean of w² e² over the
+/// square of the mean of d(w e)/de, times (J^T J)^-1, for which the mean weight times (J^T w J)^-1
+/// stands. Eight of the 2n errors went into the eight entries. This is what (J^T w J)^-1 is
+/// multiplied by.
+double HomographyRefinement::varianceFactor() const {
+  const double n = static_cast<double>(selected_.size);
+  const double square = sums_.square / std::max(2.0 * n - 8.0, 1.0);
+  const double derivative = sums_.derivative / n;
+  return square / (derivative * derivative) * (sums_.weight / n);
+}
+
+namespace {
+
+Matrix8 inverse(const Matrix8& information) {
+  constexpr double kSingular = 1e-14;
+  const Eigen::LDLT<Matrix8> ldlt(information);
+  const Vector8 pivots = ldlt.vectorD();
+  if (ldlt.info() != Eigen::Success || !(pivots.minCoeff() > kSingular * pivots.maxCoeff())) {
+    return Matrix8::Constant(std::numeric_limits<double>::infinity());
+  }
+  return ldlt.solve(Matrix8::Identity());
+}
+
+}  // namespace
+
+Matrix8 HomographyRefinement::covariance() const {
+  return varianceFactor() * inverse(sums_.jtj);
+}
+
+Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homography,
+                                                std::size_t count, std::size_t fold,
+                                                std::size_t folds) const {
+  NormalEquations normal;
+  for (std::size_t i = 0; i < count; i += 2) {
+    Lanes weight = load(weight_, i);
+    if (i % folds == fold) weight[0] = 0.0;
+    if ((i + 1) % folds == fold || i + 1 == count) weight[1] = 0.0;
+    normal.add(Projection(selected_, homography, i), weight);
+  }
+  Matrix8 jtj;
+  Vector8 unused;
+  normal.store(jtj, unused);
+  return varianceFactor() * inverse(jtj);
+}
+
+}  // namespace ktgp_orb

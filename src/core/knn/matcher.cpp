@@ -1,0 +1,24 @@
+#include "ktgp_orb/knn_matcher.h"
+
+#include "core/knn/search.h"
+
+namespace ktgp_orb {
+
+struct KnnMatcher::Impl {
+  explicit Impl(int threads) : search(supportedKnnKernels().front(), threads) {}
+  KnnSearch search;
+};
+
+KnnMatcher::KnnMatcher(const KnnOptions& options)
+    : impl_(std::make_unique<Impl>(options.threads)) {}
+
+KnnMatcher::~KnnMatcher() = default;
+KnnMatcher::KnnMatcher(KnnMatcher&&) noexcept = default;
+KnnMatcher& KnnMatcher::operator=(KnnMatcher&&) noexcept = default;
+
+void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
+                       std::vector<Correspondence>& correspondences) {
+  impl_->search.match(reference, target, correspondences);
+}
+
+}  // namespace ktgp_orb

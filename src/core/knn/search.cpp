@@ -1,0 +1,122 @@
+#include "core/knn/search.h"
+
+#include <algorithm>
+#include <cstddef>
+
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+namespace {
+
+// Queries that one thread takes at a time: enough to read a block from the cache many times over,
+// few enough to divide a frame evenly.
+constexpr int kQueriesPerChunk = 64;
+
+constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above any distance
+
+int ceilDivide(int a, int b) {
+  return (a + b - 1) / b;
+}
+
+std::ptrdiff_t groupBytes(const KnnKernel& kernel) {
+  return std::ptrdiff_t{kRowsPerGroup} * 2 * kernel.lanes;
+}
+
+/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes beyond
+/// the last candidate keep whatever bytes they had: their number hides them.
+void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
+  const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
+  const int half = h % 2;
+  const int first = h * lanes;
+  const int end = std::clamp(reference.rows, first, first + lanes);
+  for (int candidate = first; candidate < end; ++candidate) {
+    std::uint8_t descriptor[kDescriptorBytes];  // a copy, which writing the column cannot change
+    std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
+    std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;
+    for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
+  }
+  auto* numbers = reinterpret_cast<std::int16_t*>(group + (kDescriptorBytes + half) * row_bytes);
+  std::fill(numbers, numbers + (end - first), static_cast<std::int16_t>(h % (2 * kGroupsPerBlock)));
+  std::fill(numbers + (end - first), numbers + lanes, kNoKey);
+}
+
+std::int16_t minimum(const std::int16_t* keys, int lanes) {
+  std::int16_t smallest = kNoKey;
+  for (int i = 0; i < lanes; ++i) smallest = std::min(smallest, keys[i]);
+  return smallest;
+}
+
+/// Folds the lanes of one block into the best two so far. Blocks come in the order of their
+/// candidates, so that at equal distance what is there already has the lower index.
+void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
+  const std::int16_t nearest = minimum(keys.best, lanes);
+  const int distance = nearest >> kKeyNumberBits;
+  if (distance >= c.second_distance) return;
+  if (distance >= c.distance) {
+    c.second_distance = distance;
+    return;
+  }
+  // Equal keys are neighbours of one half group: the first lane has the lower index.
+  const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
+  keys.best[lane] = keys.second[lane];
+  c.second_distance = std::min(c.distance, minimum(keys.best, lanes) >> kKeyNumberBits);
+  c.distance = distance;
+  const int half_group = first_half_group + (nearest & ((1 << kKeyNumberBits) - 1));
+  c.reference_index = half_group * lanes + static_cast<int>(lane);
+}
+
+}  // namespace
+
+KnnSearch::KnnSearch(const KnnKernel& kernel, int threads) : kernel_(kernel), pool_(threads) {}
+
+void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target,
+                      std::vector<Correspondence>& correspondences) {
+  requireDescriptors(reference, "reference");
+  requireDescriptors(target, "target");
+  correspondences.clear();
+  if (reference.empty() || target.empty()) return;
+  layOut(reference);
+  correspondences.resize(static_cast<std::size_t>(target.rows));
+  pool_.parallelFor(ceilDivide(target.rows, kQueriesPerChunk), [&](int chunk) {
+    const int first = chunk * kQueriesPerChunk;
+    const int end = std::min(first + kQueriesPerChunk, target.rows);
+    searchChunk(target, first, end, correspondences.data());
+  });
+  if (reference.rows > 1) return;
+  for (Correspondence& c : correspondences) c.second_distance = 0;
+}
+
+void KnnSearch::layOut(const cv::Mat& reference) {
+  const std::ptrdiff_t group_bytes = groupBytes(kernel_);
+  group_count_ = ceilDivide(reference.rows, 2 * kernel_.lanes);
+  const auto bytes = static_cast<std::size_t>(group_count_ * group_bytes);
+  groups_.resize((bytes + sizeof(CacheLine) - 1) / sizeof(CacheLine));
+  std::uint8_t* groups = groups_.front().bytes;
+  for (int h = 0; h < 2 * group_count_; ++h) {
+    layOutHalfGroup(reference, kernel_.lanes, h, groups + h / 2 * group_bytes);
+  }
+}
+
+void KnnSearch::searchChunk(const cv::Mat& target, int first, int end,
+                            Correspondence* correspondences) {
+  for (int t = first; t < end; ++t) {
+    correspondences[t] = {-1, t, kNoDistance, kNoDistance, Level::knn};
+  }
+  const std::uint8_t* groups = groups_.front().bytes;
+  for (int g = 0; g < group_count_; g += kGroupsPerBlock) {
+    const std::uint8_t* block = groups + g * groupBytes(kernel_);
+    for (int t = first; t < end; t += kQueriesPerPass) {
+      QueryPass queries;
+      for (int q = 0; q < kQueriesPerPass; ++q) {
+        queries.descriptor[q] = target.ptr(std::min(t + q, end - 1));  // the last fills up the pass
+      }
+      LaneKeys keys[kQueriesPerPass];
+      kernel_.scan(block, std::min(kGroupsPerBlock, group_count_ - g), queries, keys);
+      for (int q = 0; q < std::min(kQueriesPerPass, end - t); ++q) {
+        merge(keys[q], kernel_.lanes, 2 * g, correspondences[t + q]);
+      }
+    }
+  }
+}
+
+}  // namespace ktgp_orb

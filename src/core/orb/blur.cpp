@@ -1,0 +1,28 @@
+#include "core/orb/blur.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr int kRows = 2 * kBlurRadius + 1;
+constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row
+
+}  // namespace
+
+void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernels& kernels,
+              BlurScratch& scratch, cv::Mat& blurred) {
+  const int columns = image.cols - 2 * kBlurMargin;
+  // Rows start on cache lines, 16 values each: loads that straddle two take twice as long.
+  const int pitch = (columns + kVectorSlack + 15) / 16 * 16;
+  if (scratch.cols < pitch) scratch.create(kRows, pitch, CV_32F);
+  const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
+  for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {
+    kernels.blur_along_row(image.ptr<std::uint8_t>(y) + kBlurMargin, columns, along(y));
+    const int middle = y - kBlurRadius;
+    if (middle < first_row) continue;
+    const float* rows[kRows];
+    for (int i = 0; i < kRows; ++i) rows[i] = along(middle - kBlurRadius + i);
+    kernels.blur_across_rows(rows, columns, blurred.ptr<std::uint8_t>(middle) + kBlurMargin);
+  }
+}
+
+}  // namespace ktgp_orb

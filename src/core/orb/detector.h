@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "core/orb/kernels.h"
+
+namespace ktgp_orb {
+
+/// Memory of one thread for fastCorners.
+struct FastScratch {
+  std::vector<std::uint8_t> scores;
+  std::vector<std::int32_t> maxima;
+};
+
+/// Appends the FAST-9 corners of the rows [first_row, last_row) of `image` after non-maximum
+/// suppression, row by row and from left to right, with their FAST score as response. Only those
+/// at least kEdgeMargin px from the border; the image and the rows must be larger than that.
+void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
+                 const OrbKernels& kernels, FastScratch& scratch,
+                 std::vector<cv::KeyPoint>& corners);
+
+/// The pixel of an 8-bit image at a point with whole coordinates.
+inline const std::uint8_t* pixelAt(const cv::Mat& image, const cv::Point2f& point) {
+  return image.ptr<std::uint8_t>(static_cast<int>(point.y)) + static_cast<int>(point.x);
+}
+
+/// Harris response of a pixel.
+inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
+                            const cv::Point2f& point) {
+  return kernels.harris(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
+}
+
+/// Angle, in degrees in [0, 360), of the vector from a pixel to the intensity centroid around it
+/// (Rublee et al., section 3.2).
+float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
+                             const cv::Point2f& point);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,108 @@
+#include "ktgp_orb/orb_extractor.h"
+
+#include <opencv2/features2d.hpp>
+#include <stdexcept>
+#include <tuple>
+
+#include "core/orb/pipeline.h"
+#include "core/util/options_check.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr int kPatchSize = 31;  // side of the descriptor patch in px; also the border left unused
+
+void requireValid(const OrbOptions& options) {
+  requireInRange("features", options.features, 1, 1000000);
+  requireInRange("scale_factor", options.scale_factor, 1.01, 2.0);
+  requireInRange("levels", options.levels, 1, 16);
+  requireInRange("fast_threshold", options.fast_threshold, 1, 255);
+  requireInRange("cell_share", options.cell_share, 1, 1000000);
+  requireInRange("threads", options.threads, 0, 1024);
+  if (options.extractor == ExtractorKind::opencv &&
+      options.distribution != KeypointDistribution::ranked) {
+    throw std::invalid_argument(
+        "extractor is opencv with distribution uniform, which it does not have; expected "
+        "distribution ranked, or extractor fast");
+  }
+}
+
+void requireValid(const cv::Mat& image, const cv::Mat& mask) {
+  if (image.type() != CV_8UC1) {
+    throw std::invalid_argument("image is " + cv::typeToString(image.type()) +
+                                "; expected 8-bit grey (CV_8UC1)");
+  }
+  if (mask.empty()) return;
+  if (mask.type() != CV_8UC1 || mask.size() != image.size()) {
+    throw std::invalid_argument("mask is " + cv::typeToString(mask.type()) + ", " +
+                                std::to_string(mask.cols) + "x" + std::to_string(mask.rows) +
+                                "; expected CV_8UC1 of the image's size, " +
+                                std::to_string(image.cols) + "x" + std::to_string(image.rows));
+  }
+}
+
+auto asTuple(const OrbOptions& o) {
+  return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
+                  o.distribution, o.cell_share, o.threads);
+}
+
+cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
+  return cv::ORB::create(options.features, static_cast<float>(options.scale_factor), options.levels,
+                         kPatchSize, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize,
+                         options.fast_threshold);
+}
+
+}  // namespace
+
+bool OrbOptions::operator==(const OrbOptions& other) const {
+  return asTuple(*this) == asTuple(other);
+}
+
+struct OrbExtractor::Impl {
+  explicit Impl(const OrbOptions& o) : options(o) {
+    if (o.extractor == ExtractorKind::opencv) {
+      opencv = createOpencv(o);
+    } else {
+      pipeline = std::make_unique<OrbPipeline>(o, bestOrbKernels());
+    }
+  }
+
+  OrbOptions options;
+  std::unique_ptr<OrbPipeline> pipeline;  // either this
+  cv::Ptr<cv::ORB> opencv;                // or this
+};
+
+OrbExtractor::OrbExtractor(const OrbOptions& options) {
+  requireValid(options);
+  impl_ = std::make_unique<Impl>(options);
+}
+
+OrbExtractor::~OrbExtractor() = default;
+OrbExtractor::OrbExtractor(OrbExtractor&&) noexcept = default;
+OrbExtractor& OrbExtractor::operator=(OrbExtractor&&) noexcept = default;
+
+const OrbOptions& OrbExtractor::options() const {
+  return impl_->options;
+}
+
+void OrbExtractor::extract(const cv::Mat& image, Features& features) {
+  extract(image, cv::Mat(), features);
+}
+
+void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
+  features.image_size = image.size();
+  features.keypoints.clear();
+  if (!image.empty()) requireValid(image, mask);
+  // No level has room for a patch; cv::ORB 4.6 throws where a level shrinks to nothing.
+  if (std::min(image.cols, image.rows) < 2 * kPatchSize + 1) {
+    features.descriptors.release();
+    return;
+  }
+  if (impl_->opencv) {
+    impl_->opencv->detectAndCompute(image, mask, features.keypoints, features.descriptors);
+  } else {
+    impl_->pipeline->extract(image, mask, features);
+  }
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/orb/kernels.h"
+
+namespace ktgp_orb {
+
+struct PixelOffset {
+  std::int8_t x;
+  std::int8_t y;
+};
+
+/// FAST's circle of radius 3, clockwise from below the centre.
+constexpr PixelOffset kFastCircle[16] = {{0, 3},  {1, 3},  {2, 2},  {3, 1},   {3, 0},   {3, -1},
+                                         {2, -2}, {1, -3}, {0, -3}, {-1, -3}, {-2, -2}, {-3, -1},
+                                         {-3, 0}, {-3, 1}, {-2, 2}, {-1, 3}};
+
+/// Half the side of the block that the Harris response is summed over, in px.
+constexpr int kHarrisRadius = 3;
+
+/// Half the width of the orientation disc in the rows 0..15 above and below its centre.
+constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
+                                                        13, 12, 11, 10, 9,  8,  6,  3};
+
+/// The normalised Gaussian of sigma 2 at distances 0..3, in single precision.
+constexpr float kGaussian[kBlurRadius + 1] = {0.216105938f, 0.190712824f, 0.131074876f,
+                                              0.0701593235f};
+
+/// Adding this to a float of magnitude below 2^22 rounds it to the nearest integer, half to even,
+/// and leaves that integer in the low bits of the sum: what lrint does, in one instruction.
+constexpr float kRounder = 12582912.f;              // 1.5 * 2^23
+constexpr std::uint32_t kRounderBits = 0x4B400000;  // its representation
+
+/// det M - k (trace M)^2 of the structure tensor, with gradients scaled to grey values in [0, 1]
+/// and divided by the weights of Sobel and the block side. Every operation rounds to float, in
+/// this order, so that equal sums give equal responses everywhere.
+inline float harrisResponse(int xx, int yy, int xy) {
+  constexpr float kK = 0.04f;
+  constexpr float kScale = 1.f / (4 * (2 * kHarrisRadius + 1) * 255.f);
+  constexpr float kScale4 = kScale * kScale * kScale * kScale;
+  const auto a = static_cast<float>(xx);
+  const auto b = static_cast<float>(yy);
+  const auto c = static_cast<float>(xy);
+  return (a * b - c * c - kK * (a + b) * (a + b)) * kScale4;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,125 @@
+// What ORB computes from the patch around one keypoint: Harris response, orientation moments and
+// descriptor. No include guard: orb_kernels_simd.cpp includes this once for each instruction set.
+#include <hwy/highway.h>
+
+#include "core/orb/kernels_common.h"
+#include "core/orb/patch_tables.h"
+#include "core/orb/pattern.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Sum of a[i] * b[i] over all lanes, in 32 bits.
+template <class V>
+HWY_INLINE std::int32_t dot(V a, V b) {
+  const hn::RepartitionToWide<hn::DFromV<V>> d32;
+  auto more = hn::Zero(d32);
+  const auto sum = hn::ReorderWidenMulAccumulate(d32, a, b, hn::Zero(d32), more);
+  return hn::GetLane(hn::SumOfLanes(d32, hn::Add(sum, more)));
+}
+
+// The seven columns of the block lie side by side in eight lanes; rows are taken one by one.
+float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
+  const hn::FixedTag<std::int16_t, 8> d;
+  const hn::Rebind<std::uint8_t, decltype(d)> d8;
+  const hn::RepartitionToWide<decltype(d)> d32;
+  const auto block = hn::FirstN(d, 2 * kHarrisRadius + 1);
+
+  using V = hn::Vec<decltype(d)>;
+  V change[9];  // right minus left neighbour
+  V smooth[9];  // left + 2 * middle + right
+  for (int i = 0; i < 9; ++i) {
+    const std::uint8_t* p = pixel + (i - 4) * stride - kHarrisRadius;
+    const auto left = hn::PromoteTo(d, hn::LoadU(d8, p - 1));
+    const auto middle = hn::PromoteTo(d, hn::LoadU(d8, p));
+    const auto right = hn::PromoteTo(d, hn::LoadU(d8, p + 1));
+    change[i] = hn::IfThenElseZero(block, right - left);
+    smooth[i] = hn::IfThenElseZero(block, left + right + middle + middle);
+  }
+  auto xx = hn::Zero(d32), yy = hn::Zero(d32), xy = hn::Zero(d32);
+  auto xx1 = hn::Zero(d32), yy1 = hn::Zero(d32), xy1 = hn::Zero(d32);
+  for (int i = 1; i < 8; ++i) {
+    const auto dx = change[i - 1] + change[i] + change[i] + change[i + 1];
+    const auto dy = smooth[i + 1] - smooth[i - 1];
+    xx = hn::ReorderWidenMulAccumulate(d32, dx, dx, xx, xx1);
+    yy = hn::ReorderWidenMulAccumulate(d32, dy, dy, yy, yy1);
+    xy = hn::ReorderWidenMulAccumulate(d32, dx, dy, xy, xy1);
+  }
+  return harrisResponse(hn::GetLane(hn::SumOfLanes(d32, xx + xx1)),
+                        hn::GetLane(hn::SumOfLanes(d32, yy + yy1)),
+                        hn::GetLane(hn::SumOfLanes(d32, xy + xy1)));
+}
+
+// The columns of the disc lie side by side in lanes. Per column, the sum of I over the rows and the
+// sum of y * I fit 16 bits: 31 * 255 and 120 * 255 at most.
+Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
+  const hn::CappedTag<std::int16_t, kDiscColumns> d;
+  const hn::Rebind<std::uint8_t, decltype(d)> d8;
+  Moments result;
+  for (int column = 0; column < kDiscColumns; column += static_cast<int>(hn::Lanes(d))) {
+    const std::uint8_t* centre = pixel + column - kOrientationRadius;
+    const auto load = [&](int y) {
+      const auto disc = hn::LoadU(d8, kDiscTable.rows[std::abs(y)] + column);
+      return hn::PromoteTo(d, hn::And(disc, hn::LoadU(d8, centre + y * stride)));
+    };
+    auto sum = load(0);
+    auto sum_y = hn::Zero(d);
+    for (int y = 1; y <= kOrientationRadius; ++y) {
+      const auto below = load(y);
+      const auto above = load(-y);
+      sum = sum + below + above;
+      sum_y = sum_y + (below - above) * hn::Set(d, static_cast<std::int16_t>(y));
+    }
+    result.x += dot(sum, hn::LoadU(d, kDiscTable.x + column));
+    result.y += dot(sum_y, hn::Set(d, 1));
+  }
+  return result;
+}
+
+// Byte offsets of the pattern's points after rotation. The order of the roundings is part of the
+// definition: each product, their sum, then to the nearest pixel.
+HWY_INLINE void rotatePattern(float cosine, float sine, std::int32_t stride,
+                              std::int32_t* HWY_RESTRICT offsets) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const auto c = hn::Set(d, cosine);
+  const auto s = hn::Set(d, sine);
+  const auto rounder = hn::Set(d, kRounder);
+  const auto pitch = hn::Set(di, stride);
+  // What the rounder adds to row * stride + column, modulo 2^32.
+  const auto surplus = hn::Set(
+      di, static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1u)));
+  for (int i = 0; i < 2 * kPatternPairs; i += static_cast<int>(hn::Lanes(d))) {
+    const auto x = hn::Load(d, kPatternTable.x + i);
+    const auto y = hn::Load(d, kPatternTable.y + i);
+    const auto column = hn::Add(hn::Sub(hn::Mul(x, c), hn::Mul(y, s)), rounder);
+    const auto row = hn::Add(hn::Add(hn::Mul(x, s), hn::Mul(y, c)), rounder);
+    const auto offset = hn::BitCast(di, row) * pitch + hn::BitCast(di, column) - surplus;
+    hn::Store(offset, di, offsets + i);
+  }
+}
+
+// The pixels are read one by one: gather instructions are slower, where there are any.
+void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+              std::uint8_t* descriptor) {
+  alignas(64) std::int32_t offsets[2 * kPatternPairs];
+  rotatePattern(cosine, sine, static_cast<std::int32_t>(stride), offsets);
+  const std::int32_t* first = offsets;
+  const std::int32_t* second = offsets + kPatternPairs;
+  for (int byte = 0; byte < kPatternPairs / 8; ++byte, first += 8, second += 8) {
+    unsigned bits = 0;
+    for (int i = 7; i >= 0; --i) {
+      bits = 2 * bits + static_cast<unsigned>(pixel[first[i]] < pixel[second[i]]);
+    }
+    descriptor[byte] = static_cast<std::uint8_t>(bits);
+  }
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb
+HWY_AFTER_NAMESPACE();

@@ -1,0 +1,162 @@
+#include "core/orb/pipeline.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/features2d.hpp>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr float kPatchSize = 31.f;
+constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
+constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
+constexpr int kKeypointsPerTask = 64;
+constexpr int kThresholdRatio = 2;  // full FAST threshold / that of poor cells
+
+int divideUp(int a, int b) {
+  return (a + b - 1) / b;
+}
+
+// What a corner must reach in parts of the image that have too few at the full threshold.
+int weakThreshold(int fast_threshold) {
+  return std::max(1, fast_threshold / kThresholdRatio);
+}
+
+// Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
+// that somebody else holds too is left to them.
+void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
+  const bool shared = descriptors.u != nullptr && descriptors.u->refcount > 1;
+  if (shared || descriptors.type() != CV_8UC1 || descriptors.cols != kDescriptorBytes) {
+    descriptors.release();
+    descriptors.create(std::max(rows, capacity), kDescriptorBytes, CV_8U);
+  }
+  descriptors.resize(static_cast<std::size_t>(rows));
+}
+
+}  // namespace
+
+OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
+    : options_(options),
+      kernels_(kernels),
+      pool_(options.threads),
+      pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
+      levels_(options.levels),
+      uniform_choice_(options.features, options.fast_threshold, options.cell_share,
+                      options.levels) {}
+
+void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
+  pyramid_.setImage(image, mask);
+  cutIntoBands();
+  // Level 0 is the image itself: other threads can begin with it while one makes the other levels.
+  const int ready = levels_[0].last_band;
+  pool_.parallelFor(1 + ready, [&](int i) {
+    if (i == 0) {
+      pyramid_.shrink(kernels_);
+    } else {
+      detectAndBlur(bands_[i - 1]);
+    }
+  });
+  pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
+                    [&](int i) { detectAndBlur(bands_[ready + i]); });
+  options_.distribution == KeypointDistribution::uniform ? chooseUniform() : chooseRanked();
+  gather(features);
+  const auto count = static_cast<int>(features.size());
+  pool_.parallelFor(divideUp(count, kKeypointsPerTask), [&](int task) {
+    const int begin = task * kKeypointsPerTask;
+    const int end = std::min(count, begin + kKeypointsPerTask);
+    for (int i = begin; i < end; ++i) orientAndDescribe(i, features);
+  });
+}
+
+void OrbPipeline::cutIntoBands() {
+  std::size_t used = 0;
+  for (int level = 0; level < pyramid_.used(); ++level) {
+    const cv::Size size = pyramid_.levels()[level].size;
+    const int rows = size.height - 2 * kBlurMargin;
+    const int count = pool_.threads() == 1 ? 1 : divideUp(rows, kBandRows);
+    levels_[level].first_band = static_cast<int>(used);
+    for (int i = 0; i < count; ++i, ++used) {
+      if (bands_.size() == used) bands_.emplace_back();
+      bands_[used].level = level;
+      bands_[used].first_row = kBlurMargin + rows * i / count;
+      bands_[used].last_row = kBlurMargin + rows * (i + 1) / count;
+    }
+    levels_[level].last_band = static_cast<int>(used);
+    levels_[level].blurred.create(size.height, size.width + kVectorSlack, CV_8U);
+  }
+}
+
+void OrbPipeline::detectAndBlur(Band& band) {
+  const cv::Mat& image = pyramid_.levels()[band.level].image;
+  band.corners.clear();
+  const bool ranked = options_.distribution == KeypointDistribution::ranked;
+  const int threshold = ranked ? options_.fast_threshold : weakThreshold(options_.fast_threshold);
+  const int first = std::max(band.first_row, kEdgeMargin);
+  const int last = std::min(band.last_row, image.rows - kEdgeMargin);
+  if (first < last) {
+    fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
+  }
+  blurRows(image, band.first_row, band.last_row, kernels_, band.blur_scratch,
+           levels_[band.level].blurred);
+}
+
+void OrbPipeline::collectCorners(int level) {
+  std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
+  keypoints.clear();
+  for (int i = levels_[level].first_band; i < levels_[level].last_band; ++i) {
+    keypoints.insert(keypoints.end(), bands_[i].corners.begin(), bands_[i].corners.end());
+  }
+  cv::KeyPointsFilter::runByPixelsMask(keypoints, pyramid_.levels()[level].mask);
+}
+
+void OrbPipeline::chooseRanked() {
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    collectCorners(level);
+    const PyramidLevel& source = pyramid_.levels()[level];
+    std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
+    // FAST's score is a poor rank: it only makes the first choice, of twice as many as are wanted.
+    cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
+    for (cv::KeyPoint& keypoint : keypoints) {
+      keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);
+    }
+    cv::KeyPointsFilter::retainBest(keypoints, source.features_quota);
+  });
+}
+
+void OrbPipeline::chooseUniform() {
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    collectCorners(level);
+    const PyramidLevel& source = pyramid_.levels()[level];
+    uniform_choice_.sortIntoCells(level, source.size, source.features_quota,
+                                  levels_[level].keypoints);
+  });
+  uniform_choice_.share(pyramid_.used());
+  pool_.parallelFor(pyramid_.used(), [&](int level) {
+    uniform_choice_.keepShares(level, pyramid_.levels()[level].image, kernels_,
+                               levels_[level].keypoints);
+  });
+}
+
+void OrbPipeline::gather(Features& features) {
+  for (int level = 0; level < pyramid_.used(); ++level) {
+    for (cv::KeyPoint& keypoint : levels_[level].keypoints) {
+      keypoint.octave = level;
+      keypoint.size = kPatchSize * pyramid_.levels()[level].scale;
+      features.keypoints.push_back(keypoint);
+    }
+  }
+  resizeDescriptors(static_cast<int>(features.size()), options_.features, features.descriptors);
+}
+
+void OrbPipeline::orientAndDescribe(int index, Features& features) {
+  cv::KeyPoint& keypoint = features.keypoints[index];
+  const PyramidLevel& level = pyramid_.levels()[keypoint.octave];
+  const cv::Mat& blurred = levels_[keypoint.octave].blurred;
+  keypoint.angle = intensityCentroidAngle(level.image, kernels_, keypoint.pt);
+  const float angle = keypoint.angle * static_cast<float>(CV_PI / 180.);
+  kernels_.describe(pixelAt(blurred, keypoint.pt), static_cast<std::ptrdiff_t>(blurred.step),
+                    std::cos(angle), std::sin(angle), features.descriptors.ptr(index));
+  keypoint.pt *= level.scale;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "core/orb/blur.h"
+#include "core/orb/detector.h"
+#include "core/orb/pyramid.h"
+#include "core/orb/uniform.h"
+#include "core/util/thread_pool.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/orb_extractor.h"
+
+namespace ktgp_orb {
+
+/// The steps of ORB over all pyramid levels, cut into tasks for the threads. Which thread does a
+/// task makes no difference to what comes out of it.
+class OrbPipeline {
+ public:
+  OrbPipeline(const OrbOptions& options, const OrbKernels& kernels);
+
+  /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet.
+  void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
+
+ private:
+  /// Rows of one level that one task takes through FAST and blur, with memory of its own.
+  struct Band {
+    int level = 0;
+    int first_row = 0;
+    int last_row = 0;
+    std::vector<cv::KeyPoint> corners;
+    FastScratch fast_scratch;
+    BlurScratch blur_scratch;
+  };
+  struct Level {
+    cv::Mat blurred;
+    std::vector<cv::KeyPoint> keypoints;  ///< in px of the level
+    int first_band = 0;
+    int last_band = 0;
+  };
+
+  void cutIntoBands();
+  void detectAndBlur(Band& band);
+  void chooseRanked();
+  void chooseUniform();
+  void collectCorners(int level);
+  void gather(Features& features);
+  void orientAndDescribe(int index, Features& features);
+
+  OrbOptions options_;
+  const OrbKernels& kernels_;
+  ThreadPool pool_;
+  OrbPyramid pyramid_;
+  std::vector<Level> levels_;
+  std::vector<Band> bands_;  // level by level, from the top down
+  UniformChoice uniform_choice_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "core/orb/kernels.h"
+#include "core/orb/resize.h"
+
+namespace ktgp_orb {
+
+/// One scale of the image and what ORB wants from it.
+struct PyramidLevel {
+  cv::Size size;           ///< px
+  cv::Mat image;           ///< 8-bit grey; level 0 is the caller's image itself
+  cv::Mat mask;            ///< 8-bit, non-zero where keypoints may lie; empty: everywhere
+  float scale = 1.f;       ///< size of level 0 divided by the size of this one
+  int features_quota = 0;  ///< keypoints wanted from this level
+};
+
+/// Share of `features` for each level, in proportion to its side length; the last takes the rest.
+std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
+
+/// The image at ever smaller scales. Buffers are kept from image to image.
+class OrbPyramid {
+ public:
+  OrbPyramid(int features, double scale_factor, int levels);
+
+  /// Sets level 0 (without copying) and the size of all others. Levels with room for a keypoint
+  /// come first; the rest are left out.
+  void setImage(const cv::Mat& image, const cv::Mat& mask);
+  /// Computes level 1 and above, each from the one before.
+  void shrink(const OrbKernels& kernels);
+
+  std::vector<PyramidLevel>& levels() { return levels_; }
+  /// Levels that can hold keypoints in this image.
+  int used() const { return used_; }
+
+ private:
+  std::vector<PyramidLevel> levels_;
+  std::vector<Shrinker> shrinkers_;  // of level i into level i + 1
+  int used_ = 0;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,123 @@
+#include "core/orb/uniform.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/orb/detector.h"
+
+namespace ktgp_orb {
+namespace {
+
+// Higher response first; of equal ones the upper, then the left.
+bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
+  if (a.response != b.response) return a.response > b.response;
+  if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
+  return a.pt.x < b.pt.x;
+}
+
+using Iterator = std::vector<cv::KeyPoint>::iterator;
+
+// Moves the best `count` of [first, last) to the front, best first.
+void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
+               const OrbKernels& kernels) {
+  for (auto it = first; it != last; ++it) it->response = harrisResponse(image, kernels, it->pt);
+  std::partial_sort(first, first + count, last, isBetter);
+}
+
+}  // namespace
+
+CellGrid::CellGrid(const cv::Size& size, int quota, int keypoints_per_cell)
+    : width_(size.width - 2 * kEdgeMargin), height_(size.height - 2 * kEdgeMargin) {
+  const double cells = std::max(1.0, static_cast<double>(quota) / keypoints_per_cell);
+  const double side = std::sqrt(width_ * height_ / cells);
+  columns_ = std::max(1, cvRound(width_ / side));
+  rows_ = std::max(1, cvRound(height_ / side));
+}
+
+int CellGrid::cellOf(const cv::Point2f& point) const {
+  const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns_ / width_;
+  const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows_ / height_;
+  return row * columns_ + column;
+}
+
+UniformChoice::UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels)
+    : features_(features),
+      keypoints_per_cell_(keypoints_per_cell),
+      strong_score_(static_cast<float>(strong_score)),
+      levels_(levels) {}
+
+void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quota,
+                                  std::vector<cv::KeyPoint>& corners) {
+  Level& level = levels_[level_index];
+  const CellGrid grid(size, quota, keypoints_per_cell_);
+  const int cells = grid.cells();
+  level.bucket.clear();
+  level.begin.assign(static_cast<std::size_t>(cells) * 2 + 1, 0);
+  for (const cv::KeyPoint& corner : corners) {
+    const int bucket = 2 * grid.cellOf(corner.pt) + (corner.response < strong_score_ ? 1 : 0);
+    level.bucket.push_back(bucket);
+    ++level.begin[bucket + 1];
+  }
+  for (int i = 0; i < 2 * cells; ++i) level.begin[i + 1] += level.begin[i];
+  level.cells.resize(cells);
+  auto begin = level.begin.cbegin();
+  for (Cell& cell : level.cells) {
+    cell = {begin[0], begin[1], begin[2], 0};
+    begin += 2;
+  }
+  level.sorted.resize(corners.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    level.sorted[level.begin[level.bucket[i]]++] = corners[i];
+  }
+  corners.swap(level.sorted);
+}
+
+void UniformChoice::share(int levels) {
+  const auto for_each_cell = [&](auto&& visit) {
+    for (int i = 0; i < levels; ++i) {
+      for (Cell& cell : levels_[i].cells) visit(cell);
+    }
+  };
+  // The largest share that all can have without keeping too many.
+  const auto kept_at = [&](int share) {
+    int sum = 0;
+    for_each_cell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
+    return sum;
+  };
+  int share = 0;
+  int beyond = features_ + 1;
+  while (beyond - share > 1) {
+    const int middle = share + (beyond - share) / 2;
+    (kept_at(middle) <= features_ ? share : beyond) = middle;
+  }
+  // What is left goes, one each, to cells spread evenly among those that have more.
+  int richer = 0;
+  for_each_cell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
+  const std::int64_t left = std::min(features_ - kept_at(share), richer);
+  std::int64_t visited = 0;
+  for_each_cell([&](Cell& cell) {
+    cell.kept = std::min(cell.size(), share);
+    if (cell.size() <= share) return;
+    if ((visited + 1) * left / richer > visited * left / richer) ++cell.kept;
+    ++visited;
+  });
+}
+
+void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbKernels& kernels,
+                               std::vector<cv::KeyPoint>& corners) {
+  Level& level = levels_[level_index];
+  level.sorted.clear();
+  const auto keep = [&](int begin, int end, int count) {
+    const auto first = corners.begin() + begin;
+    bestFirst(first, corners.begin() + end, count, image, kernels);
+    level.sorted.insert(level.sorted.end(), first, first + count);
+  };
+  for (const Cell& cell : level.cells) {
+    const int strong_kept = std::min(cell.kept, cell.weak - cell.first);
+    keep(cell.first, cell.weak, strong_kept);
+    if (cell.kept > strong_kept) keep(cell.weak, cell.last, cell.kept - strong_kept);
+  }
+  corners.swap(level.sorted);
+}
+
+}  // namespace ktgp_orb

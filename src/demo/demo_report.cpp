@@ -1,0 +1,282 @@
+// Watches the demo: one refreshed line while it runs; then a table, a video and a picture.
+
+#include <ktgp_orb/Correspondences.h>
+#include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatistics.h>
+#include <ros/ros.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/String.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <map>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "demo/table.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/overlay.h"
+#include "nodelet/frame.h"
+
+namespace ktgp_orb::demo {
+namespace {
+
+Eigen::Matrix3d matrix(const HomographyStamped& message) {
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
+}
+
+/// What the bag says is true, read from the file itself.
+class Truth {
+ public:
+  explicit Truth(const std::string& path) {
+    rosbag::Bag bag(path);
+    const std::vector<std::string> topics{"/camera/ground_truth/homography", "/camera/segment"};
+    rosbag::View view(bag, rosbag::TopicQuery(topics));
+    for (const rosbag::MessageInstance& instance : view) {
+      if (const auto homography = instance.instantiate<HomographyStamped>()) {
+        previous_stamp_[homography->header.stamp] = homography->reference_stamp;
+        homography_[homography->header.stamp] = matrix(*homography);
+      } else if (const auto segment = instance.instantiate<std_msgs::String>()) {
+        segment_[instance.getTime()] = segment->data;
+      }
+    }
+    if (segment_.empty()) throw std::runtime_error(path + " is not a demo bag: it has no truth");
+  }
+
+  std::size_t frames() const { return segment_.size(); }
+  ros::Time lastStamp() const { return segment_.rbegin()->first; }
+  std::string segment(const ros::Time& stamp) const {
+    const auto found = segment_.find(stamp);
+    return found == segment_.end() ? "unknown" : found->second;
+  }
+
+  /// The true homography reference -> target, over any frames that were dropped between them.
+  Eigen::Matrix3d between(const ros::Time& reference, ros::Time target) const {
+    Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+    while (target > reference && homography_.count(target) > 0) {
+      h = h * homography_.at(target);
+      target = previous_stamp_.at(target);
+    }
+    return h / h(2, 2);
+  }
+
+ private:
+  std::map<ros::Time, Eigen::Matrix3d> homography_;
+  std::map<ros::Time, ros::Time> previous_stamp_;
+  std::map<ros::Time, std::string> segment_;
+};
+
+/// Largest distance between where the two homographies put the corners of the image, px.
+double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+  double largest = 0.0;
+  for (double x : {0.0, 639.0}) {
+    for (double y : {0.0, 479.0}) {
+      const Eigen::Vector3d corner(x, y, 1.0);
+      const Eigen::Vector2d difference =
+          Eigen::Vector3d(a * corner).hnormalized() - Eigen::Vector3d(b * corner).hnormalized();
+      largest = std::max(largest, difference.norm());
+    }
+  }
+  return largest;
+}
+
+/// Root mean square distance of the final matches from where the truth puts them, px.
+double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& truth) {
+  double sum = 0.0;
+  double count = 0.0;
+  for (std::size_t i = 0; i < matches.level.size(); ++i) {
+    if (matches.level[i] < Correspondences::LEVEL_KTGP) continue;
+    const Eigen::Vector3d reference(matches.reference_x[i], matches.reference_y[i], 1.0);
+    const Eigen::Vector2d target(matches.target_x[i], matches.target_y[i]);
+    sum += (Eigen::Vector3d(truth * reference).hnormalized() - target).squaredNorm();
+    ++count;
+  }
+  return count > 0.0 ? std::sqrt(sum / count) : 0.0;
+}
+
+class Report {
+ public:
+  Report(const std::string& bag, const std::string& folder)
+      : truth_(bag), bag_(bag), folder_(folder), terminal_(isatty(STDOUT_FILENO) != 0) {
+    ros::NodeHandle node;
+    correspondences_sub_ =
+        node.subscribe("/camera/matcher/correspondences", 50, &Report::onCorrespondences, this);
+    homographies_ = node.subscribe("/camera/matcher/homography", 50, &Report::onHomography, this);
+    overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
+    statistics_ = node.subscribe("/camera/matcher/statistics", 50, &Report::onStatistics, this);
+  }
+
+  /// Until the last frame is in, or nothing has come for a while.
+  bool run() {
+    constexpr double kStartTimeout = 60.0;  // s
+    constexpr double kIdleTimeout = 5.0;
+    ros::WallTime last_news = ros::WallTime::now();
+    std::size_t seen = 0;
+    while (ros::ok() && !finished_) {
+      ros::spinOnce();
+      ros::WallDuration(0.002).sleep();
+      if (table_.frames() != seen) {
+        seen = table_.frames();
+        last_news = ros::WallTime::now();
+      }
+      const double idle = (ros::WallTime::now() - last_news).toSec();
+      if (idle > (seen == 0 ? kStartTimeout : kIdleTimeout)) break;
+    }
+    if (terminal_) std::printf("\r\033[K");
+    return table_.frames() > 0;
+  }
+
+  void write() {
+    const std::string text = table_.text(truth_.frames());
+    std::fputs(text.c_str(), stdout);
+    std::ofstream(folder_ + "/summary.txt") << text;
+    video_.release();
+    drawPicture();
+    std::printf("\nvideo    %s\npicture  %s\n", videoPath().c_str(), picturePath().c_str());
+  }
+
+ private:
+  std::string videoPath() const { return folder_ + "/matches.mp4"; }
+  std::string picturePath() const { return folder_ + "/stages.png"; }
+
+  /// The messages about one frame: each comes over a connection of its own, in any order.
+  struct Messages {
+    CorrespondencesConstPtr correspondences;
+    HomographyStampedConstPtr homography;
+    MatchStatisticsConstPtr statistics;
+
+    bool complete() const {
+      if (!statistics) return false;
+      return statistics->status == MatchStatistics::STATUS_NO_REFERENCE ||
+             (correspondences && homography);
+    }
+  };
+
+  void onCorrespondences(const CorrespondencesConstPtr& message) {
+    pending_[message->header.stamp].correspondences = message;
+    addIfComplete(message->header.stamp);
+  }
+
+  void onHomography(const HomographyStampedConstPtr& message) {
+    pending_[message->header.stamp].homography = message;
+    addIfComplete(message->header.stamp);
+  }
+
+  void onStatistics(const MatchStatisticsConstPtr& message) {
+    pending_[message->header.stamp].statistics = message;
+    addIfComplete(message->header.stamp);
+  }
+
+  void addIfComplete(const ros::Time& stamp) {
+    const Messages messages = pending_[stamp];
+    if (!messages.complete()) return;
+    pending_.erase(stamp);
+    const MatchStatistics& statistics = *messages.statistics;
+    FrameResult result;
+    result.segment = truth_.segment(stamp);
+    if (statistics.status == MatchStatistics::STATUS_OK) {
+      const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
+      result.error = cornerError(matrix(*messages.homography), truth);
+      result.reprojection_error = reprojectionError(*messages.correspondences, truth);
+    }
+    table_.add(statistics, result);
+    showLine(statistics, result);
+    finished_ = stamp >= truth_.lastStamp();
+  }
+
+  void showLine(const MatchStatistics& message, const FrameResult& result) {
+    constexpr std::size_t kEvery = 50;  // frames per line where it cannot be refreshed
+    if (!terminal_ && table_.frames() % kEvery != 0) return;
+    std::printf("%s%s%s", terminal_ ? "\r\033[K" : "",
+                frameLine(table_.frames(), truth_.frames(), message, result).c_str(),
+                terminal_ ? "" : "\n");
+    std::fflush(stdout);
+  }
+
+  void onOverlay(const sensor_msgs::ImageConstPtr& message) {
+    const cv::Mat picture(static_cast<int>(message->height), static_cast<int>(message->width),
+                          CV_8UC3, const_cast<std::uint8_t*>(message->data.data()), message->step);
+    if (!video_.isOpened()) openVideo(picture.size());
+    video_.write(picture);
+  }
+
+  void openVideo(const cv::Size& size) {
+    constexpr double kRate = 30.0;
+    for (const char* codec : {"avc1", "mp4v"}) {
+      const int code = cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]);
+      if (video_.open(videoPath(), cv::CAP_FFMPEG, code, kRate, size)) return;
+    }
+    throw std::runtime_error("OpenCV cannot write an mp4 video: " + videoPath());
+  }
+
+  /// The stages of one pair of frames of the bag, matched here with the default options.
+  void drawPicture() const {
+    rosbag::Bag bag(bag_);
+    rosbag::View view(bag, rosbag::TopicQuery("/camera/image_raw"));
+    const std::size_t wanted = view.size() / 4;
+    OrbExtractor extractor;
+    KtgpMatcher matcher;
+    FramePtr frames[2];
+    std::size_t index = 0;
+    for (const rosbag::MessageInstance& instance : view) {
+      if (index >= wanted && index < wanted + 2) {
+        frames[index - wanted] = makeFrame(instance.instantiate<sensor_msgs::Image>(), extractor);
+      }
+      if (++index >= wanted + 2) break;
+    }
+    if (!frames[1]) return;
+    MatchResult result;
+    cv::Mat canvas;
+    matcher.match(frames[0]->features, frames[1]->features, result);
+    drawStages({frames[0]->grey, frames[0]->features}, {frames[1]->grey, frames[1]->features},
+               result, canvas);
+    cv::imwrite(picturePath(), canvas);
+  }
+
+  Truth truth_;
+  std::string bag_;
+  std::string folder_;
+  bool terminal_;
+  bool finished_ = false;
+  ResultTable table_;
+  std::map<ros::Time, Messages> pending_;
+  cv::VideoWriter video_;
+  ros::Subscriber correspondences_sub_;
+  ros::Subscriber homographies_;
+  ros::Subscriber overlays_;
+  ros::Subscriber statistics_;
+};
+
+}  // namespace
+}  // namespace ktgp_orb::demo
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "demo_report");
+  if (argc != 3) {
+    std::fprintf(stderr, "usage: demo_report DEMO_BAG OUTPUT_FOLDER\n");
+    return 2;
+  }
+  try {
+    mkdir(argv[2], 0777);
+    ktgp_orb::demo::Report report(argv[1], argv[2]);
+    if (!report.run()) {
+      std::fprintf(stderr, "demo_report: the matcher published nothing\n");
+      return 1;
+    }
+    report.write();
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "demo_report: %s\n", error.what());
+    return 1;
+  }
+  return 0;
+}

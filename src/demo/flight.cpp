@@ -1,0 +1,64 @@
+#include "demo/flight.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "demo/map.h"
+
+namespace ktgp_orb::demo {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+
+Eigen::Matrix3d intrinsics() {
+  Eigen::Matrix3d k;
+  k << kFocalLength, 0, 0.5 * (kImageWidth - 1), 0, kFocalLength, 0.5 * (kImageHeight - 1), 0, 0, 1;
+  return k;
+}
+
+/// Point of the map below the camera, px: a long loop around the middle of the map.
+Eigen::Vector2d groundTrack(double t) {
+  const double turn = 0.42 * t;
+  return {0.5 * kMapSize + 900.0 * std::cos(turn) + 60.0 * std::sin(1.3 * t),
+          0.5 * kMapSize + 700.0 * std::sin(turn) + 40.0 * std::sin(1.7 * t)};
+}
+
+}  // namespace
+
+Eigen::Matrix3d imageFromMap(double seconds) {
+  const double t = seconds;
+  const double height = 600.0 + 130.0 * std::sin(0.9 * t);  // px of the map
+  const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
+  const double pitch = 10.0 * std::sin(0.8 * t + 1.0) * kDegree;
+  const double roll = 8.0 * std::sin(1.1 * t) * kDegree;
+  const Eigen::Matrix3d rotation = (Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
+                                    Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitY()) *
+                                    Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))
+                                       .toRotationMatrix();
+  // The camera looks along +z onto the plane z = 0 from z = -height.
+  Eigen::Vector3d position;
+  position << groundTrack(t), -height;
+  Eigen::Matrix3d plane;  // the plane's x and y axes and origin in the camera's frame
+  plane << rotation.col(0), rotation.col(1), -rotation * position;
+  return intrinsics() * plane;
+}
+
+cv::Mat render(const cv::Mat& map, const Eigen::Matrix3d& image_from_map) {
+  constexpr double kOversampling = 2.0;
+  Eigen::Matrix3d oversampled;  // pixel centres: x -> 2 x + 1/2
+  const double shift = 0.5 * (kOversampling - 1.0);
+  oversampled << kOversampling, 0, shift, 0, kOversampling, shift, 0, 0, 1;
+  cv::Mat homography;
+  cv::eigen2cv(Eigen::Matrix3d(oversampled * image_from_map), homography);
+  const cv::Size size(kImageWidth, kImageHeight);
+  cv::Mat large;
+  cv::Mat image;
+  cv::warpPerspective(map, large, homography, size * static_cast<int>(kOversampling),
+                      cv::INTER_LINEAR, cv::BORDER_REFLECT_101);
+  cv::resize(large, image, size, 0, 0, cv::INTER_AREA);
+  return image;
+}
+
+}  // namespace ktgp_orb::demo

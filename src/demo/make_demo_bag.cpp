@@ -1,0 +1,140 @@
+// Writes the demo bag: a camera that flies over a drawn map, with the true homographies.
+
+#include <ktgp_orb/HomographyStamped.h>
+#include <rosbag/bag.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/String.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <Eigen/LU>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <opencv2/core/utility.hpp>
+#include <string>
+#include <vector>
+
+#include "demo/effects.h"
+#include "demo/flight.h"
+#include "demo/map.h"
+
+namespace ktgp_orb::demo {
+namespace {
+
+constexpr std::uint32_t kStart = 1600000000;  // s; fixed, so that the same bag comes out every time
+
+std_msgs::Header headerOf(int frame) {
+  std_msgs::Header header;
+  header.stamp = ros::Time(kStart) + ros::Duration(frame / kFrameRate);
+  header.frame_id = "camera";
+  header.seq = static_cast<std::uint32_t>(frame);
+  return header;
+}
+
+sensor_msgs::Image toMessage(const cv::Mat& picture, int frame) {
+  sensor_msgs::Image image;
+  image.header = headerOf(frame);
+  image.height = static_cast<std::uint32_t>(picture.rows);
+  image.width = static_cast<std::uint32_t>(picture.cols);
+  image.encoding = "bgr8";
+  image.step = static_cast<std::uint32_t>(picture.cols * picture.elemSize());
+  image.data.assign(picture.datastart, picture.dataend);
+  return image;
+}
+
+sensor_msgs::CameraInfo cameraInfo(int frame) {
+  sensor_msgs::CameraInfo info;
+  info.header = headerOf(frame);
+  info.width = kImageWidth;
+  info.height = kImageHeight;
+  info.distortion_model = "plumb_bob";
+  info.D.assign(5, 0.0);
+  const double cx = 0.5 * (kImageWidth - 1);
+  const double cy = 0.5 * (kImageHeight - 1);
+  info.K = {kFocalLength, 0, cx, 0, kFocalLength, cy, 0, 0, 1};
+  info.R = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+  info.P = {kFocalLength, 0, cx, 0, 0, kFocalLength, cy, 0, 0, 0, 1, 0};
+  return info;
+}
+
+/// The true homography from the frame before to `frame`.
+HomographyStamped truth(int frame) {
+  const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate);
+  const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate);
+  const Eigen::Matrix3d h = current * previous.inverse();
+  HomographyStamped message;
+  message.header = headerOf(frame);
+  message.reference_stamp = headerOf(frame - 1).stamp;
+  message.status = HomographyStamped::STATUS_OK;
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = h / h(2, 2);
+  return message;
+}
+
+void writeFrame(const cv::Mat& picture, int frame, int frames, rosbag::Bag& bag) {
+  const ros::Time stamp = headerOf(frame).stamp;
+  bag.write("/camera/camera_info", stamp, cameraInfo(frame));
+  if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame));
+  std_msgs::String segment;
+  segment.data = toString(segmentOf(frame, frames));
+  bag.write("/camera/segment", stamp, segment);
+  bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
+}
+
+void writeBag(const std::string& path, int frames, std::uint64_t seed) {
+  const bool show_progress = isatty(STDERR_FILENO) != 0;
+  const cv::Mat map = drawMap(seed);
+  // Complete under another name first, so that a bag of this name is always a whole one.
+  const std::string unfinished = path + ".unfinished";
+  rosbag::Bag bag(unfinished, rosbag::bagmode::Write);
+  constexpr int kBatch = 16;  // frames drawn in parallel
+  std::vector<cv::Mat> pictures(kBatch);
+  for (int first = 0; first < frames; first += kBatch) {
+    const int count = std::min(kBatch, frames - first);
+    cv::parallel_for_(cv::Range(0, count), [&](const cv::Range& range) {
+      for (int i = range.start; i < range.end; ++i) {
+        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed);
+      }
+    });
+    for (int i = 0; i < count; ++i) {
+      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, bag);
+    }
+    if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, frames);
+  }
+  if (show_progress) std::fprintf(stderr, "\r\033[K");
+  bag.close();
+  std::filesystem::rename(unfinished, path);
+}
+
+int run(int argc, char** argv) {
+  std::string path;
+  double seconds = 10.0;
+  std::uint64_t seed = 1;
+  CLI::App app(
+      "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
+      "/camera/camera_info, the true homography from each frame to the next on "
+      "/camera/ground_truth/homography, and on /camera/segment what is hard about the frame: "
+      "clean, "
+      "lighting, blur or noise.\nThe same seed and length give the same bag.");
+  app.add_option("bag", path, "file to write")->required();
+  app.add_option("--seconds", seconds, "length of the flight")
+      ->check(CLI::Range(0.2, 600.0))
+      ->capture_default_str();
+  app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
+  writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed);
+  return 0;
+}
+
+}  // namespace
+}  // namespace ktgp_orb::demo
+
+int main(int argc, char** argv) {
+  try {
+    return ktgp_orb::demo::run(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "make_demo_bag: %s\n", error.what());
+    return 1;
+  }
+}

@@ -1,0 +1,91 @@
+#include "evaluation/bag_frames.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <ktgp_orb/HomographyStamped.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/image_encodings.h>
+
+#include <map>
+#include <set>
+
+#include "cli/files.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+/// The true homographies by the stamp of their target image.
+std::map<ros::Time, HomographyStamped> readTruth(const rosbag::Bag& bag, const std::string& topic) {
+  std::map<ros::Time, HomographyStamped> truth;
+  for (const rosbag::MessageInstance& message : rosbag::View(bag, rosbag::TopicQuery(topic))) {
+    const auto homography = message.instantiate<HomographyStamped>();
+    if (homography) truth[homography->header.stamp] = *homography;
+  }
+  return truth;
+}
+
+/// The image as 8-bit grey with its stamp; null for a message of another type.
+cv_bridge::CvImageConstPtr toGrey(const rosbag::MessageInstance& message) {
+  if (const auto image = message.instantiate<sensor_msgs::Image>()) {
+    return cv_bridge::toCvCopy(image, sensor_msgs::image_encodings::MONO8);
+  }
+  if (const auto image = message.instantiate<sensor_msgs::CompressedImage>()) {
+    return cv_bridge::toCvCopy(image, sensor_msgs::image_encodings::MONO8);
+  }
+  return nullptr;
+}
+
+/// For the message about a wrong topic.
+std::string imageTopics(const rosbag::Bag& bag) {
+  std::set<std::string> topics;
+  for (const rosbag::ConnectionInfo* connection : rosbag::View(bag).getConnections()) {
+    if (connection->datatype == "sensor_msgs/Image" ||
+        connection->datatype == "sensor_msgs/CompressedImage") {
+      topics.insert(connection->topic);
+    }
+  }
+  std::string text;
+  for (const std::string& topic : topics) text += " " + topic;
+  return text.empty() ? " none" : text;
+}
+
+std::optional<Eigen::Matrix3d> truthOf(const std::map<ros::Time, HomographyStamped>& truth,
+                                       const ros::Time& previous, const ros::Time& stamp) {
+  const auto entry = truth.find(stamp);
+  if (entry == truth.end() || entry->second.reference_stamp != previous) return std::nullopt;
+  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+  return Eigen::Matrix3d(Eigen::Map<const RowMajor>(entry->second.homography.data()));
+}
+
+}  // namespace
+
+void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
+             const FrameVisitor& visit) {
+  try {
+    const rosbag::Bag bag(file, rosbag::bagmode::Read);
+    const auto truth = readTruth(bag, truth_topic);
+    ros::Time previous;
+    bool any = false;
+    for (const rosbag::MessageInstance& message : rosbag::View(bag, rosbag::TopicQuery(topic))) {
+      const cv_bridge::CvImageConstPtr image = toGrey(message);
+      if (!image) continue;
+      const ros::Time& stamp = image->header.stamp;
+      visit(stamp.toSec(), image->image, truthOf(truth, previous, stamp));
+      previous = stamp;
+      any = true;
+    }
+    if (!any) {
+      throw FileError(file,
+                      "has no images on " + topic + "; image topics in it:" + imageTopics(bag));
+    }
+  } catch (const rosbag::BagException& error) {
+    throw FileError(file, std::string("cannot be read as a bag (") + error.what() + ")");
+  } catch (const cv_bridge::Exception& error) {
+    throw FileError(file,
+                    "has an image on " + topic + " that cannot be used (" + error.what() + ")");
+  }
+}
+
+}  // namespace ktgp_orb::tools

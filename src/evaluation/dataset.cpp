@@ -1,0 +1,128 @@
+#include "evaluation/dataset.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "cli/files.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kImagesPerSet = 6;
+
+/// How a kind of data set names its files.
+struct Layout {
+  const char* image_prefix;
+  const char* homography_prefix;
+  const char* homography_suffix;
+
+  std::string homography(int k) const {
+    return homography_prefix + std::to_string(k) + homography_suffix;
+  }
+};
+
+constexpr Layout kOxford{"img", "H1to", "p"};
+constexpr Layout kHpatches{"", "H_1_", ""};
+
+/// Image `k` with any of the usual endings; with the first one where there is none.
+fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
+  const std::string stem = layout.image_prefix + std::to_string(k);
+  for (const char* ending : {".ppm", ".pgm", ".png", ".jpg", ".jpeg"}) {
+    if (fs::exists(folder / (stem + ending))) return folder / (stem + ending);
+  }
+  return folder / (stem + ".ppm");
+}
+
+bool isLaidOutAs(const Layout& layout, const fs::path& folder) {
+  return fs::exists(imageFile(folder, layout, 1)) || fs::exists(folder / layout.homography(2));
+}
+
+/// Adds the pair, or says which of its files is missing or broken.
+void addPair(ImagePair pair, const std::string& homography_file, Dataset& dataset) {
+  try {
+    for (const std::string& image : {pair.reference, pair.target}) {
+      if (!fs::exists(image)) throw FileError(image, "is missing");
+    }
+    pair.homography = readHomography(homography_file);
+    dataset.pairs.push_back(std::move(pair));
+  } catch (const FileError& error) {
+    dataset.problems.emplace_back(error.what());
+  }
+}
+
+void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
+  const std::string set = fs::canonical(folder).filename().string();
+  const std::string reference = imageFile(folder, layout, 1).string();
+  for (int k = 2; k <= kImagesPerSet; ++k) {
+    const std::string target = imageFile(folder, layout, k).string();
+    addPair({set, "1-" + std::to_string(k), reference, target, {}},
+            (folder / layout.homography(k)).string(), dataset);
+  }
+}
+
+bool addFolder(const fs::path& folder, Dataset& dataset) {
+  for (const Layout& layout : {kOxford, kHpatches}) {
+    if (!isLaidOutAs(layout, folder)) continue;
+    addSet(folder, layout, dataset);
+    return true;
+  }
+  return false;
+}
+
+void addSubfolders(const fs::path& folder, Dataset& dataset) {
+  std::vector<fs::path> subfolders;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.is_directory()) subfolders.push_back(entry.path());
+  }
+  std::sort(subfolders.begin(), subfolders.end());
+  bool found = false;
+  for (const fs::path& subfolder : subfolders) found |= addFolder(subfolder, dataset);
+  if (!found) {
+    dataset.problems.push_back(folder.string() +
+                               ": holds no image set; expected img1.ppm and H1to2p, or 1.ppm and "
+                               "H_1_2, in it or in its subfolders");
+  }
+}
+
+void addList(const fs::path& file, Dataset& dataset) {
+  std::ifstream in(file);
+  if (!in) {
+    dataset.problems.push_back(file.string() + ": cannot be opened");
+    return;
+  }
+  const fs::path folder = file.parent_path();
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    std::istringstream words(line.substr(0, line.find('#')));
+    std::vector<std::string> fields;
+    for (std::string word; words >> word;) fields.push_back(word);
+    if (fields.empty()) continue;
+    if (fields.size() != 4) {
+      dataset.problems.push_back(file.string() + ":" + std::to_string(number) +
+                                 ": expected `name imageA imageB homography`");
+      continue;
+    }
+    addPair({file.stem().string(),
+             fields[0],
+             (folder / fields[1]).string(),
+             (folder / fields[2]).string(),
+             {}},
+            (folder / fields[3]).string(), dataset);
+  }
+}
+
+}  // namespace
+
+void addPairs(const std::string& path, Dataset& dataset) {
+  if (!fs::is_directory(path)) {
+    addList(path, dataset);
+  } else if (!addFolder(path, dataset)) {
+    addSubfolders(path, dataset);
+  }
+}
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,205 @@
+#include "evaluation/estimators.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "ktgp_orb/evaluation.h"
+
+#define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 4))
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr std::size_t kSampleSize = 4;
+
+std::vector<cv::Point2f> toOpenCv(const std::vector<Eigen::Vector2d>& points) {
+  std::vector<cv::Point2f> out;
+  out.reserve(points.size());
+  for (const auto& p : points) {
+    out.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+  }
+  return out;
+}
+
+std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pairs) {
+  std::vector<double> errors(pairs.size());
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double e = (project(h, pairs.reference[i]) - pairs.target[i]).norm();
+    errors[i] = std::isfinite(e) ? e * e : std::numeric_limits<double>::max();
+  }
+  return errors;
+}
+
+/// The inliers of `h` itself: OpenCV's mask is of the model before its last refinement.
+HomographyEstimate conclude(const cv::Mat& h, const PointPairs& pairs, double threshold) {
+  HomographyEstimate result;
+  result.mask.assign(pairs.size(), 0);
+  if (h.empty()) return result;
+  cv::cv2eigen(h, result.homography);
+  const std::vector<double> errors = squaredErrors(result.homography, pairs);
+  for (std::size_t i = 0; i < errors.size(); ++i) {
+    result.mask[i] = errors[i] < threshold * threshold ? 1 : 0;
+  }
+  result.found = std::count(result.mask.begin(), result.mask.end(), 1) >= 4;
+  return result;
+}
+
+HomographyEstimate withOpenCv(int method, const PointPairs& pairs, const ProsacOptions& options) {
+  const cv::Mat h = cv::findHomography(toOpenCv(pairs.reference), toOpenCv(pairs.target), method,
+                                       options.threshold, cv::noArray(), options.max_iterations,
+                                       options.confidence);
+  return conclude(h, pairs, options.threshold);
+}
+
+HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference_size,
+                              const ProsacOptions& options) {
+  ProsacResult result;
+  ProsacHomography(options).estimate(pairs, reference_size, result);
+  return {result.status == Status::ok, result.homography, result.mask};
+}
+
+/// Cost of a model, smaller is better. MSAC: squared error, but never more than the threshold's.
+double msacCost(const std::vector<double>& squared_errors, double threshold) {
+  double cost = 0.0;
+  for (double e : squared_errors) cost += std::min(e, threshold * threshold);
+  return cost;
+}
+
+/// MLESAC: -log likelihood of the errors under g N(0, sigma) + (1 - g) / area, with the share of
+/// inliers g found by expectation maximisation.
+double mlesacCost(const std::vector<double>& squared_errors, double threshold, double area) {
+  const double variance = threshold * threshold / 5.99;  // 95 % of a 2-D Gaussian is within
+  std::vector<double> inlier(squared_errors.size());
+  for (std::size_t i = 0; i < inlier.size(); ++i) {
+    inlier[i] = std::exp(-0.5 * squared_errors[i] / variance) / (2.0 * CV_PI * variance);
+  }
+  double g = 0.5;
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    double sum = 0.0;
+    for (double p : inlier) sum += g * p / (g * p + (1.0 - g) / area);
+    g = std::clamp(sum / static_cast<double>(inlier.size()), 1e-3, 1.0 - 1e-3);
+  }
+  double cost = 0.0;
+  for (double p : inlier) cost -= std::log(g * p + (1.0 - g) / area);
+  return cost;
+}
+
+std::array<std::size_t, kSampleSize> drawSample(std::size_t n, std::mt19937_64& random) {
+  std::array<std::size_t, kSampleSize> sample{};
+  for (std::size_t i = 0; i < kSampleSize;) {
+    sample[i] = random() % n;
+    const auto end = sample.begin() + static_cast<std::ptrdiff_t>(i);
+    if (std::find(sample.begin(), end, sample[i]) == end) ++i;
+  }
+  return sample;
+}
+
+/// Samples that are enough to have drawn one of inliers only, with the wanted confidence.
+double samplesNeeded(double inlier_share, double confidence) {
+  const double all_inliers = std::pow(inlier_share, kSampleSize);
+  if (all_inliers >= 1.0) return 0.0;
+  return std::log(1.0 - confidence) / std::log1p(-all_inliers);
+}
+
+/// Least squares over the inliers, which changes who they are: a few rounds.
+HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Point2f>& reference,
+                            const std::vector<cv::Point2f>& target, const PointPairs& pairs,
+                            double threshold) {
+  for (int round = 0; round < 4; ++round) {
+    std::vector<cv::Point2f> from;
+    std::vector<cv::Point2f> to;
+    for (std::size_t i = 0; i < pairs.size(); ++i) {
+      if (model.mask[i] == 0) continue;
+      from.push_back(reference[i]);
+      to.push_back(target[i]);
+    }
+    HomographyEstimate refined = conclude(cv::findHomography(from, to, 0), pairs, threshold);
+    if (!refined.found) break;
+    model = std::move(refined);
+  }
+  return model;
+}
+
+/// RANSAC's loop with another measure of quality; the best model is fitted again to its inliers.
+template <typename Cost>
+HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOptions& options) {
+  const std::vector<cv::Point2f> reference = toOpenCv(pairs.reference);
+  const std::vector<cv::Point2f> target = toOpenCv(pairs.target);
+  std::mt19937_64 random(options.seed);
+  HomographyEstimate best;
+  double best_cost = std::numeric_limits<double>::infinity();
+  double needed = options.max_iterations;
+  for (int i = 0; i < options.max_iterations && i < needed; ++i) {
+    std::array<cv::Point2f, kSampleSize> from;
+    std::array<cv::Point2f, kSampleSize> to;
+    const auto sample = drawSample(pairs.size(), random);
+    for (std::size_t k = 0; k < kSampleSize; ++k) {
+      from[k] = reference[sample[k]];
+      to[k] = target[sample[k]];
+    }
+    const cv::Mat h = cv::getPerspectiveTransform(from.data(), to.data());
+    HomographyEstimate model = conclude(h, pairs, options.threshold);
+    if (!model.found || !model.homography.allFinite()) continue;
+    const double model_cost = cost(squaredErrors(model.homography, pairs));
+    if (model_cost >= best_cost) continue;
+    best_cost = model_cost;
+    best = std::move(model);
+    const auto inliers = std::count(best.mask.begin(), best.mask.end(), 1);
+    needed = samplesNeeded(static_cast<double>(inliers) / static_cast<double>(pairs.size()),
+                           options.confidence);
+  }
+  if (!best.found) return conclude({}, pairs, options.threshold);
+
+  return fitAgain(best, reference, target, pairs, options.threshold);
+}
+
+double area(const std::vector<Eigen::Vector2d>& points) {
+  return std::max(1.0, cv::boundingRect(toOpenCv(points)).area() * 1.0);
+}
+
+}  // namespace
+
+const std::vector<std::pair<std::string, Estimator>>& estimators() {
+  static const std::vector<std::pair<std::string, Estimator>> all {
+    {"ransac", Estimator::ransac}, {"msac", Estimator::msac}, {"mlesac", Estimator::mlesac},
+        {"prosac", Estimator::prosac},
+#if KTGP_ORB_HAVE_USAC
+        {"usac", Estimator::usac},
+#endif
+  };
+  return all;
+}
+
+HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pairs,
+                                      const cv::Size& reference_size,
+                                      const ProsacOptions& options) {
+  if (pairs.size() < kSampleSize) return conclude({}, pairs, options.threshold);
+  switch (estimator) {
+    case Estimator::ransac:
+      return withOpenCv(cv::RANSAC, pairs, options);
+    case Estimator::msac:
+      return withCost([&](const auto& e) { return msacCost(e, options.threshold); }, pairs,
+                      options);
+    case Estimator::mlesac:
+      return withCost([&, outliers = area(pairs.target)](
+                          const auto& e) { return mlesacCost(e, options.threshold, outliers); },
+                      pairs, options);
+    case Estimator::prosac:
+      return withProsac(pairs, reference_size, options);
+    case Estimator::usac:
+#if KTGP_ORB_HAVE_USAC
+      return withOpenCv(cv::USAC_DEFAULT, pairs, options);
+#else
+      break;
+#endif
+  }
+  return conclude({}, pairs, options.threshold);
+}
+
+}  // namespace ktgp_orb::tools

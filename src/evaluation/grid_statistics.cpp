@@ -1,0 +1,139 @@
+#include "evaluation/grid_statistics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr int kNoCell = -1;
+
+/// Columns and rows of cells over an image.
+struct Grid {
+  int columns;
+  int rows;
+
+  int cells() const { return columns * rows; }
+
+  int neighbour(int cell, const cv::Point& offset) const {
+    const int x = cell % columns + offset.x;
+    const int y = cell / columns + offset.y;
+    return x < 0 || x >= columns || y < 0 || y >= rows ? kNoCell : y * columns + x;
+  }
+};
+
+/// The cell of a keypoint in a grid shifted by `shift` half cells; the first column and row of a
+/// shifted grid are not used.
+int cellOf(const Grid& grid, const Features& features, std::int32_t index, const cv::Point& shift) {
+  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  const float x = p.x / static_cast<float>(features.image_size.width);
+  const float y = p.y / static_cast<float>(features.image_size.height);
+  const double column = std::floor(x * static_cast<float>(grid.columns) + 0.5 * shift.x);
+  const double row = std::floor(y * static_cast<float>(grid.rows) + 0.5 * shift.y);
+  const bool inside =
+      column >= shift.x && column < grid.columns && row >= shift.y && row < grid.rows;
+  return inside ? static_cast<int>(row) * grid.columns + static_cast<int>(column) : kNoCell;
+}
+
+/// The matches of one shifted grid, counted by target cell and by pair of cells.
+class CellCounts {
+ public:
+  explicit CellCounts(const Grid& grid)
+      : grid_(grid),
+        pair_(static_cast<std::size_t>(grid.cells()) * static_cast<std::size_t>(grid.cells())),
+        target_(static_cast<std::size_t>(grid.cells())) {}
+
+  void add(int target, int reference) {
+    ++pair_[at(target, reference)];
+    ++target_[static_cast<std::size_t>(target)];
+  }
+
+  /// The reference cell that most matches of the target cell go to; the first of equals.
+  int best(int target) const {
+    const auto row = pair_.begin() + static_cast<std::ptrdiff_t>(at(target, 0));
+    const auto best = std::max_element(row, row + grid_.cells());
+    return *best > 0 ? static_cast<int>(best - row) : kNoCell;
+  }
+
+  bool isSupported(int target, int reference, const Neighbourhood& around, double factor) const {
+    int support = 0;
+    int matches = 0;
+    int cells = 0;
+    for (const cv::Point& offset : around) {
+      const int t = grid_.neighbour(target, offset);
+      const int r = grid_.neighbour(reference, offset);
+      if (t == kNoCell || r == kNoCell) continue;
+      support += pair_[at(t, r)];
+      matches += target_[static_cast<std::size_t>(t)];
+      ++cells;
+    }
+    return support >= factor * std::sqrt(static_cast<double>(matches) / cells);
+  }
+
+ private:
+  std::size_t at(int target, int reference) const {
+    return static_cast<std::size_t>(target) * static_cast<std::size_t>(grid_.cells()) +
+           static_cast<std::size_t>(reference);
+  }
+
+  Grid grid_;
+  std::vector<int> pair_;
+  std::vector<int> target_;
+};
+
+/// For each target cell its best reference cell where that is supported, else kNoCell.
+std::vector<int> supportedCells(const CellCounts& counts, const Grid& grid,
+                                const Neighbourhood& neighbourhood, double factor) {
+  std::vector<int> supported(static_cast<std::size_t>(grid.cells()), kNoCell);
+  for (int target = 0; target < grid.cells(); ++target) {
+    const int best = counts.best(target);
+    if (best == kNoCell || !counts.isSupported(target, best, neighbourhood, factor)) continue;
+    supported[static_cast<std::size_t>(target)] = best;
+  }
+  return supported;
+}
+
+}  // namespace
+
+Neighbourhood square(int radius) {
+  Neighbourhood cells;
+  for (int y = -radius; y <= radius; ++y) {
+    for (int x = -radius; x <= radius; ++x) cells.emplace_back(x, y);
+  }
+  return cells;
+}
+
+Neighbourhood cross() {
+  return {{0, 0}, {-1, 0}, {1, 0}, {0, -1}, {0, 1}};
+}
+
+void filterByGridStatistics(const Features& reference, const Features& target,
+                            const Neighbourhood& neighbourhood, const GmsOptions& options,
+                            std::vector<Correspondence>& matches) {
+  const Grid grid{options.grid_columns, options.grid_rows};
+  std::vector<bool> keep(matches.size(), false);
+  for (const cv::Point& shift : {cv::Point(0, 0), {1, 0}, {0, 1}, {1, 1}}) {
+    CellCounts counts(grid);
+    std::vector<std::pair<int, int>> cells;
+    cells.reserve(matches.size());
+    for (const Correspondence& c : matches) {
+      cells.emplace_back(cellOf(grid, target, c.target_index, shift),
+                         cellOf(grid, reference, c.reference_index, {0, 0}));
+      const auto& [t, r] = cells.back();
+      if (t != kNoCell && r != kNoCell) counts.add(t, r);
+    }
+    const std::vector<int> supported =
+        supportedCells(counts, grid, neighbourhood, options.threshold);
+    for (std::size_t i = 0; i < matches.size(); ++i) {
+      const auto& [t, r] = cells[i];
+      if (t == kNoCell || r == kNoCell) continue;
+      if (supported[static_cast<std::size_t>(t)] == r) keep[i] = true;
+    }
+  }
+  std::size_t i = 0;
+  matches.erase(std::remove_if(matches.begin(), matches.end(),
+                               [&](const Correspondence&) { return !keep[i++]; }),
+                matches.end());
+}
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,233 @@
+// ktgp_evaluate: named methods over image sets of which the truth is known.
+#include <algorithm>
+#include <atomic>
+#include <cstdio>
+#include <opencv2/core.hpp>
+#include <thread>
+
+#include "cli/files.h"
+#include "cli/progress_bar.h"
+#include "evaluation/bag_frames.h"
+#include "evaluation/output.h"
+#include "evaluation/sequence_evaluation.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr const char* kDescription =
+    "Runs matching methods over image pairs with a known homography and measures them.\n"
+    "DATA is an Oxford/VGG folder (img1.ppm ... img6.ppm, H1to2p ... H1to6p), an HPatches folder\n"
+    "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), a folder of such folders, or a text file with\n"
+    "`name imageA imageB homographyA->B` a line. With --bag, the four stages run from frame to\n"
+    "frame of a recording instead.";
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  ktgp_evaluate oxford/leuven oxford/bikes\n"
+    "  ktgp_evaluate oxford --methods all --csv results.csv --json results.json\n"
+    "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --gms-threshold 4 --jobs 4\n"
+    "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
+    "  ktgp_evaluate --bag demo.bag --json sequence.json\n"
+    "\n"
+    "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
+    "is evaluated), 2 an option or the bag cannot be used.";
+
+struct Arguments {
+  std::vector<std::string> data;
+  std::vector<std::string> methods{"ORB", "ORB+RANSAC", "KT", "KTG", "KTGP"};
+  std::string estimator;
+  std::string json;
+  std::string csv;
+  int jobs = 1;
+  int repeat = 1;
+  bool list_methods = false;
+  std::string bag;
+  std::string topic = "/camera/image_raw";
+  std::string truth_topic = "/camera/ground_truth/homography";
+  int drift_window = 30;
+  PipelineOptions pipeline;
+};
+
+std::optional<Estimator> wantedEstimator(const Arguments& arguments) {
+  for (const auto& [name, estimator] : estimators()) {
+    if (name == arguments.estimator) return estimator;
+  }
+  return std::nullopt;
+}
+
+/// The methods named in the arguments, in that order. Throws std::invalid_argument.
+std::vector<Method> wantedMethods(const Arguments& arguments) {
+  std::vector<Method> all = allMethods(arguments.pipeline.matcher, wantedEstimator(arguments));
+  std::vector<Method> wanted;
+  for (const std::string& name : arguments.methods) {
+    if (name == "all") return all;
+    const auto found = std::find_if(all.begin(), all.end(),
+                                    [&](const Method& method) { return method.name == name; });
+    if (found == all.end()) {
+      throw std::invalid_argument("there is no method " + name + "; --list-methods names them");
+    }
+    wanted.push_back(*found);
+  }
+  return wanted;
+}
+
+void listMethods(const Arguments& arguments) {
+  for (const Method& method : allMethods(arguments.pipeline.matcher, wantedEstimator(arguments))) {
+    std::printf("%-12s %s\n", method.name.c_str(), method.description.c_str());
+  }
+}
+
+/// Shares the pairs among the jobs; the order of the scores is that of the pairs.
+std::vector<PairScore> evaluatePairs(const Arguments& arguments,
+                                     const std::vector<ImagePair>& pairs) {
+  std::vector<PairScore> scores(pairs.size());
+  std::atomic<std::size_t> next{0};
+  ProgressBar progress(pairs.size());
+  const auto work = [&] {
+    PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat);
+    for (std::size_t i = next++; i < pairs.size(); i = next++) {
+      scores[i] = evaluator.evaluate(pairs[i]);
+      progress.advance(pairs[i].set + " " + pairs[i].name);
+    }
+  };
+  std::vector<std::thread> helpers;
+  for (int i = 1; i < arguments.jobs; ++i) helpers.emplace_back(work);
+  work();
+  for (std::thread& helper : helpers) helper.join();
+  return scores;
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  app.add_option("DATA", arguments.data, "image sets or lists of pairs")->type_name("PATH");
+  app.add_option("--methods", arguments.methods, "names, separated by commas, or `all`")
+      ->delimiter(',')
+      ->type_name("NAMES")
+      ->capture_default_str();
+  std::vector<std::string> names;
+  for (const auto& entry : estimators()) names.push_back(entry.first);
+  app.add_option("--estimator", arguments.estimator,
+                 "use this one in every method that estimates a homography")
+      ->check(CLI::IsMember(names))
+      ->type_name("NAME");
+  app.add_option("--json", arguments.json, "write rows, summary and options")->type_name("FILE");
+  app.add_option("--csv", arguments.csv, "write a row per pair and method")->type_name("FILE");
+  app.add_option("--jobs", arguments.jobs,
+                 "pairs evaluated at the same time; times are only good with 1")
+      ->check(CLI::Range(1, 1024))
+      ->capture_default_str();
+  app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
+  const char* const sequence = "Sequence";
+  app.add_option("--bag", arguments.bag, "evaluate this recording, each frame against the last")
+      ->type_name("FILE")
+      ->group(sequence);
+  app.add_option("--topic", arguments.topic, "its images")->capture_default_str()->group(sequence);
+  app.add_option("--truth-topic", arguments.truth_topic,
+                 "true homographies from frame to frame (ktgp_orb/HomographyStamped), where known")
+      ->capture_default_str()
+      ->group(sequence);
+  app.add_option("--drift-window", arguments.drift_window,
+                 "frames over which homographies are multiplied, 0 = all")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str()
+      ->group(sequence);
+  addPipelineOptions(app, arguments.pipeline);
+}
+
+int evaluateImageSets(const Arguments& arguments) {
+  wantedMethods(arguments);  // refuses an unknown name or a bad threshold before any work
+  Dataset dataset;
+  for (const std::string& path : arguments.data) addPairs(path, dataset);
+  const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
+  for (const PairScore& score : scores) {
+    if (!score.problem.empty()) dataset.problems.push_back(score.problem);
+  }
+
+  std::fputs(toTable(summarizeSets(scores)).c_str(), stdout);
+  if (!arguments.json.empty()) {
+    nlohmann::json out = toJson(scores);
+    out["options"] = toJson(arguments.pipeline);
+    out["problems"] = dataset.problems;
+    writeText(arguments.json, out.dump(1) + "\n");
+  }
+  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores));
+  for (const std::string& problem : dataset.problems) {
+    std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
+  }
+  return dataset.problems.empty() ? 0 : 1;
+}
+
+void printSequence(const SequenceScore& score) {
+  std::size_t found = 0;
+  double ratio = 0.0;
+  std::vector<double> errors;
+  std::vector<double> drift;
+  for (const FrameScore& frame : score.frames) {
+    if (frame.status == Status::ok) ++found;
+    ratio += frame.inlier_ratio;
+    if (frame.corner_error) errors.push_back(*frame.corner_error);
+    if (frame.drift) drift.push_back(*frame.drift);
+  }
+  const auto pairs = static_cast<double>(std::max<std::size_t>(1, score.frames.size() - 1));
+  std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%\n", score.frames.size(),
+              found, 100.0 * ratio / pairs);
+  for (std::size_t k : {2, 5, 10, 30}) {
+    if (k > score.survival.size()) break;
+    std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);
+  }
+  if (errors.empty()) return;
+  std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
+              summarize(errors).mean, summarize(drift).mean);
+}
+
+int evaluateBag(const Arguments& arguments) {
+  const auto& [orb, matcher] = arguments.pipeline;
+  SequenceEvaluator evaluator(orb, matcher, arguments.drift_window);
+  ProgressBar progress(0);
+  readBag(arguments.bag, arguments.topic, arguments.truth_topic,
+          [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
+            evaluator.addFrame(stamp, image, truth);
+            progress.advance("frames of " + arguments.bag);
+          });
+  const SequenceScore score = evaluator.score();
+  printSequence(score);
+  if (!arguments.json.empty()) {
+    const nlohmann::json out{{"sequence", toJson(score)},
+                             {"bag", arguments.bag},
+                             {"topic", arguments.topic},
+                             {"drift_window", arguments.drift_window},
+                             {"options", toJson(arguments.pipeline)}};
+    writeText(arguments.json, out.dump(1) + "\n");
+  }
+  return 0;
+}
+
+int evaluate(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app(kDescription);
+  app.footer(kExamples);
+  addArguments(app, arguments);
+  if (const auto code = parse(app, argc, argv)) return *code;
+  cv::setNumThreads(1);  // the jobs are the threads
+  if (arguments.list_methods) {
+    listMethods(arguments);
+    return 0;
+  }
+  if (!arguments.bag.empty()) return evaluateBag(arguments);
+  if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
+  return evaluateImageSets(arguments);
+}
+
+}  // namespace
+}  // namespace ktgp_orb::tools
+
+int main(int argc, char** argv) {
+  try {
+    return ktgp_orb::tools::evaluate(argc, argv);
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "ktgp_evaluate: %s\n", error.what());
+    return 2;
+  }
+}

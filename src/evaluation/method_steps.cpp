@@ -1,0 +1,187 @@
+#include "evaluation/method_steps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <opencv2/imgproc.hpp>
+
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/ratio_filter.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+/// Asks about each match once, in order.
+template <typename Predicate>
+void removeIf(Predicate predicate, std::vector<Correspondence>& matches) {
+  matches.erase(std::remove_if(matches.begin(), matches.end(), predicate), matches.end());
+}
+
+void dropBelow(Level level, std::vector<Correspondence>& matches) {
+  removeIf([&](const Correspondence& c) { return c.level < level; }, matches);
+}
+
+void setLevel(Level level, std::vector<Correspondence>& matches) {
+  for (Correspondence& c : matches) c.level = level;
+}
+
+cv::Mat referenceDescriptor(const Scene& scene, const Correspondence& c) {
+  return scene.reference.descriptors.row(c.reference_index);
+}
+
+cv::Mat targetDescriptor(const Scene& scene, const Correspondence& c) {
+  return scene.target.descriptors.row(c.target_index);
+}
+
+/// Mean grey value of the 9x9 px around a keypoint, in standard deviations from the image's mean.
+double standardisedGrey(const cv::Mat& image, const cv::KeyPoint& keypoint, const cv::Scalar& mean,
+                        const cv::Scalar& deviation) {
+  constexpr int kSide = 9;
+  const cv::Rect around(cvRound(keypoint.pt.x) - kSide / 2, cvRound(keypoint.pt.y) - kSide / 2,
+                        kSide, kSide);
+  const cv::Rect visible = around & cv::Rect({0, 0}, image.size());
+  if (visible.empty() || deviation[0] <= 0.0) return 0.0;
+  return (cv::mean(image(visible))[0] - mean[0]) / deviation[0];
+}
+
+Eigen::Vector2d position(const Features& features, std::int32_t index) {
+  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  return {p.x, p.y};
+}
+
+}  // namespace
+
+Step nearest(const KnnOptions& options) {
+  auto knn = std::make_shared<KnnMatcher>(options);
+  return {"knn", [knn](const Scene& scene, Matching& m) {
+            knn->match(scene.reference.descriptors, scene.target.descriptors, m.matches);
+          }};
+}
+
+Step ratio(double threshold) {
+  return {"ratio", [threshold](const Scene&, Matching& m) {
+            setLevel(Level::knn, m.matches);
+            filterByRatio(threshold, m.matches);
+            dropBelow(Level::kt, m.matches);
+          }};
+}
+
+Step distanceThreshold(int floor) {
+  return {"threshold", [floor](const Scene&, Matching& m) {
+            int smallest = 8 * kDescriptorBytes;
+            for (const Correspondence& c : m.matches) smallest = std::min(smallest, c.distance);
+            const int most = std::max(2 * smallest, floor);
+            const auto too_far = [most](const Correspondence& c) { return c.distance > most; };
+            removeIf(too_far, m.matches);
+          }};
+}
+
+Step bidirectional(const KnnOptions& options) {
+  auto knn = std::make_shared<KnnMatcher>(options);
+  auto back = std::make_shared<std::vector<Correspondence>>();
+  return {"bidirectional", [knn, back](const Scene& scene, Matching& m) {
+            knn->match(scene.target.descriptors, scene.reference.descriptors, *back);
+            const auto one_way = [&](const Correspondence& c) {
+              const auto r = static_cast<std::size_t>(c.reference_index);
+              return (*back)[r].reference_index != c.target_index;
+            };
+            removeIf(one_way, m.matches);
+          }};
+}
+
+Step cosineSimilarity(double threshold) {
+  return {"cosine", [threshold](const Scene& scene, Matching& m) {
+            const auto differs = [&](const Correspondence& c) {
+              const double a = cv::norm(referenceDescriptor(scene, c), cv::NORM_HAMMING);
+              const double b = cv::norm(targetDescriptor(scene, c), cv::NORM_HAMMING);
+              const double common = 0.5 * (a + b - c.distance);  // ones that both have
+              return common < threshold * std::sqrt(a * b);
+            };
+            removeIf(differs, m.matches);
+          }};
+}
+
+Step similarNorm(double tolerance) {
+  return {"norm", [tolerance](const Scene& scene, Matching& m) {
+            const auto differs = [&](const Correspondence& c) {
+              const double a = cv::norm(referenceDescriptor(scene, c), cv::NORM_L2);
+              const double b = cv::norm(targetDescriptor(scene, c), cv::NORM_L2);
+              return std::abs(a - b) > tolerance * std::max(a, b);
+            };
+            removeIf(differs, m.matches);
+          }};
+}
+
+Step euclideanDistance() {
+  return {"euclidean", [](const Scene& scene, Matching& m) {
+            std::vector<double> distances;
+            distances.reserve(m.matches.size());
+            for (const Correspondence& c : m.matches) {
+              distances.push_back(
+                  cv::norm(referenceDescriptor(scene, c), targetDescriptor(scene, c), cv::NORM_L2));
+            }
+            const ErrorSummary s = summarize(distances);
+            const double most = s.mean + std::sqrt(std::max(0.0, s.rms * s.rms - s.mean * s.mean));
+            std::size_t i = 0;
+            const auto too_far = [&](const Correspondence&) { return distances[i++] > most; };
+            removeIf(too_far, m.matches);
+          }};
+}
+
+Step greyLevel(double tolerance) {
+  return {"grey", [tolerance](const Scene& scene, Matching& m) {
+            cv::Scalar reference_mean, reference_deviation, target_mean, target_deviation;
+            cv::meanStdDev(scene.reference_image, reference_mean, reference_deviation);
+            cv::meanStdDev(scene.target_image, target_mean, target_deviation);
+            const auto differs = [&](const Correspondence& c) {
+              const auto r = static_cast<std::size_t>(c.reference_index);
+              const auto t = static_cast<std::size_t>(c.target_index);
+              const double a = standardisedGrey(scene.reference_image, scene.reference.keypoints[r],
+                                                reference_mean, reference_deviation);
+              const double b = standardisedGrey(scene.target_image, scene.target.keypoints[t],
+                                                target_mean, target_deviation);
+              return std::abs(a - b) > tolerance;
+            };
+            removeIf(differs, m.matches);
+          }};
+}
+
+Step gms(const GmsOptions& options) {
+  auto filter = std::make_shared<GmsFilter>(options);
+  return {"gms", [filter](const Scene& scene, Matching& m) {
+            setLevel(Level::kt, m.matches);
+            filter->filter(scene.reference, scene.target, m.matches);
+            dropBelow(Level::ktg, m.matches);
+          }};
+}
+
+Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options) {
+  return {"gms", [neighbourhood, options](const Scene& scene, Matching& m) {
+            filterByGridStatistics(scene.reference, scene.target, neighbourhood, options,
+                                   m.matches);
+          }};
+}
+
+Step homography(Estimator estimator, const ProsacOptions& options) {
+  const auto is_this = [&](const auto& entry) { return entry.second == estimator; };
+  const auto entry = std::find_if(estimators().begin(), estimators().end(), is_this);
+  return {entry->first, [estimator, options](const Scene& scene, Matching& m) {
+            PointPairs pairs;
+            for (const Correspondence& c : m.matches) {
+              pairs.reference.push_back(position(scene.reference, c.reference_index));
+              pairs.target.push_back(position(scene.target, c.target_index));
+              pairs.quality.push_back(c.ratio());
+            }
+            const HomographyEstimate model =
+                estimateHomography(estimator, pairs, scene.reference.image_size, options);
+            m.estimated = true;
+            if (model.found) m.homography = model.homography;
+            std::size_t i = 0;
+            const auto is_outlier = [&](const Correspondence&) {
+              return !model.found || model.mask[i++] == 0;
+            };
+            removeIf(is_outlier, m.matches);
+          }};
+}
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,75 @@
+#include "evaluation/methods.h"
+
+#include <chrono>
+
+namespace ktgp_orb::tools {
+
+std::vector<Method> allMethods(const MatcherOptions& options, std::optional<Estimator> estimator) {
+  GmsOptions rotating = options.gms;
+  rotating.rotation = rotating.scale = true;
+  const double t_w = options.ratio_threshold;
+  const auto knn = [&] { return nearest(options.knn); };
+  const auto both_ways = [&] { return bidirectional(options.knn); };
+  const auto model = [&](Estimator usual) {
+    return homography(estimator.value_or(usual), options.prosac);
+  };
+
+  // Thresholds that the papers do not give.
+  constexpr int kDistance = 30;     // bits; as in many ORB programs
+  constexpr double kCosine = 0.85;  // about 38 bits of 256
+  constexpr double kNorm = 0.1;
+  constexpr double kGrey = 0.5;  // standard deviations
+
+  std::vector<Method> methods{
+      {"ORB", "nearest neighbour with cross-check", {knn(), both_ways()}},
+      {"ORB+RANSAC", "nearest neighbour, RANSAC", {knn(), model(Estimator::ransac)}},
+      {"KT", "KNN, ratio filter", {knn(), ratio(t_w)}},
+      {"KTG", "KT, GMS", {knn(), ratio(t_w), gms(options.gms)}},
+      {"KTGP",
+       "KTG, PROSAC: the paper's method",
+       {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac)}},
+      {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
+      {"KTGP-RS",
+       "KTGP with rotation and scale",
+       {knn(), ratio(t_w), gms(rotating), model(Estimator::prosac)}},
+      {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(options.gms)}},
+      {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
+      {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},
+      {"GMS-RANSAC", "GMS, RANSAC (Zhu 2019)", {knn(), gms(options.gms), model(Estimator::ransac)}},
+      {"MP-ORB",
+       "KNN, ratio, both directions, cosine, PROSAC (Ye)",
+       {knn(), ratio(t_w), both_ways(), cosineSimilarity(kCosine), model(Estimator::prosac)}},
+      {"Sun2016",
+       "KNN, threshold, descriptor norm, RANSAC (Sun)",
+       {knn(), distanceThreshold(kDistance), similarNorm(kNorm), model(Estimator::ransac)}},
+      {"KTBER",
+       "KNN, ratio, both directions, Euclidean, grey level, RANSAC (Sun)",
+       {knn(), ratio(t_w), both_ways(), euclideanDistance(), greyLevel(kGrey),
+        model(Estimator::ransac)}},
+      {"KRCR",
+       "KNN, threshold, ratio, cosine, RANSAC (Sun)",
+       {knn(), distanceThreshold(kDistance), ratio(t_w), cosineSimilarity(kCosine),
+        model(Estimator::ransac)}},
+  };
+  for (const auto& [name, kind] : estimators()) {
+    if (kind == Estimator::prosac) continue;
+    methods.push_back(
+        {"KTG+" + name, "KTG, " + name, {knn(), ratio(t_w), gms(options.gms), model(kind)}});
+  }
+  return methods;
+}
+
+Matching runMethod(const Method& method, const Scene& scene, std::vector<StepResult>& steps) {
+  using Clock = std::chrono::steady_clock;
+  Matching matching;
+  steps.clear();
+  for (const Step& step : method.steps) {
+    const auto start = Clock::now();
+    step.run(scene, matching);
+    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
+    steps.push_back({step.name, matching.matches.size(), time.count()});
+  }
+  return matching;
+}
+
+}  // namespace ktgp_orb::tools

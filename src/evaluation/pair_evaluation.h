@@ -1,0 +1,69 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "evaluation/dataset.h"
+#include "evaluation/methods.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/orb_extractor.h"
+
+namespace ktgp_orb::tools {
+
+/// A match is called correct when it is within 3 px of the truth.
+constexpr double kCorrectWithin = 3.0;
+constexpr std::array<double, 3> kPrecisionThresholds{1.0, 2.0, 3.0};
+constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
+
+/// What one method makes of one pair.
+struct MethodScore {
+  std::string method;
+  std::size_t matches = 0;  ///< NM
+  double retention = 0.0;   ///< matches over target keypoints; the paper's Q where the method is KT
+  double matched_share = 0.0;  ///< REP as Eq. 9 has it
+  ErrorSummary descriptor_distance;
+  ErrorSummary displacement;        ///< px
+  ErrorSummary reprojection_error;  ///< px, against the truth
+  std::array<double, kPrecisionThresholds.size()> precision{};
+  std::size_t correct = 0;  ///< matches within kCorrectWithin
+  /// px; infinite where the method found no homography; nothing where it does not look for one.
+  std::optional<double> corner_error;
+  std::vector<StepResult> steps;
+  double milliseconds = 0.0;  ///< all steps, without the features
+};
+
+/// One pair with every method.
+struct PairScore {
+  ImagePair pair;
+  std::string problem;  ///< why the pair could not be used; empty where it could
+  std::size_t reference_keypoints = 0;
+  std::size_t target_keypoints = 0;
+  double extraction_milliseconds = 0.0;  ///< features of both images
+  double detector_repeatability = 0.0;
+  std::vector<MethodScore> methods;
+};
+
+/// Evaluates pairs one after the other, reusing its buffers; serves one thread.
+class PairEvaluator {
+ public:
+  /// Each method is run `repetitions` times and the median of each step's time is kept.
+  PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions);
+
+  /// A file that cannot be read ends in a problem, not in an exception.
+  PairScore evaluate(const ImagePair& pair);
+
+ private:
+  void evaluateImages(PairScore& score);
+  MethodScore evaluateMethod(const Method& method, const Scene& scene,
+                             const Eigen::Matrix3d& truth);
+
+  OrbExtractor extractor_;
+  std::vector<Method> methods_;
+  int repetitions_;
+  Features reference_;
+  Features target_;
+};
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,114 @@
+#include "evaluation/sequence_evaluation.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "ktgp_orb/evaluation.h"
+
+namespace ktgp_orb::tools {
+
+SequenceEvaluator::SequenceEvaluator(const OrbOptions& orb, const MatcherOptions& matcher,
+                                     int window)
+    : extractor_(orb), matcher_(matcher), window_(window) {}
+
+void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
+                                 const std::optional<Eigen::Matrix3d>& truth) {
+  using Clock = std::chrono::steady_clock;
+  if (frames_.empty()) first_stamp_ = stamp;
+  FrameScore frame;
+  frame.time = stamp - first_stamp_;
+  std::swap(reference_, target_);
+
+  const auto start = Clock::now();
+  extractor_.extract(image, target_);
+  if (!frames_.empty()) matcher_.match(reference_, target_, result_);
+  frame.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+
+  frame.keypoints = target_.size();
+  if (!frames_.empty()) {
+    frame.status = result_.status;
+    for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = result_.stages[i].output;
+    frame.inlier_ratio = retention(frame.matches[3], frame.matches[1]);
+    frame.rmse = result_.prosac.rmse;
+    accumulateDrift(truth, frame);
+  }
+  followTracks();
+  frames_.push_back(frame);
+}
+
+void SequenceEvaluator::followTracks() {
+  std::vector<int> length(target_.size(), 0);
+  std::vector<std::size_t> counts;
+  std::vector<bool> continued(track_length_.size(), false);
+  for (const Correspondence& c : result_.correspondences) {
+    const auto r = static_cast<std::size_t>(c.reference_index);
+    // A keypoint that several others claim goes on as one track.
+    if (c.level < Level::ktgp || continued[r]) continue;
+    continued[r] = true;
+    const int matches = track_length_[r] + 1;
+    length[static_cast<std::size_t>(c.target_index)] = matches;
+    if (counts.size() < static_cast<std::size_t>(matches)) {
+      counts.resize(static_cast<std::size_t>(matches));
+    }
+    for (int k = 0; k < matches; ++k) ++counts[static_cast<std::size_t>(k)];
+  }
+  track_length_ = std::move(length);
+  long_tracks_.push_back(std::move(counts));
+}
+
+void SequenceEvaluator::accumulateDrift(const std::optional<Eigen::Matrix3d>& truth,
+                                        FrameScore& frame) {
+  const cv::Size size = reference_.image_size;
+  const bool found = result_.status == Status::ok;
+  if (truth && found) {
+    frame.corner_error = cornerError(result_.prosac.homography, *truth, size);
+  }
+  const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
+  if (!truth || !found || window_is_full) {
+    frames_in_window_ = 0;
+    estimated_.setIdentity();
+    true_.setIdentity();
+  }
+  if (!truth || !found) return;
+  estimated_ = result_.prosac.homography * estimated_;
+  true_ = *truth * true_;
+  ++frames_in_window_;
+  frame.drift = cornerError(estimated_, true_, size);
+}
+
+SequenceScore SequenceEvaluator::score() const {
+  SequenceScore score;
+  score.frames = frames_;
+  // Tracks of k matches that end at frame t began at frame t - k; those that begin too near the
+  // end to be followed over k frames do not count.
+  const std::size_t n = long_tracks_.size();
+  const auto tracks = [&](std::size_t frame, std::size_t k) {
+    return k <= long_tracks_[frame].size() ? long_tracks_[frame][k - 1] : 0;
+  };
+  for (std::size_t k = 1; k < n; ++k) {
+    std::size_t begun = 0;
+    std::size_t alive = 0;
+    for (std::size_t end = k; end < n; ++end) {
+      begun += tracks(end - k + 1, 1);
+      alive += tracks(end, k);
+    }
+    score.survival.push_back(retention(alive, begun));
+  }
+  return score;
+}
+
+nlohmann::json toJson(const SequenceScore& score) {
+  nlohmann::json out{{"survival", score.survival}, {"frames", nlohmann::json::array()}};
+  for (const FrameScore& f : score.frames) {
+    nlohmann::json frame{
+        {"time", f.time},       {"status", toString(f.status)},   {"keypoints", f.keypoints},
+        {"matches", f.matches}, {"inlier_ratio", f.inlier_ratio}, {"rmse", f.rmse},
+        {"ms", f.milliseconds}};
+    if (f.corner_error) frame["corner_error"] = *f.corner_error;
+    if (f.drift) frame["drift"] = *f.drift;
+    out["frames"].push_back(std::move(frame));
+  }
+  return out;
+}
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,72 @@
+#include "tools/bag_pipeline.h"
+
+#include <utility>
+
+namespace ktgp_orb {
+
+FramePipeline::FramePipeline(const Configuration& configuration, const FramePtr& fixed, int threads)
+    : configuration_(configuration), fixed_(fixed) {
+  for (int i = 0; i < threads; ++i) threads_.emplace_back(&FramePipeline::work, this);
+}
+
+FramePipeline::~FramePipeline() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    closed_ = true;
+  }
+  changed_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
+  const auto found = std::make_shared<std::promise<FramePtr>>();
+  std::shared_future<FramePtr> before = std::exchange(last_frame_, found->get_future().share());
+  Task task([this, image, found, before](Worker& worker) {
+    Prepared prepared;
+    try {
+      prepared.frame = makeFrame(image, worker.extractor);
+    } catch (...) {
+      found->set_value(nullptr);
+      throw;
+    }
+    found->set_value(prepared.frame);
+    FramePtr reference = fixed_;
+    // Tasks start in order, so the frame before is at least in the works: no deadlock.
+    const bool previous = configuration_.reference.mode == ReferenceMode::previous;
+    if (previous && before.valid()) reference = before.get();
+    if (reference) {
+      prepared.ahead = MatchAhead{reference, {}};
+      worker.matcher.match(reference->features, prepared.frame->features, prepared.ahead->result);
+    }
+    return prepared;
+  });
+  results_.push_back(task.get_future());
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    tasks_.push_back(std::move(task));
+  }
+  changed_.notify_one();
+}
+
+FramePipeline::Prepared FramePipeline::pop() {
+  std::future<Prepared> result = std::move(results_.front());
+  results_.pop_front();
+  return result.get();
+}
+
+void FramePipeline::work() {
+  Worker worker{OrbExtractor(configuration_.orb), KtgpMatcher(configuration_.matcher)};
+  while (true) {
+    Task task;
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      changed_.wait(lock, [this] { return closed_ || !tasks_.empty(); });
+      if (tasks_.empty()) return;
+      task = std::move(tasks_.front());
+      tasks_.pop_front();
+    }
+    task(worker);
+  }
+}
+
+}  // namespace ktgp_orb

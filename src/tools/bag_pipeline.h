@@ -1,0 +1,59 @@
+#pragma once
+
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "nodelet/frame.h"
+#include "nodelet/sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// Does the work on images that does not depend on what became of the images before, several images
+/// at a time: it finds the features and, unless the reference depends on earlier results (keyframe
+/// mode), matches them. Images come out in the order in which they went in.
+class FramePipeline {
+ public:
+  struct Prepared {
+    FramePtr frame;
+    std::optional<MatchAhead> ahead;
+  };
+
+  /// `fixed`: the reference of the fixed mode, null in the others. At least one thread.
+  FramePipeline(const Configuration& configuration, const FramePtr& fixed, int threads);
+  ~FramePipeline();
+
+  void push(const sensor_msgs::ImageConstPtr& image);
+  /// The oldest image. Waits for it; throws RefusedImage where it is of no use.
+  Prepared pop();
+
+  bool empty() const { return results_.empty(); }
+  /// Enough is in the works to keep all threads busy.
+  bool full() const { return results_.size() >= 2 * threads_.size(); }
+
+ private:
+  struct Worker {
+    OrbExtractor extractor;
+    KtgpMatcher matcher;
+  };
+  using Task = std::packaged_task<Prepared(Worker&)>;
+
+  void work();
+
+  const Configuration configuration_;
+  const FramePtr fixed_;
+  std::shared_future<FramePtr> last_frame_;  // null for a refused image
+  std::deque<std::future<Prepared>> results_;
+
+  std::mutex mutex_;  // guards tasks_ and closed_
+  std::condition_variable changed_;
+  std::deque<Task> tasks_;
+  bool closed_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,82 @@
+#include "tools/bag_writer.h"
+
+#include <iomanip>
+#include <stdexcept>
+
+#include "ktgp_orb/status.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr const char* kColumns =
+    "stamp,reference_stamp,status,reference_changed,reference_features,target_features,"
+    "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,"
+    "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
+    "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
+constexpr int kStages = 4;
+constexpr int kColumnsAfterStatus = 26;  // without the error
+
+}  // namespace
+
+MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix)
+    : prefix_(prefix) {
+  try {
+    bag_.open(bag, rosbag::bagmode::Write);
+  } catch (const rosbag::BagException& error) {
+    throw std::runtime_error(bag + " cannot be written: " + error.what());
+  }
+  if (csv.empty()) return;
+  csv_.open(csv);
+  if (!csv_) throw std::runtime_error(csv + " cannot be written");
+  csv_ << kColumns << '\n';
+}
+
+template <typename Message>
+void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
+  message.header.seq = sequence_[topic]++;  // as a publisher counts
+  bag_.write(prefix_ + "/" + topic, time, message);
+}
+
+void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
+  if (messages.correspondences) writeMessage("correspondences", time, *messages.correspondences);
+  if (messages.homography) writeMessage("homography", time, *messages.homography);
+  if (messages.accumulated_homography) {
+    writeMessage("accumulated_homography", time, *messages.accumulated_homography);
+  }
+  if (messages.overlay) writeMessage("matches_image", time, *messages.overlay);
+  writeMessage("statistics", time, *messages.statistics);
+  if (csv_.is_open()) writeLine(messages);
+}
+
+void MatchWriter::writeLine(const FrameMessages& messages) {
+  const MatchStatistics& s = *messages.statistics;
+  csv_ << s.header.stamp << ',' << s.reference_stamp << ','
+       << toString(static_cast<Status>(s.status)) << ',' << int(s.reference_changed) << ','
+       << s.reference_features << ',' << s.target_features;
+  const StageStatistics none;
+  for (int i = 0; i < kStages; ++i) csv_ << ',' << (s.stages.empty() ? none : s.stages[i]).output;
+  csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
+       << s.rms_distance << ',' << s.reprojection_rmse;
+  csv_ << std::setprecision(5) << ',' << s.extraction_milliseconds;
+  for (int i = 0; i < kStages; ++i) {
+    csv_ << ',' << (s.stages.empty() ? none : s.stages[i]).milliseconds;
+  }
+  csv_ << ',' << s.total_milliseconds << std::setprecision(17);
+  const HomographyStamped zero;
+  for (const double h : (messages.homography ? *messages.homography : zero).homography) {
+    csv_ << ',' << h;
+  }
+  csv_ << ",\n";
+}
+
+void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
+  if (!csv_.is_open()) return;
+  std::string quoted = reason;
+  for (std::size_t i = 0; (i = quoted.find('"', i)) != std::string::npos; i += 2) {
+    quoted.insert(i, 1, '"');
+  }
+  csv_ << header.stamp << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\"" << quoted
+       << "\"\n";
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <rosbag/bag.h>
+
+#include <fstream>
+#include <map>
+#include <string>
+
+#include "nodelet/sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// Writes what the matcher found to a bag, on the topics of the nodelet, and to a table.
+class MatchWriter {
+ public:
+  /// `prefix`: of the topics, "/camera/matcher" for example. `csv`: path of the table, empty: none.
+  /// Throws std::runtime_error naming a file that cannot be written.
+  MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix);
+
+  void write(const FrameMessages& messages, const ros::Time& time);
+  /// A frame that could not be used has a line in the table alone.
+  void writeRefused(const std_msgs::Header& header, const std::string& reason);
+
+  /// Completes the bag's index; also done on destruction.
+  void close() { bag_.close(); }
+
+ private:
+  template <typename Message>
+  void writeMessage(const std::string& topic, const ros::Time& time, Message& message);
+  void writeLine(const FrameMessages& messages);
+
+  rosbag::Bag bag_;
+  std::ofstream csv_;
+  std::string prefix_;
+  std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
+};
+
+}  // namespace ktgp_orb
