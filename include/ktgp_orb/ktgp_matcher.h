@@ -1,7 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 #include "ktgp_orb/correspondence.h"
@@ -44,6 +46,9 @@ struct MatchResult {
   void surviving(Level level, std::vector<Correspondence>& out) const;
 };
 
+static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
+              "the layout of results must not depend on the instruction set of the includer");
+
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames.
 class KtgpMatcher {
  public:
@@ -56,8 +61,14 @@ class KtgpMatcher {
   /// keypoints outside the image or no features at all is legal and ends in a status.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
+  /// The same with a predicted homography, in px, that PROSAC scores before its first sample (see
+  /// ProsacHomography::estimate).
+  void match(const Features& reference, const Features& target,
+             const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+
  private:
-  void estimateHomography(const Features& reference, const Features& target, MatchResult& result);
+  void estimateHomography(const Features& reference, const Features& target,
+                          const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
 
   MatcherOptions options_;
   KnnMatcher knn_;

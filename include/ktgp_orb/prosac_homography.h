@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/types.hpp>
+#include <optional>
 #include <vector>
 
 #include "ktgp_orb/status.h"
@@ -44,6 +45,10 @@ enum class ProsacStop : std::uint8_t {
   max_iterations,  ///< the budget was used up
 };
 
+/// Of eight entries, row by row. Eigen would align it as the widest vector register of whoever
+/// includes this, and a program built with another -march would read the results elsewhere.
+using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
+
 /// Homography, its support and how it was found. Reused from call to call for its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
@@ -60,8 +65,10 @@ struct ProsacResult {
   ProsacStop stop = ProsacStop::not_run;
   /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement; NaN
   /// where H(2,2) is near zero, which takes an origin far from all points and no reference size.
-  Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
+  Covariance8 covariance = Covariance8::Zero();
 };
+static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
+              "the layout of results must not depend on the instruction set of the includer");
 
 /// Distance in px between H x_reference and x_target: what the mask is about.
 inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
@@ -93,6 +100,15 @@ class ProsacHomography {
   /// it; empty: the bounding box of the points instead. Throws std::invalid_argument for arrays of
   /// different length or a value that is not finite.
   void estimate(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
+
+  /// The same, starting at a homography that may be right, as predicted from the frames before or
+  /// found by another method: it is scored before the first sample, and where the pairs support it
+  /// a few samples are enough. It is not trusted: it must win against the samples, is refined, and
+  /// the verdict is the same. In px, of any scale and sign; ignored where it cannot be the view of
+  /// a plane from one side (singular or mirrored). Throws std::invalid_argument where it is not
+  /// finite.
+  void estimate(const PointPairs& pairs, const cv::Size& reference_size,
+                const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
 
  private:
   struct Workspace;

@@ -37,6 +37,11 @@ KtgpMatcher::KtgpMatcher(const MatcherOptions& options)
 }
 
 void KtgpMatcher::match(const Features& reference, const Features& target, MatchResult& result) {
+  match(reference, target, std::nullopt, result);
+}
+
+void KtgpMatcher::match(const Features& reference, const Features& target,
+                        const std::optional<Eigen::Matrix3d>& initial, MatchResult& result) {
   requireValid(reference, "reference");
   requireValid(target, "target");
   auto& [knn, tf, gms, prosac] = result.stages;
@@ -53,7 +58,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, Match
     return result.gms.kept;
   });
   timeStage(prosac, "prosac", gms.output, [&] {
-    estimateHomography(reference, target, result);
+    estimateHomography(reference, target, initial, result);
     return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
   });
 
@@ -62,6 +67,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, Match
 }
 
 void KtgpMatcher::estimateHomography(const Features& reference, const Features& target,
+                                     const std::optional<Eigen::Matrix3d>& initial,
                                      MatchResult& result) {
   pairs_.clear();
   for (const Correspondence& c : result.correspondences) {
@@ -70,7 +76,7 @@ void KtgpMatcher::estimateHomography(const Features& reference, const Features& 
     pairs_.target.push_back(position(target, c.target_index));
     pairs_.quality.push_back(c.ratio());
   }
-  prosac_.estimate(pairs_, reference.image_size, result.prosac);
+  prosac_.estimate(pairs_, reference.image_size, initial, result.prosac);
   if (result.prosac.status != Status::ok) return;
   std::size_t i = 0;
   for (Correspondence& c : result.correspondences) {

@@ -303,6 +303,98 @@ TEST(ProsacHomography, CovarianceAgreesWithMonteCarlo) {
   EXPECT_NEAR(eigenvalues.mean(), 1.0, 0.10);
 }
 
+TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
+  Numbers numbers(10);
+  ProsacHomography prosac;
+  ProsacResult from_scratch;
+  ProsacResult result;
+  int samples = 0;
+  int samples_from_scratch = 0;
+  for (int run = 0; run < 50; ++run) {
+    Scene scene;
+    scene.pairs = 400;
+    scene.inliers = 60;
+    scene.order = Order::random;
+    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    const PointPairs pairs = makePairs(scene, numbers);
+    prosac.estimate(pairs, kSize, from_scratch);
+    // A prediction is a few px off, and known up to any factor.
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    shift(0, 2) = 1.0;
+    shift(1, 2) = -1.0;
+    prosac.estimate(pairs, kSize, -7.0 * shift * scene.homography, result);
+    expectConsistent(pairs, result, 3.0);
+    ASSERT_EQ(result.status, Status::ok);
+    EXPECT_LT(cornerError(result.homography, scene.homography, kSize), 8.0);
+    samples += result.iterations;
+    samples_from_scratch += from_scratch.iterations;
+  }
+  EXPECT_LE(samples, samples_from_scratch);
+  // With a budget that is too small to find it by sampling, only the prediction helps.
+  ProsacOptions options;
+  options.max_iterations = 10;
+  int found_by_sampling = 0;
+  int found = 0;
+  for (int run = 0; run < 50; ++run) {
+    Scene scene;
+    scene.pairs = 400;
+    scene.inliers = 60;
+    scene.order = Order::random;
+    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    const PointPairs pairs = makePairs(scene, numbers);
+    ProsacHomography hurried(options);
+    hurried.estimate(pairs, kSize, result);
+    found_by_sampling += result.status == Status::ok ? 1 : 0;
+    hurried.estimate(pairs, kSize, scene.homography, result);
+    EXPECT_EQ(result.iterations, 10);
+    found += result.status == Status::ok ? 1 : 0;
+  }
+  EXPECT_LT(found_by_sampling, 10);
+  EXPECT_EQ(found, 50);
+}
+
+TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
+  Numbers numbers(11);
+  ProsacHomography prosac;
+  ProsacResult from_scratch;
+  ProsacResult result;
+  for (int run = 0; run < 100; ++run) {
+    Scene scene;
+    scene.pairs = 100;
+    scene.inliers = 50;
+    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    const PointPairs pairs = makePairs(scene, numbers);
+    prosac.estimate(pairs, kSize, test::randomHomography(kSize, 0.3, numbers), result);
+    expectConsistent(pairs, result, 3.0);
+    ASSERT_EQ(result.status, Status::ok);
+    EXPECT_LT(cornerError(result.homography, scene.homography, kSize), 8.0);
+    // One that no plane could look like is as none at all.
+    prosac.estimate(pairs, kSize, from_scratch);
+    Eigen::Matrix3d mirrored = scene.homography;
+    mirrored.col(0) *= -1.0;
+    for (const Eigen::Matrix3d& none : {Eigen::Matrix3d(Eigen::Matrix3d::Zero()), mirrored,
+                                        Eigen::Matrix3d(Eigen::Matrix3d::Ones())}) {
+      prosac.estimate(pairs, kSize, none, result);
+      EXPECT_EQ(result.homography, from_scratch.homography);
+      EXPECT_EQ(result.iterations, from_scratch.iterations);
+    }
+  }
+  const PointPairs pairs = makePairs(Scene(), numbers);
+  const Eigen::Matrix3d bad = Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_THROW(prosac.estimate(pairs, kSize, bad, result), std::invalid_argument);
+  // Chance support stays chance support, whatever was predicted.
+  int accepted = 0;
+  for (int run = 0; run < 2000; ++run) {
+    Scene scene;
+    scene.pairs = 30;
+    scene.inliers = 0;
+    prosac.estimate(makePairs(scene, numbers), kSize, test::randomHomography(kSize, 0.1, numbers),
+                    result);
+    accepted += result.status == Status::ok ? 1 : 0;
+  }
+  EXPECT_LE(accepted, 2);
+}
+
 TEST(ProsacHomography, RefusesValuesThatAreNotFinite) {
   ProsacHomography prosac;
   ProsacResult result;

@@ -1,9 +1,11 @@
 #include "ktgp_orb/prosac_homography.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -51,6 +53,17 @@ double chanceInlier(const PointPairs& pairs, double threshold) {
   return std::clamp(disc / std::max(box.volume(), disc), kLeast, kMost);
 }
 
+/// The homography between normalised coordinates, with the third coordinate positive at the centre
+/// of the reference points; none where it is no view of a plane from one side.
+std::optional<Eigen::Matrix3d> normalised(const Eigen::Matrix3d& pixel,
+                                          const ProsacPoints& points) {
+  constexpr double kSingular = 1e-12;  // the determinant, of entries of the order of 1
+  Eigen::Matrix3d h = points.target.matrix() * pixel * points.reference.inverse();
+  h /= h(2, 2);
+  if (!h.allFinite() || !(h.determinant() > kSingular)) return std::nullopt;
+  return h;
+}
+
 void clearModel(ProsacResult& result) {
   result.homography.setZero();
   std::fill(result.mask.begin(), result.mask.end(), std::uint8_t{0});
@@ -91,7 +104,16 @@ ProsacHomography& ProsacHomography::operator=(ProsacHomography&&) noexcept = def
 
 void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& reference_size,
                                 ProsacResult& result) {
+  estimate(pairs, reference_size, std::nullopt, result);
+}
+
+void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& reference_size,
+                                const std::optional<Eigen::Matrix3d>& initial,
+                                ProsacResult& result) {
   requireValid(pairs);
+  if (initial && !initial->allFinite()) {
+    throw std::invalid_argument("the initial homography has an entry that is not finite");
+  }
   reset(pairs.size(), result);
   if (pairs.size() < kSampleSize) {
     result.status = Status::too_few_matches;
@@ -100,7 +122,8 @@ void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& referen
   Workspace& work = *workspace_;
   work.points.load(pairs, options_.threshold);
   const double chance = chanceInlier(pairs, options_.threshold);
-  if (!work.search.run(work.points, options_, chance, result)) return;  // no_model
+  const auto start = initial ? normalised(*initial, work.points) : std::nullopt;
+  if (!work.search.run(work.points, options_, chance, start, result)) return;  // no_model
   Eigen::Matrix3d h = work.search.best();
   bool supported = false;
   if (refine(h, supported)) {

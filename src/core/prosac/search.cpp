@@ -13,22 +13,22 @@ constexpr std::size_t kSampleSize = 4;
 }  // namespace
 
 bool ProsacSearch::run(const ProsacPoints& points, const ProsacOptions& options,
-                       double chance_inlier, ProsacResult& result) {
+                       double chance_inlier, const std::optional<Eigen::Matrix3d>& initial,
+                       ProsacResult& result) {
   points_ = &points;
   random_ = Random(~options.seed);
   best_cost_ = std::numeric_limits<float>::infinity();
   stopping_.reset(points.size(), chance_inlier, options.confidence);
   ProsacSampler sampler(points.size(), options.max_iterations, options.seed);
   result.stop = ProsacStop::max_iterations;
+  if (initial && improve(*initial)) {
+    ++result.local_optimisations;
+    reconsiderStopping(sampler.drawn());
+  }
   while (sampler.drawn() < options.max_iterations) {
     if (improve(sampler.draw(stopping_.terminationLength()))) {
       ++result.local_optimisations;
-      findSupport();
-      stopping_.update(inlier_);
-      if (sampler.drawn() < stopping_.samplesNeeded() && sampleSupport() > 0) {
-        findSupport();
-        stopping_.update(inlier_);
-      }
+      reconsiderStopping(sampler.drawn());
     }
     if (sampler.drawn() < stopping_.samplesNeeded()) continue;
     result.stop = ProsacStop::maximality;
@@ -54,7 +54,10 @@ bool ProsacSearch::solve(const ProsacSample& sample, Eigen::Matrix3d& homography
 /// Takes the homography through the sample for the best, polished, if it is better.
 bool ProsacSearch::improve(const ProsacSample& sample) {
   Eigen::Matrix3d model;
-  if (!solve(sample, model)) return false;
+  return solve(sample, model) && improve(model);
+}
+
+bool ProsacSearch::improve(const Eigen::Matrix3d& model) {
   const float cost = msacCost(points_->scoring, model, points_->limit, best_cost_);
   if (cost >= best_cost_) return false;
   best_ = model;
@@ -77,6 +80,17 @@ void ProsacSearch::polish() {
     if (cost >= best_cost_) continue;
     best_cost_ = cost;
     best_ = candidate;
+  }
+}
+
+/// Tells the stopping rules of the new best model; where they want more samples, first tries some
+/// from its support.
+void ProsacSearch::reconsiderStopping(int drawn) {
+  findSupport();
+  stopping_.update(inlier_);
+  if (drawn < stopping_.samplesNeeded() && sampleSupport() > 0) {
+    findSupport();
+    stopping_.update(inlier_);
   }
 }
 

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/homography/refinement.h"
@@ -18,8 +19,9 @@ class ProsacSearch {
  public:
   /// Draws samples until both stopping rules are content or the budget is used up. Fills in
   /// `result` how that went; false where no sample gave a homography. `points`: at least four.
+  /// `initial`, if any, is scored before the first sample; between normalised coordinates.
   bool run(const ProsacPoints& points, const ProsacOptions& options, double chance_inlier,
-           ProsacResult& result);
+           const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
 
   /// The best homography, between normalised coordinates.
   const Eigen::Matrix3d& best() const { return best_; }
@@ -27,6 +29,8 @@ class ProsacSearch {
  private:
   bool solve(const ProsacSample& sample, Eigen::Matrix3d& homography) const;
   bool improve(const ProsacSample& sample);
+  bool improve(const Eigen::Matrix3d& model);
+  void reconsiderStopping(int drawn);
   void polish();
   void findSupport();
   int sampleSupport();
