@@ -4,6 +4,8 @@
 //   ns_per_pair      median time over N * N: CPU time for one thread, wall-clock time for two
 //   times_BFMatcher  how many times as fast as cv::BFMatcher on as many threads, medians of calls
 //                    that alternate
+//   times_one_way    mutual only: its time over that of the search in one direction, medians of
+//                    calls that alternate
 //
 // Descriptors are ORB's of the images in KTGP_ORB_DATA, or generated where that is not set.
 
@@ -79,6 +81,11 @@ void bruteForce(const cv::Mat& reference, const cv::Mat& target) {
   benchmark::DoNotOptimize(matches.data());
 }
 
+double median(std::vector<double>& v) {
+  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
+  return v[v.size() / 2];
+}
+
 /// Times `match` and reports it per pair and, if asked for, against BFMatcher.
 template <typename Match>
 void run(benchmark::State& state, const Frames& frames, bool beside_brute_force, Match match) {
@@ -103,14 +110,37 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
     match(reference, target);
     times.push_back(seconds(one_thread) - start);
   }
-  const auto median = [](std::vector<double>& v) {
-    std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-    return v[v.size() / 2];
-  };
   const double time = median(times);
   state.counters["ns_per_pair"] = time * 1e9 / n / n;
   if (!brute_force_times.empty())
     state.counters["times_BFMatcher"] = median(brute_force_times) / time;
+  state.SetLabel(frames.source);
+}
+
+/// Both directions beside one.
+void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& kernel) {
+  const auto n = static_cast<int>(state.range(0));
+  const bool one_thread = state.range(1) == 1;
+  const cv::Mat reference = frames.reference.rowRange(0, n);
+  const cv::Mat target = frames.target.rowRange(0, n);
+  KnnSearch search(kernel, static_cast<int>(state.range(1)));
+  std::vector<Correspondence> result;
+  std::vector<double> one_way_times;
+  std::vector<double> times;
+  search.matchMutual(reference, target, result);  // buffers grow, threads wake up
+  for (auto _ : state) {
+    state.PauseTiming();
+    double start = seconds(one_thread);
+    search.match(reference, target, result);
+    one_way_times.push_back(seconds(one_thread) - start);
+    state.ResumeTiming();
+    start = seconds(one_thread);
+    search.matchMutual(reference, target, result);
+    times.push_back(seconds(one_thread) - start);
+  }
+  const double time = median(times);
+  state.counters["ns_per_pair"] = time * 1e9 / n / n;
+  state.counters["times_one_way"] = time / median(one_way_times);
   state.SetLabel(frames.source);
 }
 
@@ -130,6 +160,8 @@ void registerAll(const Frames& frames) {
         search.match(reference, target, result);
       });
     });
+    add(std::string(kernel.name) + "/mutual",
+        [&frames, kernel](benchmark::State& state) { runMutual(state, frames, kernel); });
   }
   add("BFMatcher", [&frames](benchmark::State& state) { run(state, frames, false, bruteForce); });
   add("FlannLSH", [&frames](benchmark::State& state) {

@@ -22,6 +22,9 @@ struct Correspondence {
   std::int32_t distance = 0;          ///< d1, Hamming distance to the nearest, 0..256
   std::int32_t second_distance = 0;   ///< d2, Hamming distance to the second nearest, d1..256
   Level level = Level::knn;
+  /// Whether the target feature is also the nearest to the reference feature; false where nobody
+  /// asked (MatcherOptions::mutual).
+  bool mutual = false;
 
   /// W = d1/d2 (Eq. 3), also PROSAC's quality (Eq. 6, smaller is better). Two identical candidates
   /// (d2 = 0) are ambiguous: 1, which no threshold T_w <= 1 lets pass.

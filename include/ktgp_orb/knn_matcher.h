@@ -31,6 +31,13 @@ class KnnMatcher {
   void match(const cv::Mat& reference, const cv::Mat& target,
              std::vector<Correspondence>& correspondences);
 
+  /// As match, and marks the pairs of which each is the other's nearest (Correspondence::mutual).
+  /// Among target descriptors at equal distance from a reference descriptor the lower index is
+  /// the nearest. One pass over the distances finds both directions: about a tenth more time.
+  /// Memory: 10 bytes more per reference descriptor and thread.
+  void matchMutual(const cv::Mat& reference, const cv::Mat& target,
+                   std::vector<Correspondence>& correspondences);
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

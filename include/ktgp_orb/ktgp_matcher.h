@@ -20,7 +20,9 @@ namespace ktgp_orb {
 struct MatcherOptions {
   KnnOptions knn;
   double ratio_threshold = kDefaultRatioThreshold;  ///< T_w, in (0, 1]
-  GmsOptions gms;                                   ///< gms.threshold is T_G
+  /// Whether TF also wants each of a pair to be the other's nearest; not in the paper.
+  bool mutual = false;
+  GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
 };
 

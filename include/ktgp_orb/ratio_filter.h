@@ -11,8 +11,11 @@ namespace ktgp_orb {
 constexpr double kDefaultRatioThreshold = 0.66;
 
 /// Threshold filtering (TF, Eq. 3): raises every correspondence with W = d1/d2 < `threshold`,
-/// strictly, from Level::knn to Level::kt and returns how many those are.
-/// `threshold` T_w in (0, 1], else std::invalid_argument.
-std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences);
+/// strictly, from Level::knn to Level::kt and returns how many those are. With `mutual` only those
+/// of which each is the other's nearest (see KnnMatcher::matchMutual).
+/// `threshold` T_w in (0, 1], else std::invalid_argument. T_w = 1 leaves nothing out but those
+/// whose two nearest are equally near: which of the two is meant no distance can tell.
+std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences,
+                          bool mutual = false);
 
 }  // namespace ktgp_orb

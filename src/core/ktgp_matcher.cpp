@@ -48,11 +48,16 @@ void KtgpMatcher::match(const Features& reference, const Features& target,
   auto& correspondences = result.correspondences;
 
   timeStage(knn, "knn", target.size(), [&] {
-    knn_.match(reference.descriptors, target.descriptors, correspondences);
+    if (options_.mutual) {
+      knn_.matchMutual(reference.descriptors, target.descriptors, correspondences);
+    } else {
+      knn_.match(reference.descriptors, target.descriptors, correspondences);
+    }
     return correspondences.size();
   });
-  timeStage(tf, "tf", knn.output,
-            [&] { return filterByRatio(options_.ratio_threshold, correspondences); });
+  timeStage(tf, "tf", knn.output, [&] {
+    return filterByRatio(options_.ratio_threshold, correspondences, options_.mutual);
+  });
   timeStage(gms, "gms", tf.output, [&] {
     result.gms = gms_.filter(reference, target, correspondences);
     return result.gms.kept;

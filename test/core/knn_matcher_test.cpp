@@ -55,10 +55,20 @@ std::vector<Correspondence> naive(const cv::Mat& reference, const cv::Mat& targe
   return all;
 }
 
+/// The definition of mutual: the pairs that two searches agree on.
+std::vector<Correspondence> naiveMutual(const cv::Mat& reference, const cv::Mat& target) {
+  std::vector<Correspondence> forth = naive(reference, target);
+  const std::vector<Correspondence> back = naive(target, reference);
+  for (Correspondence& c : forth) {
+    c.mutual = back[static_cast<std::size_t>(c.reference_index)].reference_index == c.target_index;
+  }
+  return forth;
+}
+
 std::string toString(const Correspondence& c) {
   return std::to_string(c.target_index) + " -> " + std::to_string(c.reference_index) + " at " +
          std::to_string(c.distance) + ", second " + std::to_string(c.second_distance) + ", level " +
-         std::to_string(static_cast<int>(c.level));
+         std::to_string(static_cast<int>(c.level)) + (c.mutual ? ", mutual" : "");
 }
 
 ::testing::AssertionResult same(const std::vector<Correspondence>& actual,
@@ -110,6 +120,11 @@ class KnnKernels : public ::testing::TestWithParam<KnnKernel> {
  protected:
   std::vector<Correspondence> match(const cv::Mat& reference, const cv::Mat& target) {
     search_.match(reference, target, result_);
+    return result_;
+  }
+
+  std::vector<Correspondence> matchMutual(const cv::Mat& reference, const cv::Mat& target) {
+    search_.matchMutual(reference, target, result_);
     return result_;
   }
 
@@ -246,6 +261,60 @@ TEST_P(KnnKernels, ReadMatricesWithGapsBetweenRows) {
   }
 }
 
+TEST_P(KnnKernels, FindMutualPairsAtEverySize) {
+  // Few different descriptors on one side, all different on the other; then ties on both.
+  const cv::Mat varied = generator_.descriptors(200);
+  cv::Mat repeated = generator_.duplicates(200, 40);
+  varied.rowRange(60, 130).copyTo(repeated.rowRange(100, 170));
+  for (int n = 0; n <= 200; ++n) {
+    const cv::Mat few = varied.rowRange(0, n);
+    for (const cv::Mat& other : {repeated, repeated.rowRange(0, n), repeated.rowRange(0, 5)}) {
+      ASSERT_TRUE(same(matchMutual(few, other), naiveMutual(few, other))) << n;
+      ASSERT_TRUE(same(matchMutual(other, few), naiveMutual(other, few))) << n;
+    }
+    const cv::Mat tied = repeated.rowRange(200 - n, 200);
+    ASSERT_TRUE(same(matchMutual(tied, repeated), naiveMutual(tied, repeated))) << n;
+  }
+}
+
+TEST_P(KnnKernels, FindMutualPairsAcrossBlocksAndChunks) {
+  for (int m : blockSizes()) {
+    const cv::Mat reference = generator_.duplicates(m, m / 2);
+    cv::Mat target = generator_.descriptors(131);
+    reference.rowRange(m - 60, m).copyTo(target.rowRange(60, 120));
+    ASSERT_TRUE(same(matchMutual(reference, target), naiveMutual(reference, target))) << m;
+  }
+}
+
+TEST_P(KnnKernels, TakeTheLowestTargetWhereAllAreEqual) {
+  for (int m : {1, 2, 63, 64, 65, 130}) {
+    for (std::uint8_t value : {0x00, 0x5a, 0xff}) {
+      const cv::Mat reference = Generator::descriptors(m, [](int, int) { return 0xff; });
+      const cv::Mat target = Generator::descriptors(200, [value](int, int) { return value; });
+      const std::vector<Correspondence> pairs = matchMutual(reference, target);
+      ASSERT_TRUE(same(pairs, naiveMutual(reference, target))) << m << " at " << int{value};
+      ASSERT_TRUE(pairs.front().mutual);
+    }
+  }
+}
+
+TEST_P(KnnKernels, FindTheSameMutualPairsForAnyNumberOfThreads) {
+  const cv::Mat reference = generator_.duplicates(1500, 1000);
+  cv::Mat target = generator_.duplicates(777, 500);
+  reference.rowRange(300, 700).copyTo(target.rowRange(200, 600));
+  const std::vector<Correspondence> expected = naiveMutual(reference, target);
+  for (int threads : {1, 2, 3, 8}) {
+    KnnSearch search(GetParam(), threads);
+    std::vector<Correspondence> result;
+    for (int repetition = 0; repetition < 5; ++repetition) {
+      search.matchMutual(reference, target, result);
+      ASSERT_TRUE(same(result, expected)) << threads << " threads";
+    }
+    search.match(reference, target, result);
+    ASSERT_TRUE(same(result, naive(reference, target))) << "marks nothing when not asked to";
+  }
+}
+
 TEST_P(KnnKernels, GiveTheSameForAnyNumberOfThreads) {
   const cv::Mat reference = generator_.duplicates(3000, 2000);
   const cv::Mat target = generator_.descriptors(777);
@@ -266,11 +335,13 @@ TEST_P(KnnKernels, AllocateNothingInSteadyState) {
   for (int threads : {1, 3}) {
     KnnSearch search(GetParam(), threads);
     std::vector<Correspondence> result;
-    search.match(reference, target, result);
+    search.matchMutual(reference, target, result);
     const test::AllocationCounter allocations;
     for (int n : {1000, 3, 0, 999}) {
       search.match(reference.rowRange(0, n), target, result);
       search.match(reference, target.rowRange(0, n), result);
+      search.matchMutual(reference.rowRange(0, n), target, result);
+      search.matchMutual(reference, target.rowRange(0, n), result);
     }
     EXPECT_EQ(allocations.count(), 0u) << threads << " threads";
   }

@@ -60,6 +60,29 @@ TEST(RatioFilter, CountsWhatItKeepsForEverySize) {
   }
 }
 
+TEST(RatioFilter, KeepsOnlyMutualPairsWhereAskedTo) {
+  const auto pairs = [] {
+    std::vector<Correspondence> c{pair(3, 10), pair(3, 10), pair(9, 10), pair(9, 10)};
+    c[0].mutual = c[2].mutual = true;
+    return c;
+  };
+  std::vector<Correspondence> c = pairs();
+  EXPECT_EQ(filterByRatio(0.5, c, true), 1u);
+  EXPECT_EQ(c[0].level, Level::kt);
+  c = pairs();
+  EXPECT_EQ(filterByRatio(1.0, c, true), 2u);
+  EXPECT_EQ(c[2].level, Level::kt);
+  c = pairs();
+  EXPECT_EQ(filterByRatio(0.5, c, false), 2u);
+}
+
+TEST(RatioFilter, DropsEquallyNearCandidatesAtEveryThresholdMutualOrNot) {
+  std::vector<Correspondence> c{pair(10, 10), pair(0, 0), pair(9, 10)};
+  for (Correspondence& x : c) x.mutual = true;
+  EXPECT_EQ(filterByRatio(1.0, c, true), 1u);
+  EXPECT_EQ(c[2].level, Level::kt);
+}
+
 TEST(RatioFilter, RefusesAThresholdOutsideItsRange) {
   std::vector<Correspondence> c;
   for (double bad : {0.0, -0.1, 1.01, std::numeric_limits<double>::quiet_NaN()}) {

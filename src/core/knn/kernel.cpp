@@ -1,81 +1,108 @@
+// The inner loop in plain C++, the definition of what the vector kernels compute. Its loops run
+// over the lanes of a row in steps that the compiler turns into the vectors of any processor.
 #include "core/knn/kernel.h"
 
+#include <algorithm>
 #include <cstddef>
+#include <cstring>
 
 namespace ktgp_orb {
 namespace {
 
-// Sixteen bytes, which every 64-bit processor has vectors for. The compiler's own vector type keeps
-// this independent of the processor; 16-bit lanes because SSE2 cannot shift bytes.
-using Words __attribute__((vector_size(16))) = std::uint16_t;
-using Keys __attribute__((vector_size(16))) = std::int16_t;
-
-constexpr std::ptrdiff_t kRowBytes = sizeof(Words);
-constexpr int kLanes = kRowBytes / 2;
+constexpr int kLanes = 32;
+constexpr std::ptrdiff_t kRowBytes = std::ptrdiff_t{2} * kLanes;
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
-Words load(const std::uint8_t* row) {
-  return *reinterpret_cast<const Words*>(row);
+/// A row of a group: two bytes, one of either half, in each of its words.
+struct Row {
+  std::uint16_t lane[kLanes];
+};
+
+Row load(const std::uint8_t* row) {
+  Row words;
+  std::memcpy(&words, row, sizeof(words));
+  return words;
 }
 
-/// Number of bits set in every byte: sums of neighbouring bits, then pairs, then nibbles.
-Words countBits(Words v) {
-  v = v - ((v >> 1) & 0x5555);
-  v = (v & 0x3333) + ((v >> 2) & 0x3333);
-  return (v + (v >> 4)) & 0x0f0f;
+/// Number of bits set in either byte: sums of neighbouring bits, then pairs, then nibbles.
+std::uint16_t countBits(std::uint16_t v) {
+  v = static_cast<std::uint16_t>(v - ((v >> 1) & 0x5555));
+  v = static_cast<std::uint16_t>((v & 0x3333) + ((v >> 2) & 0x3333));
+  return static_cast<std::uint16_t>((v + (v >> 4)) & 0x0f0f);
 }
 
 /// Sums of the distances in kRowsPerSum rows from `first`.
-Words sumRows(const std::uint8_t* group, int first, const Words* query) {
-  Words sum = {};
+Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor) {
+  Row sum{};
   for (int b = first; b < first + kRowsPerSum; ++b) {
-    sum += countBits(load(group + b * kRowBytes) ^ query[b]);
+    const Row row = load(group + b * kRowBytes);
+    const auto query = static_cast<std::uint16_t>(descriptor[b] * 0x0101);
+    for (int i = 0; i < kLanes; ++i) {
+      sum.lane[i] = static_cast<std::uint16_t>(
+          sum.lane[i] + countBits(static_cast<std::uint16_t>(row.lane[i] ^ query)));
+    }
   }
   return sum;
 }
 
-Keys minimum(Keys a, Keys b) {
-  return a < b ? a : b;
-}
-
-Keys maximum(Keys a, Keys b) {
-  return a < b ? b : a;
-}
-
-void scanOne(const std::uint8_t* block, int group_count, const std::uint8_t* descriptor,
-             LaneKeys& keys) {
-  Words query[kDescriptorBytes];
-  for (int b = 0; b < kDescriptorBytes; ++b) {
-    query[b] = Words{} + static_cast<std::uint16_t>(descriptor[b] * 0x0101);
+/// Takes the distances of one half group into the best two keys of every lane.
+void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
+  for (int i = 0; i < kLanes; ++i) {
+    const auto key =
+        static_cast<std::int16_t>((distance.lane[i] << kKeyNumberBits) | number.lane[i]);
+    keys.second[i] = std::min(keys.second[i], std::max(keys.best[i], key));
+    keys.best[i] = std::min(keys.best[i], key);
   }
-  Keys best = Keys{} + kNoKey;
-  Keys second = best;
+}
+
+/// The same distances the other way round: the nearest query of every candidate.
+void addQuery(const Row& distance, int query, std::int16_t* nearest_queries) {
+  for (int i = 0; i < kLanes; ++i) {
+    const auto key = static_cast<std::int16_t>((distance.lane[i] << kKeyNumberBits) | query);
+    nearest_queries[i] = std::min(nearest_queries[i], key);
+  }
+}
+
+template <bool kBothWays>
+void scanOne(const std::uint8_t* block, int group_count, const std::uint8_t* descriptor,
+             [[maybe_unused]] int query, LaneKeys& result,
+             [[maybe_unused]] std::int16_t* nearest_queries) {
+  LaneKeys keys;
+  std::fill_n(keys.best, kLanes, kNoKey);
+  std::fill_n(keys.second, kLanes, kNoKey);
   for (int g = 0; g < group_count; ++g) {
     const std::uint8_t* group = block + g * kGroupBytes;
-    const Words front = sumRows(group, 0, query);
-    const Words back = sumRows(group, kRowsPerSum, query);
-    const Words distances[2] = {(front & 0xff) + (back & 0xff), (front >> 8) + (back >> 8)};
-    for (int half = 0; half < 2; ++half) {
-      const Words number = load(group + (kDescriptorBytes + half) * kRowBytes);
-      const Keys key = reinterpret_cast<Keys>((distances[half] << kKeyNumberBits) | number);
-      second = minimum(second, maximum(best, key));
-      best = minimum(best, key);
+    const Row front = sumRows(group, 0, descriptor);
+    const Row back = sumRows(group, kRowsPerSum, descriptor);
+    Row even;
+    Row odd;
+    for (int i = 0; i < kLanes; ++i) {
+      even.lane[i] = static_cast<std::uint16_t>((front.lane[i] & 0xff) + (back.lane[i] & 0xff));
+      odd.lane[i] = static_cast<std::uint16_t>((front.lane[i] >> 8) + (back.lane[i] >> 8));
+    }
+    addHalf(even, load(group + kDescriptorBytes * kRowBytes), keys);
+    addHalf(odd, load(group + (kDescriptorBytes + 1) * kRowBytes), keys);
+    if constexpr (kBothWays) {
+      addQuery(even, query, nearest_queries + std::ptrdiff_t{2} * g * kLanes);
+      addQuery(odd, query, nearest_queries + (std::ptrdiff_t{2} * g + 1) * kLanes);
     }
   }
-  *reinterpret_cast<Keys*>(keys.best) = best;
-  *reinterpret_cast<Keys*>(keys.second) = second;
+  result = keys;
 }
 
-void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, LaneKeys* keys) {
+template <bool kBothWays>
+void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, LaneKeys* keys,
+          std::int16_t* nearest_queries) {
   for (int q = 0; q < kQueriesPerPass; ++q) {
-    scanOne(block, group_count, queries.descriptor[q], keys[q]);
+    scanOne<kBothWays>(block, group_count, queries.descriptor[q], queries.first_number + q, keys[q],
+                       nearest_queries);
   }
 }
 
 }  // namespace
 
 KnnKernel portableKnnKernel() {
-  return {"portable", kLanes, &scan};
+  return {"portable", kLanes, &scan<false>, &scan<true>};
 }
 
 std::vector<KnnKernel> supportedKnnKernels() {

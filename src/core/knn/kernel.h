@@ -18,6 +18,9 @@ namespace ktgp_orb {
 //   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key is the
 //            nearer candidate and, at equal distance, the one with the lower index. Min and max
 //            keep the best two of every lane without a branch.
+//
+// The other direction, each candidate's nearest query, comes from the same distances: with the
+// query's number in its chunk in the place of the half group, one more minimum per candidate.
 
 constexpr int kKeyNumberBits = 6;
 constexpr int kGroupsPerBlock = (1 << kKeyNumberBits) / 2;
@@ -30,12 +33,15 @@ constexpr int kRowsPerGroup = kDescriptorBytes + 2;
 constexpr int kRowsPerSum = kDescriptorBytes / 2;
 /// Queries that share a pass over a block and so every row that is read and split.
 constexpr int kQueriesPerPass = 4;
+/// Queries that the keys of one chunk can number.
+constexpr int kMaxQueriesPerChunk = 1 << kKeyNumberBits;
 /// 16-bit lanes of the widest kernel (512 bits).
 constexpr int kMaxLanes = 32;
 
 /// The queries of a pass: 32 bytes each, of any alignment.
 struct QueryPass {
   const std::uint8_t* descriptor[kQueriesPerPass];
+  int first_number;  ///< of the first in its chunk; the others follow
 };
 
 /// The best two keys of every lane, for one query.
@@ -45,12 +51,16 @@ struct LaneKeys {
 };
 
 struct KnnKernel {
-  const char* name;  ///< "portable", or Highway's name of the target such as "AVX2"
-  int lanes;         ///< 16-bit lanes; a row has twice as many bytes
   /// Searches the first `group_count` groups of `block` (64-byte aligned) for the queries of a
-  /// pass; `keys` has kQueriesPerPass entries, of which the first `lanes` lanes are written.
-  void (*scan)(const std::uint8_t* block, int group_count, const QueryPass& queries,
-               LaneKeys* keys);
+  /// pass. `keys` has kQueriesPerPass entries, of which the first `lanes` lanes are written.
+  /// `nearest_queries`: see scan_both_ways.
+  using Scan = void (*)(const std::uint8_t* block, int group_count, const QueryPass& queries,
+                        LaneKeys* keys, std::int16_t* nearest_queries);
+
+  const char* name;     ///< "portable", or Highway's name of the target such as "AVX2"
+  int lanes;            ///< 16-bit lanes; a row has twice as many bytes
+  Scan scan;            ///< ignores `nearest_queries`
+  Scan scan_both_ways;  ///< lowers `nearest_queries` (64-byte aligned): one key a candidate
 };
 
 /// Plain C++ that needs neither Highway nor a popcount instruction.

@@ -111,16 +111,37 @@ struct BestTwo {
 
   BestTwo() : best(hn::Set(kKeys, kNoKey)), second(best) {}
 
-  void add(Words distance, const std::uint8_t* number_row) {
-    const Words number = hn::Load(kWords, reinterpret_cast<const std::uint16_t*>(number_row));
-    const Keys key = hn::BitCast(kKeys, hn::Or(hn::ShiftLeft<kKeyNumberBits>(distance), number));
+  HWY_INLINE void add(Keys key) {
     second = hn::Min(second, hn::Max(best, key));
     best = hn::Min(best, key);
   }
 };
 
+/// Takes the distances of one half group, one row for each query, into the best two of the queries.
+HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, BestTwo* best_two) {
+  const Words number = hn::Load(kWords, reinterpret_cast<const std::uint16_t*>(number_row));
+  for (int q = 0; q < kQueriesPerPass; ++q) {
+    const Words distance = hn::ShiftLeft<kKeyNumberBits>(distances[q]);
+    best_two[q].add(hn::BitCast(kKeys, hn::Or(distance, number)));
+  }
+}
+
+/// The other way round: into the nearest query of each candidate.
+HWY_INLINE void addQueries(const Words* distances, int first_number,
+                           std::int16_t* HWY_RESTRICT nearest_queries) {
+  Keys nearest = hn::Load(kKeys, nearest_queries);
+  for (int q = 0; q < kQueriesPerPass; ++q) {
+    const Words distance = hn::ShiftLeft<kKeyNumberBits>(distances[q]);
+    const Words query = hn::Set(kWords, static_cast<std::uint16_t>(first_number + q));
+    nearest = hn::Min(nearest, hn::BitCast(kKeys, hn::Or(distance, query)));
+  }
+  hn::Store(nearest, kKeys, nearest_queries);
+}
+
+template <bool kBothWays>
 void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPass& pass,
-          LaneKeys* HWY_RESTRICT keys) {
+          LaneKeys* HWY_RESTRICT keys,
+          [[maybe_unused]] std::int16_t* HWY_RESTRICT nearest_queries) {
   Query queries[kQueriesPerPass];
   BestTwo best_two[kQueriesPerPass];
   for (int q = 0; q < kQueriesPerPass; ++q) queries[q].set(pass.descriptor[q]);
@@ -131,13 +152,21 @@ void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPa
     Bytes back[kQueriesPerPass];
     sumRows(group, 0, queries, front);
     sumRows(group, kRowsPerSum, queries, back);
+    Words even[kQueriesPerPass];
+    Words odd[kQueriesPerPass];
     for (int q = 0; q < kQueriesPerPass; ++q) {
       const Words f = hn::BitCast(kWords, front[q]);
       const Words b = hn::BitCast(kWords, back[q]);
-      const Words even = hn::Add(hn::And(f, low_byte), hn::And(b, low_byte));
-      const Words odd = hn::Add(hn::ShiftRight<8>(f), hn::ShiftRight<8>(b));
-      best_two[q].add(even, group + kDescriptorBytes * kRowBytes);
-      best_two[q].add(odd, group + (kDescriptorBytes + 1) * kRowBytes);
+      even[q] = hn::Add(hn::And(f, low_byte), hn::And(b, low_byte));
+      odd[q] = hn::Add(hn::ShiftRight<8>(f), hn::ShiftRight<8>(b));
+    }
+    const std::uint8_t* numbers = group + kDescriptorBytes * kRowBytes;
+    addHalf(even, numbers, best_two);
+    addHalf(odd, numbers + kRowBytes, best_two);
+    if constexpr (kBothWays) {
+      std::int16_t* nearest = nearest_queries + std::ptrdiff_t{2} * g * kLanes;
+      addQueries(even, pass.first_number, nearest);
+      addQueries(odd, pass.first_number, nearest + kLanes);
     }
   }
   for (int q = 0; q < kQueriesPerPass; ++q) {
@@ -149,7 +178,7 @@ void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPa
 }  // namespace
 
 KnnKernel knnKernel() {
-  return {hwy::TargetName(HWY_TARGET), kLanes, &scan};
+  return {hwy::TargetName(HWY_TARGET), kLanes, &scan<false>, &scan<true>};
 }
 
 }  // namespace HWY_NAMESPACE

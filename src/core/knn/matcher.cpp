@@ -21,4 +21,9 @@ void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
   impl_->search.match(reference, target, correspondences);
 }
 
+void KnnMatcher::matchMutual(const cv::Mat& reference, const cv::Mat& target,
+                             std::vector<Correspondence>& correspondences) {
+  impl_->search.matchMutual(reference, target, correspondences);
+}
+
 }  // namespace ktgp_orb

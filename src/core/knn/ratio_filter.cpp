@@ -4,13 +4,15 @@
 
 namespace ktgp_orb {
 
-std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences) {
+std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences,
+                          bool mutual) {
   if (!(threshold > 0.0 && threshold <= 1.0)) {
     throw std::invalid_argument("ratio_threshold is " + std::to_string(threshold) +
                                 "; expected a value in (0, 1]");
   }
   std::size_t kept = 0;
   for (Correspondence& c : correspondences) {
+    if (mutual && !c.mutual) continue;
     // The quotient, not d1 < T_w * d2: the product rounds differently where W equals T_w.
     if (c.level != Level::knn || c.ratio() >= threshold) continue;
     c.level = Level::kt;

@@ -1,6 +1,7 @@
 #include "core/knn/search.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 
 #include "ktgp_orb/features.h"
@@ -11,6 +12,7 @@ namespace {
 // Queries that one thread takes at a time: enough to read a block from the cache many times over,
 // few enough to divide a frame evenly.
 constexpr int kQueriesPerChunk = 64;
+static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 
 constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above any distance
 
@@ -67,28 +69,52 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
 
 }  // namespace
 
-KnnSearch::KnnSearch(const KnnKernel& kernel, int threads) : kernel_(kernel), pool_(threads) {}
+KnnSearch::KnnSearch(const KnnKernel& kernel, int threads)
+    : kernel_(kernel), pool_(threads), nearest_queries_(pool_.threads()) {}
 
 void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target,
                       std::vector<Correspondence>& correspondences) {
+  if (!prepare(reference, target, correspondences)) return;
+  pool_.parallelFor(ceilDivide(target.rows, kQueriesPerChunk), [&](int chunk) {
+    searchChunk(target, chunk, correspondences.data(), nullptr);
+  });
+}
+
+void KnnSearch::matchMutual(const cv::Mat& reference, const cv::Mat& target,
+                            std::vector<Correspondence>& correspondences) {
+  if (!prepare(reference, target, correspondences)) return;
+  const int chunks = ceilDivide(target.rows, kQueriesPerChunk);
+  std::atomic<int> next_chunk{0};
+  pool_.parallelFor(pool_.threads(), [&](int thread) {
+    NearestQueries& nearest = nearest_queries_[static_cast<std::size_t>(thread)];
+    nearest.reset(group_count_ * 2 * kernel_.lanes);
+    for (int chunk = next_chunk++; chunk < chunks; chunk = next_chunk++) {
+      searchChunk(target, chunk, correspondences.data(), &nearest);
+      nearest.takeChunk(chunk * kQueriesPerChunk);
+    }
+  });
+  NearestQueries& nearest = nearest_queries_.front();
+  for (std::size_t i = 1; i < nearest_queries_.size(); ++i) nearest.take(nearest_queries_[i]);
+  for (Correspondence& c : correspondences) {
+    c.mutual = nearest.query(c.reference_index) == c.target_index;
+  }
+}
+
+bool KnnSearch::prepare(const cv::Mat& reference, const cv::Mat& target,
+                        std::vector<Correspondence>& correspondences) {
   requireDescriptors(reference, "reference");
   requireDescriptors(target, "target");
   correspondences.clear();
-  if (reference.empty() || target.empty()) return;
+  if (reference.empty() || target.empty()) return false;
   layOut(reference);
   correspondences.resize(static_cast<std::size_t>(target.rows));
-  pool_.parallelFor(ceilDivide(target.rows, kQueriesPerChunk), [&](int chunk) {
-    const int first = chunk * kQueriesPerChunk;
-    const int end = std::min(first + kQueriesPerChunk, target.rows);
-    searchChunk(target, first, end, correspondences.data());
-  });
-  if (reference.rows > 1) return;
-  for (Correspondence& c : correspondences) c.second_distance = 0;
+  return true;
 }
 
 void KnnSearch::layOut(const cv::Mat& reference) {
   const std::ptrdiff_t group_bytes = groupBytes(kernel_);
-  group_count_ = ceilDivide(reference.rows, 2 * kernel_.lanes);
+  candidates_ = reference.rows;
+  group_count_ = ceilDivide(candidates_, 2 * kernel_.lanes);
   const auto bytes = static_cast<std::size_t>(group_count_ * group_bytes);
   groups_.resize((bytes + sizeof(CacheLine) - 1) / sizeof(CacheLine));
   std::uint8_t* groups = groups_.front().bytes;
@@ -97,26 +123,34 @@ void KnnSearch::layOut(const cv::Mat& reference) {
   }
 }
 
-void KnnSearch::searchChunk(const cv::Mat& target, int first, int end,
-                            Correspondence* correspondences) {
+void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
+                            NearestQueries* nearest_queries) {
+  const int first = chunk * kQueriesPerChunk;
+  const int end = std::min(first + kQueriesPerChunk, target.rows);
   for (int t = first; t < end; ++t) {
-    correspondences[t] = {-1, t, kNoDistance, kNoDistance, Level::knn};
+    correspondences[t] = {-1, t, kNoDistance, kNoDistance, Level::knn, false};
   }
-  const std::uint8_t* groups = groups_.front().bytes;
+  const KnnKernel::Scan scan = nearest_queries != nullptr ? kernel_.scan_both_ways : kernel_.scan;
   for (int g = 0; g < group_count_; g += kGroupsPerBlock) {
-    const std::uint8_t* block = groups + g * groupBytes(kernel_);
+    const std::uint8_t* block = groups_.front().bytes + g * groupBytes(kernel_);
+    std::int16_t* nearest_keys =
+        nearest_queries != nullptr ? nearest_queries->keys() + std::ptrdiff_t{2} * g * kernel_.lanes
+                                   : nullptr;
     for (int t = first; t < end; t += kQueriesPerPass) {
       QueryPass queries;
+      queries.first_number = t - first;
       for (int q = 0; q < kQueriesPerPass; ++q) {
         queries.descriptor[q] = target.ptr(std::min(t + q, end - 1));  // the last fills up the pass
       }
       LaneKeys keys[kQueriesPerPass];
-      kernel_.scan(block, std::min(kGroupsPerBlock, group_count_ - g), queries, keys);
+      scan(block, std::min(kGroupsPerBlock, group_count_ - g), queries, keys, nearest_keys);
       for (int q = 0; q < std::min(kQueriesPerPass, end - t); ++q) {
         merge(keys[q], kernel_.lanes, 2 * g, correspondences[t + q]);
       }
     }
   }
+  if (candidates_ > 1) return;
+  for (int t = first; t < end; ++t) correspondences[t].second_distance = 0;  // there is no second
 }
 
 }  // namespace ktgp_orb

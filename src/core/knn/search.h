@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/knn/kernel.h"
+#include "core/knn/nearest_queries.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 
@@ -20,19 +21,25 @@ class KnnSearch {
   void match(const cv::Mat& reference, const cv::Mat& target,
              std::vector<Correspondence>& correspondences);
 
- private:
-  /// Keeps every row of the layout aligned to the widest vector.
-  struct alignas(64) CacheLine {
-    std::uint8_t bytes[64];
-  };
+  /// See KnnMatcher::matchMutual.
+  void matchMutual(const cv::Mat& reference, const cv::Mat& target,
+                   std::vector<Correspondence>& correspondences);
 
+ private:
+  /// Makes room and lays out the reference; false where there is nothing to search.
+  bool prepare(const cv::Mat& reference, const cv::Mat& target,
+               std::vector<Correspondence>& correspondences);
   void layOut(const cv::Mat& reference);
-  void searchChunk(const cv::Mat& target, int first, int end, Correspondence* correspondences);
+  /// Searches for the targets of one chunk; both ways where `nearest_queries` is given.
+  void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
+                   NearestQueries* nearest_queries);
 
   KnnKernel kernel_;
   ThreadPool pool_;
+  int candidates_ = 0;  // reference descriptors
   int group_count_ = 0;
-  std::vector<CacheLine> groups_;  // the reference as described in knn_kernel.h
+  std::vector<CacheLine> groups_;                // the reference as described in kernel.h
+  std::vector<NearestQueries> nearest_queries_;  // one for each thread
 };
 
 }  // namespace ktgp_orb
