@@ -1,14 +1,13 @@
 #!/usr/bin/python3
-"""ktgp_evaluate --bag on the demo bag, whose truth is in it: bag_evaluation_test.py TOOL BAG"""
+"""ktgp_evaluate --bag on the demo bag, whose truth is in it."""
 
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import unittest
 
-TOOL, BAG = sys.argv[1:3]
+TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
 
 
 class BagEvaluationTest(unittest.TestCase):
@@ -39,8 +38,3 @@ class BagEvaluationTest(unittest.TestCase):
         run = self.evaluate('no_such.bag')
         self.assertNotEqual(run.returncode, 0)
         self.assertIn('no_such.bag', run.stderr)
-
-
-if __name__ == '__main__':
-    import rosunit
-    rosunit.unitrun('ktgp_orb', 'bag_evaluation', BagEvaluationTest, sys.argv)

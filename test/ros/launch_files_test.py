@@ -81,8 +81,3 @@ class LaunchFilesTest(unittest.TestCase):
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
             self.assertNotEqual(result.returncode, 0)
             self.assertIn('/no/such/file.bag', result.stdout)
-
-
-if __name__ == '__main__':
-    import rosunit
-    rosunit.unitrun('ktgp_orb', 'launch_files', LaunchFilesTest, sys.argv)

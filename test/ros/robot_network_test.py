@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Camera and matcher on two machines, played by two network namespaces: the link is cut for ten
-seconds and restored, and the matching resumes by itself. Needs root and the ip program.
+seconds and restored, and the matching resumes by itself. Skipped, with the reason, where no network
+namespace is to be had.
 
 robot_network_test.py [camera | listener]: the parts that run inside the namespaces.
 """
@@ -39,10 +40,35 @@ def interface(side):
     return 'kt%d%s' % (os.getpid() % 100000, side[0])
 
 
+def skip_reason():
+    """Why network namespaces cannot be used here, or None: what the test does is tried."""
+    if shutil.which('ip') is None:
+        return 'network namespaces need the program ip (iproute2)'
+    try:
+        network = Network()
+    except subprocess.CalledProcessError as error:
+        return 'no network namespaces here: "%s" is refused%s' % (
+            ' '.join(error.cmd), '' if os.geteuid() == 0 else ' (not root)')
+    try:
+        for side in ADDRESSES:
+            if network.run(side, 'true').wait() != 0:
+                return 'no network namespaces here: "ip netns exec" is refused'
+    finally:
+        network.close()
+    return None
+
+
 class Network:
     """Two namespaces joined by a cable."""
 
     def __init__(self):
+        try:
+            self.build()
+        except subprocess.CalledProcessError:
+            self.close()
+            raise
+
+    def build(self):
         for side in ADDRESSES:
             ip('netns', 'add', namespace(side))
         ip('link', 'add', interface('camera'), 'type', 'veth', 'peer', 'name', interface('matcher'))
@@ -67,7 +93,7 @@ class Network:
 
     def close(self):
         for side in ADDRESSES:
-            subprocess.call(['ip', 'netns', 'delete', namespace(side)])
+            subprocess.call(['ip', 'netns', 'delete', namespace(side)], stderr=subprocess.DEVNULL)
 
 
 def run_camera():
@@ -158,13 +184,4 @@ class NetworkTest(unittest.TestCase):
 
 if __name__ == '__main__':
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-    if sys.argv[1:2] == ['camera']:
-        run_camera()
-    elif sys.argv[1:2] == ['listener']:
-        run_listener()
-    elif os.geteuid() != 0 or shutil.which('ip') is None:
-        print('skipped: network namespaces need root and the ip program (iproute2)')
-        sys.exit(77)
-    else:
-        import rosunit
-        rosunit.unitrun('ktgp_orb', 'robot_network', NetworkTest)
+    {'camera': run_camera, 'listener': run_listener}[sys.argv[1]]()
