@@ -142,7 +142,8 @@ sensor_msgs::ImagePtr toOverlay(const Frame& reference, const Frame& target,
                                 const MatchResult& result) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
-  drawOverlay({reference.grey, reference.features}, {target.grey, target.features}, result, canvas);
+  drawOverlay({reference.grey, reference.features}, {target.grey, target.features}, result,
+              OverlayStyle::flow, canvas);
   message->header = target.message->header;
   message->encoding = "bgr8";
   message->height = static_cast<std::uint32_t>(canvas.rows);

@@ -248,7 +248,7 @@ void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome));
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
-    drawOverlay(reference, target, outcome.result, canvas);
+    drawOverlay(reference, target, outcome.result, OverlayStyle::side_by_side, canvas);
     writeImage(arguments.draw, canvas);
   }
   if (!arguments.draw_stages.empty()) {
@@ -272,8 +272,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("--json", arguments.json, "write everything that is known about the pair");
   file("--csv", arguments.csv, "write a row per nearest neighbour, with the last stage it passed");
   file("--draw", arguments.draw,
-       "write the overlay: yellow = final match, magenta = removed by PROSAC, orange = by GMS, "
-       "red dot = by the ratio filter");
+       "write both images side by side: yellow = final match, purple = removed by PROSAC, "
+       "blue = by GMS, grey = by the ratio filter");
   file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
   file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
   addPipelineOptions(app, arguments.pipeline);

@@ -1,0 +1,85 @@
+#include "core/overlay/flow.h"
+
+#include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/homography/checks.h"
+#include "core/overlay/canvas.h"
+#include "core/overlay/palette.h"
+#include "core/overlay/text.h"
+
+namespace ktgp_orb {
+namespace {
+
+// Positions are drawn to a sixteenth of a pixel, or slow motion would jump.
+constexpr int kFractionBits = 4;
+
+cv::Point subpixel(double x, double y) {
+  constexpr double kUnit = 1 << kFractionBits;
+  return {cvRound(x * kUnit), cvRound(y * kUnit)};
+}
+
+cv::Point subpixel(const cv::Point2f& p) {
+  return subpixel(p.x, p.y);
+}
+
+void drawDots(const FrameView& target, const MatchResult& result, Level level, int radius,
+              cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level != level) continue;
+    const cv::Point2f& at = target.features.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+    cv::circle(canvas, subpixel(at), radius << kFractionBits, lookOf(level).colour, cv::FILLED,
+               cv::LINE_AA, kFractionBits);
+  }
+}
+
+/// From where a final match was to where it is, where a dot ends the stroke.
+void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
+                 int stroke, cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktgp) continue;
+    const auto r = static_cast<std::size_t>(c.reference_index);
+    const auto t = static_cast<std::size_t>(c.target_index);
+    const cv::Point from = subpixel(reference.features.keypoints[r].pt);
+    const cv::Point to = subpixel(target.features.keypoints[t].pt);
+    cv::line(canvas, from, to, lookOf(c.level).colour, stroke, cv::LINE_AA, kFractionBits);
+    cv::circle(canvas, to, stroke << kFractionBits, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA,
+               kFractionBits);
+  }
+}
+
+/// The border of the reference image where the homography puts it.
+void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
+                 cv::Mat& canvas) {
+  if (result.status != Status::ok) return;
+  const auto corners = imageCorners(reference_size, {});
+  if (!keepsPlaneInView(result.prosac.homography, corners)) return;
+  std::vector<cv::Point> outline;
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Vector2d p = (result.prosac.homography * corner.homogeneous()).hnormalized();
+    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond what OpenCV's drawing can count
+    outline.push_back(subpixel(p.x(), p.y()));
+  }
+  cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
+  cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
+}
+
+}  // namespace
+
+void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
+              cv::Mat& canvas) {
+  canvas.create(target.image.size(), CV_8UC3);
+  if (canvas.empty()) return;
+  copyAsBgr(target.image, canvas);
+  canvas.convertTo(canvas, -1, 0.7,
+                   15.0);  // white strokes stay visible on white, dark ones on dark
+  const Typeface face(canvas.size());
+  for (const Level level : {Level::knn, Level::kt, Level::ktg}) {
+    drawDots(target, result, level, face.stroke(), canvas);
+  }
+  drawOutline(reference.image.size(), result, face.stroke(), canvas);
+  drawStrokes(reference, target, result, face.stroke(), canvas);
+}
+
+}  // namespace ktgp_orb

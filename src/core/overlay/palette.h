@@ -1,0 +1,32 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <opencv2/core/types.hpp>
+
+#include "ktgp_orb/correspondence.h"
+
+namespace ktgp_orb {
+
+/// A stage's colour (BGR) and what the panel calls the matches that it removed.
+struct StageLook {
+  cv::Scalar colour;
+  const char* label;
+};
+
+/// By Level, from knn to ktgp. Colours of Okabe & Ito, "Color Universal Design" (2008), which
+/// differ for all kinds of colour vision; grey for what is only background.
+inline const StageLook& lookOf(Level level) {
+  static const std::array<StageLook, 4> kLooks{{
+      {{150, 150, 150}, "- ratio"},
+      {{233, 180, 86}, "- GMS"},
+      {{167, 121, 204}, "- PROSAC"},
+      {{66, 228, 240}, "final"},
+  }};
+  return kLooks[std::min<std::size_t>(static_cast<std::size_t>(level), kLooks.size() - 1)];
+}
+
+inline const cv::Scalar kWhite(255, 255, 255);
+inline const cv::Scalar kBlack(0, 0, 0);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,191 @@
+// What a viewer must be able to see: measured in the pixels of the drawings.
+#include "ktgp_orb/overlay.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Vec3b kFinal(66, 228, 240);
+const cv::Vec3b kRemovedByGms(233, 180, 86);
+
+bool isNear(const cv::Vec3b& a, const cv::Vec3b& b) {
+  return cv::norm(a, b, cv::NORM_INF) <= 40.0;
+}
+
+int countColour(const cv::Mat& canvas, const cv::Vec3b& colour) {
+  int count = 0;
+  for (int y = 0; y < canvas.rows; ++y) {
+    for (int x = 0; x < canvas.cols; ++x) {
+      count += isNear(canvas.at<cv::Vec3b>(y, x), colour) ? 1 : 0;
+    }
+  }
+  return count;
+}
+
+/// A textured scene that moves by (20, 10) px, with matches on a grid; every fourth was removed by
+/// GMS, the others are final.
+struct Scene {
+  explicit Scene(const cv::Size& size, int spacing = 40) {
+    cv::Mat noise(size.height + 40, size.width + 40, CV_8UC1);
+    cv::RNG random(7);
+    random.fill(noise, cv::RNG::UNIFORM, 60, 200);
+    cv::GaussianBlur(noise, noise, {}, 3.0);
+    reference_image = noise(cv::Rect(20, 10, size.width, size.height)).clone();
+    target_image = noise(cv::Rect({0, 0}, size)).clone();
+    for (int y = spacing; y < size.height - 20; y += spacing) {
+      for (int x = spacing; x < size.width - 30; x += spacing) {
+        Correspondence c;
+        c.reference_index = c.target_index = static_cast<int>(reference.size());
+        c.level = c.target_index % 4 == 0 ? Level::kt : Level::ktgp;
+        result.correspondences.push_back(c);
+        reference.keypoints.emplace_back(cv::Point2f(x, y), 31.F);
+        target.keypoints.emplace_back(cv::Point2f(x + 20, y + 10), 31.F);
+      }
+    }
+    result.status = Status::ok;
+    result.prosac.homography << 1, 0, 20, 0, 1, 10, 0, 0, 1;
+  }
+
+  cv::Mat draw(OverlayStyle style) const {
+    cv::Mat canvas;
+    drawOverlay({reference_image, reference}, {target_image, target}, result, style, canvas);
+    return canvas;
+  }
+
+  cv::Mat reference_image;
+  cv::Mat target_image;
+  Features reference;
+  Features target;
+  MatchResult result;
+};
+
+TEST(Overlay, FlowDrawsEachFinalMatchAlongItsMotionAndOthersAsDots) {
+  const Scene scene({640, 480});
+  const cv::Mat canvas = scene.draw(OverlayStyle::flow);
+  ASSERT_EQ(canvas.size(), cv::Size(640, 480));
+  for (const Correspondence& c : scene.result.correspondences) {
+    const cv::Point2f to = scene.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+    if (to.x < 300 && to.y < 150) continue;  // below the panel
+    const cv::Point middle(cvRound(to.x) - 10, cvRound(to.y) - 5);
+    const bool is_final = c.level == Level::ktgp;
+    EXPECT_TRUE(isNear(canvas.at<cv::Vec3b>(to), is_final ? kFinal : kRemovedByGms)) << to;
+    EXPECT_EQ(isNear(canvas.at<cv::Vec3b>(middle), kFinal), is_final) << to;
+  }
+}
+
+TEST(Overlay, FlowOutlinesTheReference) {
+  const cv::Mat canvas = Scene({640, 480}).draw(OverlayStyle::flow);
+  int white = 0;  // the reference's left border is now at x = 20
+  for (int y = 200; y < 480; ++y) white += isNear(canvas.at<cv::Vec3b>(y, 20), {255, 255, 255});
+  EXPECT_GT(white, 270);
+}
+
+TEST(Overlay, FlowKeepsTheImageRecognisable) {
+  const Scene scene({640, 480}, 160);
+  cv::Mat grey;
+  cv::cvtColor(scene.draw(OverlayStyle::flow), grey, cv::COLOR_BGR2GRAY);
+  const cv::Rect below(0, 240, 640, 240);  // the panel
+  cv::Scalar mean;
+  cv::Scalar deviation;
+  cv::Scalar truth_deviation;
+  cv::meanStdDev(scene.target_image(below), mean, truth_deviation);
+  cv::meanStdDev(grey(below), mean, deviation);
+  EXPECT_GT(mean[0], 80.0);
+  EXPECT_GT(deviation[0], 0.6 * truth_deviation[0]);
+}
+
+TEST(Overlay, DifferenceOfARightHomographyIsFlatGrey) {
+  Scene scene({640, 480});
+  scene.target_image.convertTo(scene.target_image, -1, 0.8, 12.0);  // another exposure
+  const cv::Rect below(30, 240, 600, 230);
+  cv::Scalar mean;
+  cv::Scalar deviation;
+  cv::meanStdDev(scene.draw(OverlayStyle::difference)(below), mean, deviation);
+  EXPECT_NEAR(mean[0], 128.0, 1.5);
+  EXPECT_LT(deviation[0], 1.5);
+
+  scene.result.prosac.homography(0, 2) = 23.0;  // 3 px wrong
+  cv::Scalar wrong;
+  cv::meanStdDev(scene.draw(OverlayStyle::difference)(below), mean, wrong);
+  EXPECT_GT(wrong[0], 2.0 * deviation[0]);
+}
+
+TEST(Overlay, SideBySideJoinsAtMost150) {
+  const Scene scene({1920, 1080}, 12);
+  ASSERT_GT(scene.result.correspondences.size(), 10000U);
+  const cv::Mat canvas = scene.draw(OverlayStyle::side_by_side);
+  ASSERT_EQ(canvas.size(), cv::Size(3840, 1080));
+  // Along the seam each line crosses once, in strokes of 2 to 4 px.
+  int runs = 0;
+  bool inside = false;
+  for (int y = 0; y < 1080; ++y) {
+    const bool line = isNear(canvas.at<cv::Vec3b>(y, 1920), kFinal);
+    runs += line && !inside ? 1 : 0;
+    inside = line;
+  }
+  EXPECT_LE(runs, 150);
+  EXPECT_GE(runs, 60);  // neighbours may run together
+}
+
+TEST(Overlay, PanelStaysInsideAndIsLegible) {
+  for (const cv::Size& size : {cv::Size(320, 240), cv::Size(640, 480), cv::Size(1920, 1080)}) {
+    const cv::Mat canvas = Scene(size).draw(OverlayStyle::flow);
+    int white = 0;
+    int lowest = 0;
+    for (int y = 0; y < size.height / 2; ++y) {
+      for (int x = 0; x < size.width / 2; ++x) {
+        if (!isNear(canvas.at<cv::Vec3b>(y, x), {255, 255, 255})) continue;
+        ++white;
+        lowest = y;
+      }
+    }
+    EXPECT_GT(white, 250) << size;
+    EXPECT_LT(lowest, size.height / 2) << size;
+  }
+}
+
+TEST(Overlay, AnyImageAndResultCanBeDrawn) {
+  const Features none;
+  for (const cv::Size& size : {cv::Size(1, 1), cv::Size(3, 200), cv::Size(641, 7)}) {
+    const cv::Mat image(size, CV_8UC1, cv::Scalar(90));
+    for (const auto style :
+         {OverlayStyle::flow, OverlayStyle::side_by_side, OverlayStyle::difference}) {
+      for (const Status status : {Status::no_model, Status::ok}) {
+        MatchResult result;
+        result.status = status;
+        result.prosac.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
+        cv::Mat canvas;
+        drawOverlay({image, none}, {image, none}, result, style, canvas);
+        EXPECT_EQ(canvas.type(), CV_8UC3);
+        EXPECT_EQ(canvas.rows, size.height);
+      }
+    }
+  }
+}
+
+TEST(Overlay, AFrameWithoutMatchShowsTheReason) {
+  const cv::Mat image(480, 640, CV_8UC1, cv::Scalar(90));
+  cv::Mat canvas;
+  cv::Mat other;
+  drawUnmatched(image, "no_reference: first frame", canvas);
+  drawUnmatched(image, "no_reference: stamp went back", other);
+  EXPECT_GT(countColour(canvas, {255, 255, 255}), 100);
+  EXPECT_GT(cv::norm(canvas, other, cv::NORM_INF), 50.0);
+}
+
+TEST(Overlay, RefusesImagesThatAreNotEightBit) {
+  const cv::Mat image(48, 64, CV_16UC1, cv::Scalar(90));
+  const Features none;
+  cv::Mat canvas;
+  EXPECT_THROW(drawOverlay({image, none}, {image, none}, {}, OverlayStyle::flow, canvas),
+               std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
