@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -96,6 +95,8 @@ class ProsacHomography {
   ProsacHomography(ProsacHomography&&) noexcept;
   ProsacHomography& operator=(ProsacHomography&&) noexcept;
 
+  const ProsacOptions& options() const;
+
   /// `reference_size`: of the reference image in px, for the check that H's horizon does not cross
   /// it; empty: the bounding box of the points instead. Throws std::invalid_argument for arrays of
   /// different length or a value that is not finite.
@@ -111,15 +112,8 @@ class ProsacHomography {
                 const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
 
  private:
-  struct Workspace;
-  bool refine(Eigen::Matrix3d& homography, bool& supported);
-  bool isDetermined(const Eigen::Matrix3d& homography,
-                    const std::array<Eigen::Vector2d, 4>& corners) const;
-  void judge(const PointPairs& pairs, const cv::Size& reference_size,
-             const Eigen::Matrix3d& homography, ProsacResult& result);
-
-  ProsacOptions options_;
-  std::unique_ptr<Workspace> workspace_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace ktgp_orb

@@ -4,8 +4,12 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <limits>
+#include <stdexcept>
+#include <vector>
 
 #include "core/homography/checks.h"
+#include "core/homography/refiner.h"
 #include "core/homography/score.h"
 #include "synthetic_pairs.h"
 
@@ -116,6 +120,79 @@ TEST(HomographyScore, IsTheSumOfTruncatedSquares) {
       EXPECT_GT(msacCost(points, h, 0.02, 0.001F), 0.001F) << n;
     }
   }
+}
+
+TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
+  Numbers numbers(4);
+  HomographyRefiner refiner;
+  for (int run = 0; run < 50; ++run) {
+    test::Scene scene;
+    scene.pairs = 200;
+    scene.inliers = 150;
+    scene.sigma = 0.1;
+    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    const PointPairs pairs = test::makePairs(scene, numbers);
+    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+    shift(0, 2) = 1.5;
+    Eigen::Matrix3d h = -2.0 * shift * scene.homography;
+    Covariance8 covariance;
+    RefinerOptions options;
+    ASSERT_TRUE(refiner.refine(pairs.reference, pairs.target, options, h, &covariance));
+    EXPECT_EQ(h(2, 2), 1.0);
+    EXPECT_LT(test::cornerError(h, scene.homography, kSize), 0.15);
+    EXPECT_GT(covariance(2, 2), 0.0);
+  }
+}
+
+TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
+  // Two thirds of the points agree to 0.02 px with one plane; the others lie 0.3 px off it, the
+  // more the farther down. All are as exact, and the best homography for the image is between.
+  Numbers numbers(5);
+  std::vector<Eigen::Vector2d> reference;
+  std::vector<Eigen::Vector2d> target;
+  Eigen::Matrix3d plane = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d other = Eigen::Matrix3d::Identity();
+  other(0, 2) = 0.3;
+  for (int i = 0; i < 300; ++i) {
+    const Eigen::Vector2d x = numbers.pointIn(kSize);
+    const Eigen::Vector2d noise(0.02 * numbers.normal(), 0.02 * numbers.normal());
+    reference.push_back(x);
+    target.push_back(project(i % 3 == 0 ? other : plane, x) + noise);
+  }
+  HomographyRefiner refiner;
+  RefinerOptions options;
+  Eigen::Matrix3d h = plane;
+  ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
+  EXPECT_LT(test::cornerError(h, plane, kSize), 0.03);
+  options.min_scale = 1.0;
+  ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
+  Eigen::Matrix3d mean = plane;
+  mean(0, 2) = 0.1;  // least squares: a third of 0.3
+  EXPECT_LT(test::cornerError(h, mean, kSize), 0.05);
+}
+
+TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
+  Numbers numbers(6);
+  HomographyRefiner refiner;
+  const RefinerOptions options;
+  const Eigen::Matrix3d before = test::randomHomography(kSize, 0.1, numbers);
+  Eigen::Matrix3d h = before;
+  std::vector<Eigen::Vector2d> reference;
+  std::vector<Eigen::Vector2d> target;
+  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
+  for (int i = 0; i < 4; ++i) {
+    reference.push_back(numbers.pointIn(kSize));
+    target.push_back(project(before, reference.back()));
+  }
+  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
+  for (int i = 0; i < 50; ++i) {  // far from where it is
+    reference.push_back(numbers.pointIn(kSize));
+    target.emplace_back(project(before, reference.back()) + Eigen::Vector2d(40.0, 0.0));
+  }
+  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
+  EXPECT_EQ(h, before);
+  target.pop_back();
+  EXPECT_THROW(refiner.refine(reference, target, options, h, nullptr), std::invalid_argument);
 }
 
 TEST(HomographyChecks, SeesTheHorizonAndTheMirror) {

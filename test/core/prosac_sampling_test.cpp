@@ -13,40 +13,68 @@ namespace ktgp_orb {
 namespace {
 
 TEST(ProsacSampler, ReachesEveryPairWithinTheBudget) {
-  for (int budget : {10, 500, 2000}) {
-    for (std::size_t n = 4; n <= 4000; n = n < 20 ? n + 1 : n * 2) {
-      ProsacSampler sampler(n, budget, 1);
-      std::size_t before = 4;
-      for (int t = 1; t <= budget; ++t) {
-        sampler.draw(n);
-        EXPECT_GE(sampler.growthSetSize(), before);
-        before = sampler.growthSetSize();
+  ProsacSample sample;
+  for (std::size_t m : {1, 2, 4, 7}) {
+    for (int budget : {10, 500, 2000}) {
+      for (std::size_t n = m; n <= 4000; n = n < 20 ? n + 1 : n * 2) {
+        ProsacSampler sampler(m, n, budget, 1);
+        std::size_t before = m;
+        for (int t = 1; t <= budget; ++t) {
+          sampler.draw(n, sample);
+          EXPECT_GE(sampler.growthSetSize(), before);
+          before = sampler.growthSetSize();
+        }
+        EXPECT_EQ(before, n) << "samples of " << m << ", budget " << budget;
       }
-      EXPECT_EQ(before, n) << "budget " << budget;
     }
   }
 }
 
-TEST(ProsacSampler, DrawsFourDifferentPairsWithTheNewestAmongThem) {
-  ProsacSampler sampler(500, 2000, 3);
-  for (int t = 1; t <= 2000; ++t) {
-    const ProsacSample sample = sampler.draw(500);
-    EXPECT_EQ(std::set<std::size_t>(sample.begin(), sample.end()).size(), 4u);
-    EXPECT_EQ(*std::max_element(sample.begin(), sample.end()), sampler.growthSetSize() - 1);
+TEST(ProsacSampler, DrawsDifferentPairsWithTheNewestAmongThem) {
+  ProsacSample sample;
+  for (std::size_t m : {1, 2, 4, 7}) {
+    ProsacSampler sampler(m, 500, 2000, 3);
+    for (int t = 1; t <= 2000; ++t) {
+      sampler.draw(500, sample);
+      EXPECT_EQ(std::set<std::size_t>(sample.begin(), sample.end()).size(), m);
+      EXPECT_EQ(*std::max_element(sample.begin(), sample.end()), sampler.growthSetSize() - 1);
+    }
+  }
+}
+
+TEST(ProsacSampler, GrowsAsTheFormulaSays) {
+  const auto choose = [](std::size_t n, std::size_t k) {
+    double product = 1.0;
+    for (std::size_t i = 0; i < k; ++i) {
+      product *= static_cast<double>(n - i) / static_cast<double>(i + 1);
+    }
+    return product;
+  };
+  for (std::size_t m : {2, 4, 7}) {
+    const ProsacSampler sampler(m, 100, 1000, 1);
+    const double steady = 1.0;  // a quarter of the budget is more than a sample a pair
+    const double rest = 1000.0 - 1.0 - steady * static_cast<double>(100 - m);
+    for (std::size_t n = m; n <= 100; ++n) {
+      const double expected =
+          1.0 + steady * static_cast<double>(n - m) + rest * choose(n, m) / choose(100, m);
+      EXPECT_NEAR(sampler.samplesUntil(n), expected, 1e-9 * expected) << m << ' ' << n;
+    }
   }
 }
 
 TEST(ProsacSampler, StartsWithTheBestFour) {
-  const ProsacSample sample = ProsacSampler(1000, 2000, 5).draw(1000);
+  ProsacSample sample;
+  ProsacSampler(4, 1000, 2000, 5).draw(1000, sample);
   EXPECT_EQ(std::set<std::size_t>(sample.begin(), sample.end()),
             (std::set<std::size_t>{0, 1, 2, 3}));
 }
 
 TEST(ProsacSampler, GrowsNoFurtherThanTheLimitAndThenSamplesFromAllOfIt) {
-  ProsacSampler sampler(1000, 2000, 7);
+  ProsacSample sample;
+  ProsacSampler sampler(4, 1000, 2000, 7);
   std::set<std::size_t> largest;
   for (int t = 1; t <= 2000; ++t) {
-    const ProsacSample sample = sampler.draw(30);
+    sampler.draw(30, sample);
     ASSERT_LE(sampler.growthSetSize(), 30u);
     if (t > 200) largest.insert(*std::max_element(sample.begin(), sample.end()));
   }
@@ -55,10 +83,12 @@ TEST(ProsacSampler, GrowsNoFurtherThanTheLimitAndThenSamplesFromAllOfIt) {
 
 TEST(ProsacSampler, IsUniformOnceGrown) {
   constexpr std::size_t kPairs = 10;
-  ProsacSampler sampler(kPairs, 100, 9);
+  ProsacSampler sampler(4, kPairs, 100, 9);
   std::vector<int> count(kPairs, 0);
+  ProsacSample sample;
   for (int t = 0; t < 100000; ++t) {
-    for (std::size_t i : sampler.draw(kPairs)) {
+    sampler.draw(kPairs, sample);
+    for (std::size_t i : sample) {
       if (t >= 100) ++count[i];
     }
   }
@@ -77,13 +107,15 @@ double binomialTail(int trials, int least, double p) {
 }
 
 TEST(ProsacStopping, NonRandomnessIsTheBinomialQuantile) {
-  for (double beta : {0.01, 0.05, 0.3}) {
-    ProsacStopping stopping;
-    stopping.reset(1000, beta, 0.995);
-    for (int n = 4; n <= 1000; n += n < 60 ? 1 : 47) {
-      const int extra = static_cast<int>(stopping.minInliers(static_cast<std::size_t>(n))) - 4;
-      EXPECT_LT(binomialTail(n - 4, extra, beta), 0.05) << n << ' ' << beta;
-      EXPECT_GE(binomialTail(n - 4, extra - 1, beta), 0.05) << n << ' ' << beta;
+  for (int m : {1, 2, 4, 7}) {
+    for (double beta : {0.01, 0.05, 0.3}) {
+      ProsacStopping stopping;
+      stopping.reset(static_cast<std::size_t>(m), 1000, beta, 0.995);
+      for (int n = m; n <= 1000; n += n < 60 ? 1 : 47) {
+        const int extra = static_cast<int>(stopping.minInliers(static_cast<std::size_t>(n))) - m;
+        EXPECT_LT(binomialTail(n - m, extra, beta), 0.05) << m << ' ' << n << ' ' << beta;
+        EXPECT_GE(binomialTail(n - m, extra - 1, beta), 0.05) << m << ' ' << n << ' ' << beta;
+      }
     }
   }
 }
@@ -93,7 +125,7 @@ TEST(ProsacStopping, MaximalityTakesTheCheapestBeginning) {
   std::vector<std::uint8_t> inlier(100, 0);
   for (std::size_t i = 0; i < 100; ++i) inlier[i] = i < 40 ? i % 4 != 3 : i % 6 == 0;
   ProsacStopping stopping;
-  stopping.reset(100, 0.01, 0.995);
+  stopping.reset(4, 100, 0.01, 0.995);
   EXPECT_TRUE(std::isinf(stopping.samplesNeeded()));
   stopping.update(inlier);
   double expected = std::numeric_limits<double>::infinity();
@@ -113,11 +145,30 @@ TEST(ProsacStopping, MaximalityTakesTheCheapestBeginning) {
   EXPECT_NEAR(stopping.samplesNeeded(), expected, 1e-9 * expected);
 }
 
+TEST(ProsacStopping, TakesTheSampleSizeIntoAccount) {
+  const std::vector<std::uint8_t> half = [] {
+    std::vector<std::uint8_t> inlier(1000, 0);
+    for (std::size_t i = 1; i < 1000; i += 2) inlier[i] = 1;
+    return inlier;
+  }();
+  double before = 0.0;
+  for (std::size_t m : {1, 2, 4, 7}) {
+    ProsacStopping stopping;
+    stopping.reset(m, 1000, 0.01, 0.995);
+    stopping.update(half);
+    // A sample from half inliers is good with probability 2^-m, or a little less without repeats.
+    const double expected = std::log(0.005) / std::log1p(-std::pow(0.5, static_cast<double>(m)));
+    EXPECT_NEAR(stopping.samplesNeeded(), expected, 0.05 * expected) << m;
+    EXPECT_GT(stopping.samplesNeeded(), before);
+    before = stopping.samplesNeeded();
+  }
+}
+
 TEST(ProsacStopping, ChanceSupportDoesNotStopIt) {
   std::vector<std::uint8_t> inlier(200, 0);
   for (std::size_t i : {3, 50, 77, 120, 180}) inlier[i] = 1;
   ProsacStopping stopping;
-  stopping.reset(200, 0.05, 0.995);
+  stopping.reset(4, 200, 0.05, 0.995);
   stopping.update(inlier);
   EXPECT_TRUE(std::isinf(stopping.samplesNeeded()));
   EXPECT_EQ(stopping.terminationLength(), 200u);

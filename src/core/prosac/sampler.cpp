@@ -3,15 +3,6 @@
 #include <algorithm>
 
 namespace ktgp_orb {
-namespace {
-
-/// n (n-1) (n-2) (n-3) = 24 C(n,4)
-double orderedSamples(std::size_t n) {
-  const double x = static_cast<double>(n);
-  return x * (x - 1.0) * (x - 2.0) * (x - 3.0);
-}
-
-}  // namespace
 
 void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample) {
   for (std::size_t i = first; i < sample.size(); ++i) {
@@ -22,29 +13,40 @@ void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSamp
   }
 }
 
-ProsacSampler::ProsacSampler(std::size_t points, int budget, std::uint64_t seed)
-    : points_(points), random_(seed) {
+ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int budget,
+                             std::uint64_t seed)
+    : sample_size_(sample_size), points_(points), growth_set_size_(sample_size), random_(seed) {
+  constexpr double kSteadyShare = 4.0;  // one part in four of the budget
   const double n = static_cast<double>(points);
-  steady_ = std::min(1.0, budget / (4.0 * n));
-  growth_ = std::max(0.0, budget - 1.0 - steady_ * (n - 4.0)) / orderedSamples(points);
+  const double m = static_cast<double>(sample_size);
+  steady_ = std::min(1.0, budget / (kSteadyShare * n));
+  growth_ = std::max(0.0, budget - 1.0 - steady_ * (n - m)) / orderedSamples(points);
+}
+
+/// n (n-1) (n-2) … = m! C(n,m)
+double ProsacSampler::orderedSamples(std::size_t n) const {
+  const double x = static_cast<double>(n);
+  double product = x;
+  for (std::size_t i = 1; i < sample_size_; ++i) product *= x - static_cast<double>(i);
+  return product;
 }
 
 double ProsacSampler::samplesUntil(std::size_t n) const {
-  return 1.0 + steady_ * (static_cast<double>(n) - 4.0) + growth_ * orderedSamples(n);
+  const double added = static_cast<double>(n) - static_cast<double>(sample_size_);
+  return 1.0 + steady_ * added + growth_ * orderedSamples(n);
 }
 
-ProsacSample ProsacSampler::draw(std::size_t limit) {
+void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   ++drawn_;
   limit = std::min(limit, points_);
   while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < drawn_) ++growth_set_size_;
-  ProsacSample sample{};
+  sample.resize(sample_size_);
   if (samplesUntil(growth_set_size_) >= drawn_) {
     sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn before
     drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {
     drawDistinct(growth_set_size_, 0, random_, sample);
   }
-  return sample;
 }
 
 }  // namespace ktgp_orb

@@ -8,37 +8,36 @@ namespace ktgp_orb {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr std::size_t kSample = 4;
 constexpr double kPsi = 0.05;
-/// Shorter beginnings of the order are no ground to stop: a few pairs that lie close together agree
-/// with models that are wrong elsewhere.
-constexpr std::size_t kMinTerminationLength = 20;
+/// Beginnings of the order that are shorter than so many samples are no ground to stop: a few pairs
+/// that lie close together agree with models that are wrong elsewhere.
+constexpr std::size_t kMinSamplesLong = 5;
 
-/// min_inliers[n] = 4 + the least j with P(Binomial(n - 4, beta) >= j) < psi, for n = 4..N.
+/// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N.
 /// Goes from one n to the next with two products, as j grows by one at most:
 ///   P(X_{n+1} >= j) = P(X_n >= j) + beta P(X_n = j - 1).
-void fillMinInliers(double beta, std::vector<std::size_t>& min_inliers) {
+void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_t>& min_inliers) {
   const double odds = beta / (1.0 - beta);
   double j = 1.0;
   double tail = 0.0;   // P(X >= j)
   double below = 1.0;  // P(X = j - 1)
-  for (std::size_t n = kSample; n < min_inliers.size(); ++n) {
-    const double trials = static_cast<double>(n - kSample);
+  for (std::size_t n = sample_size; n < min_inliers.size(); ++n) {
+    const double trials = static_cast<double>(n - sample_size);
     if (tail >= kPsi) {
       below *= (trials - j + 1.0) / j * odds;  // P(X = j)
       tail -= below;
       j += 1.0;
     }
-    min_inliers[n] = kSample + static_cast<std::size_t>(j);
+    min_inliers[n] = sample_size + static_cast<std::size_t>(j);
     tail += beta * below;
     below *= (1.0 - beta) * (trials + 1.0) / (trials + 2.0 - j);
   }
 }
 
-/// Probability that four of the best n pairs, `inliers` of them inliers, are all inliers.
-double goodSample(double inliers, double n) {
+/// Probability that a sample from n pairs, `inliers` of them inliers, has only inliers.
+double goodSample(int sample_size, double inliers, double n) {
   double p = 1.0;
-  for (int i = 0; i < static_cast<int>(kSample); ++i) p *= (inliers - i) / (n - i);
+  for (int i = 0; i < sample_size; ++i) p *= (inliers - i) / (n - i);
   return p;
 }
 
@@ -50,23 +49,27 @@ double samplesFor(double good_sample, double log_eta) {
 
 }  // namespace
 
-void ProsacStopping::reset(std::size_t points, double chance_inlier, double confidence) {
+void ProsacStopping::reset(std::size_t sample_size, std::size_t points, double chance_inlier,
+                           double confidence) {
+  sample_size_ = sample_size;
   log_eta_ = std::log(1.0 - confidence);
   termination_length_ = points;
   samples_needed_ = kInfinity;
   min_inliers_.assign(points + 1, points + 1);
-  fillMinInliers(chance_inlier, min_inliers_);
+  fillMinInliers(sample_size, chance_inlier, min_inliers_);
 }
 
 void ProsacStopping::update(const std::vector<std::uint8_t>& inlier) {
   const std::size_t points = inlier.size();
+  const std::size_t shortest = std::min(points, kMinSamplesLong * sample_size_);
   double best = 0.0;
   termination_length_ = points;
   std::size_t inliers = 0;
   for (std::size_t n = 1; n <= points; ++n) {
     inliers += inlier[n - 1];
-    if (n < std::min(points, kMinTerminationLength) || inliers < min_inliers_[n]) continue;
-    const double good = goodSample(static_cast<double>(inliers), static_cast<double>(n));
+    if (n < shortest || inliers < min_inliers_[n]) continue;
+    const double good = goodSample(static_cast<int>(sample_size_), static_cast<double>(inliers),
+                                   static_cast<double>(n));
     if (good <= best) continue;
     best = good;
     termination_length_ = n;

@@ -15,8 +15,9 @@ namespace ktgp_orb {
 /// The termination length n* is the n with the smallest k_n among those that pass the first rule.
 class ProsacStopping {
  public:
-  /// `points` N >= 4; `chance_inlier` beta in (0, 1); `confidence` 1 - eta0 in (0, 1).
-  void reset(std::size_t points, double chance_inlier, double confidence);
+  /// `sample_size` m: pairs that determine a model; `points` N >= m; `chance_inlier` beta in (0,
+  /// 1): chance that a wrong model agrees with a pair; `confidence` 1 - eta0 in (0, 1).
+  void reset(std::size_t sample_size, std::size_t points, double chance_inlier, double confidence);
 
   /// Takes note of a new best model; `inlier` is in order of quality.
   void update(const std::vector<std::uint8_t>& inlier);
@@ -29,6 +30,7 @@ class ProsacStopping {
   std::size_t minInliers(std::size_t n) const { return min_inliers_[n]; }
 
  private:
+  std::size_t sample_size_ = 0;
   double log_eta_ = 0.0;
   std::size_t termination_length_ = 0;
   double samples_needed_ = 0.0;
