@@ -189,14 +189,14 @@ def add_method_tables(document, measured):
                          + [number(s[f"descriptor_distance_{k}"], 2) for k in ("mean", "rms")]
                          + [number(s[f"reprojection_error_{k}"], 2) for k in ("mean", "rms")]
                          + [number(s["displacement_mean"])]
-                         + [number(s.get(f"auc_{k}px"), 1, 100) for k in (1, 3, 5, 10)]
+                         + [number(s.get(f"auc_{k}"), 1, 100) for k in (1, 3, 5, 10)]
                          + [number(s["ms"], 2)])
         first = rows[0]
         document.table(f"{name}: {first['pairs']} pairs, detector repeatability "
                        f"{first['detector_repeatability']:.2f}, features of a pair in "
                        f"{first['extraction_ms']:.1f} ms", header, table)
     last = [s for s in measured["summary"] if s["set"] == sets[-1]]
-    points = {s["method"]: (s["ms"], 100 * s["auc_3px"]) for s in last if "auc_3px" in s}
+    points = {s["method"]: (s["ms"], 100 * s["auc_3"]) for s in last if "auc_3" in s}
     if points:
         document.picture("trade_off.svg", f"Accuracy against time, {sets[-1]}",
                          plots.trade_off(points, "ms per pair", "AUC at 3 px, %"))

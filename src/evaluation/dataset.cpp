@@ -1,9 +1,11 @@
 #include "evaluation/dataset.h"
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <stdexcept>
 
 #include "cli/files.h"
 
@@ -13,6 +15,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kImagesPerSet = 6;
+constexpr std::array<const char*, 5> kImageEndings{".ppm", ".pgm", ".png", ".jpg", ".jpeg"};
 
 /// How a kind of data set names its files.
 struct Layout {
@@ -31,7 +34,7 @@ constexpr Layout kHpatches{"", "H_1_", ""};
 /// Image `k` with any of the usual endings; with the first one where there is none.
 fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
   const std::string stem = layout.image_prefix + std::to_string(k);
-  for (const char* ending : {".ppm", ".pgm", ".png", ".jpg", ".jpeg"}) {
+  for (const char* ending : kImageEndings) {
     if (fs::exists(folder / (stem + ending))) return folder / (stem + ending);
   }
   return folder / (stem + ".ppm");
@@ -59,7 +62,7 @@ void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
   const std::string reference = imageFile(folder, layout, 1).string();
   for (int k = 2; k <= kImagesPerSet; ++k) {
     const std::string target = imageFile(folder, layout, k).string();
-    addPair({set, "1-" + std::to_string(k), reference, target, {}},
+    addPair({set, "1-" + std::to_string(k), reference, target, {}, {}},
             (folder / layout.homography(k)).string(), dataset);
   }
 }
@@ -110,9 +113,29 @@ void addList(const fs::path& file, Dataset& dataset) {
              fields[0],
              (folder / fields[1]).string(),
              (folder / fields[2]).string(),
+             {},
              {}},
             (folder / fields[3]).string(), dataset);
   }
+}
+
+/// The picture at `path`, or all of the folder `path` in the order of their names.
+std::vector<std::string> pictures(const std::string& path, Dataset& dataset) {
+  if (!fs::exists(path)) {
+    dataset.problems.push_back(path + ": is missing");
+    return {};
+  }
+  if (!fs::is_directory(path)) return {path};
+  std::vector<std::string> found;
+  for (const auto& entry : fs::directory_iterator(path)) {
+    const std::string ending = entry.path().extension().string();
+    const bool is_image =
+        std::find(kImageEndings.begin(), kImageEndings.end(), ending) != kImageEndings.end();
+    if (is_image) found.push_back(entry.path().string());
+  }
+  if (found.empty()) dataset.problems.push_back(path + ": holds no image");
+  std::sort(found.begin(), found.end());
+  return found;
 }
 
 }  // namespace
@@ -122,6 +145,28 @@ void addPairs(const std::string& path, Dataset& dataset) {
     addList(path, dataset);
   } else if (!addFolder(path, dataset)) {
     addSubfolders(path, dataset);
+  }
+}
+
+void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
+              std::uint64_t seed, Dataset& dataset) {
+  const std::optional<WarpLimits> limits = warpLimits(name);
+  if (!limits) {
+    throw std::invalid_argument("there are no warps " + name + "; use small, medium or large");
+  }
+  std::vector<std::string> files;
+  for (const std::string& path : paths) {
+    for (std::string& file : pictures(path, dataset)) files.push_back(std::move(file));
+  }
+  if (files.empty()) return;
+  const auto n = static_cast<int>(files.size());
+  for (int i = 0; i < count; ++i) {
+    // Every second warp is degraded: with an even number of pictures each round begins one further
+    // on, so that each picture is seen both ways.
+    const int picture = (i + (n % 2 == 0 ? i / n : 0)) % n;
+    const std::string& file = files[static_cast<std::size_t>(picture)];
+    const Warp warp = drawWarp(*limits, i, seed);
+    dataset.pairs.push_back({name, std::to_string(i), file, file, warp.homography, warp});
   }
 }
 

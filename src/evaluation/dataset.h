@@ -1,8 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
+
+#include "evaluation/warps.h"
 
 namespace ktgp_orb::tools {
 
@@ -13,6 +17,8 @@ struct ImagePair {
   std::string reference;
   std::string target;
   Eigen::Matrix3d homography;  ///< reference to target, px
+  /// Where present, both images are rendered from the picture `reference`, which is also `target`.
+  std::optional<Warp> warp{};
 };
 
 /// What could be used and what could not.
@@ -29,5 +35,11 @@ struct Dataset {
 ///   in names, # begins a comment).
 /// Image 1 is the reference. A file that is missing or broken becomes a problem; the rest goes on.
 void addPairs(const std::string& path, Dataset& dataset);
+
+/// Adds `count` warps of the pictures at `paths` (images, or folders of images), each picture in
+/// turn, as the set `name`: "small", "medium" or "large". Throws std::invalid_argument for another
+/// name. A path that is missing or holds no image becomes a problem.
+void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
+              std::uint64_t seed, Dataset& dataset);
 
 }  // namespace ktgp_orb::tools

@@ -170,7 +170,7 @@ const std::vector<std::pair<std::string, Estimator>>& estimators() {
     {"ransac", Estimator::ransac}, {"msac", Estimator::msac}, {"mlesac", Estimator::mlesac},
         {"prosac", Estimator::prosac},
 #if KTGP_ORB_HAVE_USAC
-        {"usac", Estimator::usac},
+        {"usac", Estimator::usac}, {"magsac", Estimator::magsac},
 #endif
   };
   return all;
@@ -192,10 +192,14 @@ HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pai
                       pairs, options);
     case Estimator::prosac:
       return withProsac(pairs, reference_size, options);
-    case Estimator::usac:
 #if KTGP_ORB_HAVE_USAC
+    case Estimator::usac:
       return withOpenCv(cv::USAC_DEFAULT, pairs, options);
+    case Estimator::magsac:
+      return withOpenCv(cv::USAC_MAGSAC, pairs, options);
 #else
+    case Estimator::usac:
+    case Estimator::magsac:
       break;
 #endif
   }

@@ -3,12 +3,14 @@
 #include <atomic>
 #include <cstdio>
 #include <opencv2/core.hpp>
+#include <sstream>
 #include <thread>
 
 #include "cli/files.h"
 #include "cli/progress_bar.h"
 #include "evaluation/bag_frames.h"
 #include "evaluation/output.h"
+#include "evaluation/peers.h"
 #include "evaluation/sequence_evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -18,7 +20,9 @@ constexpr const char* kDescription =
     "Runs matching methods over image pairs with a known homography and measures them.\n"
     "DATA is an Oxford/VGG folder (img1.ppm ... img6.ppm, H1to2p ... H1to6p), an HPatches folder\n"
     "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), a folder of such folders, or a text file with\n"
-    "`name imageA imageB homographyA->B` a line. With --bag, the four stages run from frame to\n"
+    "`name imageA imageB homographyA->B` a line. With --warps, DATA are images or folders of "
+    "images,\n"
+    "and the pairs are exact warps of them. With --bag, the four stages run from frame to\n"
     "frame of a recording instead.";
 
 constexpr const char* kExamples =
@@ -27,6 +31,7 @@ constexpr const char* kExamples =
     "  ktgp_evaluate oxford --methods all --csv results.csv --json results.json\n"
     "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --gms-threshold 4 --jobs 4\n"
     "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
+    "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "  ktgp_evaluate --bag demo.bag --json sequence.json\n"
     "\n"
     "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
@@ -41,6 +46,9 @@ struct Arguments {
   int jobs = 1;
   int repeat = 1;
   bool list_methods = false;
+  std::string warps;
+  int warp_pairs = 48;
+  std::uint64_t warp_seed = 1;
   std::string bag;
   std::string topic = "/camera/image_raw";
   std::string truth_topic = "/camera/ground_truth/homography";
@@ -55,16 +63,36 @@ std::optional<Estimator> wantedEstimator(const Arguments& arguments) {
   return std::nullopt;
 }
 
+/// Ours and OpenCV's.
+std::vector<Method> knownMethods(const Arguments& arguments) {
+  const MatcherOptions& options = arguments.pipeline.matcher;
+  std::vector<Method> methods = allMethods(options, wantedEstimator(arguments));
+  for (Method& peer : peerMethods(options.prosac, wantedEstimator(arguments))) {
+    methods.push_back(std::move(peer));
+  }
+  return methods;
+}
+
+/// Those that this build can run.
+std::vector<Method> available(std::vector<Method> methods) {
+  const auto is_missing = [](const Method& m) { return !m.unavailable.empty(); };
+  methods.erase(std::remove_if(methods.begin(), methods.end(), is_missing), methods.end());
+  return methods;
+}
+
 /// The methods named in the arguments, in that order. Throws std::invalid_argument.
 std::vector<Method> wantedMethods(const Arguments& arguments) {
-  std::vector<Method> all = allMethods(arguments.pipeline.matcher, wantedEstimator(arguments));
+  std::vector<Method> all = knownMethods(arguments);
   std::vector<Method> wanted;
   for (const std::string& name : arguments.methods) {
-    if (name == "all") return all;
+    if (name == "all") return available(std::move(all));
     const auto found = std::find_if(all.begin(), all.end(),
                                     [&](const Method& method) { return method.name == name; });
     if (found == all.end()) {
       throw std::invalid_argument("there is no method " + name + "; --list-methods names them");
+    }
+    if (!found->unavailable.empty()) {
+      throw std::invalid_argument("method " + name + " is " + found->unavailable);
     }
     wanted.push_back(*found);
   }
@@ -72,8 +100,20 @@ std::vector<Method> wantedMethods(const Arguments& arguments) {
 }
 
 void listMethods(const Arguments& arguments) {
-  for (const Method& method : allMethods(arguments.pipeline.matcher, wantedEstimator(arguments))) {
-    std::printf("%-12s %s\n", method.name.c_str(), method.description.c_str());
+  for (const Method& method : knownMethods(arguments)) {
+    const std::string& text = method.unavailable.empty() ? method.description : method.unavailable;
+    std::printf("%-12s %s\n", method.name.c_str(), text.c_str());
+  }
+}
+
+/// "all" leaves out what this build has not, but not silently.
+void warnOfMissingMethods(const Arguments& arguments) {
+  const std::vector<std::string>& names = arguments.methods;
+  if (std::find(names.begin(), names.end(), "all") == names.end()) return;
+  for (const Method& method : knownMethods(arguments)) {
+    if (method.unavailable.empty()) continue;
+    std::fprintf(stderr, "ktgp_evaluate: method %s is left out: %s\n", method.name.c_str(),
+                 method.unavailable.c_str());
   }
 }
 
@@ -98,7 +138,8 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
-  app.add_option("DATA", arguments.data, "image sets or lists of pairs")->type_name("PATH");
+  app.add_option("DATA", arguments.data, "image sets or lists of pairs; with --warps images")
+      ->type_name("PATH");
   app.add_option("--methods", arguments.methods, "names, separated by commas, or `all`")
       ->delimiter(',')
       ->type_name("NAMES")
@@ -119,6 +160,19 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
+  const char* const warps = "Warps";
+  app.add_option("--warps", arguments.warps,
+                 "make pairs from images: small, medium or large, or several "
+                 "separated by commas")
+      ->type_name("NAMES")
+      ->group(warps);
+  app.add_option("--warp-pairs", arguments.warp_pairs, "pairs of each kind; half are degraded")
+      ->check(CLI::Range(1, 1000000))
+      ->capture_default_str()
+      ->group(warps);
+  app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
+      ->capture_default_str()
+      ->group(warps);
   const char* const sequence = "Sequence";
   app.add_option("--bag", arguments.bag, "evaluate this recording, each frame against the last")
       ->type_name("FILE")
@@ -136,10 +190,22 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addPipelineOptions(app, arguments.pipeline);
 }
 
+Dataset findPairs(const Arguments& arguments) {
+  Dataset dataset;
+  std::istringstream names(arguments.warps);
+  for (std::string name; std::getline(names, name, ',');) {
+    dataset.problems.clear();  // the same images again, and the same problems
+    addWarps(name, arguments.data, arguments.warp_pairs, arguments.warp_seed, dataset);
+  }
+  if (!arguments.warps.empty()) return dataset;
+  for (const std::string& path : arguments.data) addPairs(path, dataset);
+  return dataset;
+}
+
 int evaluateImageSets(const Arguments& arguments) {
   wantedMethods(arguments);  // refuses an unknown name or a bad threshold before any work
-  Dataset dataset;
-  for (const std::string& path : arguments.data) addPairs(path, dataset);
+  warnOfMissingMethods(arguments);
+  Dataset dataset = findPairs(arguments);
   const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
   for (const PairScore& score : scores) {
     if (!score.problem.empty()) dataset.problems.push_back(score.problem);
@@ -150,6 +216,11 @@ int evaluateImageSets(const Arguments& arguments) {
     nlohmann::json out = toJson(scores);
     out["options"] = toJson(arguments.pipeline);
     out["problems"] = dataset.problems;
+    if (!arguments.warps.empty()) {
+      out["warps"] = {{"kinds", arguments.warps},
+                      {"pairs", arguments.warp_pairs},
+                      {"seed", arguments.warp_seed}};
+    }
     writeText(arguments.json, out.dump(1) + "\n");
   }
   if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores));

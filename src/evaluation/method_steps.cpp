@@ -166,14 +166,16 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
   const auto is_this = [&](const auto& entry) { return entry.second == estimator; };
   const auto entry = std::find_if(estimators().begin(), estimators().end(), is_this);
   return {entry->first, [estimator, options](const Scene& scene, Matching& m) {
+            const Features& reference = m.own ? m.own->reference : scene.reference;
+            const Features& target = m.own ? m.own->target : scene.target;
             PointPairs pairs;
             for (const Correspondence& c : m.matches) {
-              pairs.reference.push_back(position(scene.reference, c.reference_index));
-              pairs.target.push_back(position(scene.target, c.target_index));
+              pairs.reference.push_back(position(reference, c.reference_index));
+              pairs.target.push_back(position(target, c.target_index));
               pairs.quality.push_back(c.ratio());
             }
             const HomographyEstimate model =
-                estimateHomography(estimator, pairs, scene.reference.image_size, options);
+                estimateHomography(estimator, pairs, reference.image_size, options);
             m.estimated = true;
             if (model.found) m.homography = model.homography;
             std::size_t i = 0;

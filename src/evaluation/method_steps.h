@@ -20,9 +20,17 @@ struct Scene {
   const Features& target;
 };
 
+/// Keypoints of both images; descriptors of any kind, or none.
+struct OwnFeatures {
+  Features reference;
+  Features target;
+};
+
 /// What a method has found so far. Every step takes from `matches` what does not pass it.
 struct Matching {
   std::vector<Correspondence> matches;
+  /// Where a method does not use the scene's features: its own, which `matches` refer to.
+  std::optional<OwnFeatures> own{};
   bool estimated = false;                       ///< a step has looked for a homography
   std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, where it found one
 };

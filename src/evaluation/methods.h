@@ -14,10 +14,12 @@ struct Method {
   std::string name;
   std::string description;
   std::vector<Step> steps;
+  std::string unavailable{};  ///< why it cannot be run in this build; empty where it can
 };
 
-/// All methods, with the thresholds of `options`. With `estimator`, every method that ends in a
-/// homography uses that one. What the literature leaves open is said in doc/method.md.
+/// All methods over our features, with the thresholds of `options`. With `estimator`, every method
+/// that ends in a homography uses that one. What the literature leaves open is said in
+/// doc/method.md.
 std::vector<Method> allMethods(const MatcherOptions& options,
                                std::optional<Estimator> estimator = std::nullopt);
 

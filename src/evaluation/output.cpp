@@ -1,6 +1,8 @@
 #include "evaluation/output.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <cstdio>
 #include <sstream>
 
@@ -28,6 +30,39 @@ struct Average {
   }
 };
 
+/// The value in the middle; of an even number the mean of the two there.
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
+}
+
+/// Nothing where no pair has a corner error: the method looks for no homography.
+std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
+  std::vector<double> errors;
+  std::vector<double> correlations;
+  double found = 0.0;
+  double wrong = 0.0;
+  for (const MethodScore* m : scores) {
+    if (!m->corner_error) continue;
+    errors.push_back(*m->corner_error);
+    if (m->zncc) correlations.push_back(*m->zncc);
+    if (!m->found) continue;
+    ++found;
+    if (*m->corner_error > kWrongBeyond) ++wrong;
+  }
+  if (errors.empty()) return std::nullopt;
+  AccuracySummary s;
+  for (std::size_t i = 0; i < kAucThresholds.size(); ++i) {
+    s.auc[i] = areaUnderCurve(errors, kAucThresholds[i]);
+  }
+  s.median_corner_error = median(errors);
+  s.found = found / static_cast<double>(errors.size());
+  s.wrong = found > 0.0 ? wrong / found : 0.0;
+  if (!correlations.empty()) s.zncc = summarize(correlations).mean;
+  return s;
+}
+
 SetSummary summarizeMethod(const std::string& set, std::size_t method,
                            const std::vector<const PairScore*>& scores) {
   SetSummary s;
@@ -35,7 +70,7 @@ SetSummary summarizeMethod(const std::string& set, std::size_t method,
   s.pairs = scores.size();
   const auto n = static_cast<double>(scores.size());
   Average distance, displacement, reprojection;
-  std::vector<double> corner_errors;
+  std::vector<const MethodScore*> members;
   for (const PairScore* pair : scores) {
     const MethodScore& m = pair->methods[method];
     s.method = m.method;
@@ -46,21 +81,17 @@ SetSummary summarizeMethod(const std::string& set, std::size_t method,
     s.correct += static_cast<double>(m.correct) / n;
     s.extraction_milliseconds += pair->extraction_milliseconds / n;
     s.milliseconds += m.milliseconds / n;
+    s.total_milliseconds += m.total_milliseconds / n;
     for (std::size_t i = 0; i < m.precision.size(); ++i) s.precision[i] += m.precision[i] / n;
     distance.add(m.descriptor_distance);
     displacement.add(m.displacement);
     reprojection.add(m.reprojection_error);
-    if (m.corner_error) corner_errors.push_back(*m.corner_error);
+    members.push_back(&m);
   }
   s.descriptor_distance = distance.summary();
   s.displacement = displacement.summary();
   s.reprojection_error = reprojection.summary();
-  if (!corner_errors.empty()) {
-    s.auc.emplace();
-    for (std::size_t i = 0; i < kAucThresholds.size(); ++i) {
-      (*s.auc)[i] = areaUnderCurve(corner_errors, kAucThresholds[i]);
-    }
-  }
+  s.accuracy = summarizeAccuracy(members);
   return s;
 }
 
@@ -81,8 +112,12 @@ void put(json& out, const std::string& key, const Values& values, const Threshol
   for (std::size_t i = 0; i < values.size(); ++i) out[key + "_" + px(thresholds[i])] = values[i];
 }
 
+json orNull(const std::optional<double>& value) {
+  return value ? json(*value) : json(nullptr);
+}
+
 /// The columns of the CSV file, which are keys of toRow.
-constexpr std::array<const char*, 25> kColumns{"set",
+constexpr std::array<const char*, 28> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -102,9 +137,12 @@ constexpr std::array<const char*, 25> kColumns{"set",
                                                "reprojection_error_mean",
                                                "reprojection_error_rms",
                                                "homography_sought",
+                                               "found",
                                                "corner_error",
+                                               "zncc",
                                                "extraction_ms",
                                                "ms",
+                                               "total_ms",
                                                "steps_matches",
                                                "steps_ms"};
 
@@ -130,9 +168,12 @@ json toRow(const PairScore& pair, const MethodScore& m) {
            {"retention", m.retention},
            {"rep_eq9", m.matched_share},
            {"correct_3px", m.correct},
-           {"corner_error", m.corner_error ? json(*m.corner_error) : json(nullptr)},
+           {"corner_error", orNull(m.corner_error)},
            {"homography_sought", m.corner_error.has_value()},
+           {"found", m.found},
+           {"zncc", orNull(m.zncc)},
            {"ms", m.milliseconds},
+           {"total_ms", m.total_milliseconds},
            {"steps_matches", joined(m.steps, [](const StepResult& s) { return s.matches; })},
            {"steps_ms", joined(m.steps, [](const StepResult& s) { return s.milliseconds; })}};
   put(row, "descriptor_distance", m.descriptor_distance);
@@ -150,6 +191,18 @@ json toJson(const std::vector<StepResult>& steps) {
   return out;
 }
 
+void put(json& out, const AccuracySummary& accuracy) {
+  for (std::size_t i = 0; i < kAucThresholds.size(); ++i) {
+    std::ostringstream key;
+    key << "auc_" << kAucThresholds[i];
+    out[key.str()] = accuracy.auc[i];
+  }
+  out["median_corner_error"] = accuracy.median_corner_error;
+  out["found"] = accuracy.found;
+  out["wrong"] = accuracy.wrong;
+  out["zncc"] = orNull(accuracy.zncc);
+}
+
 json toJson(const SetSummary& s) {
   json out{{"set", s.set},
            {"method", s.method},
@@ -160,12 +213,13 @@ json toJson(const SetSummary& s) {
            {"detector_repeatability", s.detector_repeatability},
            {"correct_3px", s.correct},
            {"extraction_ms", s.extraction_milliseconds},
-           {"ms", s.milliseconds}};
+           {"ms", s.milliseconds},
+           {"total_ms", s.total_milliseconds}};
   put(out, "descriptor_distance", s.descriptor_distance);
   put(out, "displacement", s.displacement);
   put(out, "reprojection_error", s.reprojection_error);
   put(out, "precision", s.precision, kPrecisionThresholds);
-  if (s.auc) put(out, "auc", *s.auc, kAucThresholds);
+  if (s.accuracy) put(out, *s.accuracy);
   return out;
 }
 
@@ -177,6 +231,24 @@ std::string toField(const json& value) {
   std::string out = "\"";
   for (char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
   return out + "\"";
+}
+
+template <typename... Values>
+std::string format(const char* pattern, Values... values) {
+  std::array<char, 256> line{};
+  std::snprintf(line.data(), line.size(), pattern, values...);
+  return line.data();
+}
+
+/// AUCs and shares in percent, the median in px; dashes where there is nothing to say.
+std::string toColumns(const std::optional<AccuracySummary>& a) {
+  if (!a) return format("%5s %5s %5s %5s %8s %6s %6s %6s", "-", "-", "-", "-", "-", "-", "-", "-");
+  std::string out;
+  for (double auc : a->auc) out += format("%5.1f ", 100.0 * auc);
+  const bool known = std::isfinite(a->median_corner_error);
+  out += known ? format("%8.3f ", a->median_corner_error) : format("%8s ", "none");
+  out += format("%5.1f%% %5.1f%% ", 100.0 * a->found, 100.0 * a->wrong);
+  return out + (a->zncc ? format("%6.3f", *a->zncc) : format("%6s", "-"));
 }
 
 }  // namespace
@@ -239,24 +311,19 @@ std::string toCsv(const std::vector<PairScore>& scores) {
 
 std::string toTable(const std::vector<SetSummary>& summaries) {
   std::string out;
-  char line[256];
   std::string set;
   for (const SetSummary& s : summaries) {
     if (s.set != set) {
       set = s.set;
-      std::snprintf(line, sizeof(line), "\n%s, %zu pairs\n%-12s %8s %7s %8s %9s %9s %7s %9s\n",
-                    set.c_str(), s.pairs, "method", "matches", "kept", "correct", "precision",
-                    "error px", "AUC@3", "ms");
-      out += line;
+      out += format("\n%s, %zu pairs\n", set.c_str(), s.pairs);
+      out += format("%-12s %8s %6s %8s %9s %8s | %5s %5s %5s %5s %8s %6s %6s %6s | %8s\n", "method",
+                    "matches", "kept", "correct", "precision", "error px", "AUC@1", "@3", "@5",
+                    "@10", "median", "found", "wrong", "ZNCC", "ms");
     }
-    std::snprintf(line, sizeof(line), "%-12s %8.1f %6.1f%% %8.1f %8.1f%% %9.2f ", s.method.c_str(),
-                  s.matches, 100.0 * s.retention, s.correct, 100.0 * s.precision[2],
-                  s.reprojection_error.mean);
-    out += line;
-    std::snprintf(line, sizeof(line), "%6.1f%%", s.auc ? 100.0 * (*s.auc)[1] : 0.0);
-    out += s.auc ? line : "      -";
-    std::snprintf(line, sizeof(line), " %9.2f\n", s.milliseconds);
-    out += line;
+    out +=
+        format("%-12s %8.1f %5.1f%% %8.1f %8.1f%% %8.2f | ", s.method.c_str(), s.matches,
+               100.0 * s.retention, s.correct, 100.0 * s.precision[2], s.reprojection_error.mean);
+    out += toColumns(s.accuracy) + format(" | %8.2f\n", s.total_milliseconds);
   }
   return out;
 }

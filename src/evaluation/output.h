@@ -8,6 +8,16 @@
 
 namespace ktgp_orb::tools {
 
+/// How good the homographies of one method are over the pairs of one set.
+struct AccuracySummary {
+  /// Area under the curve of the corner error up to each of kAucThresholds.
+  std::array<double, kAucThresholds.size()> auc{};
+  double median_corner_error = 0.0;  ///< px; infinite where half of the pairs have no homography
+  double found = 0.0;          ///< share of pairs with a homography that the method calls good
+  double wrong = 0.0;          ///< share of those found that are more than kWrongBeyond off
+  std::optional<double> zncc;  ///< mean of the pairs found; needs no ground truth
+};
+
 /// Averages of one method over the pairs of one set.
 struct SetSummary {
   std::string set;  ///< "all" for all sets together
@@ -25,8 +35,8 @@ struct SetSummary {
   ErrorSummary descriptor_distance;
   ErrorSummary displacement;
   ErrorSummary reprojection_error;
-  /// Of the corner error; only where the method estimates a homography.
-  std::optional<std::array<double, kAucThresholds.size()>> auc;
+  double total_milliseconds = 0.0;          ///< from the images to the result
+  std::optional<AccuracySummary> accuracy;  ///< only where the method estimates a homography
 };
 
 /// One entry per set and method, in the order of `scores`, then "all" where there are several sets.

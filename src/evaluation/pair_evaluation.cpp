@@ -4,12 +4,14 @@
 #include <chrono>
 
 #include "cli/files.h"
+#include "evaluation/overlap.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
+/// Of an even number of values the lower of the two in the middle.
 double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -26,6 +28,34 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
   return steps;
 }
 
+void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
+                  MethodScore& score) {
+  const Features& reference = found.own ? found.own->reference : scene.reference;
+  const Features& target = found.own ? found.own->target : scene.target;
+  const std::vector<Correspondence>& matches = found.matches;
+  score.matches = matches.size();
+  score.retention = retention(matches.size(), target.size());
+  score.matched_share = matchedShare(matches.size(), reference, target);
+  if (!found.own) score.descriptor_distance = descriptorDistance(matches);
+  score.displacement = displacement(reference, target, matches);
+  const std::vector<double> errors = reprojectionErrors(truth, reference, target, matches);
+  score.reprojection_error = summarize(errors);
+  for (std::size_t i = 0; i < kPrecisionThresholds.size(); ++i) {
+    score.precision[i] = precision(errors, kPrecisionThresholds[i]);
+  }
+  score.correct = countWithin(errors, kCorrectWithin);
+}
+
+void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
+                     MethodScore& score) {
+  if (!found.estimated) return;
+  score.found = found.homography.has_value();
+  score.corner_error = cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()), truth,
+                                   scene.reference_image.size());
+  if (!score.found) return;
+  score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
+}
+
 }  // namespace
 
 PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions)
@@ -35,7 +65,13 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;
   score.pair = pair;
   try {
-    evaluateImages(score);
+    const cv::Mat reference = readGrey(pair.reference);
+    if (pair.warp) {
+      const WarpedImages images = renderWarp(reference, *pair.warp);
+      evaluateImages(images.reference, images.target, score);
+    } else {
+      evaluateImages(reference, readGrey(pair.target), score);
+    }
   } catch (const FileError& error) {
     score.problem = error.what();
     score.methods.clear();
@@ -43,52 +79,46 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   return score;
 }
 
-void PairEvaluator::evaluateImages(PairScore& score) {
-  using Clock = std::chrono::steady_clock;
-  const cv::Mat reference_image = readGrey(score.pair.reference);
-  const cv::Mat target_image = readGrey(score.pair.target);
-  const auto start = Clock::now();
-  extractor_.extract(reference_image, reference_);
-  extractor_.extract(target_image, target_);
-  score.extraction_milliseconds =
-      std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+void PairEvaluator::evaluateImages(const cv::Mat& reference_image, const cv::Mat& target_image,
+                                   PairScore& score) {
+  score.extraction_milliseconds = extract(reference_image, target_image);
   score.reference_keypoints = reference_.size();
   score.target_keypoints = target_.size();
   const Eigen::Matrix3d& truth = score.pair.homography;
   score.detector_repeatability = detectorRepeatability(reference_, target_, truth).score();
   const Scene scene{reference_image, target_image, reference_, target_};
   for (const Method& method : methods_) {
-    score.methods.push_back(evaluateMethod(method, scene, truth));
+    score.methods.push_back(evaluateMethod(method, scene, truth, score.extraction_milliseconds));
   }
 }
 
+double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& target_image) {
+  using Clock = std::chrono::steady_clock;
+  std::vector<double> times;
+  for (int i = 0; i < repetitions_; ++i) {
+    const auto start = Clock::now();
+    extractor_.extract(reference_image, reference_);
+    extractor_.extract(target_image, target_);
+    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
+    times.push_back(time.count());
+  }
+  return median(times);
+}
+
 MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& scene,
-                                          const Eigen::Matrix3d& truth) {
+                                          const Eigen::Matrix3d& truth,
+                                          double extraction_milliseconds) {
   std::vector<std::vector<StepResult>> runs(static_cast<std::size_t>(repetitions_));
   Matching found;
   for (auto& steps : runs) found = runMethod(method, scene, steps);
-  const std::vector<Correspondence>& matches = found.matches;
 
   MethodScore score;
   score.method = method.name;
-  score.matches = matches.size();
-  score.retention = retention(matches.size(), scene.target.size());
-  score.matched_share = matchedShare(matches.size(), scene.reference, scene.target);
-  score.descriptor_distance = descriptorDistance(matches);
-  score.displacement = displacement(scene.reference, scene.target, matches);
-  const std::vector<double> errors =
-      reprojectionErrors(truth, scene.reference, scene.target, matches);
-  score.reprojection_error = summarize(errors);
-  for (std::size_t i = 0; i < kPrecisionThresholds.size(); ++i) {
-    score.precision[i] = precision(errors, kPrecisionThresholds[i]);
-  }
-  score.correct = countWithin(errors, kCorrectWithin);
-  if (found.estimated) {
-    score.corner_error = cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()), truth,
-                                     scene.reference.image_size);
-  }
+  scoreMatches(found, scene, truth, score);
+  scoreHomography(found, scene, truth, score);
   score.steps = medianTimes(runs);
   for (const StepResult& step : score.steps) score.milliseconds += step.milliseconds;
+  score.total_milliseconds = score.milliseconds + (found.own ? 0.0 : extraction_milliseconds);
   return score;
 }
 

@@ -16,6 +16,8 @@ namespace ktgp_orb::tools {
 constexpr double kCorrectWithin = 3.0;
 constexpr std::array<double, 3> kPrecisionThresholds{1.0, 2.0, 3.0};
 constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
+/// A homography is called wrong beyond this corner error, px.
+constexpr double kWrongBeyond = 20.0;
 
 /// What one method makes of one pair.
 struct MethodScore {
@@ -30,8 +32,12 @@ struct MethodScore {
   std::size_t correct = 0;  ///< matches within kCorrectWithin
   /// px; infinite where the method found no homography; nothing where it does not look for one.
   std::optional<double> corner_error;
+  bool found = false;  ///< a homography, which the method calls good
+  /// Of the images laid over each other by the homography; see overlapCorrelation.
+  std::optional<double> zncc;
   std::vector<StepResult> steps;
-  double milliseconds = 0.0;  ///< all steps, without the features
+  double milliseconds = 0.0;        ///< all steps, without the features of the scene
+  double total_milliseconds = 0.0;  ///< from the images to the result
 };
 
 /// One pair with every method.
@@ -55,9 +61,10 @@ class PairEvaluator {
   PairScore evaluate(const ImagePair& pair);
 
  private:
-  void evaluateImages(PairScore& score);
-  MethodScore evaluateMethod(const Method& method, const Scene& scene,
-                             const Eigen::Matrix3d& truth);
+  void evaluateImages(const cv::Mat& reference, const cv::Mat& target, PairScore& score);
+  double extract(const cv::Mat& reference, const cv::Mat& target);
+  MethodScore evaluateMethod(const Method& method, const Scene& scene, const Eigen::Matrix3d& truth,
+                             double extraction_milliseconds);
 
   OrbExtractor extractor_;
   std::vector<Method> methods_;

@@ -79,8 +79,8 @@ class KtgpEvaluate(ToolCase):
         self.assertEqual(out["options"]["gms-threshold"], 5)
         self.assertEqual(out["problems"], [])
         ktg, ktgp = out["summary"]
-        self.assertNotIn("auc_3px", ktg)
-        self.assertGreater(ktgp["auc_10px"], 0.8)
+        self.assertNotIn("auc_3", ktg)
+        self.assertGreater(ktgp["auc_10"], 0.8)
         mean = sum(r["matches"] for r in out["results"] if r["method"] == "KTGP") / 5
         self.assertAlmostEqual(ktgp["matches"], mean)
         self.assertEqual([s["name"] for s in out["results"][1]["steps"]],
@@ -145,6 +145,66 @@ class KtgpEvaluate(ToolCase):
         self.assertEqual([s["set"] for s in out["summary"]], ["first", "second", "all"])
         self.assertAlmostEqual(out["summary"][0]["matches"], out["summary"][2]["matches"])
         self.assertEqual(out["summary"][2]["pairs"], 10)
+
+    def warps(self, kinds, *arguments):
+        return self.rows("--warps", kinds, *arguments, "--warp-pairs", "4", "--json", "out.json")
+
+    def test_warps_are_made_from_any_image_and_found_again(self):
+        run, rows = self.warps("small", "data/first/img1.pgm", "--methods", "KTGP,ECC")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual([r["pair"] for r in rows[::2]], ["0", "1", "2", "3"])
+        for row in rows:
+            self.assertEqual(row["set"], "small")
+            self.assertEqual(row["found"], "true")
+            self.assertLess(float(row["corner_error"]), 3.0, row)
+            self.assertGreater(float(row["zncc"]), 0.9, row)
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual(out["warps"], {"kinds": "small", "pairs": 4, "seed": 1})
+        for summary in out["summary"]:
+            self.assertGreater(summary["auc_3"], 0.5)
+            self.assertLessEqual(summary["auc_1"], summary["auc_10"])
+            self.assertEqual(summary["found"], 1.0)
+            self.assertEqual(summary["wrong"], 0.0)
+            self.assertLess(summary["median_corner_error"], 2.0)
+            self.assertGreater(summary["zncc"], 0.9)
+        for word in ("AUC@1", "median", "found", "wrong", "ZNCC"):
+            self.assertIn(word, run.stdout)
+
+    def test_warps_of_a_folder_by_kind_and_by_seed(self):
+        def errors(*arguments):
+            run, rows = self.warps("small,medium", "data/first", "--methods", "KTGP", *arguments)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            self.assertEqual([r["set"] for r in rows], ["small"] * 4 + ["medium"] * 4)
+            return [r["corner_error"] for r in rows]
+
+        self.assertEqual(errors(), errors("--jobs", "2"))
+        self.assertNotEqual(errors(), errors("--warp-seed", "2"))
+
+    def test_warps_that_cannot_be_made(self):
+        run = self.evaluate("--warps", "huge", "data/first/img1.pgm")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("small, medium or large", run.stderr)
+        (self.folder / "text.png").write_text("no image")
+        run, rows = self.warps("small", "nowhere.png", "text.png", "data/first/img1.pgm",
+                               "--methods", "KTGP")
+        self.assertEqual(run.returncode, 1)
+        self.assertEqual(len(rows), 2, "every second warp is of the image that can be read")
+        self.assertIn("nowhere.png", run.stderr)
+        self.assertIn("text.png", run.stderr)
+
+    def test_peers_are_listed_and_run_or_say_what_is_missing(self):
+        listed = self.evaluate("--list-methods").stdout
+        for name in ("SIFT", "AKAZE", "FLOW", "ECC"):
+            line = next(x for x in listed.splitlines() if x.startswith(name + " "))
+            run, rows = self.rows("data", "--methods", name)
+            if "not available in this OpenCV" in line:
+                self.assertEqual(run.returncode, 2)
+                self.assertIn("not available in this OpenCV", run.stderr)
+                continue
+            self.assertEqual(run.returncode, 0, run.stderr)
+            for row in rows:
+                self.assertLess(float(row["corner_error"]), 3.0, row)
+                self.assertEqual(row["total_ms"], row["ms"], "without our features")
 
 
 if __name__ == "__main__":

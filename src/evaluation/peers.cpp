@@ -1,0 +1,147 @@
+#include "evaluation/peers.h"
+
+#include <algorithm>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/core/version.hpp>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+
+// In features2d from 4.4 on; before, in a module that distributions do not ship.
+#define KTGP_ORB_HAVE_SIFT (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 3))
+
+namespace ktgp_orb::tools {
+namespace {
+
+using Detector = cv::Ptr<cv::Feature2D>;
+
+void describe(const Detector& detector, const cv::Mat& image, Features& features) {
+  features.image_size = image.size();
+  detector->detectAndCompute(image, cv::noArray(), features.keypoints, features.descriptors);
+}
+
+Step detect(const Detector& detector) {
+  return {"detect", [detector](const Scene& scene, Matching& m) {
+            m.own.emplace();
+            describe(detector, scene.reference_image, m.own->reference);
+            describe(detector, scene.target_image, m.own->target);
+          }};
+}
+
+/// For every target descriptor the nearest of the reference, where it is nearer than
+/// `threshold` times the second (Lowe 2004).
+Step nearestByRatio(int norm, double threshold) {
+  return {"match", [norm, threshold](const Scene&, Matching& m) {
+            const Features& reference = m.own->reference;
+            const Features& target = m.own->target;
+            if (reference.size() < 2 || target.empty()) return;
+            std::vector<std::vector<cv::DMatch>> candidates;
+            cv::BFMatcher(norm).knnMatch(target.descriptors, reference.descriptors, candidates, 2);
+            for (const auto& pair : candidates) {
+              if (pair.size() < 2) continue;
+              const float d1 = pair[0].distance;
+              const float d2 = pair[1].distance;
+              if (!(d1 < threshold * d2)) continue;
+              m.matches.push_back({pair[0].trainIdx, pair[0].queryIdx, cvRound(d1), cvRound(d2)});
+            }
+          }};
+}
+
+constexpr int kCorners = 500;
+
+/// Corners of the reference (Shi & Tomasi 1994).
+Step corners() {
+  return {"corners", [](const Scene& scene, Matching& m) {
+            constexpr double kQuality = 0.01;  // of the best corner's
+            constexpr double kApart = 7.0;     // px
+            std::vector<cv::Point2f> points;
+            cv::goodFeaturesToTrack(scene.reference_image, points, kCorners, kQuality, kApart);
+            m.own.emplace();
+            m.own->reference.image_size = m.own->target.image_size = scene.reference_image.size();
+            for (const auto& p : points) m.own->reference.keypoints.emplace_back(p, 1.F);
+          }};
+}
+
+/// Follows the corners into the target: pyramidal Lucas-Kanade (Bouguet 2000), OpenCV's defaults.
+Step opticalFlow() {
+  return {"flow", [](const Scene& scene, Matching& m) {
+            std::vector<cv::Point2f> from;
+            std::vector<cv::Point2f> to;
+            std::vector<std::uint8_t> followed;
+            cv::KeyPoint::convert(m.own->reference.keypoints, from);
+            if (from.empty()) return;
+            cv::calcOpticalFlowPyrLK(scene.reference_image, scene.target_image, from, to, followed,
+                                     cv::noArray());
+            for (std::size_t i = 0; i < to.size(); ++i) {
+              const auto index = static_cast<std::int32_t>(i);
+              m.own->target.keypoints.emplace_back(to[i], 1.F);
+              if (followed[i] != 0) m.matches.push_back({index, index, 0, 0});
+            }
+          }};
+}
+
+/// The homography that maximises the correlation of the images, from the identity (Evangelidis &
+/// Psarakis 2008). No matches.
+Step ecc() {
+  return {"ecc", [](const Scene& scene, Matching& m) {
+            const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
+            m.own.emplace();
+            m.estimated = true;
+            cv::Mat h = cv::Mat::eye(3, 3, CV_32F);
+            try {
+              cv::findTransformECC(scene.reference_image, scene.target_image, h,
+                                   cv::MOTION_HOMOGRAPHY, until);
+            } catch (const cv::Exception&) {
+              return;  // this is how it says that it did not converge
+            }
+            Eigen::Matrix3f found;
+            cv::cv2eigen(h, found);
+            if (found.allFinite()) m.homography = found.cast<double>();
+          }};
+}
+
+/// The steps, then the estimator; what is missing in this OpenCV instead of them.
+Method peer(const std::string& name, const std::string& description, std::vector<Step> steps,
+            Estimator estimator, const ProsacOptions& options) {
+  const auto is_here = [&](const auto& entry) { return entry.second == estimator; };
+  if (steps.empty()) return {name, description, {}, "it needs 4.4"};
+  if (std::none_of(estimators().begin(), estimators().end(), is_here)) {
+    return {name, description, {}, "its estimator needs 4.5"};
+  }
+  steps.push_back(homography(estimator, options));
+  return {name, description, std::move(steps)};
+}
+
+std::vector<Step> siftSteps(double threshold) {
+#if KTGP_ORB_HAVE_SIFT
+  constexpr int kFeatures = 2000;
+  return {detect(cv::SIFT::create(kFeatures)), nearestByRatio(cv::NORM_L2, threshold)};
+#else
+  static_cast<void>(threshold);
+  return {};
+#endif
+}
+
+}  // namespace
+
+std::vector<Method> peerMethods(const ProsacOptions& options, std::optional<Estimator> wanted) {
+  constexpr double kRatio = 0.8;
+  const Estimator estimator = wanted.value_or(Estimator::magsac);
+  std::vector<Method> methods{
+      peer("SIFT", "2000 SIFT keypoints, ratio 0.8, MAGSAC++", siftSteps(kRatio), estimator,
+           options),
+      peer("AKAZE", "AKAZE keypoints, ratio 0.8, MAGSAC++",
+           {detect(cv::AKAZE::create()), nearestByRatio(cv::NORM_HAMMING, kRatio)}, estimator,
+           options),
+      peer("FLOW", "500 corners, pyramidal optical flow, MAGSAC++", {corners(), opticalFlow()},
+           estimator, options),
+      {"ECC", "dense alignment from the identity", {ecc()}},
+  };
+  for (Method& method : methods) {
+    if (method.unavailable.empty()) continue;
+    method.unavailable = "not available in this OpenCV (" CV_VERSION "): " + method.unavailable;
+  }
+  return methods;
+}
+
+}  // namespace ktgp_orb::tools

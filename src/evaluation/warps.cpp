@@ -1,0 +1,122 @@
+#include "evaluation/warps.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "core/util/random.h"
+#include "evaluation/rendering.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr double kDegree = M_PI / 180.0;
+constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
+constexpr double kShown = 0.85;              // of the picture by the reference view
+const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
+
+double uniform(Random& random, double low, double high) {
+  return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
+}
+
+double logUniform(Random& random, double low, double high) {
+  return std::exp(uniform(random, std::log(low), std::log(high)));
+}
+
+Eigen::Matrix3d translation(const Eigen::Vector2d& t) {
+  Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
+  m.topRightCorner<2, 1>() = t;
+  return m;
+}
+
+/// The reference camera looks straight at a plane; the target camera sees it turned, tilted and
+/// through another focal length. What is drawn is drawn in the order of the declarations.
+Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
+  const double rotation = uniform(random, -limits.rotation, limits.rotation) * kDegree;
+  const double zoom = logUniform(random, 1.0 / limits.zoom, limits.zoom);
+  const double tilt = uniform(random, -limits.tilt, limits.tilt) * kDegree;
+  const double axis = uniform(random, 0.0, M_PI);
+  const double shift_x = uniform(random, -limits.shift, limits.shift);
+  const double shift_y = uniform(random, -limits.shift, limits.shift);
+
+  const Eigen::Matrix3d turned =
+      (Eigen::AngleAxisd(tilt, Eigen::Vector3d(std::cos(axis), std::sin(axis), 0.0)) *
+       Eigen::AngleAxisd(rotation, Eigen::Vector3d::UnitZ()))
+          .toRotationMatrix();
+  Eigen::Matrix3d plane;  // axes and origin of the plane, px, in the target camera's frame
+  plane << turned.col(0), turned.col(1), Eigen::Vector3d(0.0, 0.0, kFocalLength);
+  const double focal_length = kFocalLength * zoom;
+  const Eigen::Matrix3d camera = Eigen::Vector3d(focal_length, focal_length, 1.0).asDiagonal();
+  const Eigen::Vector2d shift(shift_x, shift_y);
+  const Eigen::Matrix3d h = translation(kCentre + shift) * camera * plane * translation(-kCentre);
+  return h / h(2, 2);
+}
+
+Degradation drawDegradation(Random& random) {
+  Degradation d;
+  d.blur = uniform(random, 0.3, 1.0);
+  d.gamma = logUniform(random, 1.0 / 1.3, 1.3);
+  d.gain = uniform(random, 0.8, 1.2);
+  d.noise = uniform(random, 1.0, 5.0);
+  d.seed = random.next();
+  return d;
+}
+
+/// `view`: CV_32F.
+void degrade(const Degradation& d, cv::Mat& view) {
+  cv::GaussianBlur(view, view, {}, d.blur);
+  view = cv::max(view, 0.0F);
+  cv::pow(view / 255.0, d.gamma, view);
+  view *= 255.0 * d.gain;
+  cv::Mat noise(view.size(), CV_32F);
+  cv::RNG(d.seed).fill(noise, cv::RNG::NORMAL, 0.0, d.noise);
+  view += noise;
+}
+
+/// The largest part of the reference view's proportions, times kShown, around the middle.
+Eigen::Matrix3d pictureFromReference(const cv::Size& picture) {
+  const double scale =
+      kShown * std::min(picture.width / double{kWarpWidth}, picture.height / double{kWarpHeight});
+  const Eigen::Vector2d middle(0.5 * (picture.width - 1), 0.5 * (picture.height - 1));
+  const Eigen::Matrix3d scaling = Eigen::Vector3d(scale, scale, 1.0).asDiagonal();
+  return translation(middle) * scaling * translation(-kCentre);
+}
+
+cv::Mat toGrey(const cv::Mat& view) {
+  cv::Mat grey;
+  view.convertTo(grey, CV_8U);
+  return grey;
+}
+
+}  // namespace
+
+std::optional<WarpLimits> warpLimits(const std::string& name) {
+  if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
+  if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
+  if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
+  return std::nullopt;
+}
+
+Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
+  // Two neighbouring seeds of SplitMix64 would share their numbers but for a shift: one more step.
+  Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
+  Warp warp;
+  warp.homography = drawHomography(limits, random);
+  if (index % 2 == 1) warp.degradation = drawDegradation(random);
+  return warp;
+}
+
+WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp) {
+  cv::Mat source;
+  picture.convertTo(source, CV_32F);
+  const cv::Size size(kWarpWidth, kWarpHeight);
+  const Eigen::Matrix3d picture_from_reference = pictureFromReference(picture.size());
+  const Eigen::Matrix3d picture_from_target = picture_from_reference * warp.homography.inverse();
+  cv::Mat target = renderView(source, picture_from_target, size);
+  if (warp.degradation) degrade(*warp.degradation, target);
+  return {toGrey(renderView(source, picture_from_reference, size)), toGrey(target)};
+}
+
+}  // namespace ktgp_orb::tools

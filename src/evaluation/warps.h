@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+
+namespace ktgp_orb::tools {
+
+/// How far the camera moves between the two views of a warp. Every value is drawn evenly from
+/// -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
+struct WarpLimits {
+  double rotation = 0.0;  ///< about the optical axis, degrees
+  double zoom = 1.0;      ///< of the lens
+  double tilt = 0.0;      ///< of the plane about an axis of any direction within it, degrees
+  double shift = 0.0;     ///< of the image centre along x and along y, px
+};
+
+/// "small", "medium" or "large"; nothing for another name.
+std::optional<WarpLimits> warpLimits(const std::string& name);
+
+constexpr int kWarpWidth = 640;
+constexpr int kWarpHeight = 480;
+
+/// What the camera does to the light on its way to the target image: Gaussian blur, gamma, gain,
+/// noise, in this order.
+struct Degradation {
+  double blur = 0.0;   ///< sigma, px
+  double gamma = 1.0;  ///< exponent of the grey value over 255
+  double gain = 1.0;
+  double noise = 0.0;  ///< standard deviation, grey values
+  std::uint64_t seed = 0;
+};
+
+/// A pair of views of one picture, as numbers; the images are made by renderWarp.
+struct Warp {
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px; exact
+  std::optional<Degradation> degradation;                    ///< of the target image
+};
+
+/// Warp number `index` of a series. The same arguments give the same warp; even numbers are clean,
+/// odd ones are degraded.
+Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed);
+
+struct WarpedImages {
+  cv::Mat reference;  ///< 8-bit grey, kWarpWidth x kWarpHeight
+  cv::Mat target;     ///< the same
+};
+
+/// Both views of `picture` (8-bit grey, any size). The reference view shows the middle 85 % of the
+/// largest 4:3 part of the picture, so that a small warp does not leave it; where a target view
+/// does, it is black. Both are rendered from the picture itself with antialiasing.
+WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp);
+
+}  // namespace ktgp_orb::tools
