@@ -26,7 +26,7 @@
 #include "demo/table.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/overlay.h"
-#include "nodelet/frame.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -238,7 +238,7 @@ class Report {
     MatchResult result;
     cv::Mat canvas;
     matcher.match(frames[0]->features, frames[1]->features, result);
-    drawStages({frames[0]->grey, frames[0]->features}, {frames[1]->grey, frames[1]->features},
+    drawStages({frames[0]->image, frames[0]->features}, {frames[1]->image, frames[1]->features},
                result, canvas);
     cv::imwrite(picturePath(), canvas);
   }

@@ -2,45 +2,52 @@
 
 #include <algorithm>
 #include <chrono>
+#include <limits>
 
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
 
+namespace {
+
+SequenceOptions optionsOf(const OrbOptions& orb, const MatcherOptions& matcher) {
+  SequenceOptions options{orb, matcher, {}};
+  options.reference.max_age = std::numeric_limits<double>::infinity();
+  return options;
+}
+
+}  // namespace
+
 SequenceEvaluator::SequenceEvaluator(const OrbOptions& orb, const MatcherOptions& matcher,
                                      int window)
-    : extractor_(orb), matcher_(matcher), window_(window) {}
+    : matcher_(optionsOf(orb, matcher)), window_(window) {}
 
 void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
                                  const std::optional<Eigen::Matrix3d>& truth) {
   using Clock = std::chrono::steady_clock;
   if (frames_.empty()) first_stamp_ = stamp;
-  FrameScore frame;
-  frame.time = stamp - first_stamp_;
-  std::swap(reference_, target_);
-
   const auto start = Clock::now();
-  extractor_.extract(image, target_);
-  if (!frames_.empty()) matcher_.match(reference_, target_, result_);
+  const SequenceMatch& match = matcher_.match(image, stamp);
+  FrameScore frame;
   frame.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-
-  frame.keypoints = target_.size();
-  if (!frames_.empty()) {
-    frame.status = result_.status;
-    for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = result_.stages[i].output;
+  frame.time = stamp - first_stamp_;
+  frame.keypoints = match.frame->features.size();
+  frame.status = match.match.status;
+  if (match.reference) {
+    for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
     frame.inlier_ratio = retention(frame.matches[3], frame.matches[1]);
-    frame.rmse = result_.prosac.rmse;
-    accumulateDrift(truth, frame);
+    frame.rmse = match.match.prosac.rmse;
   }
-  followTracks();
+  accumulateDrift(match, truth, frame);
+  followTracks(match);
   frames_.push_back(frame);
 }
 
-void SequenceEvaluator::followTracks() {
-  std::vector<int> length(target_.size(), 0);
+void SequenceEvaluator::followTracks(const SequenceMatch& match) {
+  std::vector<int> length(match.frame->features.size(), 0);
   std::vector<std::size_t> counts;
   std::vector<bool> continued(track_length_.size(), false);
-  for (const Correspondence& c : result_.correspondences) {
+  for (const Correspondence& c : match.match.correspondences) {
     const auto r = static_cast<std::size_t>(c.reference_index);
     // A keypoint that several others claim goes on as one track.
     if (c.level < Level::ktgp || continued[r]) continue;
@@ -56,12 +63,13 @@ void SequenceEvaluator::followTracks() {
   long_tracks_.push_back(std::move(counts));
 }
 
-void SequenceEvaluator::accumulateDrift(const std::optional<Eigen::Matrix3d>& truth,
+void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
+                                        const std::optional<Eigen::Matrix3d>& truth,
                                         FrameScore& frame) {
-  const cv::Size size = reference_.image_size;
-  const bool found = result_.status == Status::ok;
+  const cv::Size size = match.frame->features.image_size;
+  const bool found = match.match.status == Status::ok;
   if (truth && found) {
-    frame.corner_error = cornerError(result_.prosac.homography, *truth, size);
+    frame.corner_error = cornerError(match.match.prosac.homography, *truth, size);
   }
   const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
   if (!truth || !found || window_is_full) {
@@ -70,7 +78,7 @@ void SequenceEvaluator::accumulateDrift(const std::optional<Eigen::Matrix3d>& tr
     true_.setIdentity();
   }
   if (!truth || !found) return;
-  estimated_ = result_.prosac.homography * estimated_;
+  estimated_ = match.match.prosac.homography * estimated_;
   true_ = *truth * true_;
   ++frames_in_window_;
   frame.drift = cornerError(estimated_, true_, size);

@@ -5,8 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb::tools {
 
@@ -36,22 +35,20 @@ class SequenceEvaluator {
   /// Drift is accumulated over `window` frames, then begins anew; 0: over all.
   SequenceEvaluator(const OrbOptions& orb, const MatcherOptions& matcher, int window);
 
-  /// `image`: 8-bit grey. `truth`: homography from the frame before to this one, where known.
+  /// `stamp` in s: where it goes back, the sequence begins anew; a gap does not matter. `image`:
+  /// 8-bit grey. `truth`: homography from the frame before to this one, where known.
   void addFrame(double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth);
 
   SequenceScore score() const;
 
  private:
-  void followTracks();
-  void accumulateDrift(const std::optional<Eigen::Matrix3d>& truth, FrameScore& frame);
+  void followTracks(const SequenceMatch& match);
+  void accumulateDrift(const SequenceMatch& match, const std::optional<Eigen::Matrix3d>& truth,
+                       FrameScore& frame);
 
-  OrbExtractor extractor_;
-  KtgpMatcher matcher_;
+  SequenceMatcher matcher_;
   int window_;
   double first_stamp_ = 0.0;
-  Features reference_;
-  Features target_;
-  MatchResult result_;
   std::vector<FrameScore> frames_;
 
   std::vector<int> track_length_;  ///< per keypoint of the newest frame, in matches

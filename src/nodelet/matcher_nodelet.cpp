@@ -7,8 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "nodelet/image_conversion.h"
+#include "messages/image_conversion.h"
 #include "nodelet/opencv_pool.h"
+#include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 namespace {
@@ -16,6 +17,13 @@ namespace {
 // ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
 // zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
+
+/// `later` - `earlier`, s. Unlike ros::Duration, which throws beyond 68 years, it takes the stamps
+/// of any camera.
+double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
+  const double seconds = static_cast<double>(later.sec) - static_cast<double>(earlier.sec);
+  return seconds + 1e-9 * (static_cast<double>(later.nsec) - static_cast<double>(earlier.nsec));
+}
 
 using Lock = std::lock_guard<std::mutex>;
 
@@ -85,7 +93,7 @@ void MatcherNodelet::start() {
   input_watch_ = std::make_unique<InputWatch>(image_topic_, transport_hint_);
   monitor_.setTopic(image_topic_);
   startReconfigure();
-  matcher_ = std::make_unique<SequenceMatcher>(configuration_);
+  matcher_ = std::make_unique<MessageMatcher>(configuration_);
   worker_ = std::thread(&MatcherNodelet::work, this);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
   diagnostics_->setHardwareID(image_topic_);
@@ -315,7 +323,8 @@ void MatcherNodelet::applyRequests() {
 
 void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
   const bool overlay = matcher_->configuration().overlay && overlay_pub_.getNumSubscribers() > 0;
-  FrameMessages messages = matcher_->process(image, overlay);
+  FrameMessages messages = matcher_->process(image);
+  if (overlay) messages.overlay = matcher_->overlay();
   MatchStatistics& statistics = *messages.statistics;
   const double latency = latencySeconds(statistics.header.stamp);
   statistics.latency_milliseconds = 1e3 * latency;
@@ -348,13 +357,13 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
     const Lock lock(state_mutex_);
     configuration = configuration_;
   }
-  configuration.reference.mode = ReferenceMode::fixed;
+  configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   try {
     const OpencvPool::Use pool;
-    SequenceMatcher matcher(configuration);
+    MessageMatcher matcher(configuration);
     const FrameMessages messages =
-        matcher.process(boost::make_shared<sensor_msgs::Image>(request.target), false);
+        matcher.process(boost::make_shared<sensor_msgs::Image>(request.target));
     response.correspondences = *messages.correspondences;
     response.homography = *messages.homography;
     response.statistics = *messages.statistics;

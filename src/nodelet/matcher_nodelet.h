@@ -18,11 +18,10 @@
 #include <thread>
 #include <vector>
 
+#include "messages/message_matcher.h"
 #include "nodelet/input_watch.h"
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
-#include "nodelet/parameters.h"
-#include "nodelet/sequence_matcher.h"
 
 namespace ktgp_orb {
 
@@ -119,7 +118,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   MatcherMonitor monitor_;
 
   // The worker's own
-  std::unique_ptr<SequenceMatcher> matcher_;
+  std::unique_ptr<MessageMatcher> matcher_;
   std::chrono::steady_clock::time_point last_refusal_;
   std::thread worker_;
 

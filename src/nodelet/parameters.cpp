@@ -1,36 +1,17 @@
 #include "nodelet/parameters.h"
 
 #include <boost/any.hpp>
-#include <cmath>
 #include <set>
 #include <sstream>
 #include <stdexcept>
+
+#include "messages/configuration.h"
 
 namespace ktgp_orb {
 namespace {
 
 // Private parameters that are not dynamic: read by image_transport and at start.
 const char* const kStaticParameters[] = {"image_transport", "queue_size"};
-
-ReferenceMode referenceModeFrom(const std::string& name) {
-  if (name == "previous") return ReferenceMode::previous;
-  if (name == "keyframe") return ReferenceMode::keyframe;
-  if (name == "fixed") return ReferenceMode::fixed;
-  throw std::invalid_argument("reference_mode is '" + name +
-                              "'; expected previous, keyframe or fixed");
-}
-
-ExtractorKind extractorFrom(const std::string& name) {
-  if (name == "fast") return ExtractorKind::fast;
-  if (name == "opencv") return ExtractorKind::opencv;
-  throw std::invalid_argument("extractor is '" + name + "'; expected fast or opencv");
-}
-
-KeypointDistribution distributionFrom(const std::string& name) {
-  if (name == "ranked") return KeypointDistribution::ranked;
-  if (name == "uniform") return KeypointDistribution::uniform;
-  throw std::invalid_argument("distribution is '" + name + "'; expected ranked or uniform");
-}
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
                          const std::string& expected) {
@@ -68,36 +49,6 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
 }
 
 }  // namespace
-
-Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) {
-  Configuration c;
-  c.number = number;
-  c.orb.features = config.features;
-  c.orb.scale_factor = config.scale_factor;
-  c.orb.levels = config.levels;
-  c.orb.fast_threshold = config.fast_threshold;
-  c.orb.extractor = extractorFrom(config.extractor);
-  c.orb.distribution = distributionFrom(config.distribution);
-  c.orb.threads = config.threads;
-  c.matcher.knn.threads = config.threads;
-  c.matcher.ratio_threshold = config.T_w;
-  c.matcher.gms.threshold = config.T_G;
-  c.matcher.gms.rotation = config.gms_rotation;
-  c.matcher.gms.scale = config.gms_scale;
-  c.matcher.prosac.threshold = config.prosac_threshold;
-  c.matcher.prosac.max_iterations = config.prosac_iterations;
-  c.matcher.prosac.confidence = config.prosac_confidence;
-  c.matcher.prosac.seed = static_cast<std::uint64_t>(config.prosac_seed);
-  c.reference.mode = referenceModeFrom(config.reference_mode);
-  c.reference.max_age = config.max_reference_age;
-  c.reference.min_overlap = config.keyframe_min_overlap;
-  c.reference.min_inliers = config.keyframe_min_inliers;
-  c.overlay = config.overlay;
-  c.threads = config.threads;
-  const KtgpMatcher checked_matcher(c.matcher);
-  const OrbExtractor checked_extractor(c.orb);
-  return c;
-}
 
 void requireParametersInRange(const ros::NodeHandle& node) {
   for (const auto& description : KtgpConfig::__getParamDescriptions__()) {

@@ -2,10 +2,13 @@
 
 #include <utility>
 
+#include "messages/image_conversion.h"
+
 namespace ktgp_orb {
 
-FramePipeline::FramePipeline(const Configuration& configuration, const FramePtr& fixed, int threads)
-    : configuration_(configuration), fixed_(fixed) {
+FramePipeline::FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
+                             int threads)
+    : options_(options), fixed_(fixed) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back(&FramePipeline::work, this);
 }
 
@@ -30,9 +33,9 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
       throw;
     }
     found->set_value(prepared.frame);
-    FramePtr reference = fixed_;
+    FrameConstPtr reference = fixed_;
     // Tasks start in order, so the frame before is at least in the works: no deadlock.
-    const bool previous = configuration_.reference.mode == ReferenceMode::previous;
+    const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference) {
       prepared.ahead = MatchAhead{reference, {}};
@@ -55,7 +58,7 @@ FramePipeline::Prepared FramePipeline::pop() {
 }
 
 void FramePipeline::work() {
-  Worker worker{OrbExtractor(configuration_.orb), KtgpMatcher(configuration_.matcher)};
+  Worker worker{OrbExtractor(options_.orb), KtgpMatcher(options_.matcher)};
   while (true) {
     Task task;
     {

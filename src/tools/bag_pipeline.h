@@ -8,8 +8,8 @@
 #include <thread>
 #include <vector>
 
-#include "nodelet/frame.h"
-#include "nodelet/sequence_matcher.h"
+#include "ktgp_orb/sequence_matcher.h"
+#include "messages/configuration.h"
 
 namespace ktgp_orb {
 
@@ -24,7 +24,7 @@ class FramePipeline {
   };
 
   /// `fixed`: the reference of the fixed mode, null in the others. At least one thread.
-  FramePipeline(const Configuration& configuration, const FramePtr& fixed, int threads);
+  FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
 
   void push(const sensor_msgs::ImageConstPtr& image);
@@ -44,8 +44,8 @@ class FramePipeline {
 
   void work();
 
-  const Configuration configuration_;
-  const FramePtr fixed_;
+  const SequenceOptions options_;
+  const FrameConstPtr fixed_;
   std::shared_future<FramePtr> last_frame_;  // null for a refused image
   std::deque<std::future<Prepared>> results_;
 

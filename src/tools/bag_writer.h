@@ -6,7 +6,7 @@
 #include <map>
 #include <string>
 
-#include "nodelet/sequence_matcher.h"
+#include "messages/message_conversion.h"
 
 namespace ktgp_orb {
 

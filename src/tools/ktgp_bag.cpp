@@ -8,10 +8,11 @@
 #include <csignal>
 #include <cstdio>
 #include <iostream>
+#include <opencv2/core/utility.hpp>
 #include <thread>
 
-#include "nodelet/image_conversion.h"
-#include "nodelet/opencv_pool.h"
+#include "messages/image_conversion.h"
+#include "messages/message_matcher.h"
 #include "tools/bag_options.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_reader.h"
@@ -67,7 +68,7 @@ class Run {
   Run(const Arguments& arguments, const Configuration& configuration, int threads)
       : source_(openBag(arguments.in, arguments.topic)),
         matcher_(configuration),
-        pipeline_(configuration, fixedReference(configuration), threads),
+        pipeline_(configuration.sequence, fixedReference(configuration), threads),
         writer_(arguments.out, arguments.csv, arguments.name),
         progress_(source_->total()) {}
 
@@ -90,8 +91,8 @@ class Run {
   const std::string& damage() const { return source_->damage(); }
 
  private:
-  FramePtr fixedReference(const Configuration& configuration) const {
-    const bool fixed = configuration.reference.mode == ReferenceMode::fixed;
+  FrameConstPtr fixedReference(const Configuration& configuration) const {
+    const bool fixed = configuration.sequence.reference.mode == ReferenceMode::fixed;
     return fixed ? matcher_.fixedReference() : nullptr;
   }
 
@@ -112,14 +113,15 @@ class Run {
   void finish(const RecordedImage& recorded) {
     if (!recorded.image) throw RefusedImage("compressed image cannot be decoded");
     FramePipeline::Prepared prepared = pipeline_.pop();
-    FrameMessages messages = matcher_.process(prepared.frame, matcher_.configuration().overlay,
+    FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
                                               prepared.ahead ? &*prepared.ahead : nullptr);
+    if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
     messages.statistics->refused_frames = refused_;
     writer_.write(messages, recorded.received);
   }
 
   std::unique_ptr<ImageSource> source_;
-  SequenceMatcher matcher_;
+  MessageMatcher matcher_;
   FramePipeline pipeline_;
   MatchWriter writer_;
   Progress progress_;
@@ -156,7 +158,7 @@ void completeNames(Arguments& arguments) {
 
 int matchBag(Arguments& arguments) {
   completeNames(arguments);
-  OpencvPool::limit(1);
+  cv::setNumThreads(1);  // the images themselves are spread over the cores
   Run run(arguments, configurationFor(arguments.config), threadsFrom(arguments.config));
   std::signal(SIGINT, [](int /*signal*/) { interrupted = 1; });
   std::signal(SIGTERM, [](int /*signal*/) { interrupted = 1; });

@@ -9,8 +9,8 @@
 #include <map>
 #include <random>
 
-#include "nodelet/frame.h"
-#include "nodelet/parameters.h"
+#include "messages/configuration.h"
+#include "messages/image_conversion.h"
 #include "robot_testing.h"
 
 namespace ktgp_orb {
@@ -124,7 +124,7 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   ASSERT_LT(statistics.configuration, configurations_.size());
   const Configuration configuration =
       configurationFrom(configurations_[statistics.configuration], statistics.configuration);
-  OrbExtractor extractor(configuration.orb);
+  OrbExtractor extractor(configuration.sequence.orb);
   const FramePtr target = frameAt(statistics.header.stamp, extractor);
   ASSERT_TRUE(target);
   EXPECT_EQ(statistics.target_features, target->features.size());
@@ -132,7 +132,7 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   const FramePtr reference = frameAt(statistics.reference_stamp, extractor);
   ASSERT_TRUE(reference);
   EXPECT_EQ(statistics.reference_features, reference->features.size());
-  KtgpMatcher matcher(configuration.matcher);
+  KtgpMatcher matcher(configuration.sequence.matcher);
   MatchResult result;
   matcher.match(reference->features, target->features, result);
   EXPECT_EQ(statistics.status, static_cast<std::uint8_t>(result.status));

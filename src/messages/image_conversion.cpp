@@ -1,4 +1,4 @@
-#include "nodelet/image_conversion.h"
+#include "messages/image_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
@@ -67,6 +67,22 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message) {
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be converted to grey: " + error.what());
   }
+}
+
+void toFrame(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
+  frame.image = greyImage(message);
+  frame.stamp = static_cast<std::int64_t>(message->header.stamp.toNSec());
+  frame.encoding = message->encoding;
+  if (frame.image.data == message->data.data()) {
+    frame.source = std::shared_ptr<const void>(message.get(), [message](const void*) {});
+  }
+}
+
+FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor) {
+  auto frame = std::make_shared<Frame>();
+  toFrame(message, *frame);
+  extractFeatures(extractor, *frame);
+  return frame;
 }
 
 sensor_msgs::ImageConstPtr readImageFile(const std::string& path) {

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "ktgp_orb/sequence_matcher.h"
+
 namespace ktgp_orb {
 
 /// An image message that cannot be used; what() says what is wrong and what would be right.
@@ -20,6 +22,13 @@ class RefusedImage : public std::runtime_error {
 /// 10, 12 or 14 bits in them. Throws RefusedImage for an empty image, a step or amount of data that
 /// does not fit the size, and an encoding that is neither grey, colour nor Bayer.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message);
+
+/// Makes `frame` the image of the message, without features. A mono8 image is held by its message,
+/// so that inside one nodelet manager no pixel is ever copied. Throws as greyImage does.
+void toFrame(const sensor_msgs::ImageConstPtr& message, Frame& frame);
+
+/// A frame of the image with its features.
+FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor);
 
 /// An image file as a mono8 message with stamp zero; null for an empty path. Throws RefusedImage
 /// naming a file that cannot be read.

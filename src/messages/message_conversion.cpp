@@ -1,4 +1,4 @@
-#include "nodelet/message_conversion.h"
+#include "messages/message_conversion.h"
 
 #include <boost/make_shared.hpp>
 #include <cmath>
@@ -70,81 +70,117 @@ void setDistances(const MatchResult& result, MatchStatistics& message) {
   message.rms_distance = std::sqrt(squares / count);
 }
 
-}  // namespace
-
-CorrespondencesPtr toCorrespondences(const Frame& reference, const Frame& target,
-                                     const MatchResult& result) {
-  auto message = boost::make_shared<Correspondences>();
-  message->header = target.message->header;
-  message->reference_stamp = reference.message->header.stamp;
-  message->image_width = static_cast<std::uint32_t>(target.grey.cols);
-  message->image_height = static_cast<std::uint32_t>(target.grey.rows);
-  message->reference_width = static_cast<std::uint32_t>(reference.grey.cols);
-  message->reference_height = static_cast<std::uint32_t>(reference.grey.rows);
-  reserve(countAtLeast(result.correspondences, Level::kt), *message);
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level < Level::kt) continue;
-    append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
-  }
-  return message;
+ros::Time timeOf(std::int64_t stamp) {
+  ros::Time time;
+  time.fromNSec(static_cast<std::uint64_t>(stamp));
+  return time;
 }
 
 void copyHomography(const Eigen::Matrix3d& homography, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = homography;
 }
 
-HomographyStampedPtr toHomography(const Frame& reference, const Frame& target,
-                                  const MatchResult& result) {
+void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
+  Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
+}
+
+/// Every correspondence that passed the ratio filter, with the level it reached.
+CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const SequenceMatch& match) {
+  const Frame& reference = *match.reference;
+  const Frame& target = *match.frame;
+  auto message = boost::make_shared<Correspondences>();
+  message->header = header;
+  message->reference_stamp = timeOf(reference.stamp);
+  message->image_width = static_cast<std::uint32_t>(target.features.image_size.width);
+  message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
+  message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
+  message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
+  reserve(countAtLeast(match.match.correspondences, Level::kt), *message);
+  for (const Correspondence& c : match.match.correspondences) {
+    if (c.level < Level::kt) continue;
+    append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
+  }
+  return message;
+}
+
+/// The homography with its verdict; numbers are zero unless the status is ok.
+HomographyStampedPtr toHomography(const std_msgs::Header& header, const SequenceMatch& match) {
+  const MatchResult& result = match.match;
   auto message = boost::make_shared<HomographyStamped>();
-  message->header = target.message->header;
-  message->reference_stamp = reference.message->header.stamp;
+  message->header = header;
+  message->reference_stamp = timeOf(match.reference->stamp);
   message->status = static_cast<std::uint8_t>(result.status);
   if (result.status != Status::ok) return message;
   copyHomography(result.prosac.homography, *message);
   message->inliers = static_cast<std::uint32_t>(result.prosac.inliers);
   message->reprojection_rmse = result.prosac.rmse;
-  Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message->covariance.data()) =
-      result.prosac.covariance;
+  copyCovariance(result.prosac.covariance, *message);
   return message;
 }
 
-MatchStatisticsPtr toStatistics(const Frame* reference, const Frame& target,
-                                const MatchResult* result) {
-  auto message = boost::make_shared<MatchStatistics>();
-  message->header = target.message->header;
-  message->status = MatchStatistics::STATUS_NO_REFERENCE;
-  message->target_features = static_cast<std::uint32_t>(target.features.size());
-  message->extraction_milliseconds = target.extraction_milliseconds;
-  message->total_milliseconds = target.extraction_milliseconds;
-  if (reference == nullptr || result == nullptr) return message;
+HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const SequenceMatch& match) {
+  auto message = boost::make_shared<HomographyStamped>();
+  message->header = header;
+  message->reference_stamp = timeOf(match.accumulated->first_stamp);
+  message->status = HomographyStamped::STATUS_OK;
+  message->inliers = static_cast<std::uint32_t>(match.match.prosac.inliers);
+  message->reprojection_rmse = match.match.prosac.rmse;
+  copyHomography(match.accumulated->homography, *message);
+  copyCovariance(match.accumulated->covariance, *message);
+  return message;
+}
 
-  message->reference_stamp = reference->message->header.stamp;
-  message->reference_features = static_cast<std::uint32_t>(reference->features.size());
-  message->status = static_cast<std::uint8_t>(result->status);
-  for (const StageResult& stage : result->stages) {
-    message->stages.emplace_back();
-    StageStatistics& out = message->stages.back();
+void setStages(const MatchResult& result, MatchStatistics& message) {
+  for (const StageResult& stage : result.stages) {
+    message.stages.emplace_back();
+    StageStatistics& out = message.stages.back();
     out.name = stage.name;
     out.input = static_cast<std::uint32_t>(stage.input);
     out.output = static_cast<std::uint32_t>(stage.output);
     out.milliseconds = stage.milliseconds;
-    message->total_milliseconds += stage.milliseconds;
   }
-  const auto& tf = result->stages[1];
-  if (tf.input > 0)
-    message->retention = static_cast<double>(tf.output) / static_cast<double>(tf.input);
-  setDistances(*result, *message);
-  if (result->status == Status::ok) message->reprojection_rmse = result->prosac.rmse;
+  const auto& tf = result.stages[1];
+  if (tf.input > 0) {
+    message.retention = static_cast<double>(tf.output) / static_cast<double>(tf.input);
+  }
+}
+
+MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMatch& match) {
+  auto message = boost::make_shared<MatchStatistics>();
+  message->header = header;
+  message->status = static_cast<std::uint8_t>(match.match.status);
+  message->reference_changed = match.reference_changed;
+  message->target_features = static_cast<std::uint32_t>(match.frame->features.size());
+  message->extraction_milliseconds = match.frame->extraction_milliseconds;
+  message->total_milliseconds = match.total_milliseconds;
+  if (!match.reference) return message;
+
+  message->reference_stamp = timeOf(match.reference->stamp);
+  message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
+  setStages(match.match, *message);
+  setDistances(match.match, *message);
+  if (match.match.status == Status::ok) message->reprojection_rmse = match.match.prosac.rmse;
   return message;
 }
 
-sensor_msgs::ImagePtr toOverlay(const Frame& reference, const Frame& target,
-                                const MatchResult& result) {
+}  // namespace
+
+FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match) {
+  FrameMessages messages;
+  messages.statistics = toStatistics(header, match);
+  if (!match.reference) return messages;
+  messages.correspondences = toCorrespondences(header, match);
+  messages.homography = toHomography(header, match);
+  if (match.accumulated) messages.accumulated_homography = toAccumulated(header, match);
+  return messages;
+}
+
+sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
-  drawOverlay({reference.grey, reference.features}, {target.grey, target.features}, result,
-              OverlayStyle::flow, canvas);
-  message->header = target.message->header;
+  drawOverlay({match.reference->image, match.reference->features},
+              {match.frame->image, match.frame->features}, match.match, OverlayStyle::flow, canvas);
+  message->header = header;
   message->encoding = "bgr8";
   message->height = static_cast<std::uint32_t>(canvas.rows);
   message->width = static_cast<std::uint32_t>(canvas.cols);

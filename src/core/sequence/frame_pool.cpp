@@ -1,0 +1,63 @@
+#include "core/sequence/frame_pool.h"
+
+namespace ktgp_orb {
+namespace {
+
+// A sequence holds five: new, before, keyframe, fixed, and the one of its last answer. Those that a
+// caller keeps for longer must not stay here for ever.
+constexpr std::size_t kFrames = 6;
+
+void releaseImage(Frame& frame) {
+  frame.image.release();
+  frame.source.reset();
+}
+
+/// A caller may hold a matrix, though not the frame that had it.
+void releaseIfShared(cv::Mat& matrix) {
+  if (matrix.u != nullptr && matrix.u->refcount > 1) matrix.release();
+}
+
+void empty(Frame& frame) {
+  releaseImage(frame);
+  frame.stamp = 0;
+  frame.encoding.clear();
+  frame.features.keypoints.clear();
+  releaseIfShared(frame.features.descriptors);
+  if (!frame.features.descriptors.empty()) frame.features.descriptors.resize(0);
+  frame.features.image_size = {};
+  frame.orb.reset();
+  frame.extraction_milliseconds = 0.0;
+}
+
+}  // namespace
+
+std::shared_ptr<FramePool::PooledFrame> FramePool::takePooled() {
+  for (const auto& frame : frames_) {
+    if (frame.use_count() > 1) continue;
+    empty(*frame);
+    return frame;
+  }
+  auto frame = std::make_shared<PooledFrame>();
+  if (frames_.size() < kFrames) frames_.push_back(frame);
+  return frame;
+}
+
+FramePtr FramePool::take() {
+  return takePooled();
+}
+
+FramePtr FramePool::takeCopy(const cv::Mat& image) {
+  const std::shared_ptr<PooledFrame> frame = takePooled();
+  releaseIfShared(frame->pixels);
+  image.copyTo(frame->pixels);
+  frame->image = frame->pixels;
+  return frame;
+}
+
+void FramePool::releaseImages() {
+  for (const auto& frame : frames_) {
+    if (frame.use_count() == 1) releaseImage(*frame);
+  }
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// Hands out frames and takes them back once nobody holds them, so that their buffers live on.
+class FramePool {
+ public:
+  /// An empty frame.
+  FramePtr take();
+  /// A frame with a copy of `image` in a buffer that lives on.
+  FramePtr takeCopy(const cv::Mat& image);
+  /// Lets go of the images of frames that nobody holds any more.
+  void releaseImages();
+
+ private:
+  struct PooledFrame : Frame {
+    cv::Mat pixels;  ///< the frame's own
+  };
+
+  std::shared_ptr<PooledFrame> takePooled();
+
+  std::vector<std::shared_ptr<PooledFrame>> frames_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,106 @@
+#include "core/sequence/reference_keeper.h"
+
+#include <Eigen/Geometry>
+#include <array>
+#include <opencv2/imgproc.hpp>
+
+namespace ktgp_orb {
+
+double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
+  const double w = size.width;
+  const double h = size.height;
+  const std::array<cv::Point2f, 4> image{cv::Point2f(0.F, 0.F), cv::Point2f(float(w), 0.F),
+                                         cv::Point2f(float(w), float(h)),
+                                         cv::Point2f(0.F, float(h))};
+  std::array<cv::Point2f, 4> warped;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector3d p = homography * Eigen::Vector3d(image[i].x, image[i].y, 1.0);
+    if (p.z() <= 0.0) return 0.0;  // a corner beyond the horizon
+    warped[i] = {static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z())};
+  }
+  return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
+}
+
+void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
+  if (options.mode != options_.mode) forget(NoReference::mode_changed);
+  options_ = options;
+}
+
+FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
+  reason_ = NoReference::none;
+  if (options_.mode == ReferenceMode::fixed) {
+    if (!fixed_) reason_ = NoReference::not_set;
+    return fixed_;
+  }
+  if (previous_) {
+    const NoReference why = whyNotAfterPrevious(next);
+    if (why != NoReference::none) forget(why);
+  }
+  if (!previous_) reason_ = forgotten_;
+  return reference_;
+}
+
+// A keyframe may be old while frames keep coming; what must not be old is the frame before.
+NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
+  if (next.stamp < previous_->stamp) return NoReference::stamp_went_back;
+  // Unsigned: two stamps may lie further apart than half the range.
+  const auto gap =
+      static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
+  if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
+  if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
+  if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
+  return NoReference::none;
+}
+
+bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
+  if (result.status != Status::ok) return true;
+  return result.prosac.inliers < static_cast<std::size_t>(options_.min_inliers) ||
+         overlap(result.prosac.homography, frame.features.image_size) < options_.min_overlap;
+}
+
+FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {
+  const bool another = options_.mode == ReferenceMode::keyframe && reference_ != previous_;
+  return another && weak(frame, result) ? previous_ : nullptr;
+}
+
+void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
+                              const MatchResult* result) {
+  forgotten_ = NoReference::none;
+  if (options_.mode == ReferenceMode::fixed) return;
+  if (result == nullptr || result->status != Status::ok) {
+    restartAt(frame);
+    return;
+  }
+  const bool adjacent = reference == previous_;
+  if (adjacent) {
+    reference_ = previous_;
+    to_reference_ = to_previous_;
+  }
+  to_previous_ = chained({result->prosac.homography, result->prosac.covariance}, to_reference_);
+  accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
+  previous_ = frame;
+  // Two neighbouring frames of weak support: a keyframe would only be tried in vain.
+  if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
+    reference_ = previous_;
+    to_reference_ = to_previous_;
+  }
+}
+
+void ReferenceKeeper::restartAt(const FramePtr& frame) {
+  reference_ = previous_ = frame;
+  first_stamp_ = frame->stamp;
+  to_reference_ = to_previous_ = {};
+  accumulated_.reset();
+}
+
+void ReferenceKeeper::forget(NoReference reason) {
+  // What was asked for weighs more than what follows from it, and the first reason more than later
+  // ones.
+  const bool asked_for = reason == NoReference::first_frame || reason == NoReference::reset;
+  if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
+  reference_.reset();
+  previous_.reset();
+  accumulated_.reset();
+}
+
+}  // namespace ktgp_orb

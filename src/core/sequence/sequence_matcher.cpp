@@ -1,0 +1,261 @@
+#include "ktgp_orb/sequence_matcher.h"
+
+#include <chrono>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "core/sequence/frame_pool.h"
+#include "core/sequence/reference_keeper.h"
+
+namespace ktgp_orb {
+namespace {
+
+void requireValid(const ReferenceOptions& options) {
+  const auto refuse = [](const std::string& name, double value, const std::string& expected) {
+    throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
+  };
+  // Written so that NaN is refused.
+  if (!(options.max_age > 0.0)) refuse("max_age", options.max_age, "a time above 0 s");
+  if (!(options.min_overlap >= 0.0 && options.min_overlap <= 1.0)) {
+    refuse("min_overlap", options.min_overlap, "a share in [0, 1]");
+  }
+  if (options.min_inliers < 4) refuse("min_inliers", options.min_inliers, "at least 4");
+}
+
+std::int64_t stampOf(double seconds) {
+  constexpr double kMaxSeconds = 9.2e9;  // what 64 bits hold of nanoseconds
+  if (!(std::abs(seconds) < kMaxSeconds)) {
+    throw std::invalid_argument("the frame's time is " + std::to_string(seconds) +
+                                " s; expected a finite one within 9.2e9 s of zero");
+  }
+  return std::llround(1e9 * seconds);
+}
+
+double milliseconds(const MatchResult& result) {
+  double sum = 0.0;
+  for (const StageResult& stage : result.stages) sum += stage.milliseconds;
+  return sum;
+}
+
+/// As of a frame without a reference; keeps the buffers.
+void clear(MatchResult& result) {
+  static const char* const kStages[] = {"knn", "tf", "gms", "prosac"};
+  result.status = Status::no_reference;
+  result.correspondences.clear();
+  result.gms = {};
+  result.prosac.status = Status::no_model;
+  result.prosac.homography.setZero();
+  result.prosac.covariance.setZero();
+  result.prosac.mask.clear();
+  result.prosac.inliers = result.prosac.distinct_inliers = 0;
+  result.prosac.rmse = 0.0;
+  for (std::size_t i = 0; i < result.stages.size(); ++i) result.stages[i] = {kStages[i], 0, 0, 0.0};
+}
+
+}  // namespace
+
+void extractFeatures(OrbExtractor& extractor, Frame& frame) {
+  const auto start = std::chrono::steady_clock::now();
+  extractor.extract(frame.image, frame.features);
+  frame.extraction_milliseconds =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  frame.orb = extractor.options();
+}
+
+struct SequenceMatcher::Impl {
+  explicit Impl(const SequenceOptions& wanted)
+      : options(wanted), extractor(wanted.orb), matcher(wanted.matcher) {
+    requireValid(wanted.reference);
+    keeper.setOptions(wanted.reference);
+    clear(answer.match);
+  }
+
+  void setOptions(const SequenceOptions& wanted);
+  void findFeatures(Frame& frame);
+  void matchTo(Frame& reference, const Frame& target, MatchResult& result);
+  double matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
+  const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead);
+  void forgetAnswer();
+
+  SequenceOptions options;
+  OrbExtractor extractor;
+  KtgpMatcher matcher;
+  ReferenceKeeper keeper;
+  FramePool pool;
+  SequenceMatch answer;
+  MatchResult other_result;
+  bool fix_next_frame = false;
+  bool had_reference = false;  // and the answer that named it is forgotten
+};
+
+void SequenceMatcher::Impl::setOptions(const SequenceOptions& wanted) {
+  // All that may throw comes before any change.
+  requireValid(wanted.reference);
+  OrbExtractor new_extractor(wanted.orb);
+  KtgpMatcher new_matcher(wanted.matcher);
+  if (wanted.orb != options.orb) extractor = std::move(new_extractor);
+  matcher = std::move(new_matcher);
+  keeper.setOptions(wanted.reference);
+  options = wanted;
+}
+
+// Features found before the extractor's options changed would mix two configurations.
+void SequenceMatcher::Impl::findFeatures(Frame& frame) {
+  if (!frame.image.empty() && frame.orb != options.orb) extractFeatures(extractor, frame);
+}
+
+void SequenceMatcher::Impl::matchTo(Frame& reference, const Frame& target, MatchResult& result) {
+  findFeatures(reference);
+  matcher.match(reference.features, target.features, result);
+}
+
+/// Matches to `reference` or, where that is a weak keyframe, to the frame before, which `reference`
+/// then becomes. Returns the milliseconds spent on a match that is not the answer.
+double SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
+                                          MatchAhead* ahead) {
+  if (ahead != nullptr && ahead->reference == reference) {
+    std::swap(answer.match, ahead->result);
+  } else {
+    matchTo(*reference, frame, answer.match);
+  }
+  const FramePtr before = keeper.secondChoice(frame, answer.match);
+  if (!before) return 0.0;
+  matchTo(*before, frame, other_result);
+  if (other_result.status == Status::ok) {
+    std::swap(answer.match, other_result);
+    reference = before;
+  }
+  return milliseconds(other_result);
+}
+
+const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAhead* ahead) {
+  findFeatures(*frame);
+  ktgp_orb::requireValid(frame->features, "target");
+  if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
+  FramePtr reference = keeper.referenceFor(*frame);
+  double lost_milliseconds = 0.0;
+  if (reference) {
+    lost_milliseconds = matchToBest(*frame, reference, ahead);
+  } else {
+    clear(answer.match);
+  }
+  keeper.advance(frame, reference, reference ? &answer.match : nullptr);
+
+  const bool was_forgotten = std::exchange(had_reference, false);
+  answer.reference_changed = was_forgotten || reference != answer.reference;
+  answer.frame = frame;
+  answer.reference = reference;
+  answer.no_reference = keeper.reason();
+  answer.accumulated = keeper.accumulated();
+  answer.total_milliseconds =
+      frame->extraction_milliseconds + milliseconds(answer.match) + lost_milliseconds;
+  reference.reset();
+  pool.releaseImages();
+  return answer;
+}
+
+void SequenceMatcher::Impl::forgetAnswer() {
+  had_reference = had_reference || answer.reference;
+  answer.frame.reset();
+  answer.reference.reset();
+  answer.accumulated.reset();
+  pool.releaseImages();
+}
+
+SequenceMatcher::SequenceMatcher(const SequenceOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {}
+SequenceMatcher::~SequenceMatcher() = default;
+SequenceMatcher::SequenceMatcher(SequenceMatcher&&) noexcept = default;
+SequenceMatcher& SequenceMatcher::operator=(SequenceMatcher&&) noexcept = default;
+
+const SequenceOptions& SequenceMatcher::options() const {
+  return impl_->options;
+}
+
+void SequenceMatcher::setOptions(const SequenceOptions& options) {
+  impl_->setOptions(options);
+}
+
+const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds,
+                                            const std::string& encoding) {
+  const std::int64_t stamp = stampOf(seconds);
+  const FramePtr frame = impl_->pool.takeCopy(image);
+  frame->stamp = stamp;
+  frame->encoding = encoding;
+  // An empty image has no features and must not keep those of a frame before.
+  extractFeatures(impl_->extractor, *frame);
+  return impl_->match(frame, nullptr);
+}
+
+const SequenceMatch& SequenceMatcher::match(const Features& features, double seconds) {
+  const std::int64_t stamp = stampOf(seconds);
+  const FramePtr frame = impl_->pool.take();
+  frame->stamp = stamp;
+  frame->features.keypoints = features.keypoints;
+  features.descriptors.copyTo(frame->features.descriptors);
+  frame->features.image_size = features.image_size;
+  return impl_->match(frame, nullptr);
+}
+
+const SequenceMatch& SequenceMatcher::match(const FramePtr& frame, MatchAhead* ahead) {
+  return impl_->match(frame, ahead);
+}
+
+FramePtr SequenceMatcher::newFrame() {
+  return impl_->pool.take();
+}
+
+void SequenceMatcher::setFixedReference(const FramePtr& frame) {
+  if (frame) {
+    impl_->findFeatures(*frame);
+    ktgp_orb::requireValid(frame->features, "reference");
+  }
+  impl_->keeper.setFixed(frame);
+}
+
+FrameConstPtr SequenceMatcher::fixedReference() const {
+  return impl_->keeper.fixed();
+}
+
+void SequenceMatcher::fixNextFrame() {
+  impl_->fix_next_frame = true;
+}
+
+void SequenceMatcher::restart() {
+  impl_->keeper.forget(NoReference::first_frame);
+  impl_->forgetAnswer();
+}
+
+void SequenceMatcher::reset() {
+  impl_->keeper.forget(NoReference::reset);
+  impl_->keeper.setFixed(nullptr);
+  impl_->fix_next_frame = false;
+  impl_->forgetAnswer();
+}
+
+const char* toString(NoReference reason) {
+  switch (reason) {
+    case NoReference::none:
+      return "none";
+    case NoReference::first_frame:
+      return "first_frame";
+    case NoReference::gap:
+      return "gap";
+    case NoReference::stamp_went_back:
+      return "stamp_went_back";
+    case NoReference::size_changed:
+      return "size_changed";
+    case NoReference::encoding_changed:
+      return "encoding_changed";
+    case NoReference::not_set:
+      return "not_set";
+    case NoReference::reset:
+      return "reset";
+    case NoReference::mode_changed:
+      return "mode_changed";
+  }
+  return "unknown";
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <ktgp_orb/Correspondences.h>
+#include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatistics.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/Header.h>
+
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// The messages about one frame. Only the statistics are there for a frame without a reference.
+struct FrameMessages {
+  CorrespondencesPtr correspondences;
+  HomographyStampedPtr homography;
+  HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
+  MatchStatisticsPtr statistics;
+  sensor_msgs::ImagePtr overlay;  ///< null unless asked for
+};
+
+/// All but the overlay; `header`: of the target image. What only the caller knows of the statistics
+/// (latency, counters, configuration) is left at zero.
+FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match);
+
+/// The overlay picture (bgr8) with the header of the target. `match` must have a reference.
+sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,59 @@
+#include "messages/message_matcher.h"
+
+#include "messages/image_conversion.h"
+
+namespace ktgp_orb {
+
+MessageMatcher::MessageMatcher(const Configuration& configuration)
+    : configuration_(configuration), sequence_(configuration.sequence) {
+  sequence_.setFixedReference(configuredReference(configuration));
+}
+
+FramePtr MessageMatcher::configuredReference(const Configuration& configuration) {
+  if (!configuration.reference_image) return nullptr;
+  const FramePtr frame = sequence_.newFrame();
+  toFrame(configuration.reference_image, *frame);
+  return frame;
+}
+
+void MessageMatcher::configure(const Configuration& configuration) {
+  // All that may throw comes before any change.
+  const bool another = configuration.reference_image != configuration_.reference_image;
+  const FramePtr reference = another ? configuredReference(configuration) : nullptr;
+  sequence_.setOptions(configuration.sequence);
+  if (another) sequence_.setFixedReference(reference);
+  configuration_ = configuration;
+}
+
+FrameMessages MessageMatcher::process(const sensor_msgs::ImageConstPtr& image) {
+  const FramePtr frame = sequence_.newFrame();
+  toFrame(image, *frame);
+  return process(image->header, frame, nullptr);
+}
+
+FrameMessages MessageMatcher::process(const std_msgs::Header& header, const FramePtr& frame,
+                                      MatchAhead* ahead) {
+  last_ = nullptr;
+  last_ = &sequence_.match(frame, ahead);
+  last_header_ = header;
+  FrameMessages messages = toMessages(header, *last_);
+  messages.statistics->configuration = configuration_.number;
+  return messages;
+}
+
+sensor_msgs::ImagePtr MessageMatcher::overlay() const {
+  return last_ != nullptr && last_->reference ? toOverlay(last_header_, *last_) : nullptr;
+}
+
+void MessageMatcher::forgetReference() {
+  last_ = nullptr;
+  sequence_.restart();
+}
+
+void MessageMatcher::reset() {
+  last_ = nullptr;
+  sequence_.reset();
+  sequence_.setFixedReference(configuredReference(configuration_));
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <sensor_msgs/Image.h>
+
+#include "ktgp_orb/sequence_matcher.h"
+#include "messages/configuration.h"
+#include "messages/message_conversion.h"
+
+namespace ktgp_orb {
+
+/// The sequence matcher with messages in and out, and with the parameters of the node.
+/// An instance belongs to one thread at a time.
+class MessageMatcher {
+ public:
+  /// Throws std::invalid_argument for options the core refuses and RefusedImage for a reference
+  /// image of no use; `configure` then changes nothing.
+  explicit MessageMatcher(const Configuration& configuration);
+  void configure(const Configuration& configuration);
+  const Configuration& configuration() const { return configuration_; }
+
+  /// Throws RefusedImage for an image of no use; the reference is then what it was.
+  FrameMessages process(const sensor_msgs::ImageConstPtr& image);
+  /// The same for an image that has been made a frame. `ahead`: see SequenceMatcher::match.
+  FrameMessages process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
+  /// Of the frame that was processed last; null where it had no reference.
+  sensor_msgs::ImagePtr overlay() const;
+
+  /// The next frame becomes the reference of the fixed mode.
+  void fixNextFrame() { sequence_.fixNextFrame(); }
+  /// The reference of the fixed mode, or null.
+  FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
+
+  /// Forgets the reference, but not a fixed one.
+  void forgetReference();
+  /// Forgets every reference; the fixed one becomes the configuration's reference image again.
+  void reset();
+
+ private:
+  FramePtr configuredReference(const Configuration& configuration);
+
+  Configuration configuration_;
+  SequenceMatcher sequence_;
+  std_msgs::Header last_header_;
+  const SequenceMatch* last_ = nullptr;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,446 @@
+// What a frame of a sequence is matched to, why there is nothing to match it to, and what the
+// homographies of the sequence multiply to.
+
+#include "ktgp_orb/sequence_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "allocation_counter.h"
+#include "core/sequence/homography_chain.h"
+#include "orb_test_images.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr int kWidth = 320;
+constexpr int kHeight = 240;
+constexpr int kStepX = 5;  // px that the camera moves from view to view
+constexpr int kStepY = 3;
+
+const cv::Mat& world() {
+  static const cv::Mat image = test::textureImage(cv::Size(900, 600), 1);
+  return image;
+}
+
+/// What the camera sees after `i` steps to the right and down.
+cv::Mat view(int i) {
+  return world()(cv::Rect(kStepX * i, kStepY * i, kWidth, kHeight)).clone();
+}
+
+/// A view of which only the columns from `begin` to `end` (shares of the width) can be seen.
+cv::Mat partOfView(double begin, double end) {
+  cv::Mat image = view(0);
+  image.colRange(0, static_cast<int>(begin * kWidth)).setTo(128);
+  image.colRange(static_cast<int>(end * kWidth), kWidth).setTo(128);
+  return image;
+}
+
+cv::Mat flat() {
+  return cv::Mat(kHeight, kWidth, CV_8U, cv::Scalar(128));
+}
+
+SequenceOptions withMode(ReferenceMode mode) {
+  SequenceOptions options;
+  options.orb.features = 500;
+  options.reference.mode = mode;
+  return options;
+}
+
+/// That H moves the centre of the image by (x, y).
+void expectTranslation(const Eigen::Matrix3d& h, double x, double y, double tolerance = 0.3) {
+  const Eigen::Vector2d centre(0.5 * kWidth, 0.5 * kHeight);
+  const Eigen::Vector2d moved = (h * centre.homogeneous()).hnormalized() - centre;
+  EXPECT_NEAR(moved.x(), x, tolerance);
+  EXPECT_NEAR(moved.y(), y, tolerance);
+}
+
+TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  for (int i = 0; i < 6; ++i) {
+    const SequenceMatch& match = matcher.match(view(i), 1e9 + 0.1 * i);
+    EXPECT_EQ(match.frame->stamp, 1'000'000'000'000'000'000 + 100'000'000 * i);
+    if (i == 0) {
+      EXPECT_EQ(match.no_reference, NoReference::first_frame);
+      EXPECT_EQ(match.match.status, Status::no_reference);
+      EXPECT_FALSE(match.reference);
+      continue;
+    }
+    EXPECT_EQ(match.no_reference, NoReference::none);
+    ASSERT_EQ(match.match.status, Status::ok);
+    EXPECT_EQ(match.reference->stamp, match.frame->stamp - 100'000'000);
+    EXPECT_TRUE(match.reference_changed);
+    expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+    ASSERT_TRUE(match.accumulated);
+    EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
+    expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
+  }
+}
+
+TEST(SequenceMatcher, DoesAsTheStagesDoWithoutIt) {
+  const SequenceOptions options = withMode(ReferenceMode::previous);
+  OrbExtractor extractor(options.orb);
+  KtgpMatcher ktgp(options.matcher);
+  SequenceMatcher of_images(options);
+  SequenceMatcher of_features(options);
+  Features before;
+  Features now;
+  MatchResult expected;
+  for (int i = 0; i < 4; ++i) {
+    extractor.extract(view(i), now);
+    const MatchResult& from_image = of_images.match(view(i), i * 0.1).match;
+    const MatchResult& from_features = of_features.match(now, i * 0.1).match;
+    if (i > 0) {
+      ktgp.match(before, now, expected);
+      for (const MatchResult* result : {&from_image, &from_features}) {
+        EXPECT_EQ(result->prosac.homography, expected.prosac.homography);
+        EXPECT_EQ(result->prosac.mask, expected.prosac.mask);
+        EXPECT_EQ(result->correspondences.size(), expected.correspondences.size());
+      }
+    }
+    std::swap(before, now);
+  }
+}
+
+TEST(SequenceMatcher, SaysWhyThereIsNoReference) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  const auto reason = [&](int i, double seconds, const std::string& encoding = "mono8") {
+    const SequenceMatch& match = matcher.match(view(i), seconds, encoding);
+    EXPECT_EQ(match.match.status == Status::no_reference, !match.reference);
+    EXPECT_EQ(match.accumulated.has_value(), match.match.status == Status::ok);
+    return match.no_reference;
+  };
+  EXPECT_EQ(reason(0, 10.0), NoReference::first_frame);
+  EXPECT_EQ(reason(1, 11.0), NoReference::none) << "as old as it may be";
+  EXPECT_EQ(reason(2, 12.000001), NoReference::gap);
+  EXPECT_EQ(reason(3, 12.1), NoReference::none);
+  EXPECT_EQ(reason(4, 12.0), NoReference::stamp_went_back);
+  EXPECT_EQ(reason(5, 12.0), NoReference::none) << "two frames may have one stamp";
+  EXPECT_EQ(reason(6, 12.1, "bgr8"), NoReference::encoding_changed);
+  EXPECT_EQ(reason(7, 12.2, "bgr8"), NoReference::none);
+  const cv::Mat smaller = view(8).colRange(0, kWidth - 8);
+  EXPECT_EQ(matcher.match(smaller, 12.3, "bgr8").no_reference, NoReference::size_changed);
+  matcher.reset();
+  EXPECT_EQ(matcher.match(smaller, 12.4, "bgr8").no_reference, NoReference::reset);
+  matcher.restart();
+  EXPECT_EQ(reason(8, 12.5), NoReference::first_frame);
+  matcher.setOptions(withMode(ReferenceMode::keyframe));
+  EXPECT_EQ(reason(9, 12.6), NoReference::mode_changed);
+  EXPECT_EQ(reason(10, 12.7), NoReference::none);
+  matcher.setOptions(withMode(ReferenceMode::fixed));
+  EXPECT_EQ(reason(11, 12.8), NoReference::not_set);
+  EXPECT_EQ(reason(12, 12.9), NoReference::not_set);
+  matcher.setOptions(withMode(ReferenceMode::previous));
+  EXPECT_EQ(reason(13, 13.0), NoReference::mode_changed);
+  EXPECT_EQ(reason(14, 13.1), NoReference::none);
+  // The largest step that stamps can make.
+  EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
+  EXPECT_EQ(reason(15, -9.1e9), NoReference::stamp_went_back);
+  EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
+}
+
+TEST(SequenceMatcher, NamesEveryReason) {
+  std::set<std::string> names;
+  for (int i = 0; i <= static_cast<int>(NoReference::mode_changed); ++i) {
+    names.insert(toString(static_cast<NoReference>(i)));
+  }
+  EXPECT_EQ(names.size(), 9u);
+  EXPECT_EQ(names.count("unknown"), 0u);
+  EXPECT_STREQ(toString(NoReference::stamp_went_back), "stamp_went_back");
+}
+
+TEST(SequenceMatcher, AFrameThatShowsNothingBreaksTheChain) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  matcher.match(view(0), 0.0);
+  matcher.match(view(1), 0.1);
+  const SequenceMatch& lost = matcher.match(flat(), 0.2);
+  EXPECT_EQ(lost.match.status, Status::too_few_features);
+  EXPECT_TRUE(lost.reference);
+  EXPECT_FALSE(lost.accumulated);
+  EXPECT_FALSE(matcher.match(view(3), 0.3).accumulated);
+  const SequenceMatch& found = matcher.match(view(4), 0.4);
+  ASSERT_TRUE(found.accumulated);
+  EXPECT_EQ(found.accumulated->first_stamp, 300'000'000);
+}
+
+TEST(SequenceMatcher, AKeyframeStaysWhileItOverlaps) {
+  SequenceOptions options = withMode(ReferenceMode::keyframe);
+  options.reference.min_overlap = 0.9;
+  options.reference.min_inliers = 10;
+  SequenceMatcher matcher(options);
+  // After three steps it covers (1 - 15/320)(1 - 9/240) = 0.917 of the frame, after four 0.891.
+  for (int i = 0; i < 12; ++i) {
+    const SequenceMatch& match = matcher.match(view(i), 0.1 * i);
+    if (i == 0) continue;
+    ASSERT_EQ(match.match.status, Status::ok);
+    const int keyframe = (i - 1) / 3 * 3;
+    EXPECT_EQ(match.reference->stamp, 100'000'000 * keyframe) << "frame " << i;
+    EXPECT_EQ(match.reference_changed, i % 3 == 1) << "frame " << i;
+    expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
+  }
+}
+
+TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
+  SequenceOptions options = withMode(ReferenceMode::keyframe);
+  options.orb.features = 1000;
+  options.reference.min_inliers = 4;
+  SequenceMatcher matcher(options);
+  matcher.match(partOfView(0.0, 1.0), 1.0);
+  const std::size_t left = matcher.match(partOfView(0.0, 0.6), 1.1).match.prosac.inliers;
+  const SequenceMatch answer = matcher.match(partOfView(0.7, 1.0), 1.2);
+  ASSERT_EQ(answer.match.status, Status::ok);
+  const std::size_t right = answer.match.prosac.inliers;
+  ASSERT_LT(right, left);
+
+  // The same with a limit that the third frame falls short of: it has nothing in common with the
+  // second one, which is tried in its turn, so the keyframe's match must stand.
+  options.reference.min_inliers = static_cast<int>((left + right) / 2);
+  matcher = SequenceMatcher(options);
+  matcher.match(partOfView(0.0, 1.0), 1.0);
+  matcher.match(partOfView(0.0, 0.6), 1.1);
+  const SequenceMatch& weak = matcher.match(partOfView(0.7, 1.0), 1.2);
+  EXPECT_EQ(weak.match.status, Status::ok);
+  EXPECT_EQ(weak.reference->stamp, 1'000'000'000);
+  EXPECT_EQ(weak.match.prosac.homography, answer.match.prosac.homography);
+  ASSERT_TRUE(weak.accumulated);
+  EXPECT_EQ(weak.accumulated->first_stamp, 1'000'000'000);
+  double stages = 0.0;
+  for (const StageResult& stage : weak.match.stages) stages += stage.milliseconds;
+  EXPECT_GT(weak.total_milliseconds, weak.frame->extraction_milliseconds + stages)
+      << "both matches take their time";
+}
+
+TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
+  SequenceMatcher matcher(withMode(ReferenceMode::fixed));
+  matcher.match(view(0), 0.0);
+  matcher.fixNextFrame();
+  const SequenceMatch& itself = matcher.match(view(4), 0.1);
+  EXPECT_EQ(itself.reference, itself.frame);
+  expectTranslation(itself.match.prosac.homography, 0.0, 0.0);
+  for (int i : {7, 2, 5}) {
+    const SequenceMatch& match = matcher.match(view(i), 1000.0 + 0.1 * i, "any");
+    EXPECT_EQ(match.reference->stamp, 100'000'000);
+    expectTranslation(match.match.prosac.homography, -kStepX * (i - 4), -kStepY * (i - 4));
+    EXPECT_FALSE(match.accumulated);
+  }
+  matcher.reset();
+  EXPECT_EQ(matcher.match(view(4), 0.1).no_reference, NoReference::not_set);
+  const FramePtr target = matcher.newFrame();
+  target->image = view(3);
+  matcher.setFixedReference(target);
+  expectTranslation(matcher.match(view(4), 0.2).match.prosac.homography, -kStepX, -kStepY);
+  EXPECT_EQ(matcher.fixedReference(), target);
+}
+
+TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
+  const SequenceOptions options = withMode(ReferenceMode::previous);
+  OrbExtractor extractor(options.orb);
+  std::vector<FramePtr> frames;
+  for (int i = 0; i < 3; ++i) {
+    frames.push_back(std::make_shared<Frame>());
+    frames[i]->image = view(i);
+    frames[i]->stamp = i;
+    extractFeatures(extractor, *frames[i]);
+  }
+  KtgpMatcher ktgp(options.matcher);
+  MatchAhead stale{frames[0], {}};
+  ktgp.match(frames[0]->features, frames[2]->features, stale.result);
+  SequenceMatcher matcher(options);
+  matcher.match(frames[0]);
+  matcher.match(frames[1]);
+  const SequenceMatch& match = matcher.match(frames[2], &stale);
+  EXPECT_EQ(match.reference, frames[1]);
+  expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+
+  // One for the right reference is taken as it is.
+  MatchAhead ahead{frames[1], {}};
+  ktgp.match(frames[1]->features, frames[2]->features, ahead.result);
+  ahead.result.prosac.rmse = 1234.5;
+  matcher = SequenceMatcher(options);
+  matcher.match(frames[0]);
+  matcher.match(frames[1]);
+  EXPECT_EQ(matcher.match(frames[2], &ahead).match.prosac.rmse, 1234.5);
+}
+
+TEST(SequenceMatcher, NewExtractorOptionsCountForTheReferenceToo) {
+  SequenceOptions options = withMode(ReferenceMode::previous);
+  SequenceMatcher matcher(options);
+  matcher.match(view(0), 0.0);
+  options.orb.features = 100;
+  matcher.setOptions(options);
+  const SequenceMatch& match = matcher.match(view(1), 0.1);
+  EXPECT_EQ(match.no_reference, NoReference::none);
+  EXPECT_LT(match.reference->features.size(), 150u);
+  EXPECT_LT(match.frame->features.size(), 150u);
+}
+
+TEST(SequenceMatcher, TheCallersImageMayChangeAfterTheCall) {
+  SequenceOptions options = withMode(ReferenceMode::previous);
+  SequenceMatcher matcher(options);
+  cv::Mat buffer = view(0);
+  matcher.match(buffer, 0.0);
+  view(1).copyTo(buffer);
+  options.orb.features = 400;  // the reference's features are found again, in its image
+  matcher.setOptions(options);
+  expectTranslation(matcher.match(buffer, 0.1).match.prosac.homography, -kStepX, -kStepY);
+}
+
+TEST(SequenceMatcher, FramesThatTheCallerKeepsStayAsTheyAre) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  std::vector<FrameConstPtr> kept;
+  for (int i = 0; i < 15; ++i) kept.push_back(matcher.match(view(i), 0.1 * i).frame);
+  OrbExtractor extractor(withMode(ReferenceMode::previous).orb);
+  Features features;
+  for (int i = 0; i < 15; ++i) {
+    extractor.extract(view(i), features);
+    EXPECT_EQ(kept[i]->stamp, 100'000'000 * i);
+    EXPECT_EQ(cv::norm(kept[i]->image, view(i), cv::NORM_INF), 0.0);
+    EXPECT_EQ(cv::norm(kept[i]->features.descriptors, features.descriptors, cv::NORM_INF), 0.0);
+  }
+}
+
+TEST(SequenceMatcher, LetsGoOfImagesThatItNeedsNoMore) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  std::vector<std::weak_ptr<const void>> sources;
+  const auto send = [&](int i) {
+    const auto pixels = std::make_shared<cv::Mat>(view(i));
+    const FramePtr frame = matcher.newFrame();
+    frame->image = *pixels;
+    frame->source = pixels;
+    frame->stamp = 1000 * i;
+    sources.emplace_back(pixels);
+    matcher.match(frame);
+  };
+  for (int i = 0; i < 10; ++i) send(i);
+  for (int i = 0; i < 8; ++i) EXPECT_TRUE(sources[i].expired()) << "frame " << i;
+  EXPECT_FALSE(sources[9].expired());
+  matcher.restart();
+  EXPECT_TRUE(sources[8].expired());
+  EXPECT_TRUE(sources[9].expired());
+}
+
+TEST(SequenceMatcher, AllocatesNothingOnceItsBuffersHaveGrown) {
+  std::vector<cv::Mat> views;
+  for (int i = 0; i < 4; ++i) views.push_back(view(i));
+  for (ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
+    SequenceMatcher matcher(withMode(mode));
+    int n = 0;
+    const auto run = [&](int frames) {
+      for (int i = 0; i < frames; ++i, ++n) {
+        const int step = std::abs(n % 6 - 3);  // to and fro
+        EXPECT_EQ(matcher.match(views[step], 0.1 * n).match.status == Status::ok, n > 0);
+      }
+    };
+    run(24);
+    const test::AllocationCounter counter;
+    run(24);
+    EXPECT_EQ(counter.count(), 0u) << "mode " << static_cast<int>(mode);
+  }
+}
+
+TEST(SequenceMatcher, RefusesWhatCannotBeMeant) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refused = [](auto change) {
+    SequenceOptions options;
+    change(options);
+    EXPECT_THROW(SequenceMatcher{options}, std::invalid_argument);
+    SequenceMatcher matcher;
+    EXPECT_THROW(matcher.setOptions(options), std::invalid_argument);
+    EXPECT_EQ(matcher.options().reference.max_age, 1.0);
+  };
+  refused([&](SequenceOptions& o) { o.reference.max_age = nan; });
+  refused([](SequenceOptions& o) { o.reference.max_age = 0.0; });
+  refused([&](SequenceOptions& o) { o.reference.min_overlap = nan; });
+  refused([](SequenceOptions& o) { o.reference.min_overlap = 1.1; });
+  refused([](SequenceOptions& o) { o.reference.min_inliers = 3; });
+  refused([](SequenceOptions& o) { o.orb.levels = 0; });
+  refused([](SequenceOptions& o) { o.matcher.ratio_threshold = 2.0; });
+
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  matcher.match(view(0), 1.0);
+  EXPECT_THROW(matcher.match(view(1), nan), std::invalid_argument);
+  EXPECT_THROW(matcher.match(view(1), 1e10), std::invalid_argument);
+  EXPECT_THROW(matcher.match(cv::Mat(kHeight, kWidth, CV_8UC3), 1.1), std::invalid_argument);
+  Features features;
+  features.keypoints.resize(3);
+  EXPECT_THROW(matcher.match(features, 1.1), std::invalid_argument);
+  const SequenceMatch& match = matcher.match(view(1), 1.1);
+  ASSERT_TRUE(match.reference) << "a refused frame never was";
+  EXPECT_EQ(match.reference->stamp, 1'000'000'000);
+}
+
+// Homographies of a chain with a known covariance: the spread of the products over many random
+// errors is what the propagation says.
+TEST(HomographyChain, CovarianceIsTheSpreadOfTheProducts) {
+  using Vector8 = Eigen::Matrix<double, 8, 1>;
+  cv::RNG random(5);
+  UncertainHomography link;
+  link.homography << 1.01, 0.02, -5.0, -0.015, 0.99, 3.0, 2e-5, -1e-5, 1.0;
+  Vector8 sigma;
+  sigma << 1e-4, 1e-4, 0.05, 1e-4, 1e-4, 0.05, 2e-7, 2e-7;
+  // Correlated, so that a transposed derivative shows.
+  Eigen::Matrix<double, 8, 8> root = sigma.asDiagonal();
+  for (int i = 1; i < 8; ++i) root(i, i - 1) = 0.6 * sigma(i);
+  link.covariance = root * root.transpose();
+
+  constexpr int kLinks = 5;
+  UncertainHomography expected;
+  for (int i = 0; i < kLinks; ++i) expected = chained(link, expected);
+
+  constexpr int kTrials = 20000;
+  Eigen::Matrix<double, 8, 8> spread = Eigen::Matrix<double, 8, 8>::Zero();
+  for (int trial = 0; trial < kTrials; ++trial) {
+    UncertainHomography product;
+    for (int i = 0; i < kLinks; ++i) {
+      Vector8 noise;
+      for (int k = 0; k < 8; ++k) noise(k) = random.gaussian(1.0);
+      noise = root * noise;
+      UncertainHomography sample;
+      sample.homography = link.homography;
+      for (int k = 0; k < 8; ++k) sample.homography(k / 3, k % 3) += noise(k);
+      product = chained(sample, product);
+    }
+    Vector8 error;
+    for (int k = 0; k < 8; ++k) {
+      error(k) = product.homography(k / 3, k % 3) - expected.homography(k / 3, k % 3);
+    }
+    spread += error * error.transpose() / kTrials;
+  }
+  // Standard deviations of a sample of 20 000 are known to 0.5 %, correlations to 0.007.
+  for (int i = 0; i < 8; ++i) {
+    EXPECT_NEAR(std::sqrt(expected.covariance(i, i) / spread(i, i)), 1.0, 0.03) << i;
+    for (int j = 0; j < 8; ++j) {
+      const double scale = std::sqrt(spread(i, i) * spread(j, j));
+      EXPECT_NEAR(expected.covariance(i, j) / scale, spread(i, j) / scale, 0.05) << i << ' ' << j;
+    }
+  }
+}
+
+TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {
+  UncertainHomography unknown;
+  unknown.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  EXPECT_TRUE(std::isnan(chained({}, chained(unknown, {})).covariance(0, 0)));
+}
+
+TEST(SequenceMatcher, TheAccumulatedCovarianceGrowsWithTheChain) {
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  double before = 0.0;
+  for (int i = 0; i < 6; ++i) {
+    const SequenceMatch& match = matcher.match(view(i), 0.1 * i);
+    if (i == 0) continue;
+    const double variance = match.accumulated->covariance(2, 2);  // of the x translation
+    EXPECT_GT(variance, before);
+    if (i == 1) {
+      EXPECT_DOUBLE_EQ(variance, match.match.prosac.covariance(2, 2));
+    }
+    before = variance;
+  }
+}
+
+}  // namespace
+}  // namespace ktgp_orb
