@@ -19,6 +19,10 @@ struct Features {
   cv::Mat descriptors;
   /// Width and height of the image in pixels.
   cv::Size image_size;
+  /// The 8-bit grey image and after it ever smaller ones, ORB's pyramid, for the sub-pixel
+  /// alignment; empty unless OrbOptions::keep_images. The first is the image that was handed to the
+  /// extractor, not a copy: do not write into it while these features are in use.
+  std::vector<cv::Mat> images;
 
   std::size_t size() const { return keypoints.size(); }
   bool empty() const { return keypoints.empty(); }

@@ -33,6 +33,9 @@ struct OrbOptions {
   /// With the uniform distribution: keypoints that each cell of the image keeps where all have
   /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
   int cell_share = 16;
+  /// Features::images come with the features: what the sub-pixel alignment works on. No pixel is
+  /// copied.
+  bool keep_images = false;
   int threads = 1;  ///< threads that share the work; 0 = all of the machine; the answer is equal
 
   bool operator==(const OrbOptions& other) const;

@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "core/orb/pipeline.h"
+#include "core/orb/pyramid.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -43,7 +44,7 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 
 auto asTuple(const OrbOptions& o) {
   return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
-                  o.distribution, o.cell_share, o.threads);
+                  o.distribution, o.cell_share, o.keep_images, o.threads);
 }
 
 cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
@@ -62,14 +63,24 @@ struct OrbExtractor::Impl {
   explicit Impl(const OrbOptions& o) : options(o) {
     if (o.extractor == ExtractorKind::opencv) {
       opencv = createOpencv(o);
+      pyramid =
+          std::make_unique<OrbPyramid>(o.features, static_cast<float>(o.scale_factor), o.levels);
     } else {
       pipeline = std::make_unique<OrbPipeline>(o, bestOrbKernels());
     }
   }
 
+  void keepImages(const cv::Mat& image, Features& features) {
+    pyramid->setImage(image, cv::Mat());
+    pyramid->takeBuffers(features.images);
+    pyramid->shrink(bestOrbKernels());
+    pyramid->share(features.images);
+  }
+
   OrbOptions options;
   std::unique_ptr<OrbPipeline> pipeline;  // either this
-  cv::Ptr<cv::ORB> opencv;                // or this
+  cv::Ptr<cv::ORB> opencv;                // or this,
+  std::unique_ptr<OrbPyramid> pyramid;    // which does not hand out its own
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
@@ -96,10 +107,13 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   // No level has room for a patch; cv::ORB 4.6 throws where a level shrinks to nothing.
   if (std::min(image.cols, image.rows) < 2 * kPatchSize + 1) {
     features.descriptors.release();
+    features.images.clear();
     return;
   }
+  if (!impl_->options.keep_images) features.images.clear();
   if (impl_->opencv) {
     impl_->opencv->detectAndCompute(image, mask, features.keypoints, features.descriptors);
+    if (impl_->options.keep_images) impl_->keepImages(image, features);
   } else {
     impl_->pipeline->extract(image, mask, features);
   }

@@ -68,4 +68,17 @@ void OrbPyramid::shrink(const OrbKernels& kernels) {
   }
 }
 
+void OrbPyramid::takeBuffers(std::vector<cv::Mat>& images) {
+  for (std::size_t i = 1; i < levels_.size(); ++i) {
+    levels_[i].image.release();
+    if (i >= images.size() || images[i].u == nullptr || images[i].u->refcount > 1) continue;
+    cv::swap(levels_[i].image, images[i]);
+  }
+}
+
+void OrbPyramid::share(std::vector<cv::Mat>& images) const {
+  images.resize(static_cast<std::size_t>(used_));
+  for (std::size_t i = 0; i < images.size(); ++i) images[i] = levels_[i].image;
+}
+
 }  // namespace ktgp_orb

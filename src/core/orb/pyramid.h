@@ -31,6 +31,12 @@ class OrbPyramid {
   /// Computes level 1 and above, each from the one before.
   void shrink(const OrbKernels& kernels);
 
+  /// Levels to be computed go into the memory of `images` where nobody else holds it, and never
+  /// into that of images shared before.
+  void takeBuffers(std::vector<cv::Mat>& images);
+  /// `images` become the levels in use, without copying.
+  void share(std::vector<cv::Mat>& images) const;
+
   std::vector<PyramidLevel>& levels() { return levels_; }
   /// Levels that can hold keypoints in this image.
   int used() const { return used_; }

@@ -1,0 +1,230 @@
+#include "ktgp_orb/alignment.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "core/alignment/patch_aligner.h"
+#include "core/alignment/spread.h"
+#include "core/homography/checks.h"
+#include "core/homography/refiner.h"
+#include "core/util/options_check.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr std::size_t kFewest = 12;  // aligned points that a homography is estimated from
+constexpr double kLeastScale = 1.0;  // px of the errors: no scene is more of a plane than that
+constexpr double kNear = 3.0;        // px within which a keypoint agrees
+constexpr double kReach = 4.0;       // px that a point may lie off where H puts it
+
+Eigen::Vector2d position(const Features& features, std::int32_t index, const char* frame) {
+  if (index < 0 || static_cast<std::size_t>(index) >= features.size()) {
+    throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
+                                std::to_string(index) + "; expected one of 0.." +
+                                std::to_string(features.size()) + " - 1");
+  }
+  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  return {p.x, p.y};
+}
+
+void reset(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+           AlignmentResult& result) {
+  std::vector<AlignedPoint> points = std::move(result.points);  // keep the buffer
+  points.clear();
+  result = {};
+  result.points = std::move(points);
+  result.homography = homography;
+  result.covariance = covariance;
+}
+
+std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
+  switch (outcome) {
+    case PatchOutcome::distorted:
+      return result.distorted;
+    case PatchOutcome::textureless:
+      return result.textureless;
+    case PatchOutcome::unsettled:
+      return result.unsettled;
+    case PatchOutcome::beyond_reach:
+      return result.beyond_reach;
+    case PatchOutcome::uncorrelated:
+      return result.uncorrelated;
+    default:
+      return result.outside;
+  }
+}
+
+double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points) {
+  double sum = 0.0;
+  for (const AlignedPoint& p : points) {
+    const double error = reprojectionError(homography, p.reference, p.target);
+    sum += error * error;
+  }
+  return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
+}
+
+/// Minus the log-likelihood, up to a constant, of the points under errors of a pixel with Student's
+/// t distribution of four degrees of freedom: what HomographyRefiner minimises.
+double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points) {
+  double sum = 0.0;
+  for (const AlignedPoint& p : points) {
+    const double error = reprojectionError(homography, p.reference, p.target) / kLeastScale;
+    sum += std::log1p(0.25 * error * error);
+  }
+  return sum;
+}
+
+/// The largest deviation at a corner, in the image where it is smaller, px.
+double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+                   const cv::Size& reference_size) {
+  const auto corners = imageCorners(reference_size, {});
+  const CornerDeviation deviation = cornerDeviation(homography, covariance, corners);
+  return std::min(deviation.target, deviation.reference);
+}
+
+}  // namespace
+
+const char* toString(AlignmentStatus status) {
+  switch (status) {
+    case AlignmentStatus::not_run:
+      return "not_run";
+    case AlignmentStatus::ok:
+      return "ok";
+    case AlignmentStatus::no_images:
+      return "no_images";
+    case AlignmentStatus::too_few_points:
+      return "too_few_points";
+    case AlignmentStatus::not_better:
+      return "not_better";
+  }
+  return "unknown";
+}
+
+struct Alignment::Impl {
+  explicit Impl(const AlignmentOptions& o) : options(o), aligner(bestAlignmentKernels()) {}
+
+  void choosePoints(const Features& reference, const Features& target,
+                    const std::vector<Correspondence>& matches);
+  void alignPoints(AlignmentResult& result);
+  void estimate(const cv::Size& reference_size, AlignmentResult& result);
+  bool isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
+                const Covariance8& covariance, const AlignmentResult& before) const;
+  std::size_t supporters(const Eigen::Matrix3d& homography) const;
+
+  AlignmentOptions options;
+  PatchAligner aligner;
+  PointSpread spread;
+  HomographyRefiner refiner;
+  std::vector<Eigen::Vector2d> reference_points;  // of the matches
+  std::vector<Eigen::Vector2d> target_points;
+  std::vector<std::uint32_t> chosen;
+  std::vector<Eigen::Vector2d> aligned_reference;
+  std::vector<Eigen::Vector2d> aligned_target;
+};
+
+Alignment::Alignment(const AlignmentOptions& options) {
+  requireInRange("alignment_points", options.points, static_cast<int>(kFewest), 100000);
+  impl_ = std::make_unique<Impl>(options);
+}
+
+Alignment::~Alignment() = default;
+Alignment::Alignment(Alignment&&) noexcept = default;
+Alignment& Alignment::operator=(Alignment&&) noexcept = default;
+
+const AlignmentOptions& Alignment::options() const {
+  return impl_->options;
+}
+
+void Alignment::align(const Features& reference, const Features& target,
+                      const std::vector<Correspondence>& matches, const Eigen::Matrix3d& homography,
+                      const Covariance8& covariance, AlignmentResult& result) {
+  reset(homography, covariance, result);
+  Impl& impl = *impl_;
+  if (!impl.options.enabled) return;
+  if (reference.images.empty() || target.images.empty()) {
+    result.status = AlignmentStatus::no_images;
+    return;
+  }
+  impl.choosePoints(reference, target, matches);
+  impl.aligner.setImages(reference.images, target.images);
+  impl.alignPoints(result);
+  impl.estimate(reference.image_size, result);
+}
+
+void Alignment::Impl::choosePoints(const Features& reference, const Features& target,
+                                   const std::vector<Correspondence>& matches) {
+  reference_points.clear();
+  target_points.clear();
+  for (const Correspondence& match : matches) {
+    reference_points.push_back(position(reference, match.reference_index, "reference"));
+    target_points.push_back(position(target, match.target_index, "target"));
+  }
+  spread.choose(reference_points, reference.image_size, static_cast<std::size_t>(options.points),
+                chosen);
+}
+
+void Alignment::Impl::alignPoints(AlignmentResult& result) {
+  aligned_reference.clear();
+  aligned_target.clear();
+  result.tried = chosen.size();
+  for (const std::uint32_t match : chosen) {
+    const AlignedPatch patch = aligner.align(result.homography, reference_points[match], kReach);
+    if (patch.outcome != PatchOutcome::aligned) {
+      ++countOf(patch.outcome, result);
+      continue;
+    }
+    result.points.push_back({match, patch.reference, patch.target, patch.correlation});
+    aligned_reference.push_back(patch.reference);
+    aligned_target.push_back(patch.target);
+  }
+}
+
+void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& result) {
+  result.rmse_before = result.rmse_after = rmse(result.homography, result.points);
+  result.status = AlignmentStatus::too_few_points;
+  if (result.points.size() < kFewest) return;
+  RefinerOptions refinement;
+  refinement.max_error = kNear;
+  refinement.min_scale = kLeastScale;
+  Eigen::Matrix3d homography = result.homography;
+  Covariance8 covariance;
+  result.status = AlignmentStatus::not_better;
+  if (!refiner.refine(aligned_reference, aligned_target, refinement, homography, &covariance) ||
+      !isBetter(reference_size, homography, covariance, result)) {
+    return;
+  }
+  result.homography = homography;
+  result.covariance = covariance;
+  result.rmse_after = rmse(homography, result.points);
+  result.status = AlignmentStatus::ok;
+}
+
+/// It can be the view of a plane, the images agree better with it, hardly fewer keypoints do, and
+/// it is better determined.
+bool Alignment::Impl::isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
+                               const Covariance8& covariance, const AlignmentResult& before) const {
+  constexpr double kShare = 0.9;  // of the keypoints that agreed
+  if (!keepsPlaneInView(homography, imageCorners(reference_size, {}))) return false;
+  if (!(unlikeliness(homography, before.points) <=
+        unlikeliness(before.homography, before.points))) {
+    return false;
+  }
+  if (static_cast<double>(supporters(homography)) <
+      kShare * static_cast<double>(supporters(before.homography))) {
+    return false;
+  }
+  return uncertainty(homography, covariance, reference_size) <=
+         uncertainty(before.homography, before.covariance, reference_size);
+}
+
+/// Matches near where it puts them.
+std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < reference_points.size(); ++i) {
+    if (reprojectionError(homography, reference_points[i], target_points[i]) < kNear) ++count;
+  }
+  return count;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,97 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// Side of the patch that is aligned, px. Sixteen floats fill whole vectors of every width.
+constexpr int kPatchSide = 16;
+/// What smoothing and derivatives read beyond the patch on either side, px.
+constexpr int kPatchBorder = 2;
+/// Side of the reference patch before smoothing.
+constexpr int kWarpSide = kPatchSide + 2 * kPatchBorder;
+/// Its rows in memory: whole vectors.
+constexpr int kWarpPitch = 24;
+/// Side of the part of the target that the patch is moved about in, smoothed and before.
+constexpr int kWindowSide = 28;
+constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
+constexpr int kWindowPitch = 32;
+/// How far the patch may move in it from the middle, whatever fraction of a pixel that lies at, px.
+constexpr int kMaxReach = (kWindowSide - kPatchSide) / 2 - 2;
+
+/// A walk over an image on a slanted grid: where sample (row, column) lies, in 1/65536 px from the
+/// pixel that the walk is given.
+struct AffineWalk {
+  std::int32_t x0, y0;              ///< of sample (0, 0)
+  std::int32_t x_column, y_column;  ///< to the next column
+  std::int32_t x_row, y_row;        ///< to the next row
+};
+
+/// A smoothed patch of the reference and its derivatives by x and y, each with its mean taken off.
+struct alignas(64) PatchTemplate {
+  float value[kPatchSide][kPatchSide];
+  float dx[kPatchSide][kPatchSide];
+  float dy[kPatchSide][kPatchSide];
+};
+
+/// Sums over a patch of products of the template's value t and derivatives x, y.
+struct TemplateSums {
+  float tt, tx, ty, xx, xy, yy;
+};
+
+/// Sums over a patch of the target's values i and their products with the template's.
+struct MatchSums {
+  float i, ii, ti, xi, yi;
+};
+
+/// The pixel loops of the alignment. One set of functions per instruction set; all give the same
+/// bits: sums run over sixteen columns of their own, which are added in a fixed order at the end,
+/// and nothing is fused.
+struct AlignmentKernels {
+  const char* name;  ///< instruction set, e.g. "AVX2"
+
+  /// Bilinear samples of an image along `walk` from `pixel`: kWarpSide rows of kWarpPitch. All that
+  /// they touch is readable, and two bytes beyond on the right.
+  void (*warp)(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk,
+               float* patch);
+
+  /// Smooths the patch (binomial of five, sigma 1) and takes its derivatives.
+  TemplateSums (*prepare)(const float* patch, PatchTemplate& out);
+
+  /// Smooths the kRawWindowSide rows and columns from `pixel` on into kWindowSide rows of
+  /// kWindowPitch. Four columns more are readable.
+  void (*smooth)(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window);
+
+  /// Compares the template with the window's values from `corner` on, shifted right and down by the
+  /// fractions (fx, fy) of a pixel. Reads one row and column before them and two behind.
+  MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
+};
+
+/// Weights of a pixel, the one before and the two behind, for the value `f` behind it (Catmull &
+/// Rom's cubic). Linear interpolation is off by up to a thirtieth of a pixel on fine texture.
+struct CubicWeights {
+  float before, at, behind, last;
+  explicit CubicWeights(float f)
+      : before(((1.F - 0.5F * f) * f - 0.5F) * f),
+        at((1.5F * f - 2.5F) * f * f + 1.F),
+        behind(((2.F - 1.5F * f) * f + 0.5F) * f),
+        last((0.5F * f - 0.5F) * f * f) {}
+};
+
+/// The sum of sixteen columns' sums, in the order that all kernels keep.
+inline float sumOfColumns(const float* s) {
+  float quarter[4];
+  for (int i = 0; i < 4; ++i) quarter[i] = (s[i] + s[i + 8]) + (s[i + 4] + s[i + 12]);
+  return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
+}
+
+/// Plain C++, the definition of what the others compute.
+const AlignmentKernels& portableAlignmentKernels();
+/// The fastest set this machine can run.
+const AlignmentKernels& bestAlignmentKernels();
+/// Every set this machine can run.
+std::vector<const AlignmentKernels*> allAlignmentKernels();
+
+}  // namespace ktgp_orb

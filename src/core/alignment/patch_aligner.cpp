@@ -1,0 +1,190 @@
+#include "core/alignment/patch_aligner.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb {
+namespace {
+
+/// x_level0 = factor * x_level + offset, along each axis.
+struct LevelMap {
+  Eigen::Vector2d factor;
+  Eigen::Vector2d offset;
+
+  LevelMap(const std::vector<cv::Mat>& levels, std::size_t level)
+      : factor(static_cast<double>(levels[0].cols) / levels[level].cols,
+               static_cast<double>(levels[0].rows) / levels[level].rows),
+        offset(0.5 * (factor - Eigen::Vector2d::Ones())) {}
+
+  Eigen::Vector2d up(const Eigen::Vector2d& x) const { return factor.cwiseProduct(x) + offset; }
+  Eigen::Vector2d down(const Eigen::Vector2d& x) const {
+    return (x - offset).cwiseQuotient(factor);
+  }
+};
+
+/// The level that is smaller than level 0 by about `scale`; 0 up to where that does as well.
+std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
+  constexpr double kLeast = 1.5;
+  if (scale < kLeast) return 0;
+  std::size_t best = 0;
+  double least = std::log(scale);
+  for (std::size_t i = 1; i < levels.size(); ++i) {
+    if (levels[i].empty()) break;
+    const double off =
+        std::abs(std::log(scale * levels[i].cols / static_cast<double>(levels[0].cols)));
+    if (off < least) {
+      least = off;
+      best = i;
+    }
+  }
+  return best;
+}
+
+/// Derivative of H's map at x, which it sends to `image`.
+Eigen::Matrix2d derivative(const Eigen::Matrix3d& h, const Eigen::Vector2d& x,
+                           const Eigen::Vector2d& image) {
+  const double w = h.row(2).dot(x.homogeneous());
+  return (h.topLeftCorner<2, 2>() - image * h.block<1, 2>(2, 0)) / w;
+}
+
+Eigen::Vector2d betweenPixels(const Eigen::Vector2d& x) {
+  return {std::floor(x.x()) + 0.5, std::floor(x.y()) + 0.5};
+}
+
+}  // namespace
+
+void PatchAligner::setImages(const std::vector<cv::Mat>& reference,
+                             const std::vector<cv::Mat>& target) {
+  reference_ = &reference;
+  target_ = &target;
+}
+
+AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
+                                 double reach) {
+  constexpr double kMaxStretch = 4.0;  // of one direction against the other, or of levels
+  AlignedPatch result;
+  const Eigen::Vector3d p = homography * point.homogeneous();
+  if (!(p.z() > 0.0)) return result;
+  const Eigen::Matrix2d full = derivative(homography, point, p.hnormalized());
+  const double determinant = full.determinant();
+  result.outcome = PatchOutcome::distorted;
+  if (!(determinant > 1e-4 && determinant < 1e4)) return result;
+  const double scale = std::sqrt(determinant);
+  const std::size_t target_level = matchingLevel(*target_, scale);
+  const std::size_t reference_level = matchingLevel(*reference_, 1.0 / scale);
+  const LevelMap in_target(*target_, target_level);
+  const LevelMap in_reference(*reference_, reference_level);
+
+  const Eigen::Vector2d centre = betweenPixels(in_reference.down(point));
+  result.reference = in_reference.up(centre);
+  const Eigen::Vector3d q = homography * result.reference.homogeneous();
+  Eigen::Vector2d position = in_target.down(q.hnormalized());
+  const Eigen::Matrix2d local = in_target.factor.cwiseInverse().asDiagonal() *
+                                derivative(homography, result.reference, q.hnormalized()) *
+                                in_reference.factor.asDiagonal();
+  const Eigen::Matrix2d back = local.inverse();
+  if (!(back.cwiseAbs().maxCoeff() < kMaxStretch && local.cwiseAbs().maxCoeff() < kMaxStretch)) {
+    return result;
+  }
+  result.outcome = PatchOutcome::outside;
+  if (!takePatch((*reference_)[reference_level], centre, back)) return result;
+  result.outcome = settle((*target_)[target_level], reach, position, result.correlation);
+  result.target = in_target.up(position);
+  return result;
+}
+
+bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre,
+                             const Eigen::Matrix2d& back) {
+  constexpr double kUnit = 65536.0;
+  const auto fixed = [](double x) { return static_cast<std::int32_t>(std::lrint(x * kUnit)); };
+  // The corner that the patch reaches farthest to, and one pixel for interpolation.
+  constexpr double kFirst = 0.5 * (kWarpSide - 1);
+  constexpr double kLast = kWarpPitch - 1 - kFirst;
+  const Eigen::Vector2d spread = back.cwiseAbs() * Eigen::Vector2d(kLast, kFirst);
+  const Eigen::Vector2d low = centre - spread;
+  const Eigen::Vector2d high = centre + spread;
+  if (!(low.x() >= 1.0 && low.y() >= 1.0 && high.x() < level.cols - 5.0 &&
+        high.y() < level.rows - 3.0)) {
+    return false;
+  }
+  const int x = static_cast<int>(centre.x());
+  const int y = static_cast<int>(centre.y());
+  const Eigen::Vector2d first =
+      centre - Eigen::Vector2d(x, y) - back * Eigen::Vector2d(kFirst, kFirst);
+  const AffineWalk walk{fixed(first.x()),  fixed(first.y()),  fixed(back(0, 0)),
+                        fixed(back(1, 0)), fixed(back(0, 1)), fixed(back(1, 1))};
+  kernels_.warp(level.ptr<std::uint8_t>(y) + x, static_cast<std::ptrdiff_t>(level.step), walk,
+                patch_);
+  sums_ = kernels_.prepare(patch_, template_);
+  return true;
+}
+
+PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vector2d& position,
+                                  double& correlation) {
+  constexpr int kMaxSteps = 8;
+  constexpr double kSmallStep = 0.01;  // px
+  constexpr double kLeastCorrelation = 0.5;
+  constexpr double kLeastTexture = 500.0;  // grey values² per px², summed over the patch
+  constexpr double kCount = kPatchSide * kPatchSide;
+  constexpr double kHalf = 0.5 * (kPatchSide - 1);
+  constexpr int kSmoothSlack = 4;  // columns that smoothing may read beyond
+  constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px the patch can move
+
+  // Gain and bias projected out of the derivatives.
+  const double tt = sums_.tt;
+  if (!(tt > kLeastTexture)) return PatchOutcome::textureless;
+  const double sx = sums_.tx / tt;
+  const double sy = sums_.ty / tt;
+  const double xx = sums_.xx - sx * sums_.tx;
+  const double xy = sums_.xy - sx * sums_.ty;
+  const double yy = sums_.yy - sy * sums_.ty;
+  const double determinant = xx * yy - xy * xy;
+  const double least = 0.5 * (xx + yy) - std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
+  if (!(least > kLeastTexture)) return PatchOutcome::textureless;
+
+  const Eigen::Vector2d corner = position.array() - kHalf;
+  const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
+  const int top = static_cast<int>(std::floor(corner.y())) - kSlack;
+  if (!(std::abs(corner.x()) < 1e6 && std::abs(corner.y()) < 1e6) || left < kPatchBorder ||
+      top < kPatchBorder || left + kWindowSide + kPatchBorder + kSmoothSlack > level.cols ||
+      top + kWindowSide + kPatchBorder > level.rows) {
+    return PatchOutcome::outside;
+  }
+  kernels_.smooth(level.ptr<std::uint8_t>(top - kPatchBorder) + left - kPatchBorder,
+                  static_cast<std::ptrdiff_t>(level.step), window_);
+
+  const Eigen::Vector2d start(corner.x() - left, corner.y() - top);
+  Eigen::Vector2d at = start;
+  Eigen::Vector2d last_move = Eigen::Vector2d::Zero();
+  for (int step = 0; step < kMaxSteps; ++step) {
+    const int x = static_cast<int>(at.x());
+    const int y = static_cast<int>(at.y());
+    const MatchSums m =
+        kernels_.compare(window_ + y * kWindowPitch + x, static_cast<float>(at.x() - x),
+                         static_cast<float>(at.y() - y), template_);
+    const double gain = m.ti / tt;
+    const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
+    if (!(gain > 0.0) || !(variance > 0.0)) return PatchOutcome::uncorrelated;
+    correlation = gain * m.ti / variance;
+    const double bx = (m.xi - sx * m.ti) / gain;
+    const double by = (m.yi - sy * m.ti) / gain;
+    Eigen::Vector2d move((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant);
+    // Where the target is the more blurred one, steps are too short by a factor: they shrink
+    // geometrically, and what is left of their sum is known from two of them (Aitken).
+    const double ratio = step > 0 ? move.dot(last_move) / last_move.squaredNorm() : 0.0;
+    last_move = move;
+    if (step > 0 && std::abs(ratio) < 0.8) move /= 1.0 - ratio;
+    at -= move;
+    if (!((at - start).cwiseAbs().maxCoeff() <= reach)) return PatchOutcome::beyond_reach;
+    if (move.squaredNorm() < kSmallStep * kSmallStep) {
+      if (correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
+      position = Eigen::Vector2d(left, top) + at + Eigen::Vector2d::Constant(kHalf);
+      return PatchOutcome::aligned;
+    }
+  }
+  return PatchOutcome::unsettled;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,281 @@
+#include "ktgp_orb/alignment.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <random>
+#include <stdexcept>
+
+#include "alignment_scene.h"
+#include "ktgp_orb/evaluation.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::AlignmentScene;
+using test::planeScene;
+using test::translation;
+using test::turn;
+
+AlignmentResult align(const AlignmentScene& scene, const Eigen::Matrix3d& start,
+                      const AlignmentOptions& options = {}) {
+  Alignment alignment(options);
+  AlignmentResult result;
+  alignment.align(scene.reference, scene.target, scene.matches, start, test::keypointCovariance(),
+                  result);
+  return result;
+}
+
+double worstPoint(const AlignmentResult& result, const Eigen::Matrix3d& truth) {
+  double worst = 0.0;
+  for (const AlignedPoint& p : result.points) {
+    worst = std::max(worst, reprojectionError(truth, p.reference, p.target));
+  }
+  return worst;
+}
+
+std::size_t dropped(const AlignmentResult& r) {
+  return r.outside + r.distorted + r.textureless + r.unsettled + r.beyond_reach + r.uncorrelated;
+}
+
+Eigen::Matrix3d tilt() {
+  Eigen::Matrix3d h = turn(8.0, 1.1);
+  h(2, 0) = 1e-4;
+  h(2, 1) = -5e-5;
+  return h;
+}
+
+TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
+  for (const double shift : {0.0, 0.13, 0.5, 0.77, 3.31}) {
+    const Eigen::Matrix3d truth = translation(shift, -2.0 * shift);
+    const AlignmentScene scene = planeScene(1, truth);
+    const AlignmentResult result = align(scene, translation(0.8, -0.6) * truth);
+    ASSERT_EQ(result.status, AlignmentStatus::ok);
+    EXPECT_GT(result.points.size(), 0.95 * static_cast<double>(result.tried));
+    EXPECT_LT(worstPoint(result, truth), 0.03) << "shift " << shift;
+    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.01) << "shift " << shift;
+    EXPECT_NEAR(result.rmse_before, 1.0, 0.02);
+    EXPECT_LT(result.rmse_after, 0.01);
+  }
+}
+
+TEST(Alignment, RecoversTurnsZoomsAndTilts) {
+  for (const Eigen::Matrix3d& truth :
+       {turn(3.0, 1.02), turn(-30.0, 0.8), turn(170.0, 1.3), tilt()}) {
+    const AlignmentScene scene = planeScene(2, truth);
+    const AlignmentResult result = align(scene, translation(-0.7, 0.5) * truth);
+    ASSERT_EQ(result.status, AlignmentStatus::ok);
+    EXPECT_GT(result.points.size(), 100u);
+    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.02) << truth;
+  }
+}
+
+TEST(Alignment, GainAndBiasMakeNoDifference) {
+  const Eigen::Matrix3d truth = tilt();
+  const auto shade = [](double grey) { return 0.6 * grey + 40.0; };
+  const AlignmentResult result = align(planeScene(3, truth, shade), translation(0.5, 0.9) * truth);
+  ASSERT_EQ(result.status, AlignmentStatus::ok);
+  EXPECT_LT(result.rmse_after, 0.02);
+  EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.02);
+}
+
+TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
+  for (const double zoom : {0.45, 2.2}) {
+    const Eigen::Matrix3d truth = turn(10.0, zoom);
+    const AlignmentResult result = align(planeScene(4, truth), translation(0.5, -0.5) * truth);
+    ASSERT_EQ(result.status, AlignmentStatus::ok) << zoom;
+    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.1) << zoom;
+  }
+}
+
+TEST(Alignment, IsUnmovedByAThirdOfThePointsBeingElsewhere) {
+  // The lower part of the target shows another picture.
+  const Eigen::Matrix3d truth = translation(1.3, 0.4);
+  const test::WavePicture picture(5);
+  const test::WavePicture other(6);
+  const auto grey = [&](const Eigen::Vector2d& x) { return picture.at(x); };
+  const auto seen = [&](const Eigen::Vector2d& x) {
+    return x.y() < 320.0 ? picture.at(x - Eigen::Vector2d(1.3, 0.4)) : other.at(x);
+  };
+  const AlignmentScene scene(test::render({640, 480}, grey), test::render({640, 480}, seen), truth);
+  const AlignmentResult result = align(scene, translation(0.3, 0.3) * truth);
+  EXPECT_GT(dropped(result), result.tried / 5);
+  ASSERT_EQ(result.status, AlignmentStatus::ok);
+  EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.3);
+}
+
+// Every point is exact here, and two thirds of them lie on one plane to a hundredth of a pixel. The
+// homography of the scene is still the one that serves all.
+TEST(Alignment, DoesNotLockOntoOneOfTwoPlanes) {
+  const test::WavePicture picture(7);
+  const auto grey = [&](const Eigen::Vector2d& x) { return picture.at(x); };
+  const auto seen = [&](const Eigen::Vector2d& x) {
+    return picture.at(x - Eigen::Vector2d(static_cast<int>(x.x() / 64.0) % 3 == 0 ? 0.9 : 0.0, 0));
+  };
+  const AlignmentScene scene(test::render({640, 480}, grey), test::render({640, 480}, seen),
+                             Eigen::Matrix3d::Identity());
+  const AlignmentResult result = align(scene, translation(0.2, 0.1));
+  ASSERT_EQ(result.status, AlignmentStatus::ok);
+  const double at_centre = test::apply(result.homography, {320, 240}).x() - 320.0;
+  EXPECT_GT(at_centre, 0.2);
+  EXPECT_LT(at_centre, 0.45);
+}
+
+TEST(Alignment, LeavesTheHomographyWhereNothingCanBeAligned) {
+  const Eigen::Matrix3d truth = translation(2.0, 1.0);
+  const Eigen::Matrix3d start = translation(0.5, 0.5) * truth;
+  const AlignmentScene good = planeScene(8, truth);
+  const cv::Mat flat(480, 640, CV_8U, cv::Scalar(90));
+  const cv::Mat white(480, 640, CV_8U, cv::Scalar(255));
+  const cv::Mat& picture = good.reference.images.front();
+
+  const AlignmentResult textureless = align({flat, picture, truth}, start);
+  EXPECT_EQ(textureless.textureless, textureless.tried);
+  const AlignmentResult saturated = align({picture, white, truth}, start);
+  EXPECT_EQ(saturated.uncorrelated, saturated.tried);
+  const AlignmentResult outside = align(good, translation(-2000.0, 0.0));
+  EXPECT_EQ(outside.outside, outside.tried);
+  Eigen::Matrix3d squeezed = Eigen::Matrix3d::Identity();
+  squeezed(0, 0) = 0.05;
+  const AlignmentResult distorted = align(good, squeezed);
+  EXPECT_EQ(distorted.distorted, distorted.tried);
+  for (const AlignmentResult* r : {&textureless, &saturated, &outside, &distorted}) {
+    EXPECT_EQ(r->status, AlignmentStatus::too_few_points);
+    EXPECT_GT(r->tried, 100u);
+    EXPECT_TRUE(r->points.empty());
+    EXPECT_EQ(r->covariance, test::keypointCovariance());
+  }
+  EXPECT_EQ(textureless.homography, start);
+  EXPECT_EQ(outside.homography, translation(-2000.0, 0.0));
+  EXPECT_EQ(distorted.homography, squeezed);
+}
+
+TEST(Alignment, StripesSayNothingAlongThemselves) {
+  const auto stripes = [](const Eigen::Vector2d& x) {
+    return 128.0 + 60.0 * std::sin(x.x() / 2.0);
+  };
+  const cv::Mat image = test::render({640, 480}, stripes);
+  const AlignmentResult result = align({image, image, translation(0, 0)}, translation(0.3, 2.0));
+  EXPECT_EQ(result.textureless, result.tried);
+  EXPECT_EQ(result.homography, translation(0.3, 2.0));
+}
+
+TEST(Alignment, KeepsTheHomographyThatTheKeypointsSupport) {
+  // The images moved 3.2 px against what the keypoints say.
+  const Eigen::Matrix3d truth = translation(3.2, 0.0);
+  AlignmentScene scene = planeScene(9, truth);
+  scene.target.keypoints = scene.reference.keypoints;
+  const AlignmentResult result = align(scene, Eigen::Matrix3d::Identity());
+  EXPECT_EQ(result.status, AlignmentStatus::not_better);
+  EXPECT_GT(result.points.size(), 50u);
+  EXPECT_EQ(result.homography, Eigen::Matrix3d::Identity());
+  EXPECT_EQ(result.covariance, test::keypointCovariance());
+  EXPECT_EQ(result.rmse_after, result.rmse_before);
+}
+
+TEST(Alignment, KeepsTheHomographyThatIsBetterDetermined) {
+  // Texture is left in one corner only, which says little about the others.
+  const Eigen::Matrix3d truth = tilt();
+  AlignmentScene scene = planeScene(10, truth);
+  cv::Mat rest = scene.reference.images[0];
+  rest(cv::Rect(150, 0, 490, 480)).setTo(90);
+  rest(cv::Rect(0, 150, 640, 330)).setTo(90);
+  for (cv::KeyPoint& keypoint : scene.reference.keypoints) keypoint.pt *= 0.3F;
+  const AlignmentScene corner(rest, scene.target.images[0], truth, 8.0);
+  const AlignmentResult result = align(corner, truth);
+  ASSERT_GT(result.points.size(), 12u);
+  EXPECT_EQ(result.status, AlignmentStatus::not_better);
+  EXPECT_EQ(result.homography, truth);
+}
+
+TEST(Alignment, WorksWithAnyNumberOfMatches) {
+  const Eigen::Matrix3d truth = translation(0.6, 0.2);
+  AlignmentScene scene = planeScene(11, truth);
+  const std::vector<Correspondence> all = scene.matches;
+  ASSERT_GT(all.size(), 200u);
+  std::mt19937 generator(1);
+  for (std::size_t n = 0; n <= 200; ++n) {
+    scene.matches = all;
+    std::shuffle(scene.matches.begin(), scene.matches.end(), generator);
+    scene.matches.resize(n);
+    const AlignmentResult result = align(scene, translation(1.0, 0.0));
+    EXPECT_EQ(result.tried, n);
+    EXPECT_EQ(result.points.size() + dropped(result), n);
+    EXPECT_EQ(result.status == AlignmentStatus::too_few_points, result.points.size() < 12) << n;
+    if (result.status == AlignmentStatus::ok) {
+      EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.05) << n;
+    }
+  }
+}
+
+TEST(Alignment, TakesNoMoreThanTheWantedPointsAndSpreadsThem) {
+  AlignmentOptions options;
+  options.points = 40;
+  const Eigen::Matrix3d truth = translation(0.6, 0.2);
+  const AlignmentResult result = align(planeScene(12, truth), truth, options);
+  EXPECT_EQ(result.tried, 40u);
+  int quarter[4] = {};
+  for (const AlignedPoint& p : result.points) {
+    ++quarter[(p.reference.x() > 320 ? 1 : 0) + (p.reference.y() > 240 ? 2 : 0)];
+  }
+  for (const int count : quarter) EXPECT_GE(count, 6);
+}
+
+TEST(Alignment, SaysWhereItHasNoImages) {
+  AlignmentScene scene = planeScene(13, Eigen::Matrix3d::Identity());
+  scene.target.images.clear();
+  const AlignmentResult result = align(scene, translation(0.5, 0.0));
+  EXPECT_EQ(result.status, AlignmentStatus::no_images);
+  EXPECT_EQ(result.homography, translation(0.5, 0.0));
+}
+
+TEST(Alignment, SwitchedOffItHandsBackWhatItWasGiven) {
+  AlignmentOptions options;
+  options.enabled = false;
+  const AlignmentScene scene = planeScene(14, Eigen::Matrix3d::Identity());
+  const AlignmentResult result = align(scene, translation(0.5, 0.0), options);
+  EXPECT_EQ(result.status, AlignmentStatus::not_run);
+  EXPECT_EQ(result.tried, 0u);
+  EXPECT_EQ(result.homography, translation(0.5, 0.0));
+}
+
+TEST(Alignment, RefusesBadOptionsAndIndices) {
+  AlignmentOptions options;
+  options.points = 11;
+  EXPECT_THROW(Alignment{options}, std::invalid_argument);
+  AlignmentScene scene = planeScene(15, Eigen::Matrix3d::Identity());
+  scene.matches.push_back({0, static_cast<std::int32_t>(scene.target.size()), 0, 1, Level::ktgp});
+  EXPECT_THROW(align(scene, Eigen::Matrix3d::Identity()), std::invalid_argument);
+}
+
+// Over many noisy pairs the squared Mahalanobis distance of H from the truth averages eight, one
+// for each entry, when the covariance is right.
+TEST(Alignment, ItsCovarianceIsThatOfItsErrors) {
+  const test::WavePicture picture(16);
+  std::mt19937 generator(2);
+  std::normal_distribution<double> noise(0.0, 5.0);
+  const auto noisy = [&](const Eigen::Matrix3d& back) {
+    return test::render({320, 240}, [&](const Eigen::Vector2d& x) {
+      return picture.at(test::apply(back, x)) + noise(generator);
+    });
+  };
+  const Eigen::Matrix3d truth = translation(1.2, -0.7);
+  double sum = 0.0;
+  constexpr int kTrials = 60;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const AlignmentScene scene(noisy(Eigen::Matrix3d::Identity()), noisy(truth.inverse()), truth,
+                               17.0, 25.0);
+    const AlignmentResult result = align(scene, truth);
+    ASSERT_EQ(result.status, AlignmentStatus::ok);
+    Eigen::Matrix<double, 8, 1> error;
+    for (int i = 0; i < 8; ++i) error[i] = result.homography(i / 3, i % 3) - truth(i / 3, i % 3);
+    const Eigen::Matrix<double, 8, 8> covariance = result.covariance;
+    sum += error.dot(covariance.ldlt().solve(error));
+  }
+  EXPECT_GT(sum / kTrials, 5.0);
+  EXPECT_LT(sum / kTrials, 13.0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
