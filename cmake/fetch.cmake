@@ -1,0 +1,84 @@
+# Highway and CLI11 where the system has none (Ubuntu 20.04, Debian 11): a pinned release is fetched
+# when CMake configures. Offline, or for a release of one's own, name a source tree instead:
+# -DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path and -DFETCHCONTENT_SOURCE_DIR_CLI11=/path. What can be had
+# neither way is left out, in a line that says so.
+include(FetchContent)
+option(KTGP_ORB_FETCH "Fetch Highway and CLI11 where they are not installed" ON)
+
+# Sets NAME_SOURCE_DIR, or nothing where the release cannot be had. A file that is not the one meant
+# is never unpacked.
+function(ktgp_orb_fetch name url sha256)
+  string(TOUPPER ${name} upper)
+  if(FETCHCONTENT_SOURCE_DIR_${upper})
+    set(${name}_SOURCE_DIR ${FETCHCONTENT_SOURCE_DIR_${upper}} PARENT_SCOPE)
+    return()
+  endif()
+  if(NOT KTGP_ORB_FETCH)
+    return()
+  endif()
+  set(archive ${PROJECT_BINARY_DIR}/fetched/${name}.tar.gz)
+  set(found "")
+  if(EXISTS ${archive})
+    file(SHA256 ${archive} found)
+  endif()
+  if(NOT found STREQUAL sha256)
+    file(DOWNLOAD ${url} ${archive} STATUS status TIMEOUT 300 INACTIVITY_TIMEOUT 30 TLS_VERIFY ON)
+    list(GET status 1 reason)
+    file(SHA256 ${archive} found)
+  endif()
+  if(NOT found STREQUAL sha256)
+    file(REMOVE ${archive})
+    message(STATUS "${url} could not be fetched (${reason}, or not the expected file)")
+    return()
+  endif()
+  FetchContent_Declare(${name} URL ${archive} URL_HASH SHA256=${sha256})
+  if(POLICY CMP0169)
+    cmake_policy(SET CMP0169 OLD)  # newer ways to unpack and not to configure need CMake 3.18
+  endif()
+  FetchContent_GetProperties(${name})
+  if(NOT ${name}_POPULATED)
+    FetchContent_Populate(${name})
+  endif()
+  set(${name}_SOURCE_DIR ${${name}_SOURCE_DIR} PARENT_SCOPE)
+endfunction()
+
+# A static library within ours: nothing of it is installed.
+function(ktgp_orb_add_highway)
+  set(CMAKE_POLICY_DEFAULT_CMP0077 NEW)  # its options are the variables set here
+  set(BUILD_SHARED_LIBS OFF)
+  set(BUILD_TESTING OFF)
+  set(HWY_ENABLE_CONTRIB OFF)
+  set(HWY_ENABLE_EXAMPLES OFF)
+  set(HWY_ENABLE_INSTALL OFF)
+  set(HWY_ENABLE_TESTS OFF)
+  set(CMAKE_POSITION_INDEPENDENT_CODE ON)
+  add_subdirectory(${highway_SOURCE_DIR} ${PROJECT_BINARY_DIR}/fetched/highway EXCLUDE_FROM_ALL)
+  if(NOT TARGET hwy::hwy)
+    add_library(hwy::hwy ALIAS hwy)
+  endif()
+  # Warnings are ours alone, as with an installed library.
+  set_target_properties(hwy PROPERTIES INTERFACE_SYSTEM_INCLUDE_DIRECTORIES
+    $<TARGET_PROPERTY:hwy,INTERFACE_INCLUDE_DIRECTORIES>)
+endfunction()
+
+if(NOT hwy_FOUND)
+  # The same file as Debian's highway_1.2.0.orig.tar.gz.
+  ktgp_orb_fetch(highway https://github.com/google/highway/archive/refs/tags/1.2.0.tar.gz
+    7e0be78b8318e8bdbf6fa545d2ecb4c90f947df03f7aadc42c1967f019e63343)
+  if(highway_SOURCE_DIR)
+    ktgp_orb_add_highway()
+    set(hwy_FOUND TRUE)
+  endif()
+endif()
+
+if(NOT CLI11_FOUND)
+  # The checksum that Homebrew and others have for this release; Debian repacks it.
+  ktgp_orb_fetch(cli11 https://github.com/CLIUtils/CLI11/archive/refs/tags/v2.4.2.tar.gz
+    f2d893a65c3b1324c50d4e682c0cdc021dd0477ae2c048544f39eed6654b699a)
+  if(cli11_SOURCE_DIR)
+    # Headers alone.
+    add_library(CLI11::CLI11 INTERFACE IMPORTED)
+    target_include_directories(CLI11::CLI11 INTERFACE ${cli11_SOURCE_DIR}/include)
+    set(CLI11_FOUND TRUE)
+  endif()
+endif()
