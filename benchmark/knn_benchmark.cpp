@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "core/knn/search.h"
+#include "instruction_sets.h"
 
 namespace {
 
@@ -152,7 +153,9 @@ void registerAll(const Frames& frames) {
       for (int n : {500, 1000, 2000, 5000, 10000, 20000}) benchmark->Args({n, threads});
     }
   };
-  for (const KnnKernel& kernel : ktgp_orb::supportedKnnKernels()) {
+  for (const KnnKernel* chosen :
+       ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel())) {
+    const KnnKernel& kernel = *chosen;
     add(kernel.name, [&frames, kernel](benchmark::State& state) {
       KnnSearch search(kernel, static_cast<int>(state.range(1)));
       std::vector<Correspondence> result;

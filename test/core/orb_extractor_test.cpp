@@ -9,6 +9,7 @@
 
 #include "core/orb/kernels.h"
 #include "core/orb/pipeline.h"
+#include "instruction_sets.h"
 #include "orb_test_images.h"
 #include "test_data.h"
 
@@ -215,7 +216,7 @@ TEST_F(OrbBesideOpencv, AgreesWithEveryInstructionSet) {
                             test::noiseImage(Size(181, 97), 15),
                             test::checkerboardImage(Size(200, 200), 9)};
   OrbOptions options;
-  for (const OrbKernels* kernels : allOrbKernels()) {
+  for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
     OrbPipeline pipeline(options, *kernels);
     for (const cv::Mat& image : images) {
       Features features;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/orb/detector.h"
+#include "instruction_sets.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {
@@ -63,7 +64,12 @@ TEST_P(OrbKernelsTest, FindsTheSameCornersBandByBand) {
     fastCorners(image, y, std::min(y + 13, image.rows - kEdgeMargin), 20, kernels(), scratch,
                 corners);
   }
-  EXPECT_EQ(corners.size(), opencvCorners(image, 20).size());
+  const std::vector<cv::KeyPoint> expected = opencvCorners(image, 20);
+  ASSERT_EQ(corners.size(), expected.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    ASSERT_EQ(corners[i].pt, expected[i].pt);
+    ASSERT_EQ(corners[i].response, expected[i].response);
+  }
 }
 
 TEST_P(OrbKernelsTest, ScoresEveryLengthOfRow) {
@@ -160,13 +166,16 @@ TEST_P(OrbKernelsTest, DescribesAtEveryAngle) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, OrbKernelsTest, testing::ValuesIn(allOrbKernels()),
+INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, OrbKernelsTest,
+                         testing::ValuesIn(test::everyKernels(bestOrbKernels,
+                                                              portableOrbKernels())),
                          [](const auto& tested) { return std::string(tested.param->name); });
 
 TEST(OrbKernels, IncludesTheBestAndThePortableSet) {
-  const std::vector<const OrbKernels*> all = allOrbKernels();
-  EXPECT_EQ(std::count(all.begin(), all.end(), &portableOrbKernels()), 1);
-  EXPECT_EQ(std::count(all.begin(), all.end(), &bestOrbKernels()), 1);
+  const std::vector<const OrbKernels*> all =
+      test::everyKernels(bestOrbKernels, portableOrbKernels());
+  EXPECT_EQ(all.front(), &bestOrbKernels());
+  EXPECT_EQ(all.back(), &portableOrbKernels());
 }
 
 }  // namespace

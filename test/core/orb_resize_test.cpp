@@ -4,6 +4,7 @@
 
 #include <opencv2/imgproc.hpp>
 
+#include "instruction_sets.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {
@@ -12,7 +13,7 @@ namespace {
 void expectOpencvsImage(const cv::Mat& image, const cv::Size& size) {
   cv::Mat expected;
   cv::resize(image, expected, size, 0, 0, cv::INTER_LINEAR_EXACT);
-  for (const OrbKernels* kernels : allOrbKernels()) {
+  for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
     Shrinker shrinker;
     cv::Mat actual;
     shrinker.shrink(image, size, *kernels, actual);

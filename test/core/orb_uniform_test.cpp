@@ -8,6 +8,7 @@
 #include <set>
 
 #include "core/orb/pipeline.h"
+#include "instruction_sets.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "orb_test_images.h"
 
@@ -157,7 +158,7 @@ TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
   for (int threads = 2; threads <= 8; ++threads) {
     expect_same(extract(image, KeypointDistribution::uniform, threads));
   }
-  for (const OrbKernels* kernels : allOrbKernels()) {
+  for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
     OrbOptions options;
     options.features = 1000;
     options.distribution = KeypointDistribution::uniform;

@@ -137,10 +137,6 @@ const AlignmentKernels& portableAlignmentKernels() {
 const AlignmentKernels& bestAlignmentKernels() {
   return portableAlignmentKernels();
 }
-
-std::vector<const AlignmentKernels*> allAlignmentKernels() {
-  return {&portableAlignmentKernels()};
-}
 #endif
 
 }  // namespace ktgp_orb

@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 namespace ktgp_orb {
 
@@ -89,9 +88,7 @@ inline float sumOfColumns(const float* s) {
 
 /// Plain C++, the definition of what the others compute.
 const AlignmentKernels& portableAlignmentKernels();
-/// The fastest set this machine can run.
+/// The fastest that this build has and this processor runs.
 const AlignmentKernels& bestAlignmentKernels();
-/// Every set this machine can run.
-std::vector<const AlignmentKernels*> allAlignmentKernels();
 
 }  // namespace ktgp_orb

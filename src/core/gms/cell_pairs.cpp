@@ -2,13 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/core/hal/intrin.hpp>
 
 namespace ktgp_orb::gms {
 namespace {
-
-/// Pairs scored at a time.
-constexpr int kGroup = 8;
 
 /// Bit k of the result is bit (k - m) mod 8: the ring turned by m places.
 unsigned turned(unsigned ring, unsigned m) {
@@ -32,7 +28,7 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
   target_ = &target;
   reference_ = &reference;
   histogram_.resize(std::max<std::size_t>(histogram_.size(), reference.cells), 0);
-  const std::size_t room = members.matches().size() + kGroup;  // to read past the last pair
+  const std::size_t room = members.matches().size() + kReadBeyond;
   references_.resize(room);
   steps_.resize(room);
   counts_.resize(room);
@@ -100,24 +96,12 @@ bool CellPairs::maySupport(std::size_t place, double threshold) const {
 std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& around) const {
   // The same neighbour on both sides: the same step from target cell to reference cell.
   const auto step = static_cast<std::int32_t>(cell.best - cell.target);
-  // Groups of kGroup at a time, with what is past the end of the row masked out.
-  const cv::v_int32x4 wanted = cv::v_setall_s32(step);
-  const cv::v_int32x4 lane(0, 1, 2, 3);
-  cv::v_int32x4 sum = cv::v_setzero_s32();
-  for (const Row& row : around) {
-    const std::uint32_t begin = cells_[row.begin].pairs;
-    const auto size = static_cast<std::int32_t>(cells_[row.end].pairs - begin);
-    for (std::int32_t i = 0; i < size; i += kGroup) {
-      const std::int32_t* steps = steps_.data() + begin + i;
-      const std::int32_t* counts = counts_.data() + begin + i;
-      const cv::v_int32x4 left = cv::v_setall_s32(size - i);
-      const cv::v_int32x4 first = (cv::v_load(steps) == wanted) & (lane < left);
-      const cv::v_int32x4 second =
-          (cv::v_load(steps + 4) == wanted) & (lane + cv::v_setall_s32(4) < left);
-      sum += (cv::v_load(counts) & first) + (cv::v_load(counts + 4) & second);
-    }
+  std::array<PairRange, 3> ranges;
+  for (std::size_t i = 0; i < around.size(); ++i) {
+    ranges[i] = {cells_[around[i].begin].pairs, cells_[around[i].end].pairs};
   }
-  return static_cast<std::uint32_t>(cv::v_reduce_sum(sum));
+  return static_cast<std::uint32_t>(
+      kernels_->sum_of_step(steps_.data(), counts_.data(), ranges, step));
 }
 
 CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhood& around) const {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/gms/grid.h"
+#include "core/gms/kernels.h"
 
 namespace ktgp_orb::gms {
 
@@ -56,6 +57,7 @@ class CellPairs {
   unsigned supportedAtReferenceBorder(std::size_t place, const Scores& scores, unsigned rotations,
                                       double threshold) const;
 
+  const GmsKernels* kernels_ = &bestGmsKernels();
   const CellMembers* members_ = nullptr;
   const Grid* target_ = nullptr;
   const Grid* reference_ = nullptr;

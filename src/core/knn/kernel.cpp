@@ -101,17 +101,15 @@ void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, 
 
 }  // namespace
 
-KnnKernel portableKnnKernel() {
-  return {"portable", kLanes, &scan<false>, &scan<true>};
+const KnnKernel& portableKnnKernel() {
+  static constexpr KnnKernel kPortable{"portable", kLanes, scan<false>, scan<true>};
+  return kPortable;
 }
 
-std::vector<KnnKernel> supportedKnnKernels() {
-  std::vector<KnnKernel> kernels;
-#ifdef KTGP_ORB_HAVE_HIGHWAY
-  kernels = highwayKnnKernels();
-#endif
-  kernels.push_back(portableKnnKernel());
-  return kernels;
+#ifndef KTGP_ORB_HAVE_HIGHWAY
+const KnnKernel& bestKnnKernel() {
+  return portableKnnKernel();
 }
+#endif
 
 }  // namespace ktgp_orb

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
 #include "ktgp_orb/features.h"
 
@@ -57,19 +56,15 @@ struct KnnKernel {
   using Scan = void (*)(const std::uint8_t* block, int group_count, const QueryPass& queries,
                         LaneKeys* keys, std::int16_t* nearest_queries);
 
-  const char* name;     ///< "portable", or Highway's name of the target such as "AVX2"
+  const char* name;     ///< instruction set, e.g. "AVX2"
   int lanes;            ///< 16-bit lanes; a row has twice as many bytes
   Scan scan;            ///< ignores `nearest_queries`
   Scan scan_both_ways;  ///< lowers `nearest_queries` (64-byte aligned): one key a candidate
 };
 
-/// Plain C++ that needs neither Highway nor a popcount instruction.
-KnnKernel portableKnnKernel();
-
-/// The vector kernels that this processor runs, the fastest first. Only where Highway is built in.
-std::vector<KnnKernel> highwayKnnKernels();
-
-/// The kernels that this build has and this processor runs, the fastest first, the portable last.
-std::vector<KnnKernel> supportedKnnKernels();
+/// Plain C++, the definition of what the others compute.
+const KnnKernel& portableKnnKernel();
+/// The fastest that this build has and this processor runs.
+const KnnKernel& bestKnnKernel();
 
 }  // namespace ktgp_orb

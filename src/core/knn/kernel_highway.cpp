@@ -1,24 +1,18 @@
-// Vector kernels, compiled once per instruction set by foreach_target.h.
+// The inner loop with Highway: compiled for every instruction set, chosen at run time.
+#include "core/knn/kernel.h"
+#include "core/util/highway_targets.h"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/knn/kernel_highway.cpp"
-// Highway leaves out AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4) unless it is asked for.
-#define HWY_WANT_AVX3_DL 1
-// SVE's vectors of unknown size do not fit arrays, and processors that have it have NEON as well.
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128)
-// clang-format off
-#include <hwy/foreach_target.h>  // before highway.h
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
 #include <hwy/highway.h>
-// clang-format on
 
 #include <cstddef>
 
-#include "core/knn/kernel.h"
-
-// Without vectors the portable kernel is the better one.
-#if HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb {
 namespace HWY_NAMESPACE {
+#if KTGP_ORB_HAS_VECTORS
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -34,10 +28,10 @@ constexpr std::ptrdiff_t kRowBytes = HWY_LANES(std::uint8_t);
 constexpr int kLanes = HWY_LANES(std::int16_t);
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
-#if HWY_TARGET <= HWY_AVX3_DL || HWY_TARGET == HWY_NEON
+// An instruction that counts the bits of each byte: AVX-512 with BITALG and all of Arm.
+#if HWY_TARGET <= HWY_AVX3_DL || HWY_ARCH_ARM
 
-/// One target descriptor. Every byte of it is laid out across a row, because there is an
-/// instruction that counts the bits of each byte.
+/// One target descriptor. Every byte of it is laid out across a row.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -176,40 +170,28 @@ void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPa
 }
 
 }  // namespace
+#endif
 
-KnnKernel knnKernel() {
-  return {hwy::TargetName(HWY_TARGET), kLanes, &scan<false>, &scan<true>};
+const KnnKernel* kernel() {
+#if KTGP_ORB_HAS_VECTORS
+  static const KnnKernel kKernel{hwy::TargetName(HWY_TARGET), kLanes, scan<false>, scan<true>};
+  return &kKernel;
+#else
+  return &portableKnnKernel();
+#endif
 }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace ktgp_orb
 HWY_AFTER_NAMESPACE();
-#endif
 
 #if HWY_ONCE
 namespace ktgp_orb {
 
-std::vector<KnnKernel> highwayKnnKernels() {
-  std::vector<KnnKernel> kernels;
-  const auto add_if_supported = [&](std::int64_t target, KnnKernel (*kernel)()) {
-    if ((hwy::SupportedTargets() & target) != 0) kernels.push_back(kernel());
-  };
-#if HWY_TARGETS & HWY_AVX3_DL
-  add_if_supported(HWY_AVX3_DL, N_AVX3_DL::knnKernel);
-#endif
-#if HWY_TARGETS & HWY_AVX3
-  add_if_supported(HWY_AVX3, N_AVX3::knnKernel);
-#endif
-#if HWY_TARGETS & HWY_AVX2
-  add_if_supported(HWY_AVX2, N_AVX2::knnKernel);
-#endif
-#if HWY_TARGETS & HWY_SSE4
-  add_if_supported(HWY_SSE4, N_SSE4::knnKernel);
-#endif
-#if HWY_TARGETS & HWY_NEON
-  add_if_supported(HWY_NEON, N_NEON::knnKernel);
-#endif
-  return kernels;
+HWY_EXPORT(kernel);
+
+const KnnKernel& bestKnnKernel() {
+  return *HWY_DYNAMIC_DISPATCH(kernel)();
 }
 
 }  // namespace ktgp_orb

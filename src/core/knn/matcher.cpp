@@ -5,7 +5,7 @@
 namespace ktgp_orb {
 
 struct KnnMatcher::Impl {
-  explicit Impl(int threads) : search(supportedKnnKernels().front(), threads) {}
+  explicit Impl(int threads) : search(bestKnnKernel(), threads) {}
   KnnSearch search;
 };
 

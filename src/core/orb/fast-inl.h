@@ -1,5 +1,5 @@
 // FAST-9 and non-maximum suppression, a register of pixels at a time. No include guard:
-// orb_kernels_simd.cpp includes this once for each instruction set.
+// kernels_highway.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstring>

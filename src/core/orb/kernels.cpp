@@ -156,10 +156,6 @@ const OrbKernels& portableOrbKernels() {
 const OrbKernels& bestOrbKernels() {
   return portableOrbKernels();
 }
-
-std::vector<const OrbKernels*> allOrbKernels() {
-  return {&portableOrbKernels()};
-}
 #endif
 
 }  // namespace ktgp_orb

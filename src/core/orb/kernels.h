@@ -2,7 +2,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
 namespace ktgp_orb {
 
@@ -80,9 +79,7 @@ struct OrbKernels {
 
 /// Plain C++, the definition of what the others compute.
 const OrbKernels& portableOrbKernels();
-/// The fastest set this machine can run.
+/// The fastest set that this build has and this processor runs.
 const OrbKernels& bestOrbKernels();
-/// Every set this machine can run.
-std::vector<const OrbKernels*> allOrbKernels();
 
 }  // namespace ktgp_orb

@@ -1,5 +1,5 @@
 // What ORB computes from the patch around one keypoint: Harris response, orientation moments and
-// descriptor. No include guard: orb_kernels_simd.cpp includes this once for each instruction set.
+// descriptor. No include guard: kernels_highway.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
 #include "core/orb/kernels_common.h"

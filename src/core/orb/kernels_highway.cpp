@@ -1,19 +1,13 @@
 // The pixel loops of ORB with Highway: compiled for every instruction set, chosen at run time.
 #include "core/orb/kernels.h"
-
-// The kernels keep vectors in arrays, which needs registers of known size; and processors of SSSE3
-// alone are not worth their code.
-#define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
+#include "core/util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/orb/kernels_simd.cpp"
+#define HWY_TARGET_INCLUDE "core/orb/kernels_highway.cpp"
 #include <hwy/foreach_target.h>  // includes this file again for each instruction set
 #include <hwy/highway.h>
 
-// Without vectors the plain loops are as good.
-#undef KTGP_ORB_VECTORS
-#define KTGP_ORB_VECTORS (HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128)
-#if KTGP_ORB_VECTORS
+#if KTGP_ORB_HAS_VECTORS
 #include "core/orb/blur-inl.h"
 #include "core/orb/fast-inl.h"
 #include "core/orb/patch-inl.h"
@@ -25,7 +19,7 @@ namespace ktgp_orb {
 namespace HWY_NAMESPACE {
 
 const OrbKernels* kernels() {
-#if KTGP_ORB_VECTORS
+#if KTGP_ORB_HAS_VECTORS
   static const OrbKernels kKernels = [] {
     OrbKernels set{hwy::TargetName(HWY_TARGET),
                    resizeRow,
@@ -60,19 +54,6 @@ HWY_EXPORT(kernels);
 
 const OrbKernels& bestOrbKernels() {
   return *HWY_DYNAMIC_DISPATCH(kernels)();
-}
-
-std::vector<const OrbKernels*> allOrbKernels() {
-  std::vector<const OrbKernels*> all{&portableOrbKernels()};
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    const OrbKernels* set = HWY_DYNAMIC_DISPATCH(kernels)();
-    if (set != all.front()) all.push_back(set);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-  return all;
 }
 
 }  // namespace ktgp_orb

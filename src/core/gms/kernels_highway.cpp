@@ -1,0 +1,60 @@
+// The inner loop of GMS with Highway: compiled for every instruction set, chosen at run time.
+#include "core/gms/kernels.h"
+#include "core/util/highway_targets.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/gms/kernels_highway.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb::gms {
+namespace HWY_NAMESPACE {
+#if KTGP_ORB_HAS_VECTORS
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// The ranges are a few entries long: what a vector holds beyond the end is masked out.
+std::int32_t sumOfStep(const std::int32_t* steps, const std::int32_t* counts,
+                       const std::array<PairRange, 3>& ranges, std::int32_t step) {
+  const hn::CappedTag<std::int32_t, kReadBeyond> d;
+  const auto wanted = hn::Set(d, step);
+  auto sum = hn::Zero(d);
+  for (const PairRange& range : ranges) {
+    for (std::uint32_t i = range.begin; i < range.end; i += hn::Lanes(d)) {
+      const auto inside = hn::FirstN(d, range.end - i);
+      const auto counted = hn::And(inside, hn::Eq(hn::LoadU(d, steps + i), wanted));
+      sum = hn::Add(sum, hn::IfThenElseZero(counted, hn::LoadU(d, counts + i)));
+    }
+  }
+  return hn::GetLane(hn::SumOfLanes(d, sum));
+}
+
+}  // namespace
+#endif
+
+const GmsKernels* kernels() {
+#if KTGP_ORB_HAS_VECTORS
+  static const GmsKernels kKernels{hwy::TargetName(HWY_TARGET), sumOfStep};
+  return &kKernels;
+#else
+  return &portableGmsKernels();
+#endif
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb::gms
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ktgp_orb::gms {
+
+HWY_EXPORT(kernels);
+
+const GmsKernels& bestGmsKernels() {
+  return *HWY_DYNAMIC_DISPATCH(kernels)();
+}
+
+}  // namespace ktgp_orb::gms
+#endif

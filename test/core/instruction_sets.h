@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#ifdef KTGP_ORB_HAVE_HIGHWAY
+#include <hwy/targets.h>
+#endif
+
+namespace ktgp_orb::test {
+
+#ifdef KTGP_ORB_HAVE_HIGHWAY
+
+/// Calls `visit` once for each instruction set of this processor, the best first, while run-time
+/// dispatch takes it for the only one.
+template <typename Visit>
+void forEachInstructionSet(const Visit& visit) {
+  std::int64_t left = hwy::SupportedTargets();
+  while (left != 0) {
+    const std::int64_t target = left & -left;
+    left -= target;
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(target);
+    visit();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+}
+
+#else
+
+template <typename Visit>
+void forEachInstructionSet(const Visit& visit) {
+  visit();
+}
+
+#endif
+
+/// Every set of kernels that this build has and this processor runs, the fastest first, the
+/// portable one last. `best`: what chooses among them.
+template <typename Kernels>
+std::vector<const Kernels*> everyKernels(const Kernels& (*best)(), const Kernels& portable) {
+  std::vector<const Kernels*> all;
+  forEachInstructionSet([&] {
+    const Kernels* chosen = &best();
+    for (const Kernels* other : all) {
+      if (other == chosen) return;  // an instruction set that nothing was compiled for
+    }
+    if (chosen != &portable) all.push_back(chosen);
+  });
+  all.push_back(&portable);
+  return all;
+}
+
+}  // namespace ktgp_orb::test
