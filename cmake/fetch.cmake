@@ -78,7 +78,8 @@ if(NOT CLI11_FOUND)
   if(cli11_SOURCE_DIR)
     # Headers alone.
     add_library(CLI11::CLI11 INTERFACE IMPORTED)
-    target_include_directories(CLI11::CLI11 INTERFACE ${cli11_SOURCE_DIR}/include)
+    set_target_properties(CLI11::CLI11 PROPERTIES
+      INTERFACE_INCLUDE_DIRECTORIES ${cli11_SOURCE_DIR}/include)
     set(CLI11_FOUND TRUE)
   endif()
 endif()

@@ -15,5 +15,15 @@ ktgp_orb_rostest(robot_two_cameras robot_cameras.test name:=robot_two_cameras
   "cameras:=left right")
 ktgp_orb_rostest(robot_eight_cameras robot_cameras.test name:=robot_eight_cameras
   "cameras:=c1 c2 c3 c4 c5 c6 c7 c8")
-ktgp_orb_rostest(robot_bag robot_bag.test data:=DATA/)
+if(TARGET ktgp_bag)
+  ktgp_orb_rostest(robot_bag robot_bag.test data:=DATA/)
+endif()
 ktgp_orb_python_test(robot_network ${CMAKE_CURRENT_SOURCE_DIR}/robot_network_test.py)
+
+# The longest begin first.
+foreach(test make_demo_bag _ctest_${PROJECT_NAME}_rostest_robot_bag
+    _ctest_${PROJECT_NAME}_rostest_robot_diagnostics)
+  if(TEST ${test})
+    set_tests_properties(${test} PROPERTIES COST 100)
+  endif()
+endforeach()
