@@ -10,8 +10,10 @@ namespace ktgp_orb {
 
 /// Who does the work. Both give the same keypoints and descriptors.
 enum class ExtractorKind : std::uint8_t {
-  fast,    ///< this package's vector code
-  opencv,  ///< cv::ORB, one thread; has no uniform distribution
+  fast,  ///< this package's vector code
+  /// cv::ORB, one thread; has no uniform distribution. Levels that would be less than a pixel wide
+  /// or high, for which cv::ORB throws, are left out; the others share their keypoints.
+  opencv,
 };
 
 /// Which of the corners become keypoints.

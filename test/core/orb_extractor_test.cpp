@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/features2d.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
@@ -240,6 +242,23 @@ TEST(OrbExtractor, OffersOpencvsOwnExtractor) {
   OrbOptions options;
   options.extractor = ExtractorKind::opencv;
   expectOpencvsAnswer(image, options, "opencv");
+}
+
+TEST(OrbExtractor, LeavesOutLevelsWithoutPixelsForOpencv) {
+  OrbOptions options;
+  options.extractor = ExtractorKind::opencv;
+  options.scale_factor = 2.0;
+  options.levels = 11;  // the last of a 640x480 image would be 1x0
+  OrbExtractor extractor(options);
+  for (const Size& size : {Size(640, 480), Size(480, 640), Size(2048, 1024), Size(70, 64)}) {
+    const cv::Mat image = test::textureImage(size, 21);
+    Features features;
+    ASSERT_NO_THROW(extractor.extract(image, features)) << size;
+    OrbOptions fewer = options;
+    fewer.levels = 1 + cvFloor(std::log2(std::min(size.width, size.height) / 0.51));
+    fewer.levels = std::min(fewer.levels, options.levels);
+    expectEqual(features, opencvFeatures(image, fewer), "fewer levels");
+  }
 }
 
 TEST(OrbExtractor, RefusesWhatItCannotTake) {

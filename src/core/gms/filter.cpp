@@ -62,6 +62,19 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
+// How the support is kept. A match lies in one cell of each of the four shifted target grids, and
+// its keypoint in the reference image in one reference cell. It survives where in one of the grids
+//   - its pair of cells is the best of its target cell (most matches go that way), and
+//   - that pair has support, for the rotation in question.
+// The support of a pair is a question to the cell alone, with up to eight answers, one for each
+// rotation of the neighbourhood: a bit each. So every occupied target cell gets a Verdict, the
+// reference cell of its best pair and those bits (judge), and every match collects the bits of the
+// four cells that it lies in, where they speak of its own reference cell (vote). Counting one bit
+// over all matches then tells how many survive with that rotation. The rotation and scale that
+// keep most win. For the other scales all bits are first set wherever the cell's whole
+// neighbourhood could reach the threshold (ruleOut): where even that keeps no more than the best
+// so far, nothing needs to be judged.
+
 /// What one shifted grid says about the matches of one target cell.
 struct Verdict {
   std::uint32_t best_cell;  ///< the reference cell of the matches it is about
@@ -106,9 +119,9 @@ struct GmsFilter::Impl {
               const std::vector<Correspondence>& correspondences);
   void tryScale(std::size_t scale);
   void countPairs(const Grid& reference_grid);
-  void ruleOut();
-  void judge(bool after_rule_out);
-  void vote();
+  void ruleOut();                   ///< fills the verdicts: an upper bound
+  void judge(bool after_rule_out);  ///< fills the verdicts
+  void vote();                      ///< from the verdicts to the votes
   GmsResult apply(std::vector<Correspondence>& correspondences) const;
 
   GmsOptions options;

@@ -40,24 +40,31 @@ Grid::Grid(int grid_columns, int grid_rows)
 
 void CellMembers::assign(const Grid& grid, bool shift_x, bool shift_y,
                          const std::vector<HalfCell>& positions) {
-  const std::size_t n = positions.size();
+  // A counting sort. Until the places are known, place_of_match_ holds cells.
+  countMatches(grid, shift_x, shift_y, positions);
+  const std::uint32_t in_cells = static_cast<std::uint32_t>(positions.size()) - next_[kNoCell];
+  listOccupied(grid, in_cells);
+  sortMatches(in_cells);
+}
+
+void CellMembers::countMatches(const Grid& grid, bool shift_x, bool shift_y,
+                               const std::vector<HalfCell>& positions) {
   const int add_x = shift_x ? 1 : 0;
   const int add_y = shift_y ? 1 : 0;
-  std::vector<std::uint32_t>& cell_of_match = place_of_match_;  // until the places are known
-  cell_of_match.resize(n);
+  place_of_match_.resize(positions.size());
   next_.assign(grid.cells, 0);
-  for (std::size_t i = 0; i < n; ++i) {
+  for (std::size_t i = 0; i < positions.size(); ++i) {
     const int column = (positions[i].column + add_x) / 2;
     const int row = (positions[i].row + add_y) / 2;
     const bool in_grid = (column >= add_x) & (column < grid.columns) &  // no branches
                          (row >= add_y) & (row < grid.rows);
     const std::uint32_t cell = in_grid ? grid.cell(column, row) : kNoCell;
-    cell_of_match[i] = cell;
+    place_of_match_[i] = cell;
     ++next_[cell];
   }
+}
 
-  // A counting sort. Those in no cell go to the end and are left out.
-  const std::uint32_t in_cells = static_cast<std::uint32_t>(n) - next_[kNoCell];
+void CellMembers::listOccupied(const Grid& grid, std::uint32_t in_cells) {
   next_[kNoCell] = 0;
   rank_.resize(grid.cells + 1);
   cells_.resize(std::min<std::size_t>(in_cells, grid.cells) + 1);
@@ -79,13 +86,16 @@ void CellMembers::assign(const Grid& grid, bool shift_x, bool shift_y,
   rank_[grid.cells] = occupied;
   cells_.resize(occupied + 1);
   cells_[occupied] = {0, 0, in_cells};
-  next_[kNoCell] = in_cells;
+}
 
-  matches_.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    const std::uint32_t c = cell_of_match[i];
-    matches_[next_[c]++] = static_cast<std::uint32_t>(i);
-    place_of_match_[i] = c == kNoCell ? occupied : rank_[c];
+void CellMembers::sortMatches(std::uint32_t in_cells) {
+  const auto in_none = static_cast<std::uint32_t>(places());
+  next_[kNoCell] = in_cells;  // those in no cell go to the end and are left out
+  matches_.resize(place_of_match_.size());
+  for (std::size_t i = 0; i < matches_.size(); ++i) {
+    const std::uint32_t cell = place_of_match_[i];
+    matches_[next_[cell]++] = static_cast<std::uint32_t>(i);
+    place_of_match_[i] = cell == kNoCell ? in_none : rank_[cell];
   }
   matches_.resize(in_cells);
 }

@@ -73,6 +73,14 @@ class CellMembers {
   std::uint32_t rank(std::uint32_t cell) const { return rank_[cell]; }
 
  private:
+  /// Counts the matches of every cell into next_, and their cells into place_of_match_.
+  void countMatches(const Grid& grid, bool shift_x, bool shift_y,
+                    const std::vector<HalfCell>& positions);
+  /// From the counts to the occupied cells and their ranks; leaves in next_ where each one begins.
+  void listOccupied(const Grid& grid, std::uint32_t in_cells);
+  /// Sorts the matches by cell, and replaces their cells by places.
+  void sortMatches(std::uint32_t in_cells);
+
   std::vector<Cell> cells_;
   std::vector<std::uint32_t> matches_;
   std::vector<std::uint32_t> place_of_match_;

@@ -1,5 +1,7 @@
 #include "ktgp_orb/orb_extractor.h"
 
+#include <algorithm>
+#include <cmath>
 #include <opencv2/features2d.hpp>
 #include <stdexcept>
 #include <tuple>
@@ -45,6 +47,17 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 auto asTuple(const OrbOptions& o) {
   return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
                   o.distribution, o.cell_share, o.keep_images, o.threads);
+}
+
+/// The pyramid levels of an image that are a pixel or more in width and height.
+int levelsWithPixels(const cv::Size& image, const OrbOptions& options) {
+  const int side = std::min(image.width, image.height);
+  const auto scale = [&](int level) {  // rounded as in cv::ORB
+    return static_cast<float>(std::pow(static_cast<float>(options.scale_factor), level));
+  };
+  int levels = 1;
+  while (levels < options.levels && cvRound(side / scale(levels)) > 0) ++levels;
+  return levels;
 }
 
 cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
@@ -104,7 +117,7 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   features.image_size = image.size();
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
-  // No level has room for a patch; cv::ORB 4.6 throws where a level shrinks to nothing.
+  // No level has room for a patch.
   if (std::min(image.cols, image.rows) < 2 * kPatchSize + 1) {
     features.descriptors.release();
     features.images.clear();
@@ -112,6 +125,8 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   }
   if (!impl_->options.keep_images) features.images.clear();
   if (impl_->opencv) {
+    // cv::ORB throws where a level shrinks to nothing.
+    impl_->opencv->setNLevels(levelsWithPixels(image.size(), impl_->options));
     impl_->opencv->detectAndCompute(image, mask, features.keypoints, features.descriptors);
     if (impl_->options.keep_images) impl_->keepImages(image, features);
   } else {
