@@ -378,7 +378,8 @@ TEST(OverlapCorrelation, SaysNothingWhereThereIsNothingToCompare) {
 
 TEST(Peers, EachFindsASmallWarp) {
   const cv::Mat picture = drawScene(5);
-  const Features none{{}, {}, {kWarpWidth, kWarpHeight}};
+  Features none;
+  none.image_size = {kWarpWidth, kWarpHeight};
   std::set<std::string> names;
   for (const Method& method : peerMethods({})) {
     names.insert(method.name);
@@ -403,7 +404,8 @@ TEST(Peers, EachFindsASmallWarp) {
 TEST(Peers, SurviveImagesWithoutAnything) {
   const cv::Mat flat(480, 640, CV_8U, cv::Scalar(100));
   const cv::Mat picture = drawScene(6, {640, 480});
-  const Features none{{}, {}, {640, 480}};
+  Features none;
+  none.image_size = {640, 480};
   for (const Method& method : peerMethods({})) {
     if (!method.unavailable.empty()) continue;
     for (const auto& [a, b] : {std::pair(flat, flat), {flat, picture}, {picture, flat}}) {
