@@ -7,7 +7,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-TIMEOUT = 30.0  # s that any expected message may take on a busy machine
+TIMEOUT = 120.0  # s that any expected message may take on a busy machine
 
 
 def texture(height=1200, width=1600, seed=1):

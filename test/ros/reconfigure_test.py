@@ -9,13 +9,13 @@ import rospy
 import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Recorder, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, wait_until
 
 
 class ReconfigureTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=30)
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
         cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         cls.camera = Camera()
         cls.camera.wait_for_subscriber()

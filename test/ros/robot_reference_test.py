@@ -13,7 +13,7 @@ import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
@@ -31,7 +31,7 @@ def translation(message):
 class ReferenceTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=30)
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
         cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         cls.accumulated = Recorder('/camera/matcher/accumulated_homography', HomographyStamped)

@@ -23,7 +23,7 @@
 /// of it, and a pointer can be compared on both sides.
 namespace ktgp_orb::test {
 
-constexpr double kTimeout = 60.0;  // s that anything expected may take on a busy machine
+constexpr double kTimeout = 180.0;  // s that anything expected may take on a busy machine
 
 /// Waits for a condition of the live system; false after kTimeout.
 inline bool waitUntil(const std::function<bool()>& condition) {

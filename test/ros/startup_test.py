@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+import threading
 import unittest
 
 import rospy
@@ -12,16 +13,28 @@ from ktgp_testing import Recorder, check_each, wait_until
 from rosgraph_msgs.msg import Log
 
 
-def start_node(*parameters):
-    """Runs a second matcher until it ends, or for a few seconds; its exit code and what it said."""
+def output_of_node(*parameters, until):
+    """Runs a second matcher until it has said all of `until`; what it said. What it says is read
+    from its own output: on /rosout it is lost before the subscription is connected."""
     process = subprocess.Popen(
         ['roslaunch', 'ktgp_orb', 'matcher.launch', 'namespace:=other'] + list(parameters),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+    lines = []
+
+    def read():
+        for line in process.stdout:
+            lines.append(line)
+    reader = threading.Thread(target=read)
+    reader.start()
     try:
-        return process.communicate(timeout=20)[0]
-    except subprocess.TimeoutExpired:
+        wait_until(lambda: not reader.is_alive() or all(u in ''.join(lines) for u in until),
+                   'the second matcher ends or says %s' % (until,))
+    finally:
         process.terminate()
-        return process.communicate()[0]
+        process.wait()
+        reader.join()
+        process.stdout.close()
+    return ''.join(lines)
 
 
 class StartupTest(unittest.TestCase):
@@ -42,26 +55,25 @@ class StartupTest(unittest.TestCase):
             'reference_mode:=nearest': "reference_mode is 'nearest'; expected previous"}
 
         def check(parameter):
-            output = start_node(parameter)
-            self.assertIn(words[parameter], output)
-            self.assertIn('process has died', output)
+            expected = (words[parameter], 'process has died')
+            output = output_of_node(parameter, until=expected)
+            for text in expected:
+                self.assertIn(text, output)
         check_each(words, check)
 
     def test_a_missing_transport_names_its_package(self):
-        output = start_node('transport:=no_such_transport')
-        self.assertIn("image transport 'no_such_transport' is not installed", output)
-        self.assertIn('no_such_transport_image_transport', output)
+        expected = ("image transport 'no_such_transport' is not installed",
+                    'no_such_transport_image_transport')
+        output = output_of_node('transport:=no_such_transport', until=expected)
+        for text in expected:
+            self.assertIn(text, output)
 
     def test_a_misspelt_parameter_is_named(self):
-        log = Recorder('/rosout', Log)
         rospy.set_param('/other/matcher/ratio_treshold', 0.7)
-        process = subprocess.Popen(['roslaunch', 'ktgp_orb', 'matcher.launch', 'namespace:=other'])
         try:
-            wait_until(lambda: any('/other/matcher/ratio_treshold is not known' in m.msg
-                                   for m in log.messages()), 'the parameter is named')
+            expected = '/other/matcher/ratio_treshold is not known'
+            self.assertIn(expected, output_of_node(until=(expected,)))
         finally:
-            process.terminate()
-            process.wait()
             rospy.delete_param('/other/matcher/ratio_treshold')
 
 
