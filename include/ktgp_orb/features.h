@@ -1,14 +1,24 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
 namespace ktgp_orb {
 
-/// Bytes of one ORB descriptor (256 bits).
+/// Bytes of one descriptor (256 bits).
 constexpr int kDescriptorBytes = 32;
+
+/// What the bits of a descriptor say. Distances are between descriptors of one kind only.
+enum class DescriptorKind : std::uint8_t {
+  orb,     ///< rBRIEF: pairs of pixels (Rublee et al., ICCV 2011)
+  teblid,  ///< TEBLID-256: pairs of box means (Suarez, Buenaposada & Baumela, RA-L 2021)
+};
+
+/// "orb" or "teblid".
+const char* toString(DescriptorKind kind);
 
 /// What is kept of an image: its keypoints, their descriptors and the image size.
 /// The size travels with the keypoints because GMS and the homography checks need it.
@@ -17,6 +27,8 @@ struct Features {
   std::vector<cv::KeyPoint> keypoints;
   /// One row of 32 bytes (CV_8U) per keypoint, in the same order.
   cv::Mat descriptors;
+  /// What the descriptors are.
+  DescriptorKind descriptor = DescriptorKind::orb;
   /// Width and height of the image in pixels.
   cv::Size image_size;
   /// The 8-bit grey image and after it ever smaller ones, ORB's pyramid, for the sub-pixel
@@ -32,6 +44,9 @@ struct Features {
 /// and, where it has keypoints, an image size above zero. `name` ("reference", "target") opens the
 /// message.
 void requireValid(const Features& features, const std::string& name);
+
+/// Throws std::invalid_argument unless both have descriptors of one kind.
+void requireSameDescriptor(const Features& reference, const Features& target);
 
 /// Throws std::invalid_argument unless `descriptors` is empty or CV_8U with 32 columns.
 void requireDescriptors(const cv::Mat& descriptors, const std::string& name);

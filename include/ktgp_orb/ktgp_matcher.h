@@ -38,6 +38,7 @@ struct StageResult {
 /// Everything known about one pair of frames. Reused from call to call for its buffers.
 struct MatchResult {
   Status status = Status::no_reference;
+  DescriptorKind descriptor = DescriptorKind::orb;  ///< what was compared
   /// One per target feature, in target order; `level` says how far each came.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
@@ -59,7 +60,8 @@ class KtgpMatcher {
 
   const MatcherOptions& options() const { return options_; }
 
-  /// Throws std::invalid_argument for malformed features (see requireValid); bad data such as
+  /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
+  /// two kinds; bad data such as
   /// keypoints outside the image or no features at all is legal and ends in a status.
   void match(const Features& reference, const Features& target, MatchResult& result);
 

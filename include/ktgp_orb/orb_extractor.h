@@ -31,6 +31,8 @@ struct OrbOptions {
   int levels = 8;             ///< pyramid levels, 1..16
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
   ExtractorKind extractor = ExtractorKind::fast;
+  /// rBRIEF, or TEBLID-256: as large, and the better under changes of light and viewpoint.
+  DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
   /// With the uniform distribution: keypoints that each cell of the image keeps where all have
   /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
@@ -44,13 +46,15 @@ struct OrbOptions {
   bool operator!=(const OrbOptions& other) const { return !(*this == other); }
 };
 
-/// Finds ORB keypoints (Rublee et al., ICCV 2011) and their 256-bit rBRIEF descriptors.
+/// Finds ORB keypoints (Rublee et al., ICCV 2011) and their 256-bit descriptors.
 ///
-/// With KeypointDistribution::ranked the keypoints, their order and the descriptors are those of
-/// cv::ORB::create(features, scale_factor, levels, 31, 0, 2, HARRIS_SCORE, 31, fast_threshold)
-/// of OpenCV 4.6 on a processor with AVX2, to the last bit. (Elsewhere cv::ORB rounds its blur
-/// otherwise, which changes a descriptor bit in some frames; this class does not.) Where Harris
-/// responses are equal cv::ORB keeps more than it was asked for, and so does this.
+/// TEBLID descriptors are those of OpenCV's xfeatures2d (scale factor 1), to the last bit.
+///
+/// With KeypointDistribution::ranked the keypoints, their order and the rBRIEF descriptors are
+/// those of cv::ORB::create(features, scale_factor, levels, 31, 0, 2, HARRIS_SCORE, 31,
+/// fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (Elsewhere cv::ORB
+/// rounds its blur otherwise, which changes a descriptor bit in some frames; this class does not.)
+/// Where Harris responses are equal cv::ORB keeps more than it was asked for, and so does this.
 class OrbExtractor {
  public:
   /// Throws std::invalid_argument naming the option and its range.

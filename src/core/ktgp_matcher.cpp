@@ -44,6 +44,8 @@ void KtgpMatcher::match(const Features& reference, const Features& target,
                         const std::optional<Eigen::Matrix3d>& initial, MatchResult& result) {
   requireValid(reference, "reference");
   requireValid(target, "target");
+  requireSameDescriptor(reference, target);
+  result.descriptor = target.descriptor;
   auto& [knn, tf, gms, prosac] = result.stages;
   auto& correspondences = result.correspondences;
 

@@ -12,17 +12,19 @@ TEST(OrbExtractor, AllocatesNothingOnceItsBuffersHaveGrown) {
                             test::textureImage(cv::Size(640, 480), 2)};
   for (KeypointDistribution distribution :
        {KeypointDistribution::ranked, KeypointDistribution::uniform}) {
-    for (int threads : {1, 3}) {
+    for (int i = 0; i < 4; ++i) {
       OrbOptions options;
       options.distribution = distribution;
-      options.threads = threads;
+      options.threads = i % 2 == 0 ? 1 : 3;
+      options.descriptor = i < 2 ? DescriptorKind::orb : DescriptorKind::teblid;
       OrbExtractor extractor(options);
       Features features;
-      for (int i = 0; i < 4; ++i) extractor.extract(images[i % 2], features);
+      for (int k = 0; k < 4; ++k) extractor.extract(images[k % 2], features);
       const auto* pixels = features.descriptors.data;
       const test::AllocationCounter counter;
-      for (int i = 0; i < 6; ++i) extractor.extract(images[i % 2], features);
-      EXPECT_EQ(counter.count(), 0u) << threads << " threads";
+      for (int k = 0; k < 6; ++k) extractor.extract(images[k % 2], features);
+      EXPECT_EQ(counter.count(), 0u)
+          << options.threads << " threads, " << toString(options.descriptor);
       // cv::Mat does not allocate by operator new: the descriptors must not have moved.
       EXPECT_EQ(features.descriptors.data, pixels);
     }

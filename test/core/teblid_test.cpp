@@ -14,7 +14,13 @@
 #include <string>
 #include <vector>
 
+#include "core/orb/teblid_describer.h"
 #include "core/orb/teblid_table.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+#ifdef KTGP_ORB_HAVE_HIGHWAY
+#include <hwy/highway.h>
+#endif
 #include "orb_test_images.h"
 #include "test_data.h"
 
@@ -152,6 +158,139 @@ TEST(Teblid, DescribesAnyKeypointOfAnyImage) {
       }
     }
   }
+}
+
+// Runs `check` with each of the instruction sets that this machine has.
+template <typename Check>
+void forEachInstructionSet(const Check& check) {
+#ifdef KTGP_ORB_HAVE_HIGHWAY
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    SCOPED_TRACE(hwy::TargetName(target));
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    check();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+#else
+  check();
+#endif
+}
+
+const std::vector<float> kSizes = {31.f, 37.2f, 44.64f, 53.568f, 64.2816f, 77.13792f, 92.5655f};
+
+// Every size and angle, at fractions of a pixel, from far outside the image to its middle.
+std::vector<cv::KeyPoint> keypointsEverywhere(const cv::Size& size) {
+  cv::RNG rng(7);
+  std::vector<cv::KeyPoint> keypoints;
+  for (int i = 0; i < 1000; ++i) {
+    const auto x = rng.uniform(-20.f, static_cast<float>(size.width) + 20.f);
+    const auto y = rng.uniform(-20.f, static_cast<float>(size.height) + 20.f);
+    const int octave = rng.uniform(-1, 9);
+    const float keypoint_size =
+        octave < 0 || octave > 6 ? 40.f : kSizes[static_cast<std::size_t>(octave)];
+    keypoints.emplace_back(x, y, keypoint_size, rng.uniform(-1.f, 360.f), 0.f, octave);
+  }
+  return keypoints;
+}
+
+TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
+  // One describer for all: what it keeps from an image of another size must not show.
+  TeblidDescriber describer(kSizes);
+  for (const cv::Size& size : {cv::Size(320, 240), cv::Size(400, 300), cv::Size(63, 63),
+                               cv::Size(1, 1), cv::Size(320, 200)}) {
+    for (const cv::Mat& image : {test::textureImage(size, 11), test::noiseImage(size, 12),
+                                 cv::Mat(test::noiseImage(size, 13) > 127)}) {
+      const cv::Mat integral = integralOf(image);
+      const std::vector<cv::KeyPoint> keypoints = keypointsEverywhere(size);
+      std::vector<Descriptor> expected;
+      for (const cv::KeyPoint& keypoint : keypoints) {
+        expected.push_back(describe(integral, keypoint));
+      }
+      forEachInstructionSet([&] {
+        describer.setImage(image);
+        for (std::size_t i = 0; i < keypoints.size(); ++i) {
+          Descriptor actual{};
+          describer.describe(keypoints[i], actual.data());
+          ASSERT_EQ(actual, expected[i]) << size << ", keypoint " << i << " at " << keypoints[i].pt;
+        }
+      });
+    }
+  }
+}
+
+Features extracted(const cv::Mat& image, const OrbOptions& options) {
+  Features features;
+  OrbExtractor(options).extract(image, features);
+  return features;
+}
+
+// The keypoints are ORB's; only the descriptors are others, and the definition's.
+TEST(TeblidExtraction, DescribesOrbsKeypoints) {
+  for (const cv::Size& size :
+       {cv::Size(640, 480), cv::Size(63, 63), cv::Size(62, 400), cv::Size(64, 333)}) {
+    const cv::Mat image = test::asRegion(test::textureImage(size, 21), 5, 9);
+    const cv::Mat integral = integralOf(image);
+    OrbOptions options;
+    for (KeypointDistribution distribution :
+         {KeypointDistribution::ranked, KeypointDistribution::uniform}) {
+      options.distribution = distribution;
+      options.descriptor = DescriptorKind::orb;
+      const Features orb = extracted(image, options);
+      options.descriptor = DescriptorKind::teblid;
+      const Features teblid = extracted(image, options);
+      EXPECT_EQ(orb.descriptor, DescriptorKind::orb);
+      EXPECT_EQ(teblid.descriptor, DescriptorKind::teblid);
+      ASSERT_EQ(teblid.size(), orb.size()) << size;
+      ASSERT_EQ(teblid.descriptors.rows, orb.descriptors.rows) << size;
+      for (std::size_t i = 0; i < orb.size(); ++i) {
+        ASSERT_EQ(teblid.keypoints[i].pt, orb.keypoints[i].pt) << i;
+        ASSERT_EQ(teblid.keypoints[i].angle, orb.keypoints[i].angle) << i;
+        Descriptor actual{};
+        std::copy_n(teblid.descriptors.ptr(static_cast<int>(i)), actual.size(), actual.data());
+        ASSERT_EQ(actual, describe(integral, orb.keypoints[i])) << i;
+      }
+    }
+  }
+}
+
+TEST(TeblidExtraction, IsTheSameWithAnyNumberOfThreadsAndWithOpencvsKeypoints) {
+  const cv::Mat image = test::textureImage({320, 240}, 22);
+  OrbOptions options;
+  options.descriptor = DescriptorKind::teblid;
+  const Features expected = extracted(image, options);
+  ASSERT_GT(expected.size(), 500U);
+  for (int threads : {2, 3, 5}) {
+    options.threads = threads;
+    EXPECT_EQ(cv::norm(extracted(image, options).descriptors, expected.descriptors, cv::NORM_INF),
+              0.0);
+  }
+  options.threads = 1;
+  options.extractor = ExtractorKind::opencv;
+  const Features opencv = extracted(image, options);
+  EXPECT_EQ(opencv.descriptor, DescriptorKind::teblid);
+  const cv::Mat integral = integralOf(image);
+  ASSERT_GT(opencv.size(), 500U);
+  for (std::size_t i = 0; i < opencv.size(); ++i) {
+    Descriptor actual{};
+    std::copy_n(opencv.descriptors.ptr(static_cast<int>(i)), actual.size(), actual.data());
+    ASSERT_EQ(actual, describe(integral, opencv.keypoints[i])) << i;
+  }
+}
+
+TEST(TeblidExtraction, IsNeverMatchedWithOrb) {
+  const cv::Mat image = test::textureImage({320, 240}, 23);
+  OrbOptions options;
+  const Features orb = extracted(image, options);
+  options.descriptor = DescriptorKind::teblid;
+  const Features teblid = extracted(image, options);
+  KtgpMatcher matcher;
+  MatchResult result;
+  EXPECT_THROW(matcher.match(orb, teblid, result), std::invalid_argument);
+  EXPECT_THROW(matcher.match(teblid, orb, result), std::invalid_argument);
+  matcher.match(teblid, teblid, result);
+  EXPECT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.descriptor, DescriptorKind::teblid);
 }
 
 }  // namespace

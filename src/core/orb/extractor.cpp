@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/features2d.hpp>
+#include <optional>
 #include <stdexcept>
 #include <tuple>
 
 #include "core/orb/pipeline.h"
 #include "core/orb/pyramid.h"
+#include "core/orb/teblid_describer.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -45,7 +47,7 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 }
 
 auto asTuple(const OrbOptions& o) {
-  return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
+  return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor, o.descriptor,
                   o.distribution, o.cell_share, o.keep_images, o.threads);
 }
 
@@ -66,6 +68,35 @@ cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
                          options.fast_threshold);
 }
 
+// cv::ORB, and in place of its descriptors TEBLID's where they are wanted.
+class OpencvExtractor {
+ public:
+  explicit OpencvExtractor(const OrbOptions& o) : orb_(createOpencv(o)) {
+    if (o.descriptor == DescriptorKind::teblid) {
+      teblid_.emplace(keypointSizes(kPatchSize, static_cast<float>(o.scale_factor), o.levels));
+    }
+  }
+
+  void setLevels(int levels) { orb_->setNLevels(levels); }
+
+  void extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
+    if (!teblid_) {
+      orb_->detectAndCompute(image, mask, features.keypoints, features.descriptors);
+      return;
+    }
+    orb_->detect(image, features.keypoints, mask);
+    features.descriptors = cv::Mat(static_cast<int>(features.size()), kDescriptorBytes, CV_8U);
+    teblid_->setImage(image);
+    for (std::size_t i = 0; i < features.size(); ++i) {
+      teblid_->describe(features.keypoints[i], features.descriptors.ptr(static_cast<int>(i)));
+    }
+  }
+
+ private:
+  cv::Ptr<cv::ORB> orb_;
+  std::optional<TeblidDescriber> teblid_;
+};
+
 }  // namespace
 
 bool OrbOptions::operator==(const OrbOptions& other) const {
@@ -75,7 +106,7 @@ bool OrbOptions::operator==(const OrbOptions& other) const {
 struct OrbExtractor::Impl {
   explicit Impl(const OrbOptions& o) : options(o) {
     if (o.extractor == ExtractorKind::opencv) {
-      opencv = createOpencv(o);
+      opencv = std::make_unique<OpencvExtractor>(o);
       pyramid =
           std::make_unique<OrbPyramid>(o.features, static_cast<float>(o.scale_factor), o.levels);
     } else {
@@ -91,9 +122,9 @@ struct OrbExtractor::Impl {
   }
 
   OrbOptions options;
-  std::unique_ptr<OrbPipeline> pipeline;  // either this
-  cv::Ptr<cv::ORB> opencv;                // or this,
-  std::unique_ptr<OrbPyramid> pyramid;    // which does not hand out its own
+  std::unique_ptr<OrbPipeline> pipeline;    // either this
+  std::unique_ptr<OpencvExtractor> opencv;  // or this,
+  std::unique_ptr<OrbPyramid> pyramid;      // which does not hand out its own
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
@@ -115,6 +146,7 @@ void OrbExtractor::extract(const cv::Mat& image, Features& features) {
 
 void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   features.image_size = image.size();
+  features.descriptor = impl_->options.descriptor;
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
   // No level has room for a patch.
@@ -126,8 +158,8 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   if (!impl_->options.keep_images) features.images.clear();
   if (impl_->opencv) {
     // cv::ORB throws where a level shrinks to nothing.
-    impl_->opencv->setNLevels(levelsWithPixels(image.size(), impl_->options));
-    impl_->opencv->detectAndCompute(image, mask, features.keypoints, features.descriptors);
+    impl_->opencv->setLevels(levelsWithPixels(image.size(), impl_->options));
+    impl_->opencv->extract(image, mask, features);
     if (impl_->options.keep_images) impl_->keepImages(image, features);
   } else {
     impl_->pipeline->extract(image, mask, features);

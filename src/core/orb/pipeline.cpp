@@ -42,7 +42,12 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
       pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels),
       uniform_choice_(options.features, options.fast_threshold, options.cell_share,
-                      options.levels) {}
+                      options.levels) {
+  if (options.descriptor == DescriptorKind::teblid) {
+    teblid_.emplace(
+        keypointSizes(kPatchSize, static_cast<float>(options.scale_factor), options.levels));
+  }
+}
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
@@ -50,11 +55,13 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   cutIntoBands();
   // Level 0 is the image itself: other threads can begin with it while one makes the other levels.
   const int ready = levels_[0].last_band;
-  pool_.parallelFor(1 + ready, [&](int i) {
+  pool_.parallelFor(2 + ready, [&](int i) {
     if (i == 0) {
       pyramid_.shrink(kernels_);
+    } else if (i == 1) {
+      if (teblid_) teblid_->setImage(image);
     } else {
-      detectAndBlur(bands_[i - 1]);
+      detectAndBlur(bands_[i - 2]);
     }
   });
   pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
@@ -84,7 +91,7 @@ void OrbPipeline::cutIntoBands() {
       bands_[used].last_row = kBlurMargin + rows * (i + 1) / count;
     }
     levels_[level].last_band = static_cast<int>(used);
-    levels_[level].blurred.create(size.height, size.width + kVectorSlack, CV_8U);
+    if (!teblid_) levels_[level].blurred.create(size.height, size.width + kVectorSlack, CV_8U);
   }
 }
 
@@ -98,6 +105,7 @@ void OrbPipeline::detectAndBlur(Band& band) {
   if (first < last) {
     fastCorners(image, first, last, threshold, kernels_, band.fast_scratch, band.corners);
   }
+  if (teblid_) return;  // box means need no blur
   blurRows(image, band.first_row, band.last_row, kernels_, band.blur_scratch,
            levels_[band.level].blurred);
 }
@@ -153,8 +161,13 @@ void OrbPipeline::gather(Features& features) {
 void OrbPipeline::orientAndDescribe(int index, Features& features) {
   cv::KeyPoint& keypoint = features.keypoints[index];
   const PyramidLevel& level = pyramid_.levels()[keypoint.octave];
-  const cv::Mat& blurred = levels_[keypoint.octave].blurred;
   keypoint.angle = intensityCentroidAngle(level.image, kernels_, keypoint.pt);
+  if (teblid_) {
+    keypoint.pt *= level.scale;
+    teblid_->describe(keypoint, features.descriptors.ptr(index));
+    return;
+  }
+  const cv::Mat& blurred = levels_[keypoint.octave].blurred;
   const float angle = keypoint.angle * static_cast<float>(CV_PI / 180.);
   kernels_.describe(pixelAt(blurred, keypoint.pt), static_cast<std::ptrdiff_t>(blurred.step),
                     std::cos(angle), std::sin(angle), features.descriptors.ptr(index));

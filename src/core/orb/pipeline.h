@@ -1,11 +1,13 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "core/orb/blur.h"
 #include "core/orb/detector.h"
 #include "core/orb/pyramid.h"
+#include "core/orb/teblid_describer.h"
 #include "core/orb/uniform.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/features.h"
@@ -51,6 +53,7 @@ class OrbPipeline {
   const OrbKernels& kernels_;
   ThreadPool pool_;
   OrbPyramid pyramid_;
+  std::optional<TeblidDescriber> teblid_;  // where it is not rBRIEF
   std::vector<Level> levels_;
   std::vector<Band> bands_;  // level by level, from the top down
   UniformChoice uniform_choice_;

@@ -4,6 +4,17 @@
 
 namespace ktgp_orb {
 
+const char* toString(DescriptorKind kind) {
+  return kind == DescriptorKind::teblid ? "teblid" : "orb";
+}
+
+void requireSameDescriptor(const Features& reference, const Features& target) {
+  if (reference.descriptor == target.descriptor) return;
+  throw std::invalid_argument(std::string("reference has ") + toString(reference.descriptor) +
+                              " descriptors and target " + toString(target.descriptor) +
+                              "; expected the same kind in both");
+}
+
 void requireDescriptors(const cv::Mat& descriptors, const std::string& name) {
   if (descriptors.empty()) return;
   if (descriptors.type() != CV_8UC1 || descriptors.cols != kDescriptorBytes) {

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+
+#include "core/orb/teblid_geometry.h"
+#include "core/orb/teblid_table.h"
+
+namespace ktgp_orb {
+
+/// The radii of the table's boxes are 1 to this, in px of the patch.
+constexpr int kTeblidRadii = 7;
+
+/// TEBLID's bits ordered by the radius of their boxes, so that the corners of a box lie at the same
+/// distances from its centre for many in a row.
+struct TeblidOrder {
+  /// Box centres in px of the patch: the first of every pair, then the second ones.
+  alignas(64) float u[2 * kTeblidBits];
+  alignas(64) float v[2 * kTeblidBits];
+  /// Place in the descriptor: byte and, counted from the lowest bit up, bit.
+  std::uint8_t place[kTeblidBits];
+  /// The pairs of radius r end before end[r].
+  std::int16_t end[kTeblidRadii + 1];
+};
+
+constexpr int teblidPlace(int bit) {
+  return bit / 8 * 8 + 7 - bit % 8;
+}
+
+constexpr TeblidOrder makeTeblidOrder() {
+  TeblidOrder order{};
+  std::int16_t next = 0;
+  for (int radius = 1; radius <= kTeblidRadii; ++radius) {
+    for (int bit = 0; bit < kTeblidBits; ++bit) {
+      if (kTeblidTable.radius[bit] != radius) continue;
+      order.u[next] = kTeblidTable.first_x[bit];
+      order.v[next] = kTeblidTable.first_y[bit];
+      order.u[kTeblidBits + next] = kTeblidTable.second_x[bit];
+      order.v[kTeblidBits + next] = kTeblidTable.second_y[bit];
+      order.place[next++] = static_cast<std::uint8_t>(teblidPlace(bit));
+    }
+    order.end[radius] = next;
+  }
+  return order;
+}
+
+constexpr TeblidOrder kTeblidOrder = makeTeblidOrder();
+static_assert(kTeblidOrder.end[kTeblidRadii] == kTeblidBits, "a radius beyond kTeblidRadii");
+
+/// What the boxes of all keypoints of one size have in common.
+struct TeblidScale {
+  /// `keypoint_size` in px; `stride`: values in a row of the integral image.
+  TeblidScale(float keypoint_size, int stride);
+
+  /// Where the sums at the corners of a box are, from that at its centre's pixel.
+  struct Corners {
+    std::ptrdiff_t top_left, top_right, bottom_left, bottom_right;
+  };
+
+  float keypoint_size;
+  int stride;
+  Corners corners[kTeblidRadii + 1];  ///< by radius in the table
+  /// A bit is set where the difference of the two sums is less than this; by place in the
+  /// descriptor.
+  std::int32_t bound[kTeblidBits];
+};
+
+/// The descriptor of a keypoint far from the border (see isFarFromBorder) by the fastest
+/// instructions that this machine has. `integral`: its first value.
+void describeTeblidInside(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& placement, std::uint8_t* descriptor);
+
+/// Differences of the sums of each pair of boxes, by place in the descriptor. `centres`: of the
+/// boxes in kTeblidOrder, as indices of the integral image.
+inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale,
+                         const std::int32_t* centres, std::int32_t* differences) {
+  int i = 0;
+  for (int radius = 1; radius <= kTeblidRadii; ++radius) {
+    const TeblidScale::Corners at = scale.corners[radius];
+    // The sums are read one by one: gather instructions are no faster, and on many processors much
+    // slower. Differences do not mind that large images overflow the sums.
+    for (; i < kTeblidOrder.end[radius]; ++i) {
+      const std::uint32_t* p = integral + centres[i];
+      const std::uint32_t* q = integral + centres[kTeblidBits + i];
+      const std::uint32_t first =
+          p[at.top_left] - p[at.top_right] - p[at.bottom_left] + p[at.bottom_right];
+      const std::uint32_t second =
+          q[at.top_left] - q[at.top_right] - q[at.bottom_left] + q[at.bottom_right];
+      differences[kTeblidOrder.place[i]] = static_cast<std::int32_t>(first - second);
+    }
+  }
+}
+
+}  // namespace ktgp_orb
