@@ -4,6 +4,8 @@
 //   ms           median of one image: CPU time for one thread, wall-clock time for more
 //   times_cvORB  how many times as fast as cv::ORB, medians of calls that alternate
 //   keypoints    found, of those asked for
+//   more_ms      TEBLID alone: how much longer than with ORB's own descriptors, medians of calls
+//                that alternate
 //
 // The images are scaled from the first of the Leuven set in KTGP_ORB_DATA, or noise of several
 // scales where that is not set.
@@ -124,6 +126,41 @@ void arguments(benchmark::internal::Benchmark* benchmark) {
   }
 }
 
+// One thread. TEBLID descriptors of the same keypoints beside ORB's own.
+void teblid(benchmark::State& state) {
+  const cv::Mat image =
+      imageOf(cv::Size(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))));
+  OrbOptions options;
+  options.features = static_cast<int>(state.range(2));
+  OrbExtractor orb(options);
+  options.descriptor = ktgp_orb::DescriptorKind::teblid;
+  OrbExtractor teblid(options);
+  Features features;
+  const auto timed = [&](OrbExtractor& extractor) {
+    const double start = milliseconds(true);
+    extractor.extract(image, features);
+    return milliseconds(true) - start;
+  };
+  for (OrbExtractor* extractor : {&orb, &teblid}) timed(*extractor);  // buffers grow
+  std::vector<double> times;
+  std::vector<double> orb_times;
+  for (auto _ : state) {
+    times.push_back(timed(teblid));
+    state.PauseTiming();
+    orb_times.push_back(timed(orb));
+    state.ResumeTiming();
+  }
+  state.counters["ms"] = median(times);
+  state.counters["more_ms"] = median(times) - median(orb_times);
+  state.counters["keypoints"] = static_cast<double>(features.size());
+}
+
+BENCHMARK(teblid)
+    ->ArgNames({"width", "height", "features"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->ArgsProduct({{640}, {480}, {500, 1000, 2000, 5000}})
+    ->Args({1920, 1080, 5000});
 BENCHMARK_CAPTURE(extract, ranked, KeypointDistribution::ranked)->Apply(arguments);
 BENCHMARK_CAPTURE(extract, uniform, KeypointDistribution::uniform)->Apply(arguments);
 
