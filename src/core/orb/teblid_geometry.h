@@ -12,9 +12,9 @@ namespace ktgp_orb {
 /// operations, each rounded to single precision, is part of the descriptor's definition.
 struct TeblidPlacement {
   explicit TeblidPlacement(const cv::KeyPoint& keypoint) : scale(keypoint.size / kTeblidPatch) {
-    const double radians = keypoint.angle * 0.017453292519943295;
-    const float cosine = keypoint.angle >= 0 ? static_cast<float>(std::cos(radians)) : 1.f;
-    const float sine = keypoint.angle >= 0 ? static_cast<float>(std::sin(radians)) : 0.f;
+    const double radians = keypoint.angle >= 0 ? keypoint.angle * 0.017453292519943295 : 0.0;
+    const auto cosine = static_cast<float>(std::cos(radians));
+    const auto sine = static_cast<float>(std::sin(radians));
     constexpr float kHalf = 0.5f;
     x_from_u = scale * cosine;
     x_from_v = -scale * sine;
