@@ -150,6 +150,7 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   message->header = header;
   message->status = static_cast<std::uint8_t>(match.match.status);
   message->reference_changed = match.reference_changed;
+  message->descriptor = toString(match.frame->features.descriptor);
   message->target_features = static_cast<std::uint32_t>(match.frame->features.size());
   message->extraction_milliseconds = match.frame->extraction_milliseconds;
   message->total_milliseconds = match.total_milliseconds;

@@ -9,12 +9,12 @@ namespace ktgp_orb {
 namespace {
 
 constexpr const char* kColumns =
-    "stamp,reference_stamp,status,reference_changed,reference_features,target_features,"
+    "stamp,reference_stamp,status,reference_changed,reference_features,target_features,descriptor,"
     "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,"
     "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
     "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
 constexpr int kStages = 4;
-constexpr int kColumnsAfterStatus = 26;  // without the error
+constexpr int kColumnsAfterStatus = 27;  // without the error
 
 }  // namespace
 
@@ -52,7 +52,7 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   const MatchStatistics& s = *messages.statistics;
   csv_ << s.header.stamp << ',' << s.reference_stamp << ','
        << toString(static_cast<Status>(s.status)) << ',' << int(s.reference_changed) << ','
-       << s.reference_features << ',' << s.target_features;
+       << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
   const StageStatistics none;
   for (int i = 0; i < kStages; ++i) csv_ << ',' << (s.stages.empty() ? none : s.stages[i]).output;
   csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','

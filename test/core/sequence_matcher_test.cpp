@@ -82,6 +82,33 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
   }
 }
 
+// The reference has descriptors of the old kind: they are found anew.
+TEST(SequenceMatcher, MatchesAcrossAChangeOfDescriptor) {
+  SequenceOptions options = withMode(ReferenceMode::previous);
+  SequenceMatcher matcher(options);
+  matcher.match(view(0), 0.0);
+  options.orb.descriptor = DescriptorKind::teblid;
+  matcher.setOptions(options);
+  const SequenceMatch& match = matcher.match(view(1), 0.1);
+  ASSERT_EQ(match.match.status, Status::ok);
+  EXPECT_EQ(match.match.descriptor, DescriptorKind::teblid);
+  EXPECT_EQ(match.reference->features.descriptor, DescriptorKind::teblid);
+  expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+}
+
+// There is no image to find others in: refused, rather than compared bit by bit.
+TEST(SequenceMatcher, RefusesFeaturesOfAnotherDescriptor) {
+  OrbOptions options;
+  Features orb;
+  OrbExtractor(options).extract(view(0), orb);
+  options.descriptor = DescriptorKind::teblid;
+  Features teblid;
+  OrbExtractor(options).extract(view(1), teblid);
+  SequenceMatcher matcher(withMode(ReferenceMode::previous));
+  matcher.match(orb, 0.0);
+  EXPECT_THROW(matcher.match(teblid, 0.1), std::invalid_argument);
+}
+
 TEST(SequenceMatcher, DoesAsTheStagesDoWithoutIt) {
   const SequenceOptions options = withMode(ReferenceMode::previous);
   OrbExtractor extractor(options.orb);

@@ -16,11 +16,9 @@
 
 #include "core/orb/teblid_describer.h"
 #include "core/orb/teblid_table.h"
+#include "instruction_sets.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
-#ifdef KTGP_ORB_HAVE_HIGHWAY
-#include <hwy/highway.h>
-#endif
 #include "orb_test_images.h"
 #include "test_data.h"
 
@@ -160,23 +158,6 @@ TEST(Teblid, DescribesAnyKeypointOfAnyImage) {
   }
 }
 
-// Runs `check` with each of the instruction sets that this machine has.
-template <typename Check>
-void forEachInstructionSet(const Check& check) {
-#ifdef KTGP_ORB_HAVE_HIGHWAY
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    SCOPED_TRACE(hwy::TargetName(target));
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    check();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-#else
-  check();
-#endif
-}
-
 const std::vector<float> kSizes = {31.f, 37.2f, 44.64f, 53.568f, 64.2816f, 77.13792f, 92.5655f};
 
 // Every size and angle, at fractions of a pixel, from far outside the image to its middle.
@@ -195,8 +176,10 @@ std::vector<cv::KeyPoint> keypointsEverywhere(const cv::Size& size) {
 }
 
 TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
-  // One describer for all: what it keeps from an image of another size must not show.
-  TeblidDescriber describer(kSizes);
+  // A describer sees all images: what it keeps from one of another size must not show.
+  std::vector<TeblidDescriber> describers;
+  const auto kernels = test::everyKernels(bestTeblidKernel, portableTeblidKernel());
+  for (const TeblidKernel* kernel : kernels) describers.emplace_back(kSizes, *kernel);
   for (const cv::Size& size : {cv::Size(320, 240), cv::Size(400, 300), cv::Size(63, 63),
                                cv::Size(1, 1), cv::Size(320, 200)}) {
     for (const cv::Mat& image : {test::textureImage(size, 11), test::noiseImage(size, 12),
@@ -207,14 +190,15 @@ TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
       for (const cv::KeyPoint& keypoint : keypoints) {
         expected.push_back(describe(integral, keypoint));
       }
-      forEachInstructionSet([&] {
-        describer.setImage(image);
+      for (std::size_t k = 0; k < kernels.size(); ++k) {
+        SCOPED_TRACE(kernels[k]->name);
+        describers[k].setImage(image);
         for (std::size_t i = 0; i < keypoints.size(); ++i) {
           Descriptor actual{};
-          describer.describe(keypoints[i], actual.data());
+          describers[k].describe(keypoints[i], actual.data());
           ASSERT_EQ(actual, expected[i]) << size << ", keypoint " << i << " at " << keypoints[i].pt;
         }
-      });
+      }
     }
   }
 }

@@ -173,6 +173,8 @@ class BagTest(unittest.TestCase):
             self.assertEqual(line['stamp'], '%d.%09d' % (message.header.stamp.secs,
                                                          message.header.stamp.nsecs))
             self.assertEqual(int(line['target_features']), message.target_features)
+            self.assertEqual(line['descriptor'], message.descriptor)
+            self.assertEqual(message.descriptor, 'orb')
             if message.stages:
                 self.assertEqual([int(line[s.name]) for s in message.stages],
                                  [s.output for s in message.stages])

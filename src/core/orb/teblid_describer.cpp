@@ -15,7 +15,8 @@ std::vector<float> keypointSizes(float patch, double scale_factor, int levels) {
   return sizes;
 }
 
-TeblidDescriber::TeblidDescriber(std::vector<float> sizes) : sizes_(std::move(sizes)) {
+TeblidDescriber::TeblidDescriber(std::vector<float> sizes, const TeblidKernel& kernel)
+    : sizes_(std::move(sizes)), kernel_(&kernel) {
   scales_.reserve(sizes_.size());
 }
 
@@ -32,8 +33,8 @@ void TeblidDescriber::describe(const cv::KeyPoint& keypoint, std::uint8_t* descr
   const bool prepared = octave < scales_.size() && scales_[octave].keypoint_size == keypoint.size &&
                         isFarFromBorder(keypoint, {integral_.cols - 1, integral_.rows - 1});
   if (prepared) {
-    describeTeblidInside(integral_.ptr<std::uint32_t>(), scales_[octave], TeblidPlacement(keypoint),
-                         descriptor);
+    kernel_->describe(integral_.ptr<std::uint32_t>(), scales_[octave], TeblidPlacement(keypoint),
+                      descriptor);
   } else {
     describeTeblid(integral_, keypoint, descriptor);
   }

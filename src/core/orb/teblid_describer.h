@@ -16,7 +16,8 @@ std::vector<float> keypointSizes(float patch, double scale_factor, int levels);
 class TeblidDescriber {
  public:
   /// `sizes` of keypoints, in px, by octave.
-  explicit TeblidDescriber(std::vector<float> sizes);
+  explicit TeblidDescriber(std::vector<float> sizes,
+                           const TeblidKernel& kernel = bestTeblidKernel());
 
   /// `image`: 8-bit grey, not empty. Buffers are kept from image to image.
   void setImage(const cv::Mat& image);
@@ -25,6 +26,7 @@ class TeblidDescriber {
 
  private:
   std::vector<float> sizes_;
+  const TeblidKernel* kernel_;
   cv::Mat integral_;
   std::vector<TeblidScale> scales_;  // by octave, for rows as long as those of integral_
 };

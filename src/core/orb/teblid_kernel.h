@@ -66,10 +66,19 @@ struct TeblidScale {
   std::int32_t bound[kTeblidBits];
 };
 
-/// The descriptor of a keypoint far from the border (see isFarFromBorder) by the fastest
-/// instructions that this machine has. `integral`: its first value.
-void describeTeblidInside(const std::uint32_t* integral, const TeblidScale& scale,
-                          const TeblidPlacement& placement, std::uint8_t* descriptor);
+struct TeblidKernel {
+  const char* name;  ///< instruction set, e.g. "AVX2"
+
+  /// The descriptor of a keypoint far from the border (see isFarFromBorder) of the image whose
+  /// integral image begins here.
+  void (*describe)(const std::uint32_t* integral, const TeblidScale& scale,
+                   const TeblidPlacement& placement, std::uint8_t* descriptor);
+};
+
+/// Plain C++, the definition of what the others compute.
+const TeblidKernel& portableTeblidKernel();
+/// The fastest that this machine can run.
+const TeblidKernel& bestTeblidKernel();
 
 /// Differences of the sums of each pair of boxes, by place in the descriptor. `centres`: of the
 /// boxes in kTeblidOrder, as indices of the integral image.

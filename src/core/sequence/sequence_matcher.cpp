@@ -139,6 +139,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
     lost_milliseconds = matchToBest(*frame, reference, ahead);
   } else {
     clear(answer.match);
+    answer.match.descriptor = frame->features.descriptor;
   }
   keeper.advance(frame, reference, reference ? &answer.match : nullptr);
 
@@ -194,6 +195,7 @@ const SequenceMatch& SequenceMatcher::match(const Features& features, double sec
   frame->stamp = stamp;
   frame->features.keypoints = features.keypoints;
   features.descriptors.copyTo(frame->features.descriptors);
+  frame->features.descriptor = features.descriptor;
   frame->features.image_size = features.image_size;
   return impl_->match(frame, nullptr);
 }

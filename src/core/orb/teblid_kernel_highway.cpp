@@ -1,0 +1,89 @@
+// TEBLID far from the border with Highway: compiled for every instruction set, chosen at run time.
+#include "core/orb/teblid_kernel.h"
+#include "core/util/highway_targets.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/orb/teblid_kernel_highway.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb {
+namespace HWY_NAMESPACE {
+
+#if KTGP_ORB_HAS_VECTORS
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Each operation rounds, in the order of the definition (see placed() in teblid.cpp).
+HWY_INLINE void placeCentres(const TeblidPlacement& placement, std::int32_t stride,
+                             std::int32_t* HWY_RESTRICT centres) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const auto set = [d](float value) { return hn::Set(d, value); };
+  for (int i = 0; i < 2 * kTeblidBits; i += static_cast<int>(hn::Lanes(d))) {
+    const auto u = hn::Load(d, kTeblidOrder.u + i);
+    const auto v = hn::Load(d, kTeblidOrder.v + i);
+    const auto to_pixel = [&](float from_u, float from_v, float origin) {
+      const auto turned = hn::Add(hn::Mul(set(from_u), u), hn::Mul(set(from_v), v));
+      return hn::ConvertTo(di, hn::Add(hn::Add(turned, set(origin)), set(0.5f)));
+    };
+    const auto x = to_pixel(placement.x_from_u, placement.x_from_v, placement.x);
+    const auto y = to_pixel(placement.y_from_u, placement.y_from_v, placement.y);
+    hn::Store(hn::Add(hn::Mul(y, hn::Set(di, stride)), x), di, centres + i);
+  }
+}
+
+HWY_INLINE void packBits(const std::int32_t* differences, const std::int32_t* bound,
+                         std::uint8_t* descriptor) {
+  const hn::CappedTag<std::int32_t, 8> d;
+  for (int byte = 0; byte < kTeblidBits / 8; ++byte) {
+    unsigned bits = 0;
+    for (int i = 0; i < 8; i += static_cast<int>(hn::Lanes(d))) {
+      const auto below = hn::Lt(hn::Load(d, differences + 8 * byte + i),  //
+                                hn::LoadU(d, bound + 8 * byte + i));
+      std::uint8_t mask[8] = {};
+      hn::StoreMaskBits(d, below, mask);
+      bits |= static_cast<unsigned>(mask[0]) << i;
+    }
+    descriptor[byte] = static_cast<std::uint8_t>(bits);
+  }
+}
+
+void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
+                    const TeblidPlacement& placement, std::uint8_t* descriptor) {
+  HWY_ALIGN std::int32_t centres[2 * kTeblidBits];
+  HWY_ALIGN std::int32_t differences[kTeblidBits];
+  placeCentres(placement, scale.stride, centres);
+  compareBoxes(integral, scale, centres, differences);
+  packBits(differences, scale.bound, descriptor);
+}
+
+}  // namespace
+#endif
+
+const TeblidKernel* teblidKernel() {
+#if KTGP_ORB_HAS_VECTORS
+  static const TeblidKernel kKernel{hwy::TargetName(HWY_TARGET), describeInside};
+  return &kKernel;
+#else
+  return &portableTeblidKernel();
+#endif
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ktgp_orb {
+
+HWY_EXPORT(teblidKernel);
+
+const TeblidKernel& bestTeblidKernel() {
+  return *HWY_DYNAMIC_DISPATCH(teblidKernel)();
+}
+
+}  // namespace ktgp_orb
+#endif
