@@ -27,14 +27,14 @@ struct Features {
   std::vector<cv::KeyPoint> keypoints;
   /// One row of 32 bytes (CV_8U) per keypoint, in the same order.
   cv::Mat descriptors;
-  /// What the descriptors are.
-  DescriptorKind descriptor = DescriptorKind::orb;
   /// Width and height of the image in pixels.
   cv::Size image_size;
   /// The 8-bit grey image and after it ever smaller ones, ORB's pyramid, for the sub-pixel
   /// alignment; empty unless OrbOptions::keep_images. The first is the image that was handed to the
   /// extractor, not a copy: do not write into it while these features are in use.
   std::vector<cv::Mat> images;
+  /// What the descriptors are.
+  DescriptorKind descriptor = DescriptorKind::orb;
 
   std::size_t size() const { return keypoints.size(); }
   bool empty() const { return keypoints.empty(); }
