@@ -139,11 +139,11 @@ void printTable(const std::string& root, int features) {
       " precision %% | AUC | Boat correct | precision %% | AUC |\n");
   std::printf("|---|---|---|---|---|---|---|---|---|---|\n");
   OrbOptions options;
-  options.features = features;
+  options.max_features = features;
   printRow("ranked", options, root);
   options.distribution = KeypointDistribution::uniform;
   for (int share : {2, 4, 8, 16, 32, 64}) {
-    options.cell_share = share;
+    options.keypoints_per_cell = share;
     printRow("uniform, cell share " + std::to_string(share), options, root);
   }
 }

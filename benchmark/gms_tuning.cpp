@@ -37,7 +37,7 @@ Features extract(const std::string& file, int most) {
   if (image.empty()) throw std::runtime_error("cannot read image " + file);
   Features features;
   ktgp_orb::OrbOptions options;
-  options.features = most;
+  options.max_features = most;
   ktgp_orb::OrbExtractor(options).extract(image, features);
   return features;
 }

@@ -101,7 +101,7 @@ Estimator openCv(int method) {
 Estimator prosac() {
   return [](const Pair& pair, int run) -> Eigen::Matrix3d {
     ProsacOptions options;
-    options.threshold = kThreshold;
+    options.max_error = kThreshold;
     options.seed = static_cast<std::uint64_t>(run) + 1;
     ProsacHomography estimator(options);
     ProsacResult result;

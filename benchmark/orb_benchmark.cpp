@@ -71,7 +71,7 @@ cv::Mat imageOf(const cv::Size& size) {
 class OpencvOrb {
  public:
   explicit OpencvOrb(const OrbOptions& o)
-      : orb_(cv::ORB::create(o.features, static_cast<float>(o.scale_factor), o.levels, 31, 0, 2,
+      : orb_(cv::ORB::create(o.max_features, static_cast<float>(o.scale_factor), o.levels, 31, 0, 2,
                              cv::ORB::HARRIS_SCORE, 31, o.fast_threshold)) {}
 
   double timed(const cv::Mat& image, bool one_thread) {
@@ -89,7 +89,7 @@ void extract(benchmark::State& state, KeypointDistribution distribution) {
   const cv::Mat image =
       imageOf(cv::Size(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))));
   OrbOptions options;
-  options.features = static_cast<int>(state.range(2));
+  options.max_features = static_cast<int>(state.range(2));
   options.threads = static_cast<int>(state.range(3));
   options.distribution = distribution;
   const bool one_thread = options.threads == 1;

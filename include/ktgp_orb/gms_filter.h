@@ -48,6 +48,8 @@ struct GmsResult {
 ///
 /// The cost grows with the matches and the cells they occupy, apart from one short pass over the
 /// target grid's cells for each of its four copies. Buffers are kept from call to call.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class GmsFilter {
  public:
   /// Throws std::invalid_argument naming the option and its range.

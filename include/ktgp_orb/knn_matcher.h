@@ -10,12 +10,14 @@ namespace ktgp_orb {
 
 /// Options of the nearest-neighbour search.
 struct KnnOptions {
-  int threads = 1;  ///< threads that share the queries, 0..1024; 0 = all of the machine
+  int threads = 1;  ///< threads that share the queries, 0..1024; 0 = all cores
 };
 
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
 /// The best instructions of the processor are chosen at run time. The answer does not depend on
 /// them, nor on the number of threads. Memory: 34 bytes per reference descriptor, reused.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class KnnMatcher {
  public:
   /// Starts the threads. Throws std::invalid_argument for a number of them outside 0..1024.
@@ -23,6 +25,8 @@ class KnnMatcher {
   ~KnnMatcher();
   KnnMatcher(KnnMatcher&&) noexcept;
   KnnMatcher& operator=(KnnMatcher&&) noexcept;
+
+  const KnnOptions& options() const;
 
   /// `reference`, `target`: M×32 and N×32 CV_8U, continuous or not; else std::invalid_argument.
   /// `correspondences` becomes N entries in target order, with level knn. Equal distances: the

@@ -53,6 +53,7 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames.
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -10,7 +10,7 @@ namespace ktgp_orb {
 
 /// Who does the work. Both give the same keypoints and descriptors.
 enum class ExtractorKind : std::uint8_t {
-  fast,  ///< this package's vector code
+  native,  ///< this package's vector code
   /// cv::ORB, one thread; has no uniform distribution. Levels that would be less than a pixel wide
   /// or high, for which cv::ORB throws, are left out; the others share their keypoints.
   opencv,
@@ -26,21 +26,21 @@ enum class KeypointDistribution : std::uint8_t {
 
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
 struct OrbOptions {
-  int features = 2000;        ///< keypoints to keep at most, >= 1
+  int max_features = 2000;    ///< keypoints to keep at most, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
-  ExtractorKind extractor = ExtractorKind::fast;
+  ExtractorKind extractor = ExtractorKind::native;
   /// rBRIEF, or TEBLID-256: as large, and the better under changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
   /// With the uniform distribution: keypoints that each cell of the image keeps where all have
   /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
-  int cell_share = 16;
+  int keypoints_per_cell = 16;
   /// Features::images come with the features: what the sub-pixel alignment works on. No pixel is
   /// copied.
   bool keep_images = false;
-  int threads = 1;  ///< threads that share the work; 0 = all of the machine; the answer is equal
+  int threads = 1;  ///< threads that share the work; 0 = all cores; the result is identical
 
   bool operator==(const OrbOptions& other) const;
   bool operator!=(const OrbOptions& other) const { return !(*this == other); }
@@ -55,6 +55,8 @@ struct OrbOptions {
 /// fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (Elsewhere cv::ORB
 /// rounds its blur otherwise, which changes a descriptor bit in some frames; this class does not.)
 /// Where Harris responses are equal cv::ORB keeps more than it was asked for, and so does this.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class OrbExtractor {
  public:
   /// Throws std::invalid_argument naming the option and its range.

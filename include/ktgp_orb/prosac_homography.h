@@ -15,7 +15,7 @@ namespace ktgp_orb {
 
 /// Options of the homography estimator (Chum & Matas, "Matching with PROSAC", CVPR 2005).
 struct ProsacOptions {
-  double threshold = 3.0;  ///< inlier when the reprojection error in the target is below, px, > 0
+  double max_error = 3.0;  ///< inlier when the reprojection error in the target is below, px, > 0
   int max_iterations = 2000;  ///< samples drawn at most, 1..1000000
   /// 1 - eta0 of the maximality rule: wanted probability that no better model was missed, in (0,
   /// 1).
@@ -87,6 +87,8 @@ inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::
 ///   once a quarter of the inliers is left out.
 /// The homography maximises the likelihood under Student's t errors over the pairs within twice the
 /// threshold; its mask is the plain test against the threshold.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class ProsacHomography {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -25,7 +25,7 @@ struct Range {
   }
 };
 
-const std::map<std::string, ExtractorKind> kExtractors{{"fast", ExtractorKind::fast},
+const std::map<std::string, ExtractorKind> kExtractors{{"fast", ExtractorKind::native},
                                                        {"opencv", ExtractorKind::opencv}};
 const std::map<std::string, KeypointDistribution> kDistributions{
     {"ranked", KeypointDistribution::ranked}, {"uniform", KeypointDistribution::uniform}};
@@ -90,7 +90,7 @@ class Group {
 void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
   OrbOptions& orb = options.orb;
   Group features(app, "Features (ORB)");
-  features.add("--features", orb.features, {1, 1e6}, "keypoints to keep at most");
+  features.add("--features", orb.max_features, {1, 1e6}, "keypoints to keep at most");
   features.add("--scale-factor", orb.scale_factor, {1.01, 2},
                "size ratio of neighbouring pyramid levels");
   features.add("--levels", orb.levels, {1, 16}, "pyramid levels");
@@ -101,7 +101,7 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
                      "fast = vector code, opencv = cv::ORB; the keypoints are the same");
   features.addChoice("--distribution", orb.distribution, kDistributions,
                      "ranked = the strongest corners, uniform = an equal share of every part");
-  features.add("--cell-share", orb.cell_share, {1, 1e6},
+  features.add("--cell-share", orb.keypoints_per_cell, {1, 1e6},
                "with uniform: keypoints that each cell keeps where all have enough");
   features.add("--orb-threads", orb.threads, {0, 1024},
                "threads of the extractor, 0 = all of the machine; the answer is the same");
@@ -124,7 +124,7 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
 
   ProsacOptions& prosac = matcher.prosac;
   Group model(app, "Homography (PROSAC)");
-  model.add("--prosac-threshold", prosac.threshold, {0, 1e6, true},
+  model.add("--prosac-threshold", prosac.max_error, {0, 1e6, true},
             "a match is an inlier when its reprojection error is below, px");
   model.add("--max-iterations", prosac.max_iterations, {1, 1e6}, "samples drawn at most");
   model.add("--confidence", prosac.confidence, {0, 1, true, true},
@@ -136,13 +136,13 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
 nlohmann::json toJson(const PipelineOptions& options) {
   const auto& [orb, matcher] = options;
   return {
-      {"features", orb.features},
+      {"features", orb.max_features},
       {"scale-factor", orb.scale_factor},
       {"levels", orb.levels},
       {"fast-threshold", orb.fast_threshold},
       {"extractor", nameOf(orb.extractor, kExtractors)},
       {"distribution", nameOf(orb.distribution, kDistributions)},
-      {"cell-share", orb.cell_share},
+      {"cell-share", orb.keypoints_per_cell},
       {"orb-threads", orb.threads},
       {"ratio-threshold", matcher.ratio_threshold},
       {"threads", matcher.knn.threads},
@@ -151,7 +151,7 @@ nlohmann::json toJson(const PipelineOptions& options) {
       {"gms-scale", matcher.gms.scale},
       {"gms-columns", matcher.gms.grid_columns},
       {"gms-rows", matcher.gms.grid_rows},
-      {"prosac-threshold", matcher.prosac.threshold},
+      {"prosac-threshold", matcher.prosac.max_error},
       {"max-iterations", matcher.prosac.max_iterations},
       {"confidence", matcher.prosac.confidence},
       {"seed", matcher.prosac.seed},

@@ -52,9 +52,9 @@ HomographyEstimate conclude(const cv::Mat& h, const PointPairs& pairs, double th
 
 HomographyEstimate withOpenCv(int method, const PointPairs& pairs, const ProsacOptions& options) {
   const cv::Mat h = cv::findHomography(toOpenCv(pairs.reference), toOpenCv(pairs.target), method,
-                                       options.threshold, cv::noArray(), options.max_iterations,
+                                       options.max_error, cv::noArray(), options.max_iterations,
                                        options.confidence);
-  return conclude(h, pairs, options.threshold);
+  return conclude(h, pairs, options.max_error);
 }
 
 HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference_size,
@@ -144,7 +144,7 @@ HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOpti
       to[k] = target[sample[k]];
     }
     const cv::Mat h = cv::getPerspectiveTransform(from.data(), to.data());
-    HomographyEstimate model = conclude(h, pairs, options.threshold);
+    HomographyEstimate model = conclude(h, pairs, options.max_error);
     if (!model.found || !model.homography.allFinite()) continue;
     const double model_cost = cost(squaredErrors(model.homography, pairs));
     if (model_cost >= best_cost) continue;
@@ -154,9 +154,9 @@ HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOpti
     needed = samplesNeeded(static_cast<double>(inliers) / static_cast<double>(pairs.size()),
                            options.confidence);
   }
-  if (!best.found) return conclude({}, pairs, options.threshold);
+  if (!best.found) return conclude({}, pairs, options.max_error);
 
-  return fitAgain(best, reference, target, pairs, options.threshold);
+  return fitAgain(best, reference, target, pairs, options.max_error);
 }
 
 double area(const std::vector<Eigen::Vector2d>& points) {
@@ -179,16 +179,16 @@ const std::vector<std::pair<std::string, Estimator>>& estimators() {
 HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pairs,
                                       const cv::Size& reference_size,
                                       const ProsacOptions& options) {
-  if (pairs.size() < kSampleSize) return conclude({}, pairs, options.threshold);
+  if (pairs.size() < kSampleSize) return conclude({}, pairs, options.max_error);
   switch (estimator) {
     case Estimator::ransac:
       return withOpenCv(cv::RANSAC, pairs, options);
     case Estimator::msac:
-      return withCost([&](const auto& e) { return msacCost(e, options.threshold); }, pairs,
+      return withCost([&](const auto& e) { return msacCost(e, options.max_error); }, pairs,
                       options);
     case Estimator::mlesac:
       return withCost([&, outliers = area(pairs.target)](
-                          const auto& e) { return mlesacCost(e, options.threshold, outliers); },
+                          const auto& e) { return mlesacCost(e, options.max_error, outliers); },
                       pairs, options);
     case Estimator::prosac:
       return withProsac(pairs, reference_size, options);
@@ -203,7 +203,7 @@ HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pai
       break;
 #endif
   }
-  return conclude({}, pairs, options.threshold);
+  return conclude({}, pairs, options.max_error);
 }
 
 }  // namespace ktgp_orb::tools

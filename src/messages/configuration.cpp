@@ -7,7 +7,7 @@ namespace ktgp_orb {
 namespace {
 
 ExtractorKind extractorFrom(const std::string& name) {
-  if (name == "fast") return ExtractorKind::fast;
+  if (name == "fast") return ExtractorKind::native;
   if (name == "opencv") return ExtractorKind::opencv;
   throw std::invalid_argument("extractor is '" + name + "'; expected fast or opencv");
 }
@@ -31,7 +31,7 @@ ReferenceMode referenceModeFrom(const std::string& name) {
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) {
   Configuration c;
   c.number = number;
-  c.sequence.orb.features = config.features;
+  c.sequence.orb.max_features = config.features;
   c.sequence.orb.scale_factor = config.scale_factor;
   c.sequence.orb.levels = config.levels;
   c.sequence.orb.fast_threshold = config.fast_threshold;
@@ -43,7 +43,7 @@ Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) 
   c.sequence.matcher.gms.threshold = config.T_G;
   c.sequence.matcher.gms.rotation = config.gms_rotation;
   c.sequence.matcher.gms.scale = config.gms_scale;
-  c.sequence.matcher.prosac.threshold = config.prosac_threshold;
+  c.sequence.matcher.prosac.max_error = config.prosac_threshold;
   c.sequence.matcher.prosac.max_iterations = config.prosac_iterations;
   c.sequence.matcher.prosac.confidence = config.prosac_confidence;
   c.sequence.matcher.prosac.seed = static_cast<std::uint64_t>(config.prosac_seed);

@@ -15,7 +15,7 @@ OrbOptions keepingImages(ExtractorKind kind) {
 
 TEST(OrbImages, ComeOnlyWhenAskedFor) {
   Features features;
-  OrbExtractor(keepingImages(ExtractorKind::fast))
+  OrbExtractor(keepingImages(ExtractorKind::native))
       .extract(test::textureImage(cv::Size(320, 240), 1), features);
   EXPECT_FALSE(features.images.empty());
   OrbExtractor().extract(test::textureImage(cv::Size(320, 240), 1), features);
@@ -26,7 +26,7 @@ TEST(OrbImages, BeginWithTheImageItselfAndAreTheSameForBothExtractors) {
   const cv::Mat image = test::textureImage(cv::Size(320, 240), 2);
   Features fast;
   Features opencv;
-  OrbExtractor(keepingImages(ExtractorKind::fast)).extract(image, fast);
+  OrbExtractor(keepingImages(ExtractorKind::native)).extract(image, fast);
   OrbExtractor(keepingImages(ExtractorKind::opencv)).extract(image, opencv);
   EXPECT_EQ(fast.images[0].data, image.data);
   EXPECT_EQ(opencv.images[0].data, image.data);
@@ -39,7 +39,7 @@ TEST(OrbImages, BeginWithTheImageItselfAndAreTheSameForBothExtractors) {
 }
 
 TEST(OrbImages, StayAsTheyAreWhileTheExtractorGoesOn) {
-  for (ExtractorKind kind : {ExtractorKind::fast, ExtractorKind::opencv}) {
+  for (ExtractorKind kind : {ExtractorKind::native, ExtractorKind::opencv}) {
     OrbExtractor extractor(keepingImages(kind));
     Features features;
     extractor.extract(test::textureImage(cv::Size(320, 240), 3), features);
@@ -58,7 +58,7 @@ TEST(OrbImages, StayAsTheyAreWhileTheExtractorGoesOn) {
 TEST(OrbImages, MoveNoMoreOnceTwoFramesHaveTheirs) {
   const cv::Mat images[] = {test::textureImage(cv::Size(320, 240), 6),
                             test::textureImage(cv::Size(320, 240), 7)};
-  OrbExtractor extractor(keepingImages(ExtractorKind::fast));
+  OrbExtractor extractor(keepingImages(ExtractorKind::native));
   Features frames[2];
   const auto extract = [&](int i) { extractor.extract(images[i % 2], frames[i % 2]); };
   for (int i = 0; i < 4; ++i) extract(i);

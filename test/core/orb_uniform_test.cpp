@@ -114,7 +114,7 @@ cv::Mat halfFaint(const Size& size) {
 
 Features extract(const cv::Mat& image, KeypointDistribution distribution, int threads = 1) {
   OrbOptions options;
-  options.features = 1000;
+  options.max_features = 1000;
   options.distribution = distribution;
   options.threads = threads;
   Features features;
@@ -136,7 +136,7 @@ TEST(UniformDistribution, FillsTheFaintHalfOfAnImage) {
 TEST(UniformDistribution, KeepsExactlyAsManyAsWantedWhereTheImageHasThem) {
   for (int features : {1, 100, 777, 2000}) {
     OrbOptions options;
-    options.features = features;
+    options.max_features = features;
     options.distribution = KeypointDistribution::uniform;
     Features result;
     OrbExtractor(options).extract(test::textureImage(Size(640, 480), 6), result);
@@ -160,7 +160,7 @@ TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
   }
   for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
     OrbOptions options;
-    options.features = 1000;
+    options.max_features = 1000;
     options.distribution = KeypointDistribution::uniform;
     Features features;
     OrbPipeline(options, *kernels).extract(image, cv::Mat(), features);

@@ -424,8 +424,8 @@ TEST(ProsacHomography, RefusesOptionsOutsideTheirRange) {
     change(options);
     EXPECT_THROW(ProsacHomography{options}, std::invalid_argument);
   };
-  refuses([](ProsacOptions& o) { o.threshold = 0.0; });
-  refuses([](ProsacOptions& o) { o.threshold = std::numeric_limits<double>::quiet_NaN(); });
+  refuses([](ProsacOptions& o) { o.max_error = 0.0; });
+  refuses([](ProsacOptions& o) { o.max_error = std::numeric_limits<double>::quiet_NaN(); });
   refuses([](ProsacOptions& o) { o.max_iterations = 0; });
   refuses([](ProsacOptions& o) { o.confidence = 1.0; });
   refuses([](ProsacOptions& o) { o.confidence = 0.0; });

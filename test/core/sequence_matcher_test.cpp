@@ -47,7 +47,7 @@ cv::Mat flat() {
 
 SequenceOptions withMode(ReferenceMode mode) {
   SequenceOptions options;
-  options.orb.features = 500;
+  options.orb.max_features = 500;
   options.reference.mode = mode;
   return options;
 }
@@ -214,7 +214,7 @@ TEST(SequenceMatcher, AKeyframeStaysWhileItOverlaps) {
 
 TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
   SequenceOptions options = withMode(ReferenceMode::keyframe);
-  options.orb.features = 1000;
+  options.orb.max_features = 1000;
   options.reference.min_inliers = 4;
   SequenceMatcher matcher(options);
   matcher.match(partOfView(0.0, 1.0), 1.0);
@@ -298,7 +298,7 @@ TEST(SequenceMatcher, NewExtractorOptionsCountForTheReferenceToo) {
   SequenceOptions options = withMode(ReferenceMode::previous);
   SequenceMatcher matcher(options);
   matcher.match(view(0), 0.0);
-  options.orb.features = 100;
+  options.orb.max_features = 100;
   matcher.setOptions(options);
   const SequenceMatch& match = matcher.match(view(1), 0.1);
   EXPECT_EQ(match.no_reference, NoReference::none);
@@ -312,7 +312,7 @@ TEST(SequenceMatcher, TheCallersImageMayChangeAfterTheCall) {
   cv::Mat buffer = view(0);
   matcher.match(buffer, 0.0);
   view(1).copyTo(buffer);
-  options.orb.features = 400;  // the reference's features are found again, in its image
+  options.orb.max_features = 400;  // the reference's features are found again, in its image
   matcher.setOptions(options);
   expectTranslation(matcher.match(buffer, 0.1).match.prosac.homography, -kStepX, -kStepY);
 }

@@ -138,11 +138,11 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   const std::optional<Eigen::Matrix3d>& initial,
                                   ProsacResult& result) {
   order.sort(pairs.quality);
-  estimator.problem.load(pairs.reference, pairs.target, order, options.threshold);
+  estimator.problem.load(pairs.reference, pairs.target, order, options.max_error);
   ProsacRules rules;
   rules.max_iterations = options.max_iterations;
   rules.confidence = options.confidence;
-  rules.chance_inlier = chanceInlier(pairs, options.threshold);
+  rules.chance_inlier = chanceInlier(pairs, options.max_error);
   rules.seed = options.seed;
   const auto start = initial ? estimator.problem.fromPixels(*initial) : std::nullopt;
   const ProsacRun run = search.run(rules, start ? &*start : nullptr, estimator);
@@ -163,8 +163,8 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 
   const bool scaled = scaleLastToOne(pixel);
   result.homography = pixel;
-  applyThreshold(pairs, options.threshold, squared_error, result);
-  if (verdict.explainableByChance(pairs, result.mask, squared_error, options.threshold)) {
+  applyThreshold(pairs, options.max_error, squared_error, result);
+  if (verdict.explainableByChance(pairs, result.mask, squared_error, options.max_error)) {
     clearModel(result);
     return;
   }
@@ -178,7 +178,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 }
 
 ProsacHomography::ProsacHomography(const ProsacOptions& options) : impl_(std::make_unique<Impl>()) {
-  requireInRange("prosac threshold", options.threshold, 1e-6, 1e6);
+  requireInRange("prosac max_error", options.max_error, 1e-6, 1e6);
   requireInRange("max_iterations", options.max_iterations, 1, 1000000);
   requireInRange("confidence", options.confidence, 1e-6, 1.0 - 1e-9);
   impl_->options = options;

@@ -5,16 +5,20 @@
 namespace ktgp_orb {
 
 struct KnnMatcher::Impl {
-  explicit Impl(int threads) : search(bestKnnKernel(), threads) {}
+  explicit Impl(const KnnOptions& given) : options(given), search(bestKnnKernel(), given.threads) {}
+  const KnnOptions options;
   KnnSearch search;
 };
 
-KnnMatcher::KnnMatcher(const KnnOptions& options)
-    : impl_(std::make_unique<Impl>(options.threads)) {}
+KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
 
 KnnMatcher::~KnnMatcher() = default;
 KnnMatcher::KnnMatcher(KnnMatcher&&) noexcept = default;
 KnnMatcher& KnnMatcher::operator=(KnnMatcher&&) noexcept = default;
+
+const KnnOptions& KnnMatcher::options() const {
+  return impl_->options;
+}
 
 void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
                        std::vector<Correspondence>& correspondences) {

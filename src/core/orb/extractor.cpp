@@ -18,11 +18,11 @@ namespace {
 constexpr int kPatchSize = 31;  // side of the descriptor patch in px; also the border left unused
 
 void requireValid(const OrbOptions& options) {
-  requireInRange("features", options.features, 1, 1000000);
+  requireInRange("max_features", options.max_features, 1, 1000000);
   requireInRange("scale_factor", options.scale_factor, 1.01, 2.0);
   requireInRange("levels", options.levels, 1, 16);
   requireInRange("fast_threshold", options.fast_threshold, 1, 255);
-  requireInRange("cell_share", options.cell_share, 1, 1000000);
+  requireInRange("keypoints_per_cell", options.keypoints_per_cell, 1, 1000000);
   requireInRange("threads", options.threads, 0, 1024);
   if (options.extractor == ExtractorKind::opencv &&
       options.distribution != KeypointDistribution::ranked) {
@@ -47,8 +47,8 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 }
 
 auto asTuple(const OrbOptions& o) {
-  return std::tie(o.features, o.scale_factor, o.levels, o.fast_threshold, o.extractor, o.descriptor,
-                  o.distribution, o.cell_share, o.keep_images, o.threads);
+  return std::tie(o.max_features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
+                  o.descriptor, o.distribution, o.keypoints_per_cell, o.keep_images, o.threads);
 }
 
 /// The pyramid levels of an image that are a pixel or more in width and height.
@@ -63,8 +63,8 @@ int levelsWithPixels(const cv::Size& image, const OrbOptions& options) {
 }
 
 cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
-  return cv::ORB::create(options.features, static_cast<float>(options.scale_factor), options.levels,
-                         kPatchSize, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize,
+  return cv::ORB::create(options.max_features, static_cast<float>(options.scale_factor),
+                         options.levels, kPatchSize, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize,
                          options.fast_threshold);
 }
 
@@ -107,8 +107,8 @@ struct OrbExtractor::Impl {
   explicit Impl(const OrbOptions& o) : options(o) {
     if (o.extractor == ExtractorKind::opencv) {
       opencv = std::make_unique<OpencvExtractor>(o);
-      pyramid =
-          std::make_unique<OrbPyramid>(o.features, static_cast<float>(o.scale_factor), o.levels);
+      pyramid = std::make_unique<OrbPyramid>(o.max_features, static_cast<float>(o.scale_factor),
+                                             o.levels);
     } else {
       pipeline = std::make_unique<OrbPipeline>(o, bestOrbKernels());
     }

@@ -39,9 +39,9 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
     : options_(options),
       kernels_(kernels),
       pool_(options.threads),
-      pyramid_(options.features, static_cast<float>(options.scale_factor), options.levels),
+      pyramid_(options.max_features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels),
-      uniform_choice_(options.features, options.fast_threshold, options.cell_share,
+      uniform_choice_(options.max_features, options.fast_threshold, options.keypoints_per_cell,
                       options.levels) {
   if (options.descriptor == DescriptorKind::teblid) {
     teblid_.emplace(
@@ -155,7 +155,7 @@ void OrbPipeline::gather(Features& features) {
       features.keypoints.push_back(keypoint);
     }
   }
-  resizeDescriptors(static_cast<int>(features.size()), options_.features, features.descriptors);
+  resizeDescriptors(static_cast<int>(features.size()), options_.max_features, features.descriptors);
 }
 
 void OrbPipeline::orientAndDescribe(int index, Features& features) {
