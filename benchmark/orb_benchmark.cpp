@@ -131,7 +131,7 @@ void teblid(benchmark::State& state) {
   const cv::Mat image =
       imageOf(cv::Size(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))));
   OrbOptions options;
-  options.features = static_cast<int>(state.range(2));
+  options.max_features = static_cast<int>(state.range(2));
   OrbExtractor orb(options);
   options.descriptor = ktgp_orb::DescriptorKind::teblid;
   OrbExtractor teblid(options);

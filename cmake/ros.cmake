@@ -22,6 +22,10 @@ add_message_files(FILES
 add_service_files(FILES MatchPair.srv)
 generate_messages(DEPENDENCIES sensor_msgs std_msgs)
 generate_dynamic_reconfigure_options(cfg/Ktgp.cfg)
+# The table that Ktgp.cfg reads: a changed row makes its output anew.
+add_custom_command(APPEND
+  OUTPUT ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_INCLUDE_DESTINATION}/KtgpConfig.h
+  DEPENDS ${PROJECT_SOURCE_DIR}/src/parameters/table.def)
 
 catkin_package(
   INCLUDE_DIRS include
@@ -34,7 +38,7 @@ catkin_package(
 
 install(DIRECTORY include/${PROJECT_NAME}/
   DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
-install(DIRECTORY launch rviz
+install(DIRECTORY config launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(PROGRAMS scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

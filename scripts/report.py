@@ -105,7 +105,7 @@ def sweep(tools, folders, option, values, methods):
 
 def add_paper_figures(document, tools, folders):
     document.heading("The paper's figures")
-    ratios = sweep(tools, folders, "--ratio-threshold", RATIOS, ["KT"])
+    ratios = sweep(tools, folders, "--T_w", RATIOS, ["KT"])
     for number, name in ((6, "leuven"), (7, "bikes")):
         series = {}
         for i, pair in enumerate(paper.PAIRS):
@@ -113,7 +113,7 @@ def add_paper_figures(document, tools, folders):
         document.picture(f"figure_{number}.svg",
                          f"Figure {number}. Retention Q against T_w, {paper.TITLE[name]}",
                          plots.lines(RATIOS, series, "T_w", "Q, %", [(0.66, "chosen")]))
-    factors = sweep(tools, folders, "--gms-threshold", GMS_FACTORS, ["KTG", "KTGP"])
+    factors = sweep(tools, folders, "--T_G", GMS_FACTORS, ["KTG", "KTGP"])
     for number, name in ((8, "leuven"), (9, "bikes")):
         series = {}
         for i, pair in enumerate(paper.PAIRS):

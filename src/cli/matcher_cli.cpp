@@ -1,166 +1,151 @@
 #include "cli/matcher_cli.h"
 
-#include <iomanip>
+#include <algorithm>
+#include <functional>
+#include <iterator>
 #include <map>
-#include <sstream>
+#include <memory>
+#include <set>
+
+#include "cli/parameter_file.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
-/// Allowed values of an option.
-struct Range {
-  double low;
-  double high;
-  bool low_open = false;   ///< `low` itself is not allowed
-  bool high_open = false;  ///< `high` itself is not allowed
-
-  bool contains(double value) const {
-    return (low_open ? value > low : value >= low) && (high_open ? value < high : value <= high);
-  }
-  std::string text() const {
-    std::ostringstream out;
-    out << std::setprecision(10) << (low_open ? '(' : '[') << low << ", " << high
-        << (high_open ? ')' : ']');
-    return out.str();
-  }
-};
-
-const std::map<std::string, ExtractorKind> kExtractors{{"fast", ExtractorKind::native},
-                                                       {"opencv", ExtractorKind::opencv}};
-const std::map<std::string, KeypointDistribution> kDistributions{
-    {"ranked", KeypointDistribution::ranked}, {"uniform", KeypointDistribution::uniform}};
-
-template <typename T>
-std::string nameOf(T value, const std::map<std::string, T>& choices) {
-  for (const auto& [name, choice] : choices) {
-    if (choice == value) return name;
-  }
-  return "";
+bool always(const ParameterRow& /*row*/) {
+  return true;
 }
 
-/// Options that --help shows together.
-class Group {
- public:
-  Group(CLI::App& app, std::string title) : app_(app), title_(std::move(title)) {}
+bool decidesAPair(const ParameterRow& row) {
+  static const std::set<std::string> elsewhere{"reference", "diagnostics"};
+  return elsewhere.count(row.group) == 0 && row.name != "overlay";
+}
 
-  template <typename T>
-  void add(const std::string& name, T& value, const Range& range, const std::string& description) {
-    const auto check = [range](const std::string& text) -> std::string {
-      double number = 0.0;
-      if (!CLI::detail::lexical_cast(text, number)) return text + " is not a number";
-      if (range.contains(number)) return {};
-      return text + " is out of range; expected a value in " + range.text();
-    };
-    app_.add_option(name, value, description)
-        ->check(check, "in " + range.text())
-        ->capture_default_str()
-        ->group(title_);
+bool isFlag(const ParameterRow& row) {
+  return std::holds_alternative<bool Parameters::*>(row.field);
+}
+
+/// What --help shows instead of "TEXT".
+std::string typeName(const ParameterRow& row) {
+  std::string names;
+  for (const std::string& choice : row.choices) names += (names.empty() ? "" : "|") + choice;
+  if (!names.empty()) return names;
+  if (std::holds_alternative<std::string Parameters::*>(row.field)) return "TEXT";
+  const bool whole = std::holds_alternative<int Parameters::*>(row.field);
+  return (whole ? "INT in " : "NUMBER in ") + row.limits.text();
+}
+
+/// What the command line says, until all of it is known.
+struct Given {
+  std::string preset;
+  std::string file;
+  std::map<std::string, std::string> values;
+
+  /// Throws std::invalid_argument.
+  void applyTo(Parameters& parameters) const {
+    if (!preset.empty()) readPreset(preset, parameters);
+    if (!file.empty()) readParameterFile(file, parameters);
+    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
   }
-
-  template <typename T>
-  void addChoice(const std::string& name, T& value, const std::map<std::string, T>& choices,
-                 const std::string& description) {
-    const auto choose = [&value, choices, name](const std::string& text) {
-      const auto choice = choices.find(text);
-      if (choice != choices.end()) {
-        value = choice->second;
-        return;
-      }
-      std::string names;
-      for (const auto& entry : choices) names += (names.empty() ? "" : " or ") + entry.first;
-      throw CLI::ValidationError(name, text + " is unknown; expected " + names);
-    };
-    app_.add_option_function<std::string>(name, choose, description)
-        ->type_name("NAME")
-        ->default_str(nameOf(value, choices))
-        ->group(title_);
-  }
-
-  void addFlag(const std::string& name, bool& value, const std::string& description) {
-    app_.add_flag(name, value, description)->group(title_);
-  }
-
- private:
-  CLI::App& app_;
-  std::string title_;
 };
+
+void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,
+               const std::shared_ptr<Given>& given) {
+  const std::string option = "--" + row.name;
+  const std::string text = row.unit.empty() ? row.text : row.text + " [" + row.unit + "]";
+  const auto take = [given, &row](const std::string& value) {
+    try {
+      Parameters checked;
+      setParameter(row, value, checked);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError("--" + row.name, error.what());
+    }
+    given->values[row.name] = value;
+  };
+  CLI::Option* added = nullptr;
+  if (isFlag(row)) {
+    added = app.add_flag(option, text)->each(take);
+  } else {
+    added = app.add_option_function<std::string>(option, take, text)->type_name(typeName(row));
+  }
+  added->default_str(valueText(row, defaults))->group("Parameters: " + row.group);
+}
+
+/// `done` is called with the values when all is parsed.
+void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
+                const std::function<void(const Parameters&)>& done) {
+  const auto given = std::make_shared<Given>();
+  const char* const group = "Parameters";
+  app.add_option("--preset", given->preset, "start from these: " + namesOfPresets())
+      ->type_name("NAME")
+      ->group(group);
+  app.add_option("--params", given->file,
+                 "YAML file of parameters, as `rosparam dump` and `dynparam dump` write it")
+      ->type_name("FILE")
+      ->group(group);
+  for (const ParameterRow& row : parameterRows()) {
+    if (wanted(row)) addOption(app, row, defaults, given);
+  }
+  app.callback([given, defaults, done] {
+    Parameters parameters = defaults;
+    try {
+      given->applyTo(parameters);
+      done(parameters);
+    } catch (const std::invalid_argument& error) {
+      throw CLI::ValidationError(error.what());
+    }
+  });
+}
+
+/// A flag may have its value behind a blank, as options have: "--gms_rotation true".
+std::vector<std::string> withJoinedFlags(int argc, char** argv) {
+  std::vector<std::string> joined;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool value = word == "true" || word == "false";
+    const std::string before = joined.empty() ? "" : joined.back();
+    const ParameterRow* row =
+        before.rfind("--", 0) == 0 ? findParameter(before.substr(2)) : nullptr;
+    if (value && row != nullptr && isFlag(*row)) {
+      joined.back() += "=" + word;
+    } else {
+      joined.push_back(word);
+    }
+  }
+  return joined;
+}
+
+nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
+  return std::visit([&](auto field) { return nlohmann::json(parameters.*field); }, row.field);
+}
 
 }  // namespace
 
+void addParameterOptions(CLI::App& app, Parameters& parameters) {
+  addOptions(app, always, parameters, [&](const Parameters& given) { parameters = given; });
+}
+
 void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
-  OrbOptions& orb = options.orb;
-  Group features(app, "Features (ORB)");
-  features.add("--features", orb.max_features, {1, 1e6}, "keypoints to keep at most");
-  features.add("--scale-factor", orb.scale_factor, {1.01, 2},
-               "size ratio of neighbouring pyramid levels");
-  features.add("--levels", orb.levels, {1, 16}, "pyramid levels");
-  features.add("--fast-threshold", orb.fast_threshold, {1, 255},
-               "contrast of a FAST corner, grey values; lower it for dark or blurred images");
-
-  features.addChoice("--extractor", orb.extractor, kExtractors,
-                     "fast = vector code, opencv = cv::ORB; the keypoints are the same");
-  features.addChoice("--distribution", orb.distribution, kDistributions,
-                     "ranked = the strongest corners, uniform = an equal share of every part");
-  features.add("--cell-share", orb.keypoints_per_cell, {1, 1e6},
-               "with uniform: keypoints that each cell keeps where all have enough");
-  features.add("--orb-threads", orb.threads, {0, 1024},
-               "threads of the extractor, 0 = all of the machine; the answer is the same");
-
-  MatcherOptions& matcher = options.matcher;
-  Group search(app, "Nearest neighbours and ratio filter (KNN, TF)");
-  search.add("--ratio-threshold", matcher.ratio_threshold, {0, 1, true},
-             "T_w: keep a match when d1/d2 is below; larger keeps more, and more wrong ones");
-  search.add("--threads", matcher.knn.threads, {0, 1024},
-             "threads of the search, 0 = all of the machine; the answer is the same");
-
-  GmsOptions& gms = matcher.gms;
-  Group statistics(app, "Motion statistics (GMS)");
-  statistics.add("--gms-threshold", gms.threshold, {0, 1e6},
-                 "T_G: support that a match needs from its neighbours; larger keeps fewer");
-  statistics.addFlag("--gms-rotation", gms.rotation, "allow the camera to roll (eight directions)");
-  statistics.addFlag("--gms-scale", gms.scale, "allow a change of scale (factors 1/2 to 2)");
-  statistics.add("--gms-columns", gms.grid_columns, {1, 200}, "grid cells across the target image");
-  statistics.add("--gms-rows", gms.grid_rows, {1, 200}, "grid cells down the target image");
-
-  ProsacOptions& prosac = matcher.prosac;
-  Group model(app, "Homography (PROSAC)");
-  model.add("--prosac-threshold", prosac.max_error, {0, 1e6, true},
-            "a match is an inlier when its reprojection error is below, px");
-  model.add("--max-iterations", prosac.max_iterations, {1, 1e6}, "samples drawn at most");
-  model.add("--confidence", prosac.confidence, {0, 1, true, true},
-            "wanted probability that no better homography was missed");
-  model.add("--seed", prosac.seed, {0, 9007199254740992},
-            "of the random generator; same seed, same answer");
+  addOptions(app, decidesAPair, options.parameters, [&](const Parameters& parameters) {
+    options = pipelineOptions(parameters);
+    const OrbExtractor checked_extractor(options.orb);
+    const KtgpMatcher checked_matcher(options.matcher);
+  });
 }
 
 nlohmann::json toJson(const PipelineOptions& options) {
-  const auto& [orb, matcher] = options;
-  return {
-      {"features", orb.max_features},
-      {"scale-factor", orb.scale_factor},
-      {"levels", orb.levels},
-      {"fast-threshold", orb.fast_threshold},
-      {"extractor", nameOf(orb.extractor, kExtractors)},
-      {"distribution", nameOf(orb.distribution, kDistributions)},
-      {"cell-share", orb.keypoints_per_cell},
-      {"orb-threads", orb.threads},
-      {"ratio-threshold", matcher.ratio_threshold},
-      {"threads", matcher.knn.threads},
-      {"gms-threshold", matcher.gms.threshold},
-      {"gms-rotation", matcher.gms.rotation},
-      {"gms-scale", matcher.gms.scale},
-      {"gms-columns", matcher.gms.grid_columns},
-      {"gms-rows", matcher.gms.grid_rows},
-      {"prosac-threshold", matcher.prosac.max_error},
-      {"max-iterations", matcher.prosac.max_iterations},
-      {"confidence", matcher.prosac.confidence},
-      {"seed", matcher.prosac.seed},
-  };
+  nlohmann::json out;
+  for (const ParameterRow& row : parameterRows()) {
+    if (decidesAPair(row)) out[row.name] = valueOf(row, options.parameters);
+  }
+  return out;
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   try {
-    app.parse(argc, argv);
+    std::vector<std::string> words = withJoinedFlags(argc, argv);
+    std::reverse(words.begin(), words.end());  // as CLI11 takes them
+    app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }

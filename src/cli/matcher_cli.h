@@ -4,26 +4,26 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "parameters/options.h"
 
 namespace ktgp_orb::tools {
 
-/// Everything that decides the outcome for a pair of images.
-struct PipelineOptions {
-  OrbOptions orb;
-  MatcherOptions matcher;
-};
+using ktgp_orb::PipelineOptions;
 
-/// Adds every threshold of the extractor and of the four stages to `app`, each with its default
-/// and range. A value outside its range ends parsing with a message that says the range.
+/// Adds an option for each parameter of the nodelet, by its name, with the text, range and default
+/// of the table, and --preset and --params. After parsing, `parameters`, which holds the defaults,
+/// has the values: the command line counts before the file, the file before the preset. What cannot
+/// be used ends parsing with a message that says what is expected.
+void addParameterOptions(CLI::App& app, Parameters& parameters);
+
+/// The same for the parameters that decide the outcome for a pair of images.
 void addPipelineOptions(CLI::App& app, PipelineOptions& options);
 
-/// The options by the names they have on the command line, without the dashes.
+/// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);
 
 /// Parses the command line; returns the code to exit with, or nothing to go on.
-/// 0 after --help, 2 for anything that cannot be used.
+/// 0 after --help or --version, 2 for anything that cannot be used.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
 
 }  // namespace ktgp_orb::tools

@@ -29,7 +29,7 @@ constexpr const char* kExamples =
     "Examples:\n"
     "  ktgp_evaluate oxford/leuven oxford/bikes\n"
     "  ktgp_evaluate oxford --methods all --csv results.csv --json results.json\n"
-    "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --gms-threshold 4 --jobs 4\n"
+    "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --T_G 4 --jobs 4\n"
     "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "  ktgp_evaluate --bag demo.bag --json sequence.json\n"
@@ -254,8 +254,8 @@ void printSequence(const SequenceScore& score) {
 }
 
 int evaluateBag(const Arguments& arguments) {
-  const auto& [orb, matcher] = arguments.pipeline;
-  SequenceEvaluator evaluator(orb, matcher, arguments.drift_window);
+  SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
+                              arguments.drift_window);
   ProgressBar progress(0);
   readBag(arguments.bag, arguments.topic, arguments.truth_topic,
           [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {

@@ -6,11 +6,12 @@
 #include <cstdint>
 
 #include "ktgp_orb/sequence_matcher.h"
+#include "parameters/options.h"
 
 namespace ktgp_orb {
 
 /// One consistent set of everything that can be tuned, as the core and the messages use it.
-/// What each field means and may be stands in cfg/Ktgp.cfg.
+/// What each field means and may be stands in parameters/table.def.
 struct Configuration {
   std::uint32_t number = 0;  ///< counts the changes
   SequenceOptions sequence;
@@ -20,10 +21,8 @@ struct Configuration {
 };
 
 /// All but the reference image, which is null: reading its file may fail and takes its time.
-/// Throws std::invalid_argument for what the core refuses, NaN for example.
+/// Throws std::invalid_argument for what is out of its limits, NaN for example.
+Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
-
-/// Throws std::invalid_argument for a name that is no mode.
-ReferenceMode referenceModeFrom(const std::string& name);
 
 }  // namespace ktgp_orb

@@ -11,9 +11,9 @@
 #include <opencv2/core/utility.hpp>
 #include <thread>
 
+#include "cli/matcher_cli.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
-#include "tools/bag_options.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_reader.h"
 #include "tools/bag_writer.h"
@@ -33,7 +33,7 @@ struct Arguments {
   std::string name;
   std::string csv;
   bool no_csv = false;
-  KtgpConfig config = KtgpConfig::__getDefault__();
+  Parameters parameters;
 };
 
 /// Prints how far it got, on a terminal only.
@@ -129,15 +129,15 @@ class Run {
   std::uint64_t refused_ = 0;
 };
 
-int threadsFrom(const KtgpConfig& config) {
-  if (config.threads > 0) return config.threads;
+int threadsFrom(const Parameters& parameters) {
+  if (parameters.threads > 0) return parameters.threads;
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
-Configuration configurationFor(KtgpConfig config) {
-  config.threads = 1;  // for one image; several are worked on at a time
-  Configuration configuration = configurationFrom(config, 0);
-  configuration.reference_image = readImageFile(config.reference_image);
+Configuration configurationFor(Parameters parameters) {
+  parameters.threads = 1;  // for one image; several are worked on at a time
+  Configuration configuration = configurationFrom(parameters, 0);
+  configuration.reference_image = readImageFile(parameters.reference_image);
   return configuration;
 }
 
@@ -159,7 +159,7 @@ void completeNames(Arguments& arguments) {
 int matchBag(Arguments& arguments) {
   completeNames(arguments);
   cv::setNumThreads(1);  // the images themselves are spread over the cores
-  Run run(arguments, configurationFor(arguments.config), threadsFrom(arguments.config));
+  Run run(arguments, configurationFor(arguments.parameters), threadsFrom(arguments.parameters));
   std::signal(SIGINT, [](int /*signal*/) { interrupted = 1; });
   std::signal(SIGTERM, [](int /*signal*/) { interrupted = 1; });
   const int code = run.run();
@@ -175,8 +175,8 @@ int matchBag(Arguments& arguments) {
 
 int run(int argc, char** argv) {
   Arguments arguments;
-  arguments.config.threads = 0;
-  arguments.config.overlay = false;
+  arguments.parameters.threads = 0;
+  arguments.parameters.overlay = false;
   CLI::App app(
       "Matches the images of a bag as the nodelet would, but drops none and uses all cores.\n"
       "Exit code 2: IN.bag is damaged; OUT.bag holds what was before the damage.");
@@ -188,11 +188,11 @@ int run(int argc, char** argv) {
                  "Namespace of the output topics; without it: matcher beside the image topic");
   app.add_option("--csv", arguments.csv, "Table with a line for every image; without it: OUT.csv");
   app.add_flag("--no_csv", arguments.no_csv, "Write no table");
-  addParameterOptions(app, arguments.config);
+  tools::addParameterOptions(app, arguments.parameters);
   app.footer(
       "Of the parameters, threads is the number of images worked on at a time, and overlay\n"
       "stands for a subscriber of matches_image; both defaults differ from the nodelet's.");
-  CLI11_PARSE(app, argc, argv);
+  if (const auto code = tools::parse(app, argc, argv)) return *code;
   return matchBag(arguments);
 }
 

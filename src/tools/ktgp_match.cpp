@@ -28,8 +28,8 @@ constexpr const char* kExamples =
     "  ktgp_match img1.ppm img2.ppm\n"
     "  ktgp_match img1.ppm img4.ppm --ground-truth H1to4p     errors against the known homography\n"
     "  ktgp_match a.png b.png --draw matches.png --csv matches.csv --json result.json\n"
-    "  ktgp_match a.png b.png --gms-rotation --gms-scale      the camera rolled or zoomed\n"
-    "  ktgp_match a.png b.png --ratio-threshold 0.8           few matches? let more through\n"
+    "  ktgp_match a.png b.png --gms_rotation --gms_scale      the camera rolled or zoomed\n"
+    "  ktgp_match a.png b.png --T_w 0.8                       few matches? let more through\n"
     "\n"
     "Exit code: 0 a homography was found, 1 none was found, 2 a file or an option cannot be used.";
 
@@ -195,7 +195,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   const ProsacResult& prosac = outcome.result.prosac;
   json out{{"reference", toJson(outcome.reference)},
            {"target", toJson(outcome.target)},
-           {"options", toJson(options)},
+           {"options", tools::toJson(options)},
            {"status", toString(outcome.result.status)},
            {"stages", json::array()},
            {"homography", nullptr}};

@@ -10,6 +10,7 @@ import unittest
 import xml.etree.ElementTree as xml
 
 import roslaunch
+import yaml
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import check_each
 from roslaunch.config import load_config_default
@@ -57,22 +58,56 @@ class LaunchFilesTest(unittest.TestCase):
             for element in xml.parse(path).getroot().iterfind('arg'):
                 self.assertTrue(element.get('doc'), '%s: %s' % (path, element.get('name')))
 
-    def test_every_parameter_of_the_matcher_exists(self):
-        known = set(KtgpConfig.defaults) | STATIC_PARAMETERS
-        seen = set()
-        for path in FILES:
-            for name in load(path, self.bag.name).params:
-                if '/matcher/' in name:
-                    own = name.rsplit('/', 1)[1]
-                    seen.add(own)
-                    self.assertIn(own, known, '%s sets %s' % (path, name))
-        self.assertEqual(set(KtgpConfig.defaults) - seen, set(),
-                         'parameters that matcher.launch does not offer')
+    def parameters_of(self, name, *arguments):
+        """What a launch file sets of the matcher's parameters, by their names."""
+        path = os.path.join(PACKAGE, 'launch', name)
+        if name in ('bag.launch', 'tune.launch'):
+            arguments += ('bag:=' + self.bag.name,)
+        config = load_config_default([(path, list(arguments))], None, verbose=False,
+                                     assign_machines=False)
+        return {key.rsplit('/', 1)[1]: param.value for key, param in config.params.items()
+                if '/matcher/' in key}
 
-    def test_defaults_are_those_of_the_parameter_file(self):
-        config = load(os.path.join(PACKAGE, 'launch', 'matcher.launch'), self.bag.name)
+    def test_every_parameter_reaches_the_matcher_and_none_is_set_unasked(self):
+        values = {}
         for name, default in KtgpConfig.defaults.items():
-            self.assertEqual(config.params['/camera/matcher/' + name].value, default, name)
+            if isinstance(default, bool):
+                values[name] = not default
+            elif isinstance(default, str):
+                values[name] = 'some ' + name
+            else:
+                values[name] = default + 1
+        given = ['%s:=%s' % (name, str(value).lower() if isinstance(value, bool) else value)
+                 for name, value in values.items()]
+        for launch in ('matcher.launch', 'bag.launch', 'tune.launch', 'multi_camera.launch'):
+            got = self.parameters_of(launch, *given)
+            self.assertEqual({name: got.get(name) for name in values}, values, launch)
+            self.assertLessEqual(set(self.parameters_of(launch)), STATIC_PARAMETERS, launch)
+            self.assertLessEqual(set(got), set(values) | STATIC_PARAMETERS, launch)
+
+    def test_arguments_count_before_the_file_and_the_file_before_the_preset(self):
+        with tempfile.NamedTemporaryFile('w', suffix='.yaml', dir='.') as file:
+            file.write('T_w: 0.71\ngms_scale: false\nlevels: 5\n')
+            file.flush()
+            for launch in ('matcher.launch', 'bag.launch', 'tune.launch', 'multi_camera.launch'):
+                for path in (file.name, os.path.basename(file.name)):
+                    os.environ['PWD'] = os.getcwd()
+                    got = self.parameters_of(launch, 'preset:=robust', 'params:=' + path,
+                                             'levels:=6')
+                    self.assertIs(got['gms_rotation'], True, launch)
+                    self.assertIs(got['gms_scale'], False, launch)
+                    self.assertEqual(got['T_w'], 0.71, launch)
+                    self.assertEqual(got['levels'], 6, launch)
+
+    def test_presets_hold_parameters_within_their_ranges(self):
+        for path in glob.glob(os.path.join(PACKAGE, 'config', '*.yaml')):
+            with open(path) as file:
+                for name, value in yaml.safe_load(file).items():
+                    self.assertIn(name, KtgpConfig.defaults, path)
+                    self.assertEqual(type(value), type(KtgpConfig.defaults[name]), name)
+                    if not isinstance(value, (str, bool)):
+                        self.assertLessEqual(KtgpConfig.min[name], value)
+                        self.assertLessEqual(value, KtgpConfig.max[name])
 
     def test_a_missing_bag_is_named(self):
         for name in ('bag.launch', 'tune.launch'):

@@ -39,7 +39,7 @@ void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
       config.T_G = real(0.0, 12.0);
       break;
     case 2:
-      config.features = integer(50, 600);
+      config.features = integer(100, 600);
       break;
     case 3:
       config.scale_factor = real(1.1, 1.6);

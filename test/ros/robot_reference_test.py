@@ -105,7 +105,7 @@ class ReferenceTest(unittest.TestCase):
 
     def test_a_keyframe_without_enough_inliers_gives_way_to_the_frame_before(self):
         self.client.update_configuration({'reference_mode': 'keyframe',
-                                          'keyframe_min_inliers': 100000})
+                                          'keyframe_min_inliers': 2000})
         statistics = self.pan(5)
         for before, now in zip(statistics, statistics[1:]):
             self.assertEqual(now.reference_stamp, before.header.stamp)

@@ -51,7 +51,7 @@ class StartupTest(unittest.TestCase):
         words = {
             'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
             'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 20]',
-            'features:=0': '/other/matcher/features is 0; expected a value in [1, 100000]',
+            'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
             'reference_mode:=nearest': "reference_mode is 'nearest'; expected previous"}
 
         def check(parameter):

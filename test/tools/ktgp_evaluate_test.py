@@ -71,12 +71,12 @@ class KtgpEvaluate(ToolCase):
         self.assertEqual(without_times(1), without_times(4))
 
     def test_json_has_rows_summary_and_options(self):
-        self.evaluate("data", "--json", "out.json", "--methods", "KTG,KTGP", "--gms-threshold", "5",
+        self.evaluate("data", "--json", "out.json", "--methods", "KTG,KTGP", "--T_G", "5",
                       "--repeat", "3")
         out = json.loads((self.folder / "out.json").read_text())
         self.assertEqual(len(out["results"]), 10)
         self.assertEqual([s["method"] for s in out["summary"]], ["KTG", "KTGP"])
-        self.assertEqual(out["options"]["gms-threshold"], 5)
+        self.assertEqual(out["options"]["T_G"], 5)
         self.assertEqual(out["problems"], [])
         ktg, ktgp = out["summary"]
         self.assertNotIn("auc_3", ktg)
@@ -117,7 +117,7 @@ class KtgpEvaluate(ToolCase):
         for arguments, text in ((("--methods", "KTX"), "KTX"),
                                 (("--estimator", "best"), "best"),
                                 (("--jobs", "0"), "--jobs"),
-                                (("--ratio-threshold", "2"), "(0, 1]"),
+                                (("--T_w", "2"), "(0, 1]"),
                                 (("--json", "no/folder.json"), "no/folder.json")):
             run = self.evaluate("data", *arguments)
             self.assertEqual(run.returncode, 2, arguments)

@@ -36,7 +36,7 @@ class KtgpMatch(ToolCase):
         self.assertLess(final["reprojection_error"]["rms"], 1.0)
 
     def test_json_is_consistent_from_stage_to_stage(self):
-        self.match("a.pgm", "b.pgm", "--json", "out.json", "--ratio-threshold", "0.7")
+        self.match("a.pgm", "b.pgm", "--json", "out.json", "--T_w", "0.7")
         out = json.loads((self.folder / "out.json").read_text())
         self.assertEqual([s["name"] for s in out["stages"]], ["knn", "tf", "gms", "prosac"])
         self.assertEqual(out["stages"][0]["input"], out["target"]["keypoints"])
@@ -45,7 +45,7 @@ class KtgpMatch(ToolCase):
             self.assertLessEqual(after["output"], after["input"])
         self.assertEqual(out["status"], "ok")
         self.assertEqual(out["stages"][3]["output"], out["inliers"])
-        self.assertEqual(out["options"]["ratio-threshold"], 0.7)
+        self.assertEqual(out["options"]["T_w"], 0.7)
         x, y, w = (h[0] * 160 + h[1] * 120 + h[2] for h in out["homography"])
         self.assertAlmostEqual(x / w, 160 + 7, delta=0.5)
         self.assertAlmostEqual(y / w, 120 - 4, delta=0.5)
@@ -83,14 +83,14 @@ class KtgpMatch(ToolCase):
 
         usual = outputs()
         self.assertLess(outputs("--features", "100")[0], usual[0])
-        self.assertLess(outputs("--fast-threshold", "120")[0], usual[0])
+        self.assertLess(outputs("--fast_threshold", "120")[0], usual[0])
         self.assertLess(outputs("--levels", "1")[0], usual[0])
         self.assertEqual(outputs("--extractor", "opencv"), usual)
         self.assertNotEqual(outputs("--distribution", "uniform", "--features", "300"),
                             outputs("--features", "300"))
-        self.assertLess(outputs("--ratio-threshold", "0.2")[2], usual[2])
-        self.assertLess(outputs("--gms-threshold", "40")[3], usual[3])
-        self.assertLess(outputs("--prosac-threshold", "0.3")[4], usual[4])
+        self.assertLess(outputs("--T_w", "0.2")[2], usual[2])
+        self.assertLess(outputs("--T_G", "40")[3], usual[3])
+        self.assertLess(outputs("--prosac_threshold", "0.3")[4], usual[4])
 
     def test_images_that_do_not_match_give_exit_code_1(self):
         write_pgm(self.folder / "other.pgm", picture(seed=2))
@@ -128,34 +128,83 @@ class KtgpMatch(ToolCase):
             self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
 
     def test_thresholds_out_of_range_are_refused_with_the_range(self):
-        for option, value, expected in (("--ratio-threshold", "1.5", "(0, 1]"),
-                                        ("--ratio-threshold", "0", "(0, 1]"),
-                                        ("--ratio-threshold", "nan", "(0, 1]"),
-                                        ("--gms-threshold", "-1", "[0, 1000000]"),
+        for option, value, expected in (("--T_w", "1.5", "(0, 1]"),
+                                        ("--T_w", "0", "(0, 1]"),
+                                        ("--T_w", "nan", "(0, 1]"),
+                                        ("--T_G", "-1", "[0, 1000000]"),
                                         ("--features", "0", "[1, 1000000]"),
                                         ("--levels", "17", "[1, 16]"),
-                                        ("--scale-factor", "1", "2]"),
-                                        ("--scale-factor", "2.5", "2]"),
-                                        ("--fast-threshold", "256", "[1, 255]"),
-                                        ("--threads", "-1", "[0, 1024]"),
-                                        ("--gms-columns", "201", "[1, 200]"),
-                                        ("--prosac-threshold", "0", "(0, 1000000]"),
-                                        ("--max-iterations", "0", "[1, 1000000]"),
-                                        ("--confidence", "1", "(0, 1)"),
-                                        ("--seed", "-1", "[0, "),
+                                        ("--scale_factor", "1", "2]"),
+                                        ("--scale_factor", "2.5", "2]"),
+                                        ("--fast_threshold", "256", "[1, 255]"),
+                                        ("--threads", "-1", "[0, 256]"),
+                                        ("--gms_columns", "201", "[1, 200]"),
+                                        ("--prosac_threshold", "0", "[1e-6, 1000000]"),
+                                        ("--prosac_iterations", "0", "[1, 1000000]"),
+                                        ("--prosac_confidence", "1", "[1e-6, 0.999999999]"),
+                                        ("--prosac_seed", "-1", "[0, "),
                                         ("--extractor", "slow", "opencv"),
                                         ("--distribution", "even", "uniform"),
-                                        ("--cell-share", "0", "[1, "),
-                                        ("--features", "many", "not a number")):
+                                        ("--keypoints_per_cell", "0", "[1, "),
+                                        ("--features", "many", "a whole number")):
             run = self.match("a.pgm", "b.pgm", f"{option}={value}")
             self.assertEqual(run.returncode, 2, (option, value))
             self.assertIn(option, run.stderr)
             self.assertIn(expected, run.stderr)
 
+    def options(self, *arguments):
+        run = self.match("a.pgm", "b.pgm", "--json", "out.json", *arguments)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        return json.loads((self.folder / "out.json").read_text())["options"]
+
+    def test_parameters_come_from_the_files_that_ros_writes(self):
+        (self.folder / "flat.yaml").write_text(
+            "T_w: 0.71\ngms_rotation: true\nimage_transport: raw\nmatches_image: {jpeg: 80}\n"
+            "keyframe_min_inliers: 50\n")
+        (self.folder / "below.yaml").write_text("camera:\n  matcher: {T_w: 0.71}\n")
+        (self.folder / "dynparam.yaml").write_text(
+            "!!python/object/new:dynamic_reconfigure.encoding.Config\n"
+            "dictitems:\n  T_w: 0.71\n  extractor: opencv\n"
+            "  groups: !!python/object/new:dynamic_reconfigure.encoding.Config\n"
+            "    dictitems: {id: 0}\n    state: []\n"
+            "state: []\n")
+        for file in ("flat.yaml", "below.yaml", "dynparam.yaml"):
+            self.assertEqual(self.options("--params", file)["T_w"], 0.71, file)
+        self.assertIs(self.options("--params", "flat.yaml")["gms_rotation"], True)
+        self.assertEqual(self.options("--params", "dynparam.yaml")["extractor"], "opencv")
+
+    def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
+        (self.folder / "p.yaml").write_text("T_w: 0.71\ngms_scale: false\n")
+        robust = self.options("--preset", "robust")
+        self.assertIs(robust["gms_scale"], True)
+        both = self.options("--preset", "robust", "--params", "p.yaml", "--T_w", "0.6")
+        self.assertIs(both["gms_scale"], False)
+        self.assertEqual(both["T_w"], 0.6)
+        self.assertIs(self.options("--preset", "robust", "--gms_scale=false")["gms_scale"], False)
+        self.assertIs(self.options("--gms_scale", "true")["gms_scale"], True)
+        self.assertEqual(self.options("--preset", "ktgp"), self.options())
+
+    def test_what_a_parameter_file_has_wrong_is_named(self):
+        for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "(0, 1]"),
+                               ("T_w: .nan\n", "(0, 1]"), ("T_w: [1]\n", "T_w"),
+                               ("features: 10.5\n", "whole number"), ("T_w: {\n", "bad.yaml"),
+                               ("extractor: slow\n", "opencv"), ("", "name: value")):
+            (self.folder / "bad.yaml").write_text(text)
+            run = self.match("a.pgm", "b.pgm", "--params", "bad.yaml")
+            self.assertEqual(run.returncode, 2, text)
+            self.assertIn("bad.yaml", run.stderr)
+            self.assertIn(expected, run.stderr)
+        run = self.match("a.pgm", "b.pgm", "--params", "none.yaml")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("none.yaml", run.stderr)
+        run = self.match("a.pgm", "b.pgm", "--preset", "best")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("ktgp, robust", run.stderr)
+
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         self.assertEqual(run.returncode, 0)
-        for text in ("Examples:", "--ratio-threshold", "(0, 1]", "0.66", "Exit code"):
+        for text in ("Examples:", "--T_w", "(0, 1]", "0.66", "Exit code"):
             self.assertIn(text, run.stdout)
 
     def test_missing_argument(self):

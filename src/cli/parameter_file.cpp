@@ -1,0 +1,79 @@
+#include "cli/parameter_file.h"
+
+#include <yaml-cpp/yaml.h>
+
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+
+#include "cli/presets.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+/// The map that holds the parameters.
+YAML::Node parametersIn(YAML::Node node) {
+  while (node.IsMap()) {
+    if (node["dictitems"]) {  // dynparam dump writes a Python object
+      node.reset(node["dictitems"]);
+    } else if (node.size() == 1 && node.begin()->second.IsMap()) {  // below a namespace
+      node.reset(YAML::Node(node.begin()->second));
+    } else {
+      break;
+    }
+  }
+  return node;
+}
+
+void readYaml(const std::string& text, Parameters& parameters) {
+  // Of the node, but not of what it computes: read once, at its start.
+  static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
+  const YAML::Node all = parametersIn(YAML::Load(text));
+  if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
+  for (const auto& entry : all) {
+    const auto name = entry.first.as<std::string>();
+    // Maps are groups of dynamic_reconfigure or belong to plugins.
+    if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
+    const ParameterRow* row = findParameter(name);
+    if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
+    if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
+    setParameter(*row, entry.second.Scalar(), parameters);
+  }
+}
+
+void readNamed(const std::string& name, const std::string& text, Parameters& parameters) {
+  try {
+    readYaml(text, parameters);
+  } catch (const YAML::Exception& error) {
+    throw std::invalid_argument(name + ": " + error.what());
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(name + ": " + error.what());
+  }
+}
+
+}  // namespace
+
+void readParameterFile(const std::string& file, Parameters& parameters) {
+  std::ifstream in(file);
+  std::ostringstream text;
+  text << in.rdbuf();
+  if (!in) throw std::invalid_argument(file + ": cannot be read");
+  readNamed(file, text.str(), parameters);
+}
+
+void readPreset(const std::string& name, Parameters& parameters) {
+  const auto preset = presets().find(name);
+  if (preset == presets().end()) {
+    throw std::invalid_argument("preset is " + name + "; expected " + namesOfPresets());
+  }
+  readNamed("preset " + name, preset->second, parameters);
+}
+
+std::string namesOfPresets() {
+  std::string names;
+  for (const auto& preset : presets()) names += (names.empty() ? "" : ", ") + preset.first;
+  return names;
+}
+
+}  // namespace ktgp_orb::tools

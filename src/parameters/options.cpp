@@ -1,0 +1,66 @@
+#include "parameters/options.h"
+
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+OrbOptions orbOptions(const Parameters& p) {
+  OrbOptions orb;
+  orb.max_features = p.features;
+  orb.scale_factor = p.scale_factor;
+  orb.levels = p.levels;
+  orb.fast_threshold = p.fast_threshold;
+  orb.extractor = p.extractor == "opencv" ? ExtractorKind::opencv : ExtractorKind::native;
+  orb.distribution =
+      p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
+  orb.keypoints_per_cell = p.keypoints_per_cell;
+  orb.threads = p.threads;
+  return orb;
+}
+
+MatcherOptions matcherOptions(const Parameters& p) {
+  MatcherOptions matcher;
+  matcher.knn.threads = p.threads;
+  matcher.ratio_threshold = p.T_w;
+  matcher.mutual = p.mutual;
+  matcher.gms.threshold = p.T_G;
+  matcher.gms.rotation = p.gms_rotation;
+  matcher.gms.scale = p.gms_scale;
+  matcher.gms.grid_columns = p.gms_columns;
+  matcher.gms.grid_rows = p.gms_rows;
+  matcher.prosac.max_error = p.prosac_threshold;
+  matcher.prosac.max_iterations = p.prosac_iterations;
+  matcher.prosac.confidence = p.prosac_confidence;
+  matcher.prosac.seed = static_cast<std::uint64_t>(p.prosac_seed);
+  return matcher;
+}
+
+}  // namespace
+
+PipelineOptions pipelineOptions(const Parameters& parameters) {
+  requireValid(parameters);
+  return {orbOptions(parameters), matcherOptions(parameters), parameters};
+}
+
+SequenceOptions sequenceOptions(const Parameters& parameters) {
+  const PipelineOptions pipeline = pipelineOptions(parameters);
+  SequenceOptions sequence;
+  sequence.orb = pipeline.orb;
+  sequence.matcher = pipeline.matcher;
+  sequence.reference.mode = referenceModeFrom(parameters.reference_mode);
+  sequence.reference.max_age = parameters.max_reference_age;
+  sequence.reference.min_overlap = parameters.keyframe_min_overlap;
+  sequence.reference.min_inliers = parameters.keyframe_min_inliers;
+  return sequence;
+}
+
+ReferenceMode referenceModeFrom(const std::string& name) {
+  if (name == "previous") return ReferenceMode::previous;
+  if (name == "keyframe") return ReferenceMode::keyframe;
+  if (name == "fixed") return ReferenceMode::fixed;
+  throw std::invalid_argument("reference_mode is '" + name +
+                              "'; expected previous, keyframe or fixed");
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,27 @@
+#pragma once
+
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/sequence_matcher.h"
+#include "parameters/parameters.h"
+
+namespace ktgp_orb {
+
+/// Everything that decides the outcome for a pair of images.
+struct PipelineOptions {
+  OrbOptions orb;
+  MatcherOptions matcher;
+  Parameters parameters{};  ///< from which the other two were made
+};
+
+/// The parameters as the core takes them. Throws std::invalid_argument naming the parameter for
+/// what the core refuses.
+PipelineOptions pipelineOptions(const Parameters& parameters);
+
+/// The same for a sequence, with what decides the reference.
+SequenceOptions sequenceOptions(const Parameters& parameters);
+
+/// Throws std::invalid_argument for a name that is no mode.
+ReferenceMode referenceModeFrom(const std::string& name);
+
+}  // namespace ktgp_orb

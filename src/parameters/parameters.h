@@ -1,0 +1,75 @@
+#pragma once
+
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// The value of every parameter; the defaults are those of the table.
+struct Parameters {
+#define KTGP_GROUP(name)
+#define KTGP_BOOL(name, value, text) bool name = value;
+#define KTGP_INT(name, value, low, high, limits, unit, text) int name = value;
+#define KTGP_DOUBLE(name, value, low, high, limits, unit, text) double name = value;
+#define KTGP_STRING(name, value, text) std::string name = value;
+#define KTGP_CHOICE(name, value, text, choices) std::string name = value;
+#include "parameters/table.def"
+#undef KTGP_GROUP
+#undef KTGP_BOOL
+#undef KTGP_INT
+#undef KTGP_DOUBLE
+#undef KTGP_STRING
+#undef KTGP_CHOICE
+};
+
+/// Allowed values of a number, written "[0, 1)": a parenthesis leaves the bound out.
+class Limits {
+ public:
+  Limits() = default;
+  explicit Limits(const std::string& text);
+
+  /// False for NaN.
+  bool contains(double value) const;
+  const std::string& text() const { return text_; }
+  double low() const { return low_; }
+  double high() const { return high_; }
+
+ private:
+  std::string text_;
+  double low_ = 0.0;
+  double high_ = 0.0;
+};
+
+/// A row of the table.
+struct ParameterRow {
+  using Field = std::variant<bool Parameters::*, int Parameters::*, double Parameters::*,
+                             std::string Parameters::*>;
+
+  std::string group;  ///< "method", "orb", "gms", ...
+  std::string name;
+  Field field;
+  std::string text;
+  std::string unit{};
+  Limits limits{};                     ///< of a number
+  std::vector<std::string> choices{};  ///< of a string; empty: any
+};
+
+/// The table, in its order.
+const std::vector<ParameterRow>& parameterRows();
+
+/// The row of that name, or null.
+const ParameterRow* findParameter(const std::string& name);
+
+/// Sets the parameter from its text: "0.66", "true", "keyframe". Throws std::invalid_argument,
+/// naming the parameter, the text and what is expected.
+void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters);
+
+/// The value as setParameter takes it.
+std::string valueText(const ParameterRow& row, const Parameters& parameters);
+
+/// Throws std::invalid_argument for a value outside its limits, NaN for example, or a string that
+/// is none of the choices, naming the parameter, the value and what is expected.
+void requireValid(const Parameters& parameters);
+
+}  // namespace ktgp_orb

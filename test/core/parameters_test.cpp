@@ -1,0 +1,114 @@
+// The table of parameters against the core: the same defaults, and limits that the core has.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+#include <stdexcept>
+
+#include "parameters/options.h"
+
+namespace ktgp_orb {
+namespace {
+
+/// Whether the core takes these values.
+bool coreTakes(const Parameters& parameters) {
+  try {
+    const PipelineOptions options = pipelineOptions(parameters);
+    const OrbExtractor extractor(options.orb);
+    const KtgpMatcher matcher(options.matcher);
+    return true;
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+}
+
+const double* valueOf(const ParameterRow& row, const Parameters& parameters) {
+  const auto* field = std::get_if<double Parameters::*>(&row.field);
+  return field == nullptr ? nullptr : &(parameters.*(*field));
+}
+
+TEST(Parameters, DefaultsAreThoseOfTheCore) {
+  const PipelineOptions options = pipelineOptions({});
+  EXPECT_EQ(options.orb, OrbOptions{});
+  const MatcherOptions core;
+  EXPECT_EQ(options.matcher.knn.threads, core.knn.threads);
+  EXPECT_EQ(options.matcher.ratio_threshold, core.ratio_threshold);
+  EXPECT_EQ(options.matcher.mutual, core.mutual);
+  EXPECT_EQ(options.matcher.gms.threshold, core.gms.threshold);
+  EXPECT_EQ(options.matcher.gms.rotation, core.gms.rotation);
+  EXPECT_EQ(options.matcher.gms.scale, core.gms.scale);
+  EXPECT_EQ(options.matcher.gms.grid_columns, core.gms.grid_columns);
+  EXPECT_EQ(options.matcher.gms.grid_rows, core.gms.grid_rows);
+  EXPECT_EQ(options.matcher.prosac.max_error, core.prosac.max_error);
+  EXPECT_EQ(options.matcher.prosac.max_iterations, core.prosac.max_iterations);
+  EXPECT_EQ(options.matcher.prosac.confidence, core.prosac.confidence);
+  EXPECT_EQ(options.matcher.prosac.seed, core.prosac.seed);
+}
+
+TEST(Parameters, TheCoreTakesBothEndsOfEveryRange) {
+  for (const ParameterRow& row : parameterRows()) {
+    if (row.limits.text().empty() || row.name == "threads") continue;  // no 256 threads here
+    for (const double bound : {row.limits.low(), row.limits.high()}) {
+      Parameters p;
+      std::visit(
+          [&](auto field) {
+            if constexpr (std::is_arithmetic_v<std::decay_t<decltype(p.*field)>>) {
+              p.*field = static_cast<std::decay_t<decltype(p.*field)>>(bound);
+            }
+          },
+          row.field);
+      EXPECT_TRUE(coreTakes(p)) << row.name << " = " << bound;
+    }
+  }
+}
+
+TEST(Parameters, NanIsRefusedWhereverThereIsANumber) {
+  int numbers = 0;
+  for (const ParameterRow& row : parameterRows()) {
+    Parameters p;
+    if (valueOf(row, p) == nullptr) continue;
+    ++numbers;
+    p.*std::get<double Parameters::*>(row.field) = std::numeric_limits<double>::quiet_NaN();
+    try {
+      requireValid(p);
+      ADD_FAILURE() << row.name;
+    } catch (const std::invalid_argument& error) {
+      EXPECT_NE(std::string(error.what()).find(row.name + " is nan"), std::string::npos);
+      EXPECT_NE(std::string(error.what()).find(row.limits.text()), std::string::npos);
+    }
+  }
+  EXPECT_GE(numbers, 12);
+}
+
+TEST(Parameters, NamesAreUniqueAndEveryOneReadsBack) {
+  std::set<std::string> names;
+  for (const ParameterRow& row : parameterRows()) {
+    EXPECT_TRUE(names.insert(row.name).second) << row.name;
+    EXPECT_EQ(findParameter(row.name), &row);
+    Parameters p;
+    p.T_w = 0.1;
+    const std::string text = valueText(row, p);
+    setParameter(row, text, p);
+    EXPECT_EQ(valueText(row, p), text) << row.name;
+  }
+  EXPECT_EQ(findParameter("T_W"), nullptr);
+}
+
+TEST(Parameters, TextThatIsNoValueIsRefused) {
+  Parameters p;
+  const auto refuses = [&](const char* name, const char* text) {
+    EXPECT_THROW(setParameter(*findParameter(name), text, p), std::invalid_argument)
+        << name << " = " << text;
+  };
+  for (const char* text : {"", "x", "0.5 ", "0.5x", "nan", "inf", "0", "1.5"}) refuses("T_w", text);
+  for (const char* text : {"", "1.5", "1e3", "99999999999", "0"}) refuses("features", text);
+  for (const char* text : {"", "1", "True", "no"}) refuses("gms_scale", text);
+  for (const char* text : {"", "slow", "fast "}) refuses("extractor", text);
+  EXPECT_EQ(p.T_w, Parameters{}.T_w);
+  setParameter(*findParameter("T_w"), "1", p);
+  EXPECT_EQ(p.T_w, 1.0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
