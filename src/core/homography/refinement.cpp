@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -49,8 +50,9 @@ struct Projection {
 class NormalEquations {
  public:
   NormalEquations() {
-    for (Lanes& lanes : s_) lanes.setZero();
-    for (Lanes& lanes : g_) lanes.setZero();
+    for (Lanes* sums : {plain_, times_u_, times_v_}) std::fill_n(sums, 5, Lanes::Zero());
+    std::fill_n(squared_, 3, Lanes::Zero());
+    std::fill_n(gradient_, 8, Lanes::Zero());
   }
 
   void add(const Projection& p, const Lanes& weight) {
@@ -59,46 +61,64 @@ class NormalEquations {
     const Lanes z = weight * p.z;
     const Lanes products[5] = {x * p.x, x * p.y, x * p.z, y * p.y, y * p.z};
     for (int i = 0; i < 5; ++i) {
-      s_[i] += products[i];
-      s_[5 + i] += p.u * products[i];
-      s_[10 + i] += p.v * products[i];
+      plain_[i] += products[i];
+      times_u_[i] += p.u * products[i];
+      times_v_[i] += p.v * products[i];
     }
-    s_[15] += z * p.z;
+    zz_ += z * p.z;
     const Lanes q = p.u * p.u + p.v * p.v;
-    s_[16] += q * products[0];
-    s_[17] += q * products[1];
-    s_[18] += q * products[3];
-    g_[0] += x * p.du;
-    g_[1] += y * p.du;
-    g_[2] += z * p.du;
-    g_[3] += x * p.dv;
-    g_[4] += y * p.dv;
-    g_[5] += z * p.dv;
+    squared_[0] += q * products[0];
+    squared_[1] += q * products[1];
+    squared_[2] += q * products[3];
+    gradient_[0] += x * p.du;
+    gradient_[1] += y * p.du;
+    gradient_[2] += z * p.du;
+    gradient_[3] += x * p.dv;
+    gradient_[4] += y * p.dv;
+    gradient_[5] += z * p.dv;
     const Lanes along = p.u * p.du + p.v * p.dv;
-    g_[6] -= x * along;
-    g_[7] -= y * along;
+    gradient_[6] -= x * along;
+    gradient_[7] -= y * along;
   }
 
   void store(Matrix8& jtj, Vector8& jtr) const {
-    double t[19];
-    for (int i = 0; i < 19; ++i) t[i] = sum(s_[i]);
+    const auto [xx, xy, xz, yy, yz] = totals(plain_);
     Eigen::Matrix3d plain;
-    plain << t[0], t[1], t[2], t[1], t[3], t[4], t[2], t[4], t[15];
-    Eigen::Matrix<double, 3, 2> u;
-    u << t[5], t[6], t[6], t[8], t[7], t[9];
-    Eigen::Matrix<double, 3, 2> v;
-    v << t[10], t[11], t[11], t[13], t[12], t[14];
-    Eigen::Matrix2d q;
-    q << t[16], t[17], t[17], t[18];
+    plain << xx, xy, xz,  //
+        xy, yy, yz,       //
+        xz, yz, sum(zz_);
+    const Eigen::Matrix<double, 3, 2> u = border(times_u_);
+    const Eigen::Matrix<double, 3, 2> v = border(times_v_);
+    Eigen::Matrix2d corner;
+    corner << sum(squared_[0]), sum(squared_[1]), sum(squared_[1]), sum(squared_[2]);
     jtj << plain, Eigen::Matrix3d::Zero(), -u,  //
         Eigen::Matrix3d::Zero(), plain, -v,     //
-        -u.transpose(), -v.transpose(), q;
-    for (int i = 0; i < 8; ++i) jtr[i] = sum(g_[i]);
+        -u.transpose(), -v.transpose(), corner;
+    for (int i = 0; i < 8; ++i) jtr[i] = sum(gradient_[i]);
   }
 
  private:
-  Lanes s_[19];  // xx xy xz yy yz, the same times u, times v, zz, (uu + vv) times xx xy yy
-  Lanes g_[8];
+  static std::array<double, 5> totals(const Lanes (&sums)[5]) {
+    return {sum(sums[0]), sum(sums[1]), sum(sums[2]), sum(sums[3]), sum(sums[4])};
+  }
+
+  /// [x y z]^T [x y], each product times u or v: what the two last parameters share with the
+  /// others.
+  static Eigen::Matrix<double, 3, 2> border(const Lanes (&sums)[5]) {
+    const auto [xx, xy, xz, yy, yz] = totals(sums);
+    Eigen::Matrix<double, 3, 2> matrix;
+    matrix << xx, xy,  //
+        xy, yy,        //
+        xz, yz;
+    return matrix;
+  }
+
+  Lanes plain_[5];            // weighted products xx xy xz yy yz
+  Lanes times_u_[5];          // the same times u
+  Lanes times_v_[5];          // the same times v
+  Lanes zz_ = Lanes::Zero();  // weighted zz
+  Lanes squared_[3];          // (uu + vv) times xx xy yy
+  Lanes gradient_[8];
 };
 
 Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
