@@ -12,6 +12,7 @@ OrbOptions orbOptions(const Parameters& p) {
   orb.levels = p.levels;
   orb.fast_threshold = p.fast_threshold;
   orb.extractor = p.extractor == "opencv" ? ExtractorKind::opencv : ExtractorKind::native;
+  orb.descriptor = p.descriptor == "teblid" ? DescriptorKind::teblid : DescriptorKind::orb;
   orb.distribution =
       p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
   orb.keypoints_per_cell = p.keypoints_per_cell;

@@ -46,6 +46,15 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.prosac.seed, core.prosac.seed);
 }
 
+TEST(Parameters, ChooseTheDescriptor) {
+  Parameters parameters;
+  EXPECT_EQ(pipelineOptions(parameters).orb.descriptor, DescriptorKind::orb);
+  parameters.descriptor = "teblid";
+  EXPECT_EQ(pipelineOptions(parameters).orb.descriptor, DescriptorKind::teblid);
+  parameters.descriptor = "sift";
+  EXPECT_THROW(pipelineOptions(parameters), std::invalid_argument);
+}
+
 TEST(Parameters, TheCoreTakesBothEndsOfEveryRange) {
   for (const ParameterRow& row : parameterRows()) {
     if (row.limits.text().empty() || row.name == "threads") continue;  // no 256 threads here

@@ -86,6 +86,8 @@ class KtgpMatch(ToolCase):
         self.assertLess(outputs("--fast_threshold", "120")[0], usual[0])
         self.assertLess(outputs("--levels", "1")[0], usual[0])
         self.assertEqual(outputs("--extractor", "opencv"), usual)
+        self.assertEqual(outputs("--descriptor", "teblid")[0], usual[0])
+        self.assertNotEqual(outputs("--descriptor", "teblid"), usual)
         self.assertNotEqual(outputs("--distribution", "uniform", "--features", "300"),
                             outputs("--features", "300"))
         self.assertLess(outputs("--T_w", "0.2")[2], usual[2])
@@ -144,6 +146,7 @@ class KtgpMatch(ToolCase):
                                         ("--prosac_confidence", "1", "[1e-6, 0.999999999]"),
                                         ("--prosac_seed", "-1", "[0, "),
                                         ("--extractor", "slow", "opencv"),
+                                        ("--descriptor", "sift", "teblid"),
                                         ("--distribution", "even", "uniform"),
                                         ("--keypoints_per_cell", "0", "[1, "),
                                         ("--features", "many", "a whole number")):
