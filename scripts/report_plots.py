@@ -54,11 +54,14 @@ def bars(groups, series, y_label, size=(5.2, 3.2)):
     return _svg(figure)
 
 
+OURS = ("KTGP", "KTGP+ALIGN", "ROBUST")  # drawn in another colour
+
+
 def trade_off(points, x_label, y_label, size=(6.4, 4.0)):
     """`points`: name -> (x, y), each with its name beside it; x on a logarithmic scale."""
     figure, axes = plt.subplots(figsize=size)
     for name, (x, y) in points.items():
-        final = name.startswith("KTGP")
+        final = name in OURS
         axes.plot(x, y, "o", markersize=5, color="tab:red" if final else "tab:blue")
         axes.annotate(name, (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
     axes.set_xscale("log")

@@ -58,6 +58,14 @@ Step nearest(const KnnOptions& options) {
           }};
 }
 
+Step mutualNearest(const KnnOptions& options) {
+  auto knn = std::make_shared<KnnMatcher>(options);
+  return {"mutual", [knn](const Scene& scene, Matching& m) {
+            knn->matchMutual(scene.reference.descriptors, scene.target.descriptors, m.matches);
+            removeIf([](const Correspondence& c) { return !c.mutual; }, m.matches);
+          }};
+}
+
 Step ratio(double threshold) {
   return {"ratio", [threshold](const Scene&, Matching& m) {
             setLevel(Level::knn, m.matches);

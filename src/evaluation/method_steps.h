@@ -44,6 +44,8 @@ struct Step {
 // Hamming space.
 /// For every target descriptor the nearest of the reference (KNN with k = 2).
 Step nearest(const KnnOptions& options);
+/// The same, but only pairs of which each is the other's nearest; both directions in one pass.
+Step mutualNearest(const KnnOptions& options);
 /// TF: d1/d2 below `threshold`, strictly.
 Step ratio(double threshold);
 /// d1 of at most twice the smallest d1 of the pair, and of at most `floor` in any case.

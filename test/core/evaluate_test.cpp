@@ -112,6 +112,21 @@ TEST(Steps, BidirectionalKeepsMutualNeighbours) {
   EXPECT_EQ(m.matches[0].target_index, 1);
 }
 
+TEST(Steps, MutualNearestIsNearestAndBidirectional) {
+  const RandomScene random(300);
+  Matching expected;
+  nearest({}).run(random.scene(), expected);
+  bidirectional({}).run(random.scene(), expected);
+  Matching ours;
+  mutualNearest({}).run(random.scene(), ours);
+  ASSERT_EQ(ours.matches.size(), expected.matches.size());
+  EXPECT_LT(ours.matches.size(), 300u);
+  for (std::size_t i = 0; i < ours.matches.size(); ++i) {
+    EXPECT_EQ(ours.matches[i].target_index, expected.matches[i].target_index);
+    EXPECT_EQ(ours.matches[i].reference_index, expected.matches[i].reference_index);
+  }
+}
+
 TEST(Steps, CosineOfBinaryVectorsByHand) {
   // 4 ones and 2 ones, 2 of them common: cosine 2 / sqrt(8) = 0.7071, distance 2.
   const Features reference = described({{0x0F}});
@@ -234,8 +249,8 @@ TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
   std::set<std::string> names;
   for (const Method& method : allMethods({})) EXPECT_TRUE(names.insert(method.name).second);
   for (const char* name : {"ORB", "ORB+RANSAC", "KT", "KTG", "KTGP", "KTG-RS", "KTGP-RS", "GMS",
-                           "GMS-5", "GMS5x5", "GMS-RANSAC", "MP-ORB", "KRCR", "KTBER", "Sun2016",
-                           "KTG+ransac", "KTG+msac", "KTG+mlesac"}) {
+                           "MUTUAL", "GMS-5", "GMS5x5", "GMS-RANSAC", "MP-ORB", "KRCR", "KTBER",
+                           "Sun2016", "KTG+ransac", "KTG+msac", "KTG+mlesac"}) {
     EXPECT_EQ(names.count(name), 1u) << name;
   }
 }

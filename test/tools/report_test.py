@@ -86,7 +86,7 @@ class Report(unittest.TestCase):
         data = pathlib.Path(DATA) / "oxford"
         subprocess.run([sys.executable, "-B", ROOT / "scripts/report.py", "--tools",
                         os.environ["KTGP_ORB_TOOLS"], "--data", data / "leuven", "--data",
-                        data / "bikes", "--output", cls.output, "--repeat", "1", "--methods",
+                        data / "bikes", "--output", cls.output, "--repeat", "1", "--warp-pairs", "2", "--methods",
                         "ORB,ORB+RANSAC,KT,KTG,KTGP"], check=True, stdout=subprocess.DEVNULL)
         cls.text = (cls.output / "index.html").read_text(encoding="utf-8")
         cls.page = Page(cls.text)
@@ -128,6 +128,25 @@ class Report(unittest.TestCase):
             self.assertTrue(any(c.startswith(f"Figure {n}.") for c in captions), n)
         self.assertEqual(sum(c.startswith("Figure 5.") for c in captions), 10)
         self.assertIn("What cannot be reproduced", self.text)
+
+    def test_accuracy_of_pairs_and_of_exact_warps(self):
+        for beginning in ("Image pairs, leuven: 5", "Image pairs, all: 10", "Exact warps, small: 2",
+                          "Exact warps, medium: 2", "Exact warps, large: 2"):
+            header, *rows = self.page.table(beginning)
+            self.assertEqual([row[0] for row in rows], ["ORB+RANSAC", "KTGP"], beginning)
+            for row in rows:
+                auc = [float(row[header.index(f"AUC {k} px %")]) for k in (1, 3, 5, 10)]
+                self.assertEqual(auc, sorted(auc), row)
+                self.assertTrue(0 <= auc[0] and auc[3] <= 100, row)
+                self.assertGreater(float(row[-1]), 0)
+        small = self.page.table("Exact warps, small")[2]
+        self.assertGreater(float(small[2]), 60, "AUC up to 3 px")
+        self.assertEqual(small[6], "100.0")
+        self.assertEqual(small[7], "0.0")
+        self.assertGreater(float(small[8]), 0.9, "ZNCC")
+        for name in ("pairs_all", "warps_small", "warps_medium", "warps_large"):
+            picture = (self.output / "figures" / f"accuracy_{name}.svg").read_text()
+            self.assertIn("KTGP", picture)
 
     def test_page_is_balanced_and_needs_nothing_else(self):
         self.assertEqual(self.page.open, [])
