@@ -39,7 +39,7 @@ constexpr const char* kExamples =
 
 struct Arguments {
   std::vector<std::string> data;
-  std::vector<std::string> methods{"ORB", "ORB+RANSAC", "KT", "KTG", "KTGP"};
+  std::vector<std::string> methods{"ORB", "ORB+RANSAC", "KT", "KTG", "KTGP", "KTGP+ALIGN"};
   std::string estimator;
   std::string json;
   std::string csv;

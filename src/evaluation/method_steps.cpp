@@ -194,4 +194,15 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
           }};
 }
 
+Step align(const AlignmentOptions& options) {
+  auto alignment = std::make_shared<Alignment>(options);
+  auto result = std::make_shared<AlignmentResult>();
+  return {"align", [alignment, result](const Scene& scene, Matching& m) {
+            if (!m.homography) return;
+            alignment->align(scene.reference, scene.target, m.matches, *m.homography,
+                             Covariance8::Identity(), *result);
+            m.homography = result->homography;
+          }};
+}
+
 }  // namespace ktgp_orb::tools

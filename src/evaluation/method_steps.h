@@ -7,6 +7,7 @@
 
 #include "evaluation/estimators.h"
 #include "evaluation/grid_statistics.h"
+#include "ktgp_orb/alignment.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -71,5 +72,7 @@ Step gms(const GmsOptions& options);
 Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 /// Keeps the inliers of the homography.
 Step homography(Estimator estimator, const ProsacOptions& options);
+/// Aligns matches by the images and corrects the homography by them; both stay where it cannot.
+Step align(const AlignmentOptions& options);
 
 }  // namespace ktgp_orb::tools

@@ -28,6 +28,12 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
   return steps;
 }
 
+/// The alignment needs them; they cost no time.
+OrbOptions withImages(OrbOptions options) {
+  options.keep_images = true;
+  return options;
+}
+
 void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                   MethodScore& score) {
   const Features& reference = found.own ? found.own->reference : scene.reference;
@@ -59,7 +65,7 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
 }  // namespace
 
 PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions)
-    : extractor_(orb), methods_(std::move(methods)), repetitions_(repetitions) {}
+    : extractor_(withImages(orb)), methods_(std::move(methods)), repetitions_(repetitions) {}
 
 PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;

@@ -34,9 +34,9 @@ class KtgpEvaluate(ToolCase):
         run, rows = self.rows("data/first")
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertEqual(run.stderr, "")
-        self.assertEqual([r["pair"] for r in rows[::5]], ["1-2", "1-3", "1-4", "1-5", "1-6"])
-        self.assertEqual([r["method"] for r in rows[:5]],
-                         ["ORB", "ORB+RANSAC", "KT", "KTG", "KTGP"])
+        self.assertEqual([r["pair"] for r in rows[::6]], ["1-2", "1-3", "1-4", "1-5", "1-6"])
+        self.assertEqual([r["method"] for r in rows[:6]],
+                         ["ORB", "ORB+RANSAC", "KT", "KTG", "KTGP", "KTGP+ALIGN"])
         for row in rows:
             self.assertEqual(row["set"], "first")
             if row["method"] == "KTGP":
@@ -150,9 +150,9 @@ class KtgpEvaluate(ToolCase):
         return self.rows("--warps", kinds, *arguments, "--warp-pairs", "4", "--json", "out.json")
 
     def test_warps_are_made_from_any_image_and_found_again(self):
-        run, rows = self.warps("small", "data/first/img1.pgm", "--methods", "KTGP,ECC")
+        run, rows = self.warps("small", "data/first/img1.pgm", "--methods", "KTGP,KTGP+ALIGN,ECC")
         self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertEqual([r["pair"] for r in rows[::2]], ["0", "1", "2", "3"])
+        self.assertEqual([r["pair"] for r in rows[::3]], ["0", "1", "2", "3"])
         for row in rows:
             self.assertEqual(row["set"], "small")
             self.assertEqual(row["found"], "true")
@@ -167,6 +167,9 @@ class KtgpEvaluate(ToolCase):
             self.assertEqual(summary["wrong"], 0.0)
             self.assertLess(summary["median_corner_error"], 2.0)
             self.assertGreater(summary["zncc"], 0.9)
+        plain, aligned, _ = out["summary"]
+        self.assertLess(aligned["median_corner_error"], 0.5 * plain["median_corner_error"])
+        self.assertGreater(aligned["auc_1"], plain["auc_1"])
         for word in ("AUC@1", "median", "found", "wrong", "ZNCC"):
             self.assertIn(word, run.stdout)
 
