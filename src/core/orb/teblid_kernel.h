@@ -86,17 +86,20 @@ inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale
                          const std::int32_t* centres, std::int32_t* differences) {
   int i = 0;
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
+    // One pointer for each corner, so that a read is a single instruction: base plus centre.
     const TeblidScale::Corners at = scale.corners[radius];
+    const std::uint32_t* const top_left = integral + at.top_left;
+    const std::uint32_t* const top_right = integral + at.top_right;
+    const std::uint32_t* const bottom_left = integral + at.bottom_left;
+    const std::uint32_t* const bottom_right = integral + at.bottom_right;
+    const auto sum = [&](std::ptrdiff_t centre) {
+      return top_left[centre] - top_right[centre] - bottom_left[centre] + bottom_right[centre];
+    };
     // The sums are read one by one: gather instructions are no faster, and on many processors much
     // slower. Differences do not mind that large images overflow the sums.
     for (; i < kTeblidOrder.end[radius]; ++i) {
-      const std::uint32_t* p = integral + centres[i];
-      const std::uint32_t* q = integral + centres[kTeblidBits + i];
-      const std::uint32_t first =
-          p[at.top_left] - p[at.top_right] - p[at.bottom_left] + p[at.bottom_right];
-      const std::uint32_t second =
-          q[at.top_left] - q[at.top_right] - q[at.bottom_left] + q[at.bottom_right];
-      differences[kTeblidOrder.place[i]] = static_cast<std::int32_t>(first - second);
+      differences[kTeblidOrder.place[i]] =
+          static_cast<std::int32_t>(sum(centres[i]) - sum(centres[kTeblidBits + i]));
     }
   }
 }
