@@ -5,17 +5,21 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "core/util/grey_levels.h"
+
 namespace ktgp_orb::tools {
 
 cv::Mat readGrey(const std::string& file) {
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
   cv::Mat image;
   try {
-    image = cv::imread(file, cv::IMREAD_GRAYSCALE);
+    image = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   } catch (const cv::Exception& error) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
   if (image.empty()) throw FileError(file, "cannot be read as an image");
+  if (image.depth() == CV_16U) return stretchTo8Bit(image);
+  if (image.depth() != CV_8U) throw FileError(file, "has neither 8 nor 16 bits");
   return image;
 }
 

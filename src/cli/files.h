@@ -14,7 +14,7 @@ class FileError : public std::runtime_error {
       : std::runtime_error(file + ": " + what) {}
 };
 
-/// The image as 8-bit grey. Throws FileError.
+/// The image as 8-bit grey, 16-bit ones stretched as the nodelet does. Throws FileError.
 cv::Mat readGrey(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the

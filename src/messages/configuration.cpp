@@ -1,5 +1,7 @@
 #include "messages/configuration.h"
 
+#include <stdexcept>
+
 namespace ktgp_orb {
 namespace {
 
@@ -16,6 +18,23 @@ Parameters parametersFrom(const KtgpConfig& config) {
   return p;
 }
 
+GreyStretch stretchFrom(const Parameters& parameters) {
+  GreyStretch stretch;
+  if (parameters.stretch == "percentile") {
+    stretch.kind = GreyStretch::Kind::percentile;
+  } else if (parameters.stretch == "range") {
+    stretch.kind = GreyStretch::Kind::range;
+  } else {
+    throw std::invalid_argument("stretch is '" + parameters.stretch +
+                                "'; expected percentile or range");
+  }
+  stretch.percentile = parameters.stretch_percentile;
+  stretch.low = parameters.stretch_low;
+  stretch.high = parameters.stretch_high;
+  requireValid(stretch);
+  return stretch;
+}
+
 }  // namespace
 
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) {
@@ -26,6 +45,7 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   Configuration c;
   c.number = number;
   c.sequence = sequenceOptions(parameters);
+  c.stretch = stretchFrom(parameters);
   c.overlay = parameters.overlay;
   c.threads = parameters.threads;
   const SequenceMatcher checked(c.sequence);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 
+#include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
 
@@ -16,6 +17,7 @@ struct Configuration {
   std::uint32_t number = 0;  ///< counts the changes
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the fixed reference at first; null: none
+  GreyStretch stretch;                         ///< of 16-bit images
   bool overlay = true;
   int threads = 1;
 };

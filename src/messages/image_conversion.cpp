@@ -3,38 +3,84 @@
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <cstdint>
+#include <cstring>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace ktgp_orb {
 namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
-std::size_t bytesPerPixel(const std::string& encoding) {
-  const bool picture = encodings::isMono(encoding) || encodings::isColor(encoding) ||
-                       encodings::isBayer(encoding) || encoding == encodings::YUV422 ||
-                       encoding == encodings::TYPE_8UC1;
-  if (!picture) {
-    throw RefusedImage(
-        "encoding '" + encoding +
-        "' is not an image to match; expected mono8, 8UC1, mono16, a colour (bgr8, rgb8, "
-        "bgra8, rgba8, 16-bit ones, yuv422) or a Bayer encoding");
-  }
-  return static_cast<std::size_t>(encodings::numChannels(encoding) * encodings::bitDepth(encoding) /
-                                  8);
+constexpr int kNoCode = -1;
+
+/// How the pixels of an encoding lie in memory and become grey.
+struct Format {
+  std::string encoding;
+  int type;     ///< of the pixels, OpenCV's
+  int to_grey;  ///< OpenCV's conversion; kNoCode where they are grey
+};
+
+/// Every encoding that is a picture. OpenCV names a Bayer pattern by its second row from the second
+/// pixel on, ROS by its first. Channels without a name are taken for OpenCV's usual order, BGR.
+const std::vector<Format>& formats() {
+  static const std::vector<Format> all{
+      {encodings::MONO8, CV_8UC1, kNoCode},
+      {encodings::TYPE_8UC1, CV_8UC1, kNoCode},
+      {encodings::MONO16, CV_16UC1, kNoCode},
+      {encodings::TYPE_16UC1, CV_16UC1, kNoCode},
+      {encodings::BGR8, CV_8UC3, cv::COLOR_BGR2GRAY},
+      {encodings::TYPE_8UC3, CV_8UC3, cv::COLOR_BGR2GRAY},
+      {encodings::RGB8, CV_8UC3, cv::COLOR_RGB2GRAY},
+      {encodings::BGRA8, CV_8UC4, cv::COLOR_BGRA2GRAY},
+      {encodings::TYPE_8UC4, CV_8UC4, cv::COLOR_BGRA2GRAY},
+      {encodings::RGBA8, CV_8UC4, cv::COLOR_RGBA2GRAY},
+      {encodings::BGR16, CV_16UC3, cv::COLOR_BGR2GRAY},
+      {encodings::TYPE_16UC3, CV_16UC3, cv::COLOR_BGR2GRAY},
+      {encodings::RGB16, CV_16UC3, cv::COLOR_RGB2GRAY},
+      {encodings::BGRA16, CV_16UC4, cv::COLOR_BGRA2GRAY},
+      {encodings::TYPE_16UC4, CV_16UC4, cv::COLOR_BGRA2GRAY},
+      {encodings::RGBA16, CV_16UC4, cv::COLOR_RGBA2GRAY},
+      {encodings::YUV422, CV_8UC2, cv::COLOR_YUV2GRAY_UYVY},
+      {encodings::BAYER_RGGB8, CV_8UC1, cv::COLOR_BayerBG2GRAY},
+      {encodings::BAYER_BGGR8, CV_8UC1, cv::COLOR_BayerRG2GRAY},
+      {encodings::BAYER_GBRG8, CV_8UC1, cv::COLOR_BayerGR2GRAY},
+      {encodings::BAYER_GRBG8, CV_8UC1, cv::COLOR_BayerGB2GRAY},
+      {encodings::BAYER_RGGB16, CV_16UC1, cv::COLOR_BayerBG2GRAY},
+      {encodings::BAYER_BGGR16, CV_16UC1, cv::COLOR_BayerRG2GRAY},
+      {encodings::BAYER_GBRG16, CV_16UC1, cv::COLOR_BayerGR2GRAY},
+      {encodings::BAYER_GRBG16, CV_16UC1, cv::COLOR_BayerGB2GRAY},
+  };
+  return all;
 }
 
-void requireConsistent(const sensor_msgs::Image& image) {
+const Format& formatOf(const std::string& encoding) {
+  for (const Format& format : formats()) {
+    if (format.encoding == encoding) return format;
+  }
+  throw RefusedImage("encoding '" + encoding +
+                     "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
+                     "colour of 8 or 16 bits (bgr8, rgba16, 8UC3, ...), yuv422 or Bayer");
+}
+
+void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
   if (image.width == 0 || image.height == 0) {
     throw RefusedImage("image is empty (" + std::to_string(image.width) + "x" +
                        std::to_string(image.height) + "); expected at least one pixel");
   }
-  const std::size_t row_bytes = image.width * bytesPerPixel(image.encoding);
+  const std::size_t row_bytes = image.width * static_cast<std::size_t>(CV_ELEM_SIZE(format.type));
   if (image.step < row_bytes) {
     throw RefusedImage("step is " + std::to_string(image.step) + "; expected at least " +
                        std::to_string(row_bytes) + " bytes for " + std::to_string(image.width) +
                        " pixels of " + image.encoding);
+  }
+  if (image.step % CV_ELEM_SIZE1(format.type) != 0) {
+    throw RefusedImage("step is " + std::to_string(image.step) +
+                       "; expected an even number of bytes for 16-bit pixels");
   }
   const std::size_t total = std::size_t{image.step} * (image.height - 1) + row_bytes;
   if (image.data.size() < total) {
@@ -44,33 +90,46 @@ void requireConsistent(const sensor_msgs::Image& image) {
   }
 }
 
-cv::Mat stretchTo8Bit(const cv::Mat& image) {
-  cv::Mat stretched;
-  cv::normalize(image, stretched, 0, 255, cv::NORM_MINMAX, CV_8U);
-  return stretched;
+bool isHostBigEndian() {
+  const std::uint16_t one = 1;
+  std::uint8_t first = 0;
+  std::memcpy(&first, &one, 1);
+  return first == 0;
+}
+
+/// The pixels where they are; in the processor's order of bytes, which may need a copy.
+cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
+  // OpenCV has no view of constant data; nothing writes into this one.
+  auto* data = const_cast<std::uint8_t*>(image.data.data());
+  const cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type,
+                       data, image.step);
+  if (pixels.elemSize1() != 2 || (image.is_bigendian != 0) == isHostBigEndian()) return pixels;
+  cv::Mat swapped = pixels.clone();
+  for (auto* byte = swapped.data; byte != swapped.dataend; byte += 2) std::swap(byte[0], byte[1]);
+  return swapped;
 }
 
 }  // namespace
 
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message) {
-  requireConsistent(*message);
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch) {
+  const Format& format = formatOf(message->encoding);
+  requireConsistent(*message, format);
   try {
-    if (message->encoding == encodings::TYPE_8UC1) return cv_bridge::toCvShare(message)->image;
-    if (message->encoding == encodings::MONO16) {
-      return stretchTo8Bit(cv_bridge::toCvShare(message)->image);
+    cv::Mat grey = pixelsOf(*message, format);
+    if (format.to_grey != kNoCode) {
+      cv::Mat converted;
+      cv::cvtColor(grey, converted, format.to_grey);
+      grey = converted;
     }
-    if (encodings::bitDepth(message->encoding) == 16) {
-      return stretchTo8Bit(cv_bridge::toCvCopy(message, encodings::MONO16)->image);
-    }
-    return cv_bridge::toCvShare(message, encodings::MONO8)->image;
-  } catch (const std::exception& error) {  // cv_bridge::Exception and cv::Exception
+    return grey.depth() == CV_16U ? stretchTo8Bit(grey, stretch) : grey;
+  } catch (const cv::Exception& error) {
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be converted to grey: " + error.what());
   }
 }
 
-void toFrame(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
-  frame.image = greyImage(message);
+void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame) {
+  frame.image = greyImage(message, stretch);
   frame.stamp = static_cast<std::int64_t>(message->header.stamp.toNSec());
   frame.encoding = message->encoding;
   if (frame.image.data == message->data.data()) {
@@ -78,9 +137,10 @@ void toFrame(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   }
 }
 
-FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor) {
+FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
+                   const GreyStretch& stretch) {
   auto frame = std::make_shared<Frame>();
-  toFrame(message, *frame);
+  toFrame(message, stretch, *frame);
   extractFeatures(extractor, *frame);
   return frame;
 }
@@ -88,8 +148,8 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 sensor_msgs::ImageConstPtr readImageFile(const std::string& path) {
   if (path.empty()) return nullptr;
   cv_bridge::CvImage image;
-  image.image = cv::imread(path, cv::IMREAD_GRAYSCALE);
-  image.encoding = encodings::MONO8;
+  image.image = cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
   if (image.image.empty()) {
     throw RefusedImage("reference_image '" + path + "' cannot be read; expected an image file");
   }

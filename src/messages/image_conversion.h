@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb {
@@ -18,20 +19,21 @@ class RefusedImage : public std::runtime_error {
 
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's own data and is valid while `message` lives. Colour and Bayer images are converted;
-/// 16-bit ones are stretched from their darkest to their brightest pixel, since cameras deliver
-/// 10, 12 or 14 bits in them. Throws RefusedImage for an empty image, a step or amount of data that
-/// does not fit the size, and an encoding that is neither grey, colour nor Bayer.
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message);
+/// 16-bit ones are converted, then stretched. Throws RefusedImage for an empty image, a step or
+/// amount of data that does not fit the size, and an encoding that is neither grey, colour, yuv422
+/// nor Bayer; more data than the size needs is legal.
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch = {});
 
 /// Makes `frame` the image of the message, without features. A mono8 image is held by its message,
 /// so that inside one nodelet manager no pixel is ever copied. Throws as greyImage does.
-void toFrame(const sensor_msgs::ImageConstPtr& message, Frame& frame);
+void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame);
 
 /// A frame of the image with its features.
-FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor);
+FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
+                   const GreyStretch& stretch = {});
 
-/// An image file as a mono8 message with stamp zero; null for an empty path. Throws RefusedImage
-/// naming a file that cannot be read.
+/// An image file as a mono8 message, mono16 where the file has 16 bits, with stamp zero; null for
+/// an empty path. Throws RefusedImage naming a file that cannot be read.
 sensor_msgs::ImageConstPtr readImageFile(const std::string& path);
 
 }  // namespace ktgp_orb

@@ -12,7 +12,7 @@ MessageMatcher::MessageMatcher(const Configuration& configuration)
 FramePtr MessageMatcher::configuredReference(const Configuration& configuration) {
   if (!configuration.reference_image) return nullptr;
   const FramePtr frame = sequence_.newFrame();
-  toFrame(configuration.reference_image, *frame);
+  toFrame(configuration.reference_image, configuration.stretch, *frame);
   return frame;
 }
 
@@ -27,7 +27,7 @@ void MessageMatcher::configure(const Configuration& configuration) {
 
 FrameMessages MessageMatcher::process(const sensor_msgs::ImageConstPtr& image) {
   const FramePtr frame = sequence_.newFrame();
-  toFrame(image, *frame);
+  toFrame(image, configuration_.stretch, *frame);
   return process(image->header, frame, nullptr);
 }
 

@@ -7,8 +7,8 @@
 namespace ktgp_orb {
 
 FramePipeline::FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
-                             int threads)
-    : options_(options), fixed_(fixed) {
+                             const GreyStretch& stretch, int threads)
+    : options_(options), fixed_(fixed), stretch_(stretch) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back(&FramePipeline::work, this);
 }
 
@@ -27,7 +27,7 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
   Task task([this, image, found, before](Worker& worker) {
     Prepared prepared;
     try {
-      prepared.frame = makeFrame(image, worker.extractor);
+      prepared.frame = makeFrame(image, worker.extractor, stretch_);
     } catch (...) {
       found->set_value(nullptr);
       throw;

@@ -23,8 +23,10 @@ class FramePipeline {
     std::optional<MatchAhead> ahead;
   };
 
-  /// `fixed`: the reference of the fixed mode, null in the others. At least one thread.
-  FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed, int threads);
+  /// `fixed`: the reference of the fixed mode, null in the others. `stretch`: of 16-bit images. At
+  /// least one thread.
+  FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
+                const GreyStretch& stretch, int threads);
   ~FramePipeline();
 
   void push(const sensor_msgs::ImageConstPtr& image);
@@ -46,6 +48,7 @@ class FramePipeline {
 
   const SequenceOptions options_;
   const FrameConstPtr fixed_;
+  const GreyStretch stretch_;
   std::shared_future<FramePtr> last_frame_;  // null for a refused image
   std::deque<std::future<Prepared>> results_;
 

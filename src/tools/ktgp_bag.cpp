@@ -68,7 +68,8 @@ class Run {
   Run(const Arguments& arguments, const Configuration& configuration, int threads)
       : source_(openBag(arguments.in, arguments.topic)),
         matcher_(configuration),
-        pipeline_(configuration.sequence, fixedReference(configuration), threads),
+        pipeline_(configuration.sequence, fixedReference(configuration), configuration.stretch,
+                  threads),
         writer_(arguments.out, arguments.csv, arguments.name),
         progress_(source_->total()) {}
 

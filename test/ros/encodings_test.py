@@ -21,6 +21,18 @@ def with_alpha(grey):
     return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
 
 
+def uyvy(grey):
+    return np.dstack([np.full_like(grey, 128), grey])
+
+
+def twelve_bits(grey):
+    return grey.astype(np.uint16) * 16
+
+
+def sixteen_bits(grey):
+    return colour(grey).astype(np.uint16) * 257
+
+
 ENCODINGS = {
     'mono8': lambda grey: grey,
     '8UC1': lambda grey: grey,
@@ -30,8 +42,13 @@ ENCODINGS = {
     'rgba8': with_alpha,
     'bayer_rggb8': lambda grey: grey,
     'bayer_grbg8': lambda grey: grey,
-    'mono16': lambda grey: grey.astype(np.uint16) * 16,  # a 12-bit camera
-    'bgr16': lambda grey: colour(grey).astype(np.uint16) * 257,
+    'mono16': twelve_bits,
+    '16UC1': twelve_bits,
+    '8UC3': colour,
+    'yuv422': uyvy,
+    'bgr16': sixteen_bits,
+    'rgb16': sixteen_bits,
+    'bayer_rggb16': twelve_bits,
 }
 
 
@@ -118,7 +135,7 @@ class EncodingsTest(unittest.TestCase):
             image.data = b''
 
         def depth(image):
-            image.encoding = '16UC1'
+            image.encoding = '32FC1'
 
         def nonsense(image):
             image.encoding = 'no such encoding'
@@ -129,7 +146,7 @@ class EncodingsTest(unittest.TestCase):
         words = {wrong_step: 'step is 100; expected at least 640',
                  too_little_data: 'data has 1000 bytes; expected at least 307200',
                  empty: 'image is empty (0x0)',
-                 depth: "encoding '16UC1'",
+                 depth: "encoding '32FC1'",
                  nonsense: "encoding 'no such encoding'",
                  no_encoding: "encoding ''"}
         check_each(words, lambda change: self.refused(change, words[change]))
