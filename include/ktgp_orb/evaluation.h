@@ -35,7 +35,9 @@ double retention(std::size_t kept, std::size_t total);
 /// REP (Eq. 9): matched keypoints over detected keypoints, both counted in both images; 0 of none.
 double matchedShare(std::size_t matches, const Features& reference, const Features& target);
 
-/// x' ~ H x in pixels; infinite coordinates where H sends x to the horizon or behind it.
+/// x' ~ H x in pixels; infinite coordinates where H sends x to the horizon or behind it. H may have
+/// any scale and sign, and its origin may lie behind the horizon; a mirrored view (det H < 0 where
+/// the plane is seen) is known only of an affine H.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x);
 
 /// Distance in the target image, px, between every match's target keypoint and the place where

@@ -58,7 +58,7 @@ struct ProsacResult {
   std::size_t inliers = 0;           ///< ones in `mask`
   std::size_t distinct_inliers = 0;  ///< inliers counted once per reference and target position
   double rmse = 0.0;                 ///< root mean square reprojection error of the inliers, px
-  int iterations = 0;                ///< samples drawn
+  int iterations = 0;                ///< samples drawn, those from a best model's inliers as well
   int local_optimisations = 0;       ///< times a new best model was polished
   std::size_t growth_set_size = 0;   ///< best pairs sampled from at the end, n of PROSAC
   ProsacStop stop = ProsacStop::not_run;

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -98,6 +100,67 @@ TEST(ReprojectionErrors, AreInfiniteBeyondTheHorizon) {
   EXPECT_DOUBLE_EQ(errors[0], 0.0);
   EXPECT_EQ(errors[1], kInfinity);
   EXPECT_EQ(errors[2], kInfinity);
+}
+
+/// A view with its horizon across the image, and the origin behind it.
+Eigen::Matrix3d viewWithHorizon() {
+  Eigen::Matrix3d h;
+  h << 1.0, -1.6, 320.0, 0.0, -0.6, 300.0, 0.0, -0.005, 1.0;
+  return h;
+}
+
+TEST(Project, KnowsTheSideOfTheHorizonThatIsSeen) {
+  const Eigen::Matrix3d h = viewWithHorizon();
+  for (const double factor : {1.0, -1.0, 0.01, -50.0}) {
+    for (const Eigen::Matrix3d& seen :
+         {Eigen::Matrix3d(factor * h), Eigen::Matrix3d(factor * h.inverse())}) {
+      // Whatever the side, a point that one direction sees comes back by the other.
+      const Eigen::Matrix3d back = seen.inverse();
+      for (const Eigen::Vector2d& x :
+           {Eigen::Vector2d(100.0, 300.0), Eigen::Vector2d(500.0, 450.0),
+            Eigen::Vector2d(20.0, 40.0), Eigen::Vector2d(600.0, 120.0)}) {
+        const Eigen::Vector2d u = project(seen, x);
+        const double side = (seen.row(2) * x.homogeneous()).value() * seen.determinant();
+        ASSERT_EQ(u.allFinite(), side > 0.0) << x.transpose() << ", factor " << factor;
+        if (!u.allFinite()) continue;
+        EXPECT_LT((project(back, u) - x).norm(), 1e-6) << x.transpose() << ", factor " << factor;
+      }
+    }
+  }
+  EXPECT_FALSE(project(Eigen::Matrix3d::Zero(), {1.0, 2.0}).allFinite());
+  const Eigen::Matrix3d mirror = Eigen::Vector3d(-1.0, 1.0, 1.0).asDiagonal();
+  EXPECT_EQ(project(mirror, {3.0, 4.0}), Eigen::Vector2d(-3.0, 4.0));
+}
+
+TEST(Repeatability, FindsAllPointsOfAFloorAtASlantAgain) {
+  // A floor from above, and as a camera on it sees it: what lies above y = 250 is behind that
+  // camera, the origin of the first image as well.
+  Eigen::Matrix3d truth;
+  truth << -1.0, 15.2, -3940.0, 0.0, -0.9, 700.0, 0.0, 0.004, -1.0;
+  std::vector<cv::Point2f> above;
+  std::vector<cv::Point2f> oblique;
+  for (int row = 0; row < 6; ++row) {
+    for (int column = 0; column < 10; ++column) {
+      const Eigen::Vector2d x(170.0 + 30.0 * column, 380.0 + 18.0 * row);
+      const Eigen::Vector3d p = truth * x.homogeneous();
+      ASSERT_GT(p.z(), 0.0);
+      above.emplace_back(static_cast<float>(x.x()), static_cast<float>(x.y()));
+      oblique.emplace_back(static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z()));
+    }
+  }
+  const Features a = featuresAt(above, 8.F, {4000, 4000});
+  const Features b = featuresAt(oblique, 8.F, {4000, 4000});
+  for (const double factor : {1.0, -1.0}) {
+    for (const double error : reprojectionErrors(factor * truth, a, b, oneToOne(60))) {
+      EXPECT_LT(error, 0.01);
+    }
+    for (const double error : reprojectionErrors(factor * truth.inverse(), b, a, oneToOne(60))) {
+      EXPECT_LT(error, 0.05);
+    }
+    const Repeatability found = detectorRepeatability(a, b, factor * truth, 0.99);
+    EXPECT_EQ(found.reference_common, 60u);
+    EXPECT_EQ(found.target_common, 60u);
+  }
 }
 
 TEST(CornerError, ByHand) {

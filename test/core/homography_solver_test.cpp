@@ -163,7 +163,7 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
   RefinerOptions options;
   Eigen::Matrix3d h = plane;
   ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
-  EXPECT_LT(test::cornerError(h, plane, kSize), 0.03);
+  EXPECT_LT(test::cornerError(h, plane, kSize), 0.04);
   options.min_scale = 1.0;
   ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
   Eigen::Matrix3d mean = plane;

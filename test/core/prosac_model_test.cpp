@@ -29,10 +29,13 @@ struct LineEstimator {
   static constexpr double kLimit = 0.02;
 
   std::vector<Eigen::Vector2d> points;
+  int solved = 0;
+  int refined_from_wide = 0;
 
   std::size_t size() const { return points.size(); }
 
-  bool solve(const ProsacSample& sample, Line& line) const {
+  bool solve(const ProsacSample& sample, Line& line) {
+    ++solved;
     EXPECT_EQ(sample.size(), 2u);
     const Eigen::Vector2d a = points[sample[0]];
     const Eigen::Vector2d b = points[sample[1]];
@@ -61,6 +64,7 @@ struct LineEstimator {
   }
 
   bool refine(double widening, Line& line) {
+    if (widening > 1.0) ++refined_from_wide;
     double n = 0.0;
     double x = 0.0;
     double y = 0.0;
@@ -108,10 +112,34 @@ TEST(Prosac, FindsALineFromSamplesOfTwo) {
     EXPECT_NEAR(prosac.best().slope, 0.5, 0.02);
     EXPECT_NEAR(prosac.best().offset, 0.1, 0.01);
     EXPECT_FALSE(found.exhausted);
-    // One in nine samples is good, so log(0.005)/log(1 - 1/9) = 45 suffice; samples of four would
+    // One in nine samples is good, so log(0.005)/log(1 - 1/9) = 45 suffice, and 20 from the inliers
+    // of each new best; samples of four would
     // need 430.
-    EXPECT_LT(found.iterations, 100);
+    EXPECT_LT(found.iterations, 200);
   }
+}
+
+TEST(Prosac, CountsEverySampleAndKeepsItsBudget) {
+  Numbers numbers(3);
+  Prosac<LineEstimator> prosac;
+  bool from_support = false;
+  for (int budget : {1, 2, 7, 50, 500}) {
+    for (int run = 0; run < 20; ++run) {
+      LineEstimator estimator = makePoints(300, 20, numbers);
+      ProsacRules rules;
+      rules.max_iterations = budget;
+      rules.confidence = 0.999999;
+      const ProsacRun counted = prosac.run(rules, nullptr, estimator);
+      EXPECT_EQ(counted.iterations, estimator.solved);
+      EXPECT_LE(counted.iterations, budget);
+      EXPECT_EQ(counted.local_optimisations, estimator.refined_from_wide);
+      if (counted.exhausted) {
+        EXPECT_EQ(counted.iterations, budget);
+      }
+      from_support = from_support || counted.local_optimisations > 1;
+    }
+  }
+  EXPECT_TRUE(from_support);
 }
 
 TEST(Prosac, StartsWhereItIsTold) {

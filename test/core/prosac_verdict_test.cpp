@@ -56,12 +56,27 @@ TEST_F(Verdict, RejectsPureOutliers) {
     ProsacHomography(options).estimate(makePairs(scene, numbers_), kSize, result_);
     if (result_.status == Status::ok) ++accepted;
   }
-  EXPECT_LE(accepted, 10);
+  EXPECT_LE(accepted, 1);  // the documented one in 10 000
+}
+
+TEST_F(Verdict, RejectsPureOutliersWithWildOnesAmongThem) {
+  // Over the area that a wild point makes of it, the agreement of the others looks like a wonder.
+  int accepted = 0;
+  for (int run = 0; run < 5000; ++run) {
+    Scene scene;
+    scene.pairs = 12;
+    scene.inliers = 0;
+    pairs_ = makePairs(scene, numbers_);
+    pairs_.target[0] = Eigen::Vector2d(1e5, 1e5);
+    if (run % 2 == 0) pairs_.target[1] = Eigen::Vector2d(-1e5, 0.0);
+    if (estimate() == Status::ok) ++accepted;
+  }
+  EXPECT_EQ(accepted, 0);
 }
 
 TEST_F(Verdict, RejectsPureOutliersWhenThereAreFew) {
+  int accepted = 0;
   for (std::size_t n = 4; n <= 20; n += 2) {
-    int accepted = 0;
     for (int run = 0; run < 2000; ++run) {
       Scene scene;
       scene.pairs = n;
@@ -69,8 +84,8 @@ TEST_F(Verdict, RejectsPureOutliersWhenThereAreFew) {
       pairs_ = makePairs(scene, numbers_);
       if (estimate() == Status::ok) ++accepted;
     }
-    EXPECT_LE(accepted, 2) << n;
   }
+  EXPECT_LE(accepted, 2);  // 18 000 of one in 10 000
 }
 
 TEST_F(Verdict, AcceptsFewPairsThatAllAgree) {

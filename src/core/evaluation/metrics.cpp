@@ -1,6 +1,7 @@
 #include "ktgp_orb/evaluation.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -77,9 +78,12 @@ double matchedShare(std::size_t matches, const Features& reference, const Featur
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x) {
   const Eigen::Vector3d p = homography * x.homogeneous();
-  // H is known up to a factor, so the sign of its last entry says which side of the horizon
-  // the image is on.
-  const double w = homography(2, 2) < 0.0 ? -p.z() : p.z();
+  // H is known up to a factor, also a negative one. With the sign that makes the third coordinate
+  // positive where the plane is seen, no view of a plane turns it over: det H > 0. The last entry
+  // does not tell, as the origin may lie beyond the horizon.
+  const bool has_horizon = homography(2, 0) != 0.0 || homography(2, 1) != 0.0;
+  const double side = has_horizon ? homography.determinant() : homography(2, 2);
+  const double w = side < 0.0 ? -p.z() : p.z();
   if (!(w > 0.0)) return {kInfinity, kInfinity};
   return p.head<2>() / p.z();
 }

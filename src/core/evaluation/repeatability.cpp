@@ -2,13 +2,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
-constexpr double kPi = 3.14159265358979323846;
 
 /// The points x with (x - centre)^T shape (x - centre) <= 1.
 struct Ellipse {

@@ -73,7 +73,11 @@ Covariance8 HomographyFit::pixelCovariance(const HomographyProblem& problem,
       jacobian(i, j) = (column(i / 3, i % 3) - pixel(i / 3, i % 3) * column(2, 2)) / divisor;
     }
   }
-  const Matrix8 covariance = refinement_.covariance();
+  // With the scale of the errors estimated from f degrees of freedom, H is distributed as Student's
+  // t, whose covariance is f / (f - 2) times what it were with the scale known.
+  const double freedom = refinement_.freedom();
+  const double spread = freedom / std::max(freedom - 2.0, 1.0);
+  const Matrix8 covariance = spread * refinement_.covariance();
   return jacobian * covariance * jacobian.transpose();
 }
 

@@ -98,6 +98,7 @@ struct ProsacHomography::Impl {
   Prosac<HomographyEstimator> search;
   HomographyFit fit;
   HomographyVerdict verdict;
+  double covered_area = 0.0;          // of the target points, px²
   std::vector<double> squared_error;  // of the final homography, px², in input order
 
   void estimate(const PointPairs& pairs, const cv::Size& reference_size,
@@ -142,7 +143,8 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   ProsacRules rules;
   rules.max_iterations = options.max_iterations;
   rules.confidence = options.confidence;
-  rules.chance_inlier = chanceInlier(pairs, options.max_error);
+  covered_area = coveredArea(pairs.target);
+  rules.chance_inlier = chanceInlier(covered_area, options.max_error);
   rules.seed = options.seed;
   const auto start = initial ? estimator.problem.fromPixels(*initial) : std::nullopt;
   const ProsacRun run = search.run(rules, start ? &*start : nullptr, estimator);
@@ -164,7 +166,8 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   const bool scaled = scaleLastToOne(pixel);
   result.homography = pixel;
   applyThreshold(pairs, options.max_error, squared_error, result);
-  if (verdict.explainableByChance(pairs, result.mask, squared_error, options.max_error)) {
+  if (verdict.explainableByChance(pairs, result.mask, squared_error, options.max_error,
+                                  covered_area)) {
     clearModel(result);
     return;
   }

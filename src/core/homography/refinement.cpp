@@ -17,6 +17,7 @@ using Lanes = Eigen::Array<double, 2, 1>;
 using Map = Eigen::Map<Lanes>;
 
 constexpr double kFreedom = 4.0;  // of Student's t; 4 did best on keypoints of real images
+constexpr double kEntries = 8.0;  // of H that are estimated
 
 Lanes load(const std::vector<double>& array, std::size_t first) {
   return Eigen::Map<const Lanes>(array.data() + first);
@@ -182,9 +183,11 @@ void HomographyRefinement::accumulate(const Eigen::Matrix3d& homography, Sums& s
 }
 
 /// Maximum likelihood for the scale at given errors by expectation maximisation, in the form that
-/// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994).
+/// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994). The entries
+/// of H were fitted to the same errors and made them smaller: of few pairs, much smaller.
 void HomographyRefinement::updateScale(double min_scale) {
   constexpr int kRounds = 2;
+  const double fitted = 2.0 * static_cast<double>(selected_.size) / freedom();
   for (int round = 0; round < kRounds; ++round) {
     Lanes weights = Lanes::Zero();
     Lanes cost = Lanes::Zero();
@@ -195,7 +198,7 @@ void HomographyRefinement::updateScale(double min_scale) {
       weights += weight;
       cost += weight * squared;
     }
-    scale2_ = std::max(sum(cost) / (2.0 * sum(weights)), min_scale * min_scale);
+    scale2_ = std::max(fitted * sum(cost) / (2.0 * sum(weights)), min_scale * min_scale);
   }
 }
 
@@ -252,18 +255,33 @@ bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matr
     if (step.cwiseAbs().maxCoeff() < kConverged) break;
   }
   scale = std::sqrt(scale2_);
+  variance_factor_ = varianceFactor();
   return true;
+}
+
+double HomographyRefinement::freedom() const {
+  return std::max(2.0 * static_cast<double>(selected_.size) - kEntries, 1.0);
 }
 
 /// Huber, Robust Statistics (1981), section 7.6: the covariance is the mean of w² e² over the
 /// square of the mean of d(w e)/de, times (J^T J)^-1, for which the mean weight times (J^T w J)^-1
-/// stands. Eight of the 2n errors went into the eight entries. This is what (J^T w J)^-1 is
-/// multiplied by.
+/// stands. Eight of the 2n errors went into the eight entries. For finite samples it is K² times as
+/// large, K = 1 + 8/(2n) var(d(w e)/de) / mean(d(w e)/de)²: pairs that the fit pulls towards itself
+/// get the more weight for it. This is what (J^T w J)^-1 is multiplied by.
 double HomographyRefinement::varianceFactor() const {
   const double n = static_cast<double>(selected_.size);
-  const double square = sums_.square / std::max(2.0 * n - 8.0, 1.0);
+  const double square = sums_.square / freedom();
   const double derivative = sums_.derivative / n;
-  return square / (derivative * derivative) * (sums_.weight / n);
+  const double mean2 = derivative * derivative;
+  // Along e the derivative of w e is w (2q - 1), across it w, with q = w f / (f + 2).
+  double squares = 0.0;
+  for (std::size_t i = 0; i < selected_.size; ++i) {
+    const double q = weight_[i] * (kFreedom / (kFreedom + 2.0));
+    squares += weight_[i] * weight_[i] * (2.0 * q * (q - 1.0) + 1.0);
+  }
+  const double variance = squares / n - mean2;
+  const double k = 1.0 + kEntries / (2.0 * n) * variance / mean2;
+  return k * k * square / mean2 * (sums_.weight / n);
 }
 
 namespace {
@@ -281,7 +299,7 @@ Matrix8 inverse(const Matrix8& information) {
 }  // namespace
 
 Matrix8 HomographyRefinement::covariance() const {
-  return varianceFactor() * inverse(sums_.jtj);
+  return variance_factor_ * inverse(sums_.jtj);
 }
 
 Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homography,
@@ -297,7 +315,7 @@ Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homograph
   Matrix8 jtj;
   Vector8 unused;
   normal.store(jtj, unused);
-  return varianceFactor() * inverse(jtj);
+  return variance_factor_ * inverse(jtj);
 }
 
 }  // namespace ktgp_orb

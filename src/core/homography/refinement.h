@@ -31,8 +31,12 @@ class HomographyRefinement {
   /// not determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
-  /// Covariance of the eight entries after minimise().
+  /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
   Matrix8 covariance() const;
+
+  /// The degrees of freedom that the scale was estimated with: two errors a pair, less the eight
+  /// entries that were fitted to them.
+  double freedom() const;
 
   /// The same from the first `count` pairs only, and of these without every one whose place leaves
   /// `fold` when divided by `folds`. Infinite where the rest does not determine H.
@@ -62,6 +66,7 @@ class HomographyRefinement {
   std::vector<double> weight_;         // w at the H that accumulate() saw last
   std::vector<double> former_weight_;  // w at the H before
   double scale2_ = 0.0;
+  double variance_factor_ = 0.0;  // covariance over (J^T w J)^-1, after minimise()
   Sums sums_;
 };
 

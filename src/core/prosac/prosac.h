@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -13,7 +14,7 @@ namespace ktgp_orb {
 
 /// What a run of PROSAC goes by.
 struct ProsacRules {
-  int max_iterations = 2000;    ///< samples drawn at most, >= 1
+  int max_iterations = 2000;    ///< samples solved at most, >= 1
   double confidence = 0.995;    ///< wanted probability that no better model is missed, in (0, 1)
   double chance_inlier = 0.01;  ///< that a pair agrees with a wrong model by chance, in (0, 1)
   std::uint64_t seed = 1;
@@ -23,7 +24,7 @@ struct ProsacRules {
 struct ProsacRun {
   bool found = false;               ///< some sample gave a model
   bool exhausted = true;            ///< the budget ended it, not the stopping rules
-  int iterations = 0;               ///< samples drawn
+  int iterations = 0;               ///< samples drawn: from the growing set, and from the inliers
   int local_optimisations = 0;      ///< times a new best model was polished
   std::size_t growth_set_size = 0;  ///< best pairs sampled from at the end, n of PROSAC
 };
@@ -67,10 +68,11 @@ class Prosac {
   bool improve(const ProsacSample& sample, Estimator& estimator);
   bool improve(const Model& model, Estimator& estimator);
   void polish(Estimator& estimator);
-  void updateStopping(int drawn, Estimator& estimator);
+  void updateStopping(ProsacSampler& sampler, Estimator& estimator);
   void findSupport(const Estimator& estimator);
-  int sampleSupport(Estimator& estimator);
+  bool sampleSupport(ProsacSampler& sampler, Estimator& estimator);
 
+  int local_optimisations_ = 0;
   Random random_{0};  // for sampleSupport()
   Model best_;
   float best_cost_ = kInfinity;
@@ -84,26 +86,22 @@ template <typename Estimator>
 ProsacRun Prosac<Estimator>::run(const ProsacRules& rules, const Model* initial,
                                  Estimator& estimator) {
   ProsacRun run;
+  local_optimisations_ = 0;
   random_ = Random(~rules.seed);
   best_cost_ = kInfinity;
   stopping_.reset(kSampleSize, estimator.size(), rules.chance_inlier, rules.confidence);
   ProsacSampler sampler(kSampleSize, estimator.size(), rules.max_iterations, rules.seed);
-  if (initial != nullptr && improve(*initial, estimator)) {
-    ++run.local_optimisations;
-    updateStopping(sampler.drawn(), estimator);
-  }
-  while (sampler.drawn() < rules.max_iterations) {
+  if (initial != nullptr && improve(*initial, estimator)) updateStopping(sampler, estimator);
+  while (sampler.left() > 0) {
     sampler.draw(stopping_.terminationLength(), sample_);
-    if (improve(sample_, estimator)) {
-      ++run.local_optimisations;
-      updateStopping(sampler.drawn(), estimator);
-    }
+    if (improve(sample_, estimator)) updateStopping(sampler, estimator);
     if (sampler.drawn() < stopping_.samplesNeeded()) continue;
     run.exhausted = false;
     break;
   }
   run.found = best_cost_ < kInfinity;
-  run.iterations = sampler.drawn();
+  run.iterations = rules.max_iterations - sampler.left();
+  run.local_optimisations = local_optimisations_;
   run.growth_set_size = sampler.growthSetSize();
   return run;
 }
@@ -128,6 +126,7 @@ bool Prosac<Estimator>::improve(const Model& model, Estimator& estimator) {
 /// Local optimisation by steps over the inliers, from a wide limit down to the threshold.
 template <typename Estimator>
 void Prosac<Estimator>::polish(Estimator& estimator) {
+  ++local_optimisations_;
   Model candidate = best_;
   for (double widening : {2.0, 1.0, 1.0}) {
     if (!estimator.refine(widening, candidate)) return;
@@ -141,10 +140,10 @@ void Prosac<Estimator>::polish(Estimator& estimator) {
 /// Tells the stopping rules of the new best model; where they want more samples, tries some from
 /// its support first.
 template <typename Estimator>
-void Prosac<Estimator>::updateStopping(int drawn, Estimator& estimator) {
+void Prosac<Estimator>::updateStopping(ProsacSampler& sampler, Estimator& estimator) {
   findSupport(estimator);
   stopping_.update(inlier_);
-  if (drawn < stopping_.samplesNeeded() && sampleSupport(estimator) > 0) {
+  if (sampler.drawn() < stopping_.samplesNeeded() && sampleSupport(sampler, estimator)) {
     findSupport(estimator);
     stopping_.update(inlier_);
   }
@@ -161,20 +160,24 @@ void Prosac<Estimator>::findSupport(const Estimator& estimator) {
 
 /// The other half of local optimisation: samples from the inliers alone. A sample with one wrong
 /// pair often agrees with a part of the right ones, from where least squares does not lead out; a
-/// sample of those does. Returns how often that gave a better model.
+/// sample of those does. True where that gave a better model. Samples like these say nothing of
+/// what the other pairs hold, so they count towards the budget but not towards maximality; at most
+/// half of what is left goes into them.
 template <typename Estimator>
-int Prosac<Estimator>::sampleSupport(Estimator& estimator) {
-  constexpr int kSamples = 20;
-  int improvements = 0;
+bool Prosac<Estimator>::sampleSupport(ProsacSampler& sampler, Estimator& estimator) {
+  constexpr int kMaxSamples = 20;
+  const int samples = std::min(kMaxSamples, sampler.left() / 2);
+  bool improved = false;
   sample_.resize(kSampleSize);
-  for (int i = 0; i < kSamples && support_.size() > kSampleSize; ++i) {
+  for (int i = 0; i < samples && support_.size() > kSampleSize; ++i) {
+    sampler.spend(1);
     drawDistinct(support_.size(), 0, random_, sample_);
     for (std::size_t& place : sample_) place = support_[place];
     if (!improve(sample_, estimator)) continue;
-    ++improvements;
+    improved = true;
     findSupport(estimator);
   }
-  return improvements;
+  return improved;
 }
 
 }  // namespace ktgp_orb

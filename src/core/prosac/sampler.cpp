@@ -15,7 +15,11 @@ void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSamp
 
 ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int budget,
                              std::uint64_t seed)
-    : sample_size_(sample_size), points_(points), growth_set_size_(sample_size), random_(seed) {
+    : sample_size_(sample_size),
+      points_(points),
+      budget_(budget),
+      growth_set_size_(sample_size),
+      random_(seed) {
   constexpr double kSteadyShare = 4.0;  // one part in four of the budget
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
@@ -39,9 +43,10 @@ double ProsacSampler::samplesUntil(std::size_t n) const {
 void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   ++drawn_;
   limit = std::min(limit, points_);
-  while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < drawn_) ++growth_set_size_;
+  const double time = drawn_ * (static_cast<double>(budget_) / (budget_ - spent_));
+  while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < time) ++growth_set_size_;
   sample.resize(sample_size_);
-  if (samplesUntil(growth_set_size_) >= drawn_) {
+  if (samplesUntil(growth_set_size_) >= time) {
     sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn before
     drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {

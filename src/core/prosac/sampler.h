@@ -31,10 +31,16 @@ class ProsacSampler {
   /// `sample_size` m >= 1; `points` N >= m; `budget`: samples that will be drawn at most, >= 1.
   ProsacSampler(std::size_t sample_size, std::size_t points, int budget, std::uint64_t seed);
 
+  /// Takes that many samples, drawn elsewhere, off the budget. The growth keeps pace, so that the
+  /// last pair is still reached with the last sample.
+  void spend(int samples) { spent_ += samples; }
+
   /// The next sample, of m places. The set of pairs grows no further than `limit`, n* of the paper.
   void draw(std::size_t limit, ProsacSample& sample);
 
   int drawn() const { return drawn_; }
+  /// What is left of the budget.
+  int left() const { return budget_ - spent_ - drawn_; }
   std::size_t growthSetSize() const { return growth_set_size_; }
 
   /// T'(n), for m <= n <= N.
@@ -45,9 +51,11 @@ class ProsacSampler {
 
   std::size_t sample_size_;
   std::size_t points_;
+  int budget_;
   double steady_;  // r
   double growth_;  // T_N over the ordered samples from N
   int drawn_ = 0;
+  int spent_ = 0;
   std::size_t growth_set_size_;
   Random random_;
 };

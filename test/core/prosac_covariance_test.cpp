@@ -1,0 +1,81 @@
+// The covariance must say how far off the homography is, however few pairs it comes from.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+
+#include "ktgp_orb/prosac_homography.h"
+#include "synthetic_pairs.h"
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+
+/// Number of inliers, and between what bounds the normalised squared error may be on average.
+struct Case {
+  std::size_t inliers;
+  double lowest;
+  double highest;
+};
+
+/// Of normal errors and a covariance that is known, d^T C^-1 d is 8 on average for eight entries.
+/// Where the scale of the errors is estimated from the same few pairs it has heavy tails, which the
+/// bounds leave some room for.
+double normalisedSquaredError(const ProsacResult& result, const Eigen::Matrix3d& truth) {
+  Vector8 d;
+  for (int k = 0; k < 8; ++k) d[k] = result.homography(k / 3, k % 3) - truth(k / 3, k % 3);
+  const Eigen::Matrix<double, 8, 8> covariance = result.covariance;
+  return d.dot(covariance.fullPivLu().solve(d));
+}
+
+class Covariance : public testing::TestWithParam<Case> {
+ protected:
+  /// Average over 3000 scenes with that many outliers for each inlier.
+  double measure(double outliers_per_inlier) {
+    const std::size_t inliers = GetParam().inliers;
+    test::Numbers numbers(21);
+    ProsacHomography prosac;
+    ProsacResult result;
+    double sum = 0.0;
+    int found = 0;
+    for (int run = 0; run < 3000; ++run) {
+      test::Scene scene;
+      scene.inliers = inliers;
+      scene.pairs =
+          inliers + static_cast<std::size_t>(outliers_per_inlier * static_cast<double>(inliers));
+      scene.homography = test::randomHomography(kSize, 0.15, numbers);
+      prosac.estimate(test::makePairs(scene, numbers), kSize, result);
+      if (result.status != Status::ok) continue;
+      sum += normalisedSquaredError(result, scene.homography);
+      ++found;
+    }
+    EXPECT_GT(found, 2600);
+    return sum / found;
+  }
+};
+
+TEST_P(Covariance, IsAsLargeAsTheErrors) {
+  const double measured = measure(0.0);
+  RecordProperty("normalised_squared_error", std::to_string(measured));
+  EXPECT_GT(measured, GetParam().lowest);
+  EXPECT_LT(measured, GetParam().highest);
+}
+
+TEST_P(Covariance, IsAsLargeAsTheErrorsAmongOutliers) {
+  const double measured = measure(0.5);
+  RecordProperty("normalised_squared_error", std::to_string(measured));
+  EXPECT_GT(measured, GetParam().lowest);
+  EXPECT_LT(measured, GetParam().highest);
+}
+
+INSTANTIATE_TEST_SUITE_P(FewAndMany, Covariance,
+                         testing::Values(Case{8, 7.0, 11.5}, Case{12, 7.0, 10.0},
+                                         Case{20, 7.2, 9.0}, Case{50, 7.3, 8.7},
+                                         Case{200, 7.5, 8.5}),
+                         [](const auto& info) { return std::to_string(info.param.inliers); });
+
+}  // namespace
+}  // namespace ktgp_orb
