@@ -1,0 +1,200 @@
+// The stages in a row, on features that are made up: no data is needed.
+
+#include "ktgp_orb/ktgp_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdint>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "synthetic_pairs.h"
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+
+/// Two frames whose first `matching` keypoints correspond under a homography, up to half a pixel of
+/// noise and a few flipped bits; the others have nothing to do with each other.
+struct Frames {
+  Features reference;
+  Features target;
+  Eigen::Matrix3d truth;
+};
+
+void append(Features& features, const Eigen::Vector2d& position, const cv::Mat& descriptor) {
+  features.keypoints.emplace_back(static_cast<float>(position.x()),
+                                  static_cast<float>(position.y()), 31.F);
+  features.descriptors.push_back(descriptor);
+}
+
+cv::Mat randomDescriptor(std::mt19937& random) {
+  cv::Mat descriptor(1, kDescriptorBytes, CV_8U);
+  for (int i = 0; i < kDescriptorBytes; ++i) {
+    descriptor.at<std::uint8_t>(i) = static_cast<std::uint8_t>(random() & 0xffU);
+  }
+  return descriptor;
+}
+
+Frames makeFrames(std::size_t matching, std::size_t others, std::uint32_t seed) {
+  test::Numbers numbers(seed);
+  std::mt19937 random(seed);
+  Frames frames;
+  frames.reference.image_size = frames.target.image_size = kSize;
+  frames.truth = test::randomHomography(kSize, 0.05, numbers);
+  while (frames.reference.size() < matching) {
+    const Eigen::Vector2d x = numbers.pointIn(kSize);
+    Eigen::Vector2d u = (frames.truth * x.homogeneous()).hnormalized();
+    u += 0.5 * Eigen::Vector2d(numbers.normal(), numbers.normal());
+    if (!test::isInside(u, kSize)) continue;
+    const cv::Mat descriptor = randomDescriptor(random);
+    cv::Mat seen = descriptor.clone();
+    for (int flips = 0; flips < 12; ++flips) {
+      seen.at<std::uint8_t>(static_cast<int>(random() % 32U)) ^=
+          static_cast<std::uint8_t>(1U << (random() % 8U));
+    }
+    append(frames.reference, x, descriptor);
+    append(frames.target, u, seen);
+  }
+  for (std::size_t i = 0; i < others; ++i) {
+    append(frames.reference, numbers.pointIn(kSize), randomDescriptor(random));
+    append(frames.target, numbers.pointIn(kSize), randomDescriptor(random));
+  }
+  return frames;
+}
+
+TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
+  const Frames frames = makeFrames(600, 300, 1);
+  MatcherOptions options;
+  options.ratio_threshold = 0.95;  // lets wrong ones through to GMS and PROSAC
+  KtgpMatcher matcher(options);
+  MatchResult result;
+  matcher.match(frames.reference, frames.target, result);
+
+  std::vector<Correspondence> expected;
+  KnnMatcher(options.knn).match(frames.reference.descriptors, frames.target.descriptors, expected);
+  const std::size_t kt = filterByRatio(options.ratio_threshold, expected);
+  const std::size_t ktg =
+      GmsFilter(options.gms).filter(frames.reference, frames.target, expected).kept;
+  PointPairs pairs;
+  for (const Correspondence& c : expected) {
+    if (c.level != Level::ktg) continue;
+    const cv::Point2f& x = frames.reference.keypoints[std::size_t(c.reference_index)].pt;
+    const cv::Point2f& u = frames.target.keypoints[std::size_t(c.target_index)].pt;
+    pairs.reference.emplace_back(x.x, x.y);
+    pairs.target.emplace_back(u.x, u.y);
+    pairs.quality.push_back(c.ratio());
+  }
+  ProsacResult prosac;
+  ProsacHomography(options.prosac).estimate(pairs, kSize, prosac);
+  ASSERT_EQ(prosac.status, Status::ok);
+
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.prosac.homography, prosac.homography);
+  EXPECT_EQ(result.prosac.mask, prosac.mask);
+  ASSERT_EQ(result.correspondences.size(), expected.size());
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    const Correspondence& c = result.correspondences[i];
+    EXPECT_EQ(c.reference_index, expected[i].reference_index);
+    EXPECT_EQ(c.target_index, static_cast<std::int32_t>(i));
+    EXPECT_EQ(c.distance, expected[i].distance);
+    EXPECT_EQ(c.second_distance, expected[i].second_distance);
+    const bool inlier = expected[i].level == Level::ktg && prosac.mask[next++] != 0;
+    EXPECT_EQ(c.level, inlier ? Level::ktgp : expected[i].level) << i;
+  }
+
+  const std::size_t outputs[] = {900, kt, ktg, prosac.inliers};
+  const char* const names[] = {"knn", "tf", "gms", "prosac"};
+  std::size_t input = 900;
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(result.stages[i].name, std::string(names[i]));
+    EXPECT_EQ(result.stages[i].input, input) << names[i];
+    EXPECT_EQ(result.stages[i].output, outputs[i]) << names[i];
+    EXPECT_GE(result.stages[i].milliseconds, 0.0);
+    input = outputs[i];
+  }
+}
+
+TEST(KtgpMatcher, FindsTheTrueMatchesAndNoOthers) {
+  KtgpMatcher matcher;
+  MatchResult result;
+  std::vector<Correspondence> matches;
+  for (std::uint32_t seed = 1; seed <= 10; ++seed) {
+    const Frames frames = makeFrames(500, 500, seed);
+    matcher.match(frames.reference, frames.target, result);
+    ASSERT_EQ(result.status, Status::ok);
+    EXPECT_LT(test::cornerError(result.prosac.homography, frames.truth, kSize), 1.0);
+    result.surviving(Level::ktgp, matches);
+    EXPECT_EQ(matches.size(), result.prosac.inliers);
+    EXPECT_GT(matches.size(), 300u);  // GMS wants company in a cell
+    for (const Correspondence& c : matches) {
+      EXPECT_EQ(c.reference_index, c.target_index);
+      EXPECT_LT(c.target_index, 500);
+    }
+  }
+}
+
+TEST(KtgpMatcher, TakesAPredictionAndRepeatsItself) {
+  const Frames frames = makeFrames(500, 200, 3);
+  KtgpMatcher matcher;
+  MatchResult result;
+  MatchResult again;
+  matcher.match(frames.reference, frames.target, result);
+  matcher.match(frames.target, frames.reference, again);  // leaves its buffers behind
+  matcher.match(frames.reference, frames.target, again);
+  EXPECT_EQ(again.prosac.homography, result.prosac.homography);
+  EXPECT_EQ(again.prosac.mask, result.prosac.mask);
+  matcher.match(frames.reference, frames.target, frames.truth, again);
+  ASSERT_EQ(again.status, Status::ok);
+  EXPECT_LT(test::cornerError(again.prosac.homography, frames.truth, kSize), 1.0);
+  const Eigen::Matrix3d nonsense = Eigen::Matrix3d::Constant(std::nan(""));
+  EXPECT_THROW(matcher.match(frames.reference, frames.target, nonsense, again),
+               std::invalid_argument);
+}
+
+TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {
+  const Frames frames = makeFrames(500, 0, 4);
+  KtgpMatcher matcher;
+  MatchResult result;
+  const auto status = [&](const Features& reference, const Features& target) {
+    matcher.match(reference, target, result);
+    EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), 0u);
+    EXPECT_EQ(result.stages[3].output, 0u);
+    EXPECT_TRUE(result.prosac.homography.isZero());
+    return result.status;
+  };
+  matcher.match(frames.reference, frames.target, result);
+  ASSERT_EQ(result.status, Status::ok);  // and leaves nothing of it behind
+  Features none;
+  none.image_size = kSize;
+  const Features one = makeFrames(1, 0, 5).reference;
+  EXPECT_EQ(status(none, frames.target), Status::too_few_features);
+  EXPECT_EQ(status(one, frames.target), Status::too_few_features);
+  EXPECT_EQ(status(frames.reference, none), Status::too_few_features);
+  EXPECT_EQ(status(none, none), Status::too_few_features);
+  EXPECT_EQ(status(frames.reference, makeFrames(0, 500, 6).target), Status::too_few_matches);
+}
+
+TEST(KtgpMatcher, RefusesBadOptionsAndMalformedFeatures) {
+  MatcherOptions options;
+  options.ratio_threshold = 0.0;
+  EXPECT_THROW(KtgpMatcher{options}, std::invalid_argument);
+  options.ratio_threshold = 1.1;
+  EXPECT_THROW(KtgpMatcher{options}, std::invalid_argument);
+  const Frames frames = makeFrames(20, 0, 7);
+  Features broken = frames.reference;
+  broken.keypoints.pop_back();
+  KtgpMatcher matcher;
+  MatchResult result;
+  EXPECT_THROW(matcher.match(broken, frames.target, result), std::invalid_argument);
+  EXPECT_THROW(matcher.match(frames.reference, broken, result), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
