@@ -56,6 +56,12 @@ function(ktgp_orb_add_highway)
   if(NOT TARGET hwy::hwy)
     add_library(hwy::hwy ALIAS hwy)
   endif()
+  # Highway 1.0 builds one target with an instruction set that GCC knows from version 11 on.
+  file(STRINGS ${highway_SOURCE_DIR}/hwy/ops/set_macros-inl.h unknown_to_gcc_10 REGEX avxvnni)
+  if(unknown_to_gcc_10 AND CMAKE_CXX_COMPILER_ID STREQUAL GNU AND
+      CMAKE_CXX_COMPILER_VERSION VERSION_LESS 11)
+    target_compile_definitions(hwy PUBLIC HWY_DISABLED_TARGETS=HWY_AVX3_DL)
+  endif()
   # Warnings are ours alone, as with an installed library.
   set_target_properties(hwy PROPERTIES INTERFACE_SYSTEM_INCLUDE_DIRECTORIES
     $<TARGET_PROPERTY:hwy,INTERFACE_INCLUDE_DIRECTORIES>)
