@@ -77,7 +77,7 @@ double meanCornerError(const MatchResult& result, const Eigen::Matrix3d& truth,
   double sum = 0;
   for (const cv::Point2f corner : {cv::Point2f(0, 0), cv::Point2f(right, 0), cv::Point2f(0, bottom),
                                    cv::Point2f(right, bottom)}) {
-    sum += (map(truth, corner) - map(result.prosac.homography, corner)).norm();
+    sum += (map(truth, corner) - map(result.homography, corner)).norm();
   }
   return sum / 4;
 }

@@ -22,7 +22,7 @@ struct AlignmentOptions {
 enum class AlignmentStatus : std::uint8_t {
   not_run = 0,         ///< switched off, or there was no homography to begin with
   ok = 1,              ///< the homography is the aligned one
-  no_images = 2,       ///< a frame came without its images (see OrbOptions::keep_images)
+  no_images = 2,       ///< a frame came without its images (see OrbOptions::images)
   too_few_points = 3,  ///< fewer than twelve points could be aligned
   not_better = 4,      ///< the aligned homography is not better supported than the one before
 };

@@ -30,8 +30,7 @@ struct Features {
   /// Width and height of the image in pixels.
   cv::Size image_size;
   /// The 8-bit grey image and after it ever smaller ones, ORB's pyramid, for the sub-pixel
-  /// alignment; empty unless OrbOptions::keep_images. The first is the image that was handed to the
-  /// extractor, not a copy: do not write into it while these features are in use.
+  /// alignment; see OrbOptions::images.
   std::vector<cv::Mat> images;
   /// What the descriptors are.
   DescriptorKind descriptor = DescriptorKind::orb;

@@ -11,6 +11,7 @@ namespace ktgp_orb {
 
 /// Options of grid-based motion statistics (Bian et al., CVPR 2017).
 struct GmsOptions {
+  bool enabled = true;  ///< false: every match passes; not in the paper
   /// T_G, the factor alpha of GMS, in [0, 1e6]: a cell pair survives when the matches in its 3x3
   /// neighbourhood reach T_G * sqrt(mean matches per neighbouring cell). 0 keeps every match whose
   /// reference cell is the one that most matches of its target cell go to.

@@ -6,9 +6,11 @@
 #include <optional>
 #include <vector>
 
+#include "ktgp_orb/alignment.h"
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/gms_filter.h"
+#include "ktgp_orb/guided_matcher.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
@@ -16,7 +18,7 @@
 
 namespace ktgp_orb {
 
-/// Options of the four stages.
+/// Options of the four stages and of what may follow them.
 struct MatcherOptions {
   KnnOptions knn;
   double ratio_threshold = kDefaultRatioThreshold;  ///< T_w, in (0, 1]
@@ -24,14 +26,22 @@ struct MatcherOptions {
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
+  GuidedOptions guided;
+  AlignmentOptions alignment;
+
+  /// The paper's chain, its homography aligned: the defaults.
+  static MatcherOptions ktgp() { return {}; }
+  /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
+  /// GMS, PROSAC, a guided round, alignment.
+  static MatcherOptions robust();
 };
 
 /// Counts and time of one stage (the message of it is StageStatistics). The output of a stage is
 /// the input of the next.
 struct StageResult {
-  const char* name = "";      ///< "knn", "tf", "gms" or "prosac"
+  const char* name = "";      ///< "knn", "tf", "gms", "prosac"; "guided", "align"; "": switched off
   std::size_t input = 0;      ///< knn: target features; others: correspondences
-  std::size_t output = 0;     ///< correspondences left
+  std::size_t output = 0;     ///< correspondences left; guided: with those it added; align: aligned
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
@@ -44,15 +54,31 @@ struct MatchResult {
   GmsResult gms;
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
   std::array<StageResult, 4> stages;  ///< knn, tf, gms, prosac
+  /// What guided matching added, in target order, all of Level::guided.
+  std::vector<Correspondence> guided;
+  AlignmentResult alignment;
+  std::array<StageResult, 2> refinements;  ///< guided, align
+
+  /// The answer: PROSAC's homography or what guided matching and alignment made of it, and its
+  /// covariance (see ProsacResult); zero unless status is ok.
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
+  Covariance8 covariance = Covariance8::Zero();
+  std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
+  double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
 
   /// Correspondences that reached at least `level`, in target order, into `out`.
   void surviving(Level level, std::vector<Correspondence>& out) const;
+  /// Of all stages together.
+  double milliseconds() const;
+  /// As of a frame without a reference; keeps the buffers.
+  void clear();
 };
 
 static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// KNN -> TF -> GMS -> PROSAC over the features of two frames.
+/// KNN -> TF -> GMS -> PROSAC over the features of two frames; then, where they are switched on,
+/// guided matching and sub-pixel alignment, which change neither counts nor levels of the four.
 /// An instance belongs to one thread at a time; several instances may run side by side.
 class KtgpMatcher {
  public:
@@ -74,12 +100,20 @@ class KtgpMatcher {
  private:
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
+  void refine(const Features& reference, const Features& target, MatchResult& result);
+  void collectFinal(const MatchResult& result);
+  double finalRmse(const Features& reference, const Features& target,
+                   const Eigen::Matrix3d& homography) const;
 
   MatcherOptions options_;
   KnnMatcher knn_;
   GmsFilter gms_;
   ProsacHomography prosac_;
   PointPairs pairs_;
+  GuidedMatcher guided_;
+  Alignment alignment_;
+  std::vector<Correspondence> final_;  // of level ktgp and above
 };
 
 }  // namespace ktgp_orb

@@ -24,6 +24,13 @@ enum class KeypointDistribution : std::uint8_t {
   uniform,
 };
 
+/// What becomes of the images that the features were found in.
+enum class ImageKeeping : std::uint8_t {
+  none,   ///< Features::images stay empty: no sub-pixel alignment
+  copy,   ///< the image is copied and its pyramid kept
+  share,  ///< the same without the copy: do not write into the image while the features are in use
+};
+
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
 struct OrbOptions {
   int max_features = 2000;    ///< keypoints to keep at most, >= 1
@@ -37,9 +44,7 @@ struct OrbOptions {
   /// With the uniform distribution: keypoints that each cell of the image keeps where all have
   /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
   int keypoints_per_cell = 16;
-  /// Features::images come with the features: what the sub-pixel alignment works on. No pixel is
-  /// copied.
-  bool keep_images = false;
+  ImageKeeping images = ImageKeeping::copy;
   int threads = 1;  ///< threads that share the work; 0 = all cores; the result is identical
 
   bool operator==(const OrbOptions& other) const;

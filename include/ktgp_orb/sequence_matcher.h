@@ -27,12 +27,16 @@ struct ReferenceOptions {
   int min_inliers = 100;     ///< keyframe: final matches that it gives, >= 4
 };
 
-/// Options of the extractor, of the four stages, and of what they are applied to.
+/// Options of the extractor, of the stages, and of what they are applied to.
 struct SequenceOptions {
   OrbOptions orb;
   MatcherOptions matcher;
   ReferenceOptions reference;
 };
+
+/// `options` with `orb.images` as the sequence needs it: shared where the alignment is on, else
+/// none. SequenceMatcher applies it; features found elsewhere should be found with the same.
+SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The numbers are those of the REASON_ constants in the messages.
 enum class NoReference : std::uint8_t {
@@ -114,6 +118,7 @@ class SequenceMatcher {
   SequenceMatcher(SequenceMatcher&&) noexcept;
   SequenceMatcher& operator=(SequenceMatcher&&) noexcept;
 
+  /// As given, but for the images (see withImages).
   const SequenceOptions& options() const;
   /// From the next frame on. Another mode forgets the reference, but not a fixed one. Throws as the
   /// constructor does; nothing is changed then.

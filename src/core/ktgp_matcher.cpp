@@ -1,6 +1,8 @@
 #include "ktgp_orb/ktgp_matcher.h"
 
 #include <chrono>
+#include <cmath>
+#include <utility>
 
 namespace ktgp_orb {
 namespace {
@@ -21,6 +23,19 @@ Eigen::Vector2d position(const Features& features, std::int32_t index) {
   return {p.x, p.y};
 }
 
+/// As where there is no homography.
+void clearRefinement(MatchResult& result) {
+  result.guided.clear();
+  std::vector<AlignedPoint> points = std::move(result.alignment.points);  // keep the buffer
+  points.clear();
+  result.alignment = {};
+  result.alignment.points = std::move(points);
+  result.homography.setZero();
+  result.covariance.setZero();
+  result.inliers = 0;
+  result.rmse = 0.0;
+}
+
 }  // namespace
 
 void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const {
@@ -30,8 +45,45 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
   }
 }
 
+double MatchResult::milliseconds() const {
+  double sum = 0.0;
+  for (const StageResult& stage : stages) sum += stage.milliseconds;
+  for (const StageResult& stage : refinements) sum += stage.milliseconds;
+  return sum;
+}
+
+void MatchResult::clear() {
+  status = Status::no_reference;
+  correspondences.clear();
+  gms = {};
+  prosac.status = Status::no_model;
+  prosac.homography.setZero();
+  prosac.covariance.setZero();
+  prosac.mask.clear();
+  prosac.inliers = prosac.distinct_inliers = 0;
+  prosac.rmse = 0.0;
+  const char* const names[] = {"knn", "tf", "gms", "prosac"};
+  for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
+  refinements = {};
+  clearRefinement(*this);
+}
+
+MatcherOptions MatcherOptions::robust() {
+  MatcherOptions options;
+  options.mutual = true;
+  options.ratio_threshold = 1.0;
+  options.gms.enabled = false;
+  options.guided.enabled = true;
+  return options;
+}
+
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options)
-    : options_(options), knn_(options.knn), gms_(options.gms), prosac_(options.prosac) {
+    : options_(options),
+      knn_(options.knn),
+      gms_(options.gms),
+      prosac_(options.prosac),
+      guided_(options.guided),
+      alignment_(options.alignment) {
   std::vector<Correspondence> none;
   filterByRatio(options.ratio_threshold, none);  // refuses a bad T_w now rather than per frame
 }
@@ -61,7 +113,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target,
     return filterByRatio(options_.ratio_threshold, correspondences, options_.mutual);
   });
   timeStage(gms, "gms", tf.output, [&] {
-    result.gms = gms_.filter(reference, target, correspondences);
+    filterByMotion(reference, target, result);
     return result.gms.kept;
   });
   timeStage(prosac, "prosac", gms.output, [&] {
@@ -71,6 +123,21 @@ void KtgpMatcher::match(const Features& reference, const Features& target,
 
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
+  refine(reference, target, result);
+}
+
+void KtgpMatcher::filterByMotion(const Features& reference, const Features& target,
+                                 MatchResult& result) {
+  if (options_.gms.enabled) {
+    result.gms = gms_.filter(reference, target, result.correspondences);
+    return;
+  }
+  result.gms = {};
+  for (Correspondence& c : result.correspondences) {
+    if (c.level != Level::kt) continue;
+    c.level = Level::ktg;
+    ++result.gms.kept;
+  }
 }
 
 void KtgpMatcher::estimateHomography(const Features& reference, const Features& target,
@@ -89,6 +156,52 @@ void KtgpMatcher::estimateHomography(const Features& reference, const Features& 
   for (Correspondence& c : result.correspondences) {
     if (c.level >= Level::ktg && result.prosac.mask[i++] != 0) c.level = Level::ktgp;
   }
+}
+
+void KtgpMatcher::refine(const Features& reference, const Features& target, MatchResult& result) {
+  clearRefinement(result);
+  auto& [guided, aligned] = result.refinements;
+  guided = {options_.guided.enabled ? "guided" : "", 0, 0, 0.0};
+  aligned = {options_.alignment.enabled ? "align" : "", 0, 0, 0.0};
+  if (result.status != Status::ok) return;
+  result.homography = result.prosac.homography;
+  result.covariance = result.prosac.covariance;
+  const std::size_t inliers = result.prosac.inliers;
+  if (options_.guided.enabled) {
+    timeStage(guided, "guided", inliers, [&] {
+      guided_.refine(reference, target, result.correspondences, options_.prosac.max_error,
+                     result.homography, result.covariance, result.guided);
+      return inliers + result.guided.size();
+    });
+  }
+  result.inliers = inliers + result.guided.size();
+  collectFinal(result);
+  if (options_.alignment.enabled) {
+    timeStage(aligned, "align", final_.size(), [&] {
+      alignment_.align(reference, target, final_, result.homography, result.covariance,
+                       result.alignment);
+      return result.alignment.points.size();
+    });
+    result.homography = result.alignment.homography;
+    result.covariance = result.alignment.covariance;
+  }
+  result.rmse = finalRmse(reference, target, result.homography);
+}
+
+void KtgpMatcher::collectFinal(const MatchResult& result) {
+  result.surviving(Level::ktgp, final_);
+  final_.insert(final_.end(), result.guided.begin(), result.guided.end());
+}
+
+double KtgpMatcher::finalRmse(const Features& reference, const Features& target,
+                              const Eigen::Matrix3d& homography) const {
+  double sum = 0.0;
+  for (const Correspondence& c : final_) {
+    const double error = reprojectionError(homography, position(reference, c.reference_index),
+                                           position(target, c.target_index));
+    sum += error * error;
+  }
+  return final_.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(final_.size()));
 }
 
 }  // namespace ktgp_orb

@@ -30,7 +30,7 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
 
 /// The alignment needs them; they cost no time.
 OrbOptions withImages(OrbOptions options) {
-  options.keep_images = true;
+  options.images = ImageKeeping::share;
   return options;
 }
 

@@ -36,7 +36,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
   if (match.reference) {
     for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
     frame.inlier_ratio = retention(frame.matches[3], frame.matches[1]);
-    frame.rmse = match.match.prosac.rmse;
+    frame.rmse = match.match.rmse;
   }
   accumulateDrift(match, truth, frame);
   followTracks(match);
@@ -69,7 +69,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   const cv::Size size = match.frame->features.image_size;
   const bool found = match.match.status == Status::ok;
   if (truth && found) {
-    frame.corner_error = cornerError(match.match.prosac.homography, *truth, size);
+    frame.corner_error = cornerError(match.match.homography, *truth, size);
   }
   const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
   if (!truth || !found || window_is_full) {
@@ -78,7 +78,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
     true_.setIdentity();
   }
   if (!truth || !found) return;
-  estimated_ = match.match.prosac.homography * estimated_;
+  estimated_ = match.match.homography * estimated_;
   true_ = *truth * true_;
   ++frames_in_window_;
   frame.drift = cornerError(estimated_, true_, size);

@@ -24,6 +24,12 @@ static_assert(int(Status::model_rejected) == HomographyStamped::STATUS_MODEL_REJ
 static_assert(int(Level::kt) == Correspondences::LEVEL_KT, "");
 static_assert(int(Level::ktg) == Correspondences::LEVEL_KTG, "");
 static_assert(int(Level::ktgp) == Correspondences::LEVEL_KTGP, "");
+static_assert(int(Level::guided) == Correspondences::LEVEL_GUIDED, "");
+static_assert(int(AlignmentStatus::ok) == MatchStatistics::ALIGNMENT_OK, "");
+static_assert(int(AlignmentStatus::no_images) == MatchStatistics::ALIGNMENT_NO_IMAGES, "");
+static_assert(int(AlignmentStatus::too_few_points) == MatchStatistics::ALIGNMENT_TOO_FEW_POINTS,
+              "");
+static_assert(int(AlignmentStatus::not_better) == MatchStatistics::ALIGNMENT_NOT_BETTER, "");
 
 const cv::Point2f& position(const Frame& frame, std::int32_t index) {
   return frame.features.keypoints[static_cast<std::size_t>(index)].pt;
@@ -84,6 +90,25 @@ void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
 }
 
+/// The aligned points. They name the final matches by their place among these, which stand in the
+/// message in the same order, among others.
+void appendAligned(const AlignmentResult& alignment, Correspondences& message) {
+  if (alignment.status != AlignmentStatus::ok) return;
+  std::vector<std::uint32_t> places;
+  for (std::size_t i = 0; i < message.level.size(); ++i) {
+    if (message.level[i] >= Correspondences::LEVEL_KTGP) {
+      places.push_back(static_cast<std::uint32_t>(i));
+    }
+  }
+  for (const AlignedPoint& p : alignment.points) {
+    message.aligned.push_back(places[p.match]);
+    message.aligned_reference_x.push_back(static_cast<float>(p.reference.x()));
+    message.aligned_reference_y.push_back(static_cast<float>(p.reference.y()));
+    message.aligned_target_x.push_back(static_cast<float>(p.target.x()));
+    message.aligned_target_y.push_back(static_cast<float>(p.target.y()));
+  }
+}
+
 /// Every correspondence that passed the ratio filter, with the level it reached.
 CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const SequenceMatch& match) {
   const Frame& reference = *match.reference;
@@ -95,11 +120,16 @@ CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const Seque
   message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
   message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
   message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
-  reserve(countAtLeast(match.match.correspondences, Level::kt), *message);
+  const std::vector<Correspondence>& guided = match.match.guided;
+  reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
   for (const Correspondence& c : match.match.correspondences) {
     if (c.level < Level::kt) continue;
     append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
   }
+  for (const Correspondence& c : guided) {
+    append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
+  }
+  appendAligned(match.match.alignment, *message);
   return message;
 }
 
@@ -111,10 +141,10 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const Sequence
   message->reference_stamp = timeOf(match.reference->stamp);
   message->status = static_cast<std::uint8_t>(result.status);
   if (result.status != Status::ok) return message;
-  copyHomography(result.prosac.homography, *message);
-  message->inliers = static_cast<std::uint32_t>(result.prosac.inliers);
-  message->reprojection_rmse = result.prosac.rmse;
-  copyCovariance(result.prosac.covariance, *message);
+  copyHomography(result.homography, *message);
+  message->inliers = static_cast<std::uint32_t>(result.inliers);
+  message->reprojection_rmse = result.rmse;
+  copyCovariance(result.covariance, *message);
   return message;
 }
 
@@ -123,22 +153,30 @@ HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const Sequenc
   message->header = header;
   message->reference_stamp = timeOf(match.accumulated->first_stamp);
   message->status = HomographyStamped::STATUS_OK;
-  message->inliers = static_cast<std::uint32_t>(match.match.prosac.inliers);
-  message->reprojection_rmse = match.match.prosac.rmse;
+  message->inliers = static_cast<std::uint32_t>(match.match.inliers);
+  message->reprojection_rmse = match.match.rmse;
   copyHomography(match.accumulated->homography, *message);
   copyCovariance(match.accumulated->covariance, *message);
   return message;
 }
 
+void append(const StageResult& stage, MatchStatistics& message) {
+  message.stages.emplace_back();
+  StageStatistics& out = message.stages.back();
+  out.name = stage.name;
+  out.input = static_cast<std::uint32_t>(stage.input);
+  out.output = static_cast<std::uint32_t>(stage.output);
+  out.milliseconds = stage.milliseconds;
+}
+
 void setStages(const MatchResult& result, MatchStatistics& message) {
-  for (const StageResult& stage : result.stages) {
-    message.stages.emplace_back();
-    StageStatistics& out = message.stages.back();
-    out.name = stage.name;
-    out.input = static_cast<std::uint32_t>(stage.input);
-    out.output = static_cast<std::uint32_t>(stage.output);
-    out.milliseconds = stage.milliseconds;
+  for (const StageResult& stage : result.stages) append(stage, message);
+  for (const StageResult& stage : result.refinements) {
+    if (*stage.name != '\0') append(stage, message);
   }
+  message.alignment_status = static_cast<std::uint8_t>(result.alignment.status);
+  message.alignment_rmse_before = result.alignment.rmse_before;
+  message.alignment_rmse_after = result.alignment.rmse_after;
   const auto& tf = result.stages[1];
   if (tf.input > 0) {
     message.retention = static_cast<double>(tf.output) / static_cast<double>(tf.input);
@@ -160,7 +198,7 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
   setStages(match.match, *message);
   setDistances(match.match, *message);
-  if (match.match.status == Status::ok) message->reprojection_rmse = match.match.prosac.rmse;
+  if (match.match.status == Status::ok) message->reprojection_rmse = match.match.rmse;
   return message;
 }
 

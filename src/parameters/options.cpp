@@ -25,6 +25,7 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.knn.threads = p.threads;
   matcher.ratio_threshold = p.T_w;
   matcher.mutual = p.mutual;
+  matcher.gms.enabled = p.gms;
   matcher.gms.threshold = p.T_G;
   matcher.gms.rotation = p.gms_rotation;
   matcher.gms.scale = p.gms_scale;
@@ -34,6 +35,10 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.prosac.max_iterations = p.prosac_iterations;
   matcher.prosac.confidence = p.prosac_confidence;
   matcher.prosac.seed = static_cast<std::uint64_t>(p.prosac_seed);
+  matcher.guided.enabled = p.guided;
+  matcher.guided.radius = p.guided_radius;
+  matcher.alignment.enabled = p.alignment;
+  matcher.alignment.points = p.alignment_points;
   return matcher;
 }
 

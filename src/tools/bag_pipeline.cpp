@@ -8,7 +8,7 @@ namespace ktgp_orb {
 
 FramePipeline::FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
                              const GreyStretch& stretch, int threads)
-    : options_(options), fixed_(fixed), stretch_(stretch) {
+    : options_(withImages(options)), fixed_(fixed), stretch_(stretch) {
   for (int i = 0; i < threads; ++i) threads_.emplace_back(&FramePipeline::work, this);
 }
 

@@ -143,22 +143,33 @@ void printStages(const Outcome& outcome) {
     }
     std::printf("\n");
   }
+  for (const StageResult& s : outcome.result.refinements) {
+    if (*s.name == '\0') continue;
+    std::printf("%-7s %6zu  %6zu %6s %8.2f\n", s.name, s.input, s.output, "", s.milliseconds);
+  }
+}
+
+void printAlignment(const AlignmentResult& alignment) {
+  if (alignment.status == AlignmentStatus::not_run) return;
+  std::printf("alignment: %s, RMSE of the aligned points %.3f px before, %.3f px after\n",
+              toString(alignment.status), alignment.rmse_before, alignment.rmse_after);
 }
 
 void printHomography(const Outcome& outcome) {
-  const ProsacResult& prosac = outcome.result.prosac;
+  const MatchResult& result = outcome.result;
   if (outcome.result.status != Status::ok) {
     std::printf("\nno homography: %s\n", toString(outcome.result.status));
     return;
   }
-  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px\n", prosac.inliers, prosac.rmse);
+  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px\n", result.inliers, result.rmse);
   for (int row = 0; row < 3; ++row) {
-    std::printf("  %15.8g %15.8g %15.8g\n", prosac.homography(row, 0), prosac.homography(row, 1),
-                prosac.homography(row, 2));
+    std::printf("  %15.8g %15.8g %15.8g\n", result.homography(row, 0), result.homography(row, 1),
+                result.homography(row, 2));
   }
+  printAlignment(result.alignment);
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",
-                cornerError(prosac.homography, *outcome.truth, outcome.reference.image.size()));
+                cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
   }
 }
 
@@ -192,7 +203,7 @@ json toJson(const Eigen::Matrix3d& h) {
 }
 
 json toJson(const Outcome& outcome, const PipelineOptions& options) {
-  const ProsacResult& prosac = outcome.result.prosac;
+  const MatchResult& result = outcome.result;
   json out{{"reference", toJson(outcome.reference)},
            {"target", toJson(outcome.target)},
            {"options", tools::toJson(options)},
@@ -200,13 +211,24 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
            {"stages", json::array()},
            {"homography", nullptr}};
   for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
+  out["refinements"] = json::array();
+  for (const StageResult& s : result.refinements) {
+    if (*s.name == '\0') continue;
+    out["refinements"].push_back({{"name", s.name},
+                                  {"input", s.input},
+                                  {"output", s.output},
+                                  {"milliseconds", s.milliseconds}});
+  }
+  out["alignment"] = {{"status", toString(result.alignment.status)},
+                      {"rmse_before", result.alignment.rmse_before},
+                      {"rmse_after", result.alignment.rmse_after}};
   if (outcome.result.status != Status::ok) return out;
-  out["homography"] = toJson(prosac.homography);
-  out["inliers"] = prosac.inliers;
-  out["rmse"] = prosac.rmse;
+  out["homography"] = toJson(result.homography);
+  out["inliers"] = result.inliers;
+  out["rmse"] = result.rmse;
   if (outcome.truth) {
     out["corner_error"] =
-        cornerError(prosac.homography, *outcome.truth, outcome.reference.image.size());
+        cornerError(result.homography, *outcome.truth, outcome.reference.image.size());
   }
   return out;
 }

@@ -62,7 +62,7 @@ inline cv::Mat render(const cv::Size& size,
 /// border.
 inline Features gridFeatures(const cv::Mat& image, double spacing, double margin) {
   OrbOptions options;
-  options.keep_images = true;
+  options.images = ImageKeeping::share;
   OrbExtractor extractor(options);
   Features features;
   extractor.extract(image, features);

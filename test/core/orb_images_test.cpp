@@ -9,16 +9,18 @@ namespace {
 OrbOptions keepingImages(ExtractorKind kind) {
   OrbOptions options;
   options.extractor = kind;
-  options.keep_images = true;
+  options.images = ImageKeeping::share;
   return options;
 }
 
-TEST(OrbImages, ComeOnlyWhenAskedFor) {
+TEST(OrbImages, DoNotComeWhereNotWanted) {
   Features features;
   OrbExtractor(keepingImages(ExtractorKind::native))
       .extract(test::textureImage(cv::Size(320, 240), 1), features);
   EXPECT_FALSE(features.images.empty());
-  OrbExtractor().extract(test::textureImage(cv::Size(320, 240), 1), features);
+  OrbOptions options;
+  options.images = ImageKeeping::none;
+  OrbExtractor(options).extract(test::textureImage(cv::Size(320, 240), 1), features);
   EXPECT_TRUE(features.images.empty());
 }
 
@@ -36,6 +38,20 @@ TEST(OrbImages, BeginWithTheImageItselfAndAreTheSameForBothExtractors) {
     ASSERT_EQ(fast.images[i].size(), opencv.images[i].size());
     EXPECT_EQ(cv::norm(fast.images[i], opencv.images[i], cv::NORM_INF), 0.0);
   }
+}
+
+// A camera's loop reads every frame into the same matrix.
+TEST(OrbImages, AreCopiedUnlessTheyAreShared) {
+  cv::Mat image = test::textureImage(cv::Size(320, 240), 8);
+  const cv::Mat before = image.clone();
+  Features features;
+  OrbExtractor extractor;
+  extractor.extract(image, features);
+  const Features kept = features;
+  image.setTo(0);
+  EXPECT_EQ(cv::norm(kept.images[0], before, cv::NORM_INF), 0.0);
+  extractor.extract(image, features);
+  EXPECT_EQ(cv::norm(kept.images[0], before, cv::NORM_INF), 0.0);
 }
 
 TEST(OrbImages, StayAsTheyAreWhileTheExtractorGoesOn) {

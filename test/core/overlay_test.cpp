@@ -49,7 +49,7 @@ struct Scene {
       }
     }
     result.status = Status::ok;
-    result.prosac.homography << 1, 0, 20, 0, 1, 10, 0, 0, 1;
+    result.homography << 1, 0, 20, 0, 1, 10, 0, 0, 1;
   }
 
   cv::Mat draw(OverlayStyle style) const {
@@ -110,7 +110,7 @@ TEST(Overlay, DifferenceOfARightHomographyIsFlatGrey) {
   EXPECT_NEAR(mean[0], 128.0, 1.5);
   EXPECT_LT(deviation[0], 1.5);
 
-  scene.result.prosac.homography(0, 2) = 23.0;  // 3 px wrong
+  scene.result.homography(0, 2) = 23.0;  // 3 px wrong
   cv::Scalar wrong;
   cv::meanStdDev(scene.draw(OverlayStyle::difference)(below), mean, wrong);
   EXPECT_GT(wrong[0], 2.0 * deviation[0]);
@@ -159,7 +159,7 @@ TEST(Overlay, AnyImageAndResultCanBeDrawn) {
       for (const Status status : {Status::no_model, Status::ok}) {
         MatchResult result;
         result.status = status;
-        result.prosac.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
+        result.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
         cv::Mat canvas;
         drawOverlay({image, none}, {image, none}, result, style, canvas);
         EXPECT_EQ(canvas.type(), CV_8UC3);

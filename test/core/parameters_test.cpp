@@ -35,6 +35,7 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.knn.threads, core.knn.threads);
   EXPECT_EQ(options.matcher.ratio_threshold, core.ratio_threshold);
   EXPECT_EQ(options.matcher.mutual, core.mutual);
+  EXPECT_EQ(options.matcher.gms.enabled, core.gms.enabled);
   EXPECT_EQ(options.matcher.gms.threshold, core.gms.threshold);
   EXPECT_EQ(options.matcher.gms.rotation, core.gms.rotation);
   EXPECT_EQ(options.matcher.gms.scale, core.gms.scale);
@@ -44,6 +45,10 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.prosac.max_iterations, core.prosac.max_iterations);
   EXPECT_EQ(options.matcher.prosac.confidence, core.prosac.confidence);
   EXPECT_EQ(options.matcher.prosac.seed, core.prosac.seed);
+  EXPECT_EQ(options.matcher.guided.enabled, core.guided.enabled);
+  EXPECT_EQ(options.matcher.guided.radius, core.guided.radius);
+  EXPECT_EQ(options.matcher.alignment.enabled, core.alignment.enabled);
+  EXPECT_EQ(options.matcher.alignment.points, core.alignment.points);
 }
 
 TEST(Parameters, ChooseTheDescriptor) {

@@ -75,7 +75,7 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
     ASSERT_EQ(match.match.status, Status::ok);
     EXPECT_EQ(match.reference->stamp, match.frame->stamp - 100'000'000);
     EXPECT_TRUE(match.reference_changed);
-    expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+    expectTranslation(match.match.homography, -kStepX, -kStepY);
     ASSERT_TRUE(match.accumulated);
     EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
     expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
@@ -125,7 +125,7 @@ TEST(SequenceMatcher, DoesAsTheStagesDoWithoutIt) {
     if (i > 0) {
       ktgp.match(before, now, expected);
       for (const MatchResult* result : {&from_image, &from_features}) {
-        EXPECT_EQ(result->prosac.homography, expected.prosac.homography);
+        EXPECT_EQ(result->homography, expected.homography);
         EXPECT_EQ(result->prosac.mask, expected.prosac.mask);
         EXPECT_EQ(result->correspondences.size(), expected.correspondences.size());
       }
@@ -218,10 +218,10 @@ TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
   options.reference.min_inliers = 4;
   SequenceMatcher matcher(options);
   matcher.match(partOfView(0.0, 1.0), 1.0);
-  const std::size_t left = matcher.match(partOfView(0.0, 0.6), 1.1).match.prosac.inliers;
+  const std::size_t left = matcher.match(partOfView(0.0, 0.6), 1.1).match.inliers;
   const SequenceMatch answer = matcher.match(partOfView(0.7, 1.0), 1.2);
   ASSERT_EQ(answer.match.status, Status::ok);
-  const std::size_t right = answer.match.prosac.inliers;
+  const std::size_t right = answer.match.inliers;
   ASSERT_LT(right, left);
 
   // The same with a limit that the third frame falls short of: it has nothing in common with the
@@ -233,7 +233,7 @@ TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
   const SequenceMatch& weak = matcher.match(partOfView(0.7, 1.0), 1.2);
   EXPECT_EQ(weak.match.status, Status::ok);
   EXPECT_EQ(weak.reference->stamp, 1'000'000'000);
-  EXPECT_EQ(weak.match.prosac.homography, answer.match.prosac.homography);
+  EXPECT_EQ(weak.match.homography, answer.match.homography);
   ASSERT_TRUE(weak.accumulated);
   EXPECT_EQ(weak.accumulated->first_stamp, 1'000'000'000);
   double stages = 0.0;
@@ -248,11 +248,11 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
   matcher.fixNextFrame();
   const SequenceMatch& itself = matcher.match(view(4), 0.1);
   EXPECT_EQ(itself.reference, itself.frame);
-  expectTranslation(itself.match.prosac.homography, 0.0, 0.0);
+  expectTranslation(itself.match.homography, 0.0, 0.0);
   for (int i : {7, 2, 5}) {
     const SequenceMatch& match = matcher.match(view(i), 1000.0 + 0.1 * i, "any");
     EXPECT_EQ(match.reference->stamp, 100'000'000);
-    expectTranslation(match.match.prosac.homography, -kStepX * (i - 4), -kStepY * (i - 4));
+    expectTranslation(match.match.homography, -kStepX * (i - 4), -kStepY * (i - 4));
     EXPECT_FALSE(match.accumulated);
   }
   matcher.reset();
@@ -260,7 +260,7 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
   const FramePtr target = matcher.newFrame();
   target->image = view(3);
   matcher.setFixedReference(target);
-  expectTranslation(matcher.match(view(4), 0.2).match.prosac.homography, -kStepX, -kStepY);
+  expectTranslation(matcher.match(view(4), 0.2).match.homography, -kStepX, -kStepY);
   EXPECT_EQ(matcher.fixedReference(), target);
 }
 
@@ -282,16 +282,16 @@ TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
   matcher.match(frames[1]);
   const SequenceMatch& match = matcher.match(frames[2], &stale);
   EXPECT_EQ(match.reference, frames[1]);
-  expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+  expectTranslation(match.match.homography, -kStepX, -kStepY);
 
   // One for the right reference is taken as it is.
   MatchAhead ahead{frames[1], {}};
   ktgp.match(frames[1]->features, frames[2]->features, ahead.result);
-  ahead.result.prosac.rmse = 1234.5;
+  ahead.result.rmse = 1234.5;
   matcher = SequenceMatcher(options);
   matcher.match(frames[0]);
   matcher.match(frames[1]);
-  EXPECT_EQ(matcher.match(frames[2], &ahead).match.prosac.rmse, 1234.5);
+  EXPECT_EQ(matcher.match(frames[2], &ahead).match.rmse, 1234.5);
 }
 
 TEST(SequenceMatcher, NewExtractorOptionsCountForTheReferenceToo) {
@@ -314,7 +314,7 @@ TEST(SequenceMatcher, TheCallersImageMayChangeAfterTheCall) {
   view(1).copyTo(buffer);
   options.orb.max_features = 400;  // the reference's features are found again, in its image
   matcher.setOptions(options);
-  expectTranslation(matcher.match(buffer, 0.1).match.prosac.homography, -kStepX, -kStepY);
+  expectTranslation(matcher.match(buffer, 0.1).match.homography, -kStepX, -kStepY);
 }
 
 TEST(SequenceMatcher, FramesThatTheCallerKeepsStayAsTheyAre) {
@@ -463,7 +463,7 @@ TEST(SequenceMatcher, TheAccumulatedCovarianceGrowsWithTheChain) {
     const double variance = match.accumulated->covariance(2, 2);  // of the x translation
     EXPECT_GT(variance, before);
     if (i == 1) {
-      EXPECT_DOUBLE_EQ(variance, match.match.prosac.covariance(2, 2));
+      EXPECT_DOUBLE_EQ(variance, match.match.covariance(2, 2));
     }
     before = variance;
   }

@@ -87,15 +87,15 @@ class LaunchFilesTest(unittest.TestCase):
 
     def test_arguments_count_before_the_file_and_the_file_before_the_preset(self):
         with tempfile.NamedTemporaryFile('w', suffix='.yaml', dir='.') as file:
-            file.write('T_w: 0.71\ngms_scale: false\nlevels: 5\n')
+            file.write('T_w: 0.71\nmutual: false\nlevels: 5\n')
             file.flush()
             for launch in ('matcher.launch', 'bag.launch', 'tune.launch', 'multi_camera.launch'):
                 for path in (file.name, os.path.basename(file.name)):
                     os.environ['PWD'] = os.getcwd()
                     got = self.parameters_of(launch, 'preset:=robust', 'params:=' + path,
                                              'levels:=6')
-                    self.assertIs(got['gms_rotation'], True, launch)
-                    self.assertIs(got['gms_scale'], False, launch)
+                    self.assertIs(got['guided'], True, launch)
+                    self.assertIs(got['mutual'], False, launch)
                     self.assertEqual(got['T_w'], 0.71, launch)
                     self.assertEqual(got['levels'], 6, launch)
 

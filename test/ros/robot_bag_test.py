@@ -176,8 +176,8 @@ class BagTest(unittest.TestCase):
             self.assertEqual(line['descriptor'], message.descriptor)
             self.assertEqual(message.descriptor, 'orb')
             if message.stages:
-                self.assertEqual([int(line[s.name]) for s in message.stages],
-                                 [s.output for s in message.stages])
+                self.assertEqual([int(line[s.name]) for s in message.stages[:4]],
+                                 [s.output for s in message.stages[:4]])
 
     def test_every_image_topic_of_real_recordings(self):
         for path in sorted(glob.glob(os.path.join(self.data, 'bags/*.bag'))):

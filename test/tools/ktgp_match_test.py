@@ -177,13 +177,13 @@ class KtgpMatch(ToolCase):
         self.assertEqual(self.options("--params", "dynparam.yaml")["extractor"], "opencv")
 
     def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
-        (self.folder / "p.yaml").write_text("T_w: 0.71\ngms_scale: false\n")
+        (self.folder / "p.yaml").write_text("T_w: 0.71\nmutual: false\n")
         robust = self.options("--preset", "robust")
-        self.assertIs(robust["gms_scale"], True)
+        self.assertIs(robust["mutual"], True)
         both = self.options("--preset", "robust", "--params", "p.yaml", "--T_w", "0.6")
-        self.assertIs(both["gms_scale"], False)
+        self.assertIs(both["mutual"], False)
         self.assertEqual(both["T_w"], 0.6)
-        self.assertIs(self.options("--preset", "robust", "--gms_scale=false")["gms_scale"], False)
+        self.assertIs(self.options("--preset", "robust", "--mutual=false")["mutual"], False)
         self.assertIs(self.options("--gms_scale", "true")["gms_scale"], True)
         self.assertEqual(self.options("--preset", "ktgp"), self.options())
 

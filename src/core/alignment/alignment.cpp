@@ -28,6 +28,10 @@ Eigen::Vector2d position(const Features& features, std::int32_t index, const cha
   return {p.x, p.y};
 }
 
+bool hasImages(const Features& features) {
+  return !features.images.empty() && !features.images[0].empty();
+}
+
 void reset(const Eigen::Matrix3d& homography, const Covariance8& covariance,
            AlignmentResult& result) {
   std::vector<AlignedPoint> points = std::move(result.points);  // keep the buffer
@@ -142,7 +146,7 @@ void Alignment::align(const Features& reference, const Features& target,
   reset(homography, covariance, result);
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
-  if (reference.images.empty() || target.images.empty()) {
+  if (!hasImages(reference) || !hasImages(target)) {
     result.status = AlignmentStatus::no_images;
     return;
   }
@@ -200,11 +204,13 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
   result.status = AlignmentStatus::ok;
 }
 
-/// It can be the view of a plane, the images agree better with it, hardly fewer keypoints do, and
-/// it is better determined.
+/// It can be the view of a plane, the images agree better with it, most of the keypoints still do,
+/// and it is better determined.
 bool Alignment::Impl::isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
                                const Covariance8& covariance, const AlignmentResult& before) const {
-  constexpr double kShare = 0.9;  // of the keypoints that agreed
+  // Of the keypoints that agreed. ORB's coarse ones lie off to one side by up to a pixel, so that
+  // the homography that serves them best is wrong where the camera turned.
+  constexpr double kShare = 0.5;
   if (!keepsPlaneInView(homography, imageCorners(reference_size, {}))) return false;
   if (!(unlikeliness(homography, before.points) <=
         unlikeliness(before.homography, before.points))) {

@@ -48,7 +48,7 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 
 auto asTuple(const OrbOptions& o) {
   return std::tie(o.max_features, o.scale_factor, o.levels, o.fast_threshold, o.extractor,
-                  o.descriptor, o.distribution, o.keypoints_per_cell, o.keep_images, o.threads);
+                  o.descriptor, o.distribution, o.keypoints_per_cell, o.images, o.threads);
 }
 
 /// The pyramid levels of an image that are a pixel or more in width and height.
@@ -118,7 +118,7 @@ struct OrbExtractor::Impl {
     pyramid->setImage(image, cv::Mat());
     pyramid->takeBuffers(features.images);
     pyramid->shrink(bestOrbKernels());
-    pyramid->share(features.images);
+    pyramid->handOut(options.images == ImageKeeping::copy, features.images);
   }
 
   OrbOptions options;
@@ -155,12 +155,12 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
     features.images.clear();
     return;
   }
-  if (!impl_->options.keep_images) features.images.clear();
+  if (impl_->options.images == ImageKeeping::none) features.images.clear();
   if (impl_->opencv) {
     // cv::ORB throws where a level shrinks to nothing.
     impl_->opencv->setLevels(levelsWithPixels(image.size(), impl_->options));
     impl_->opencv->extract(image, mask, features);
-    if (impl_->options.keep_images) impl_->keepImages(image, features);
+    if (impl_->options.images != ImageKeeping::none) impl_->keepImages(image, features);
   } else {
     impl_->pipeline->extract(image, mask, features);
   }

@@ -51,7 +51,7 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
 
 void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
-  if (options_.keep_images) pyramid_.takeBuffers(features.images);
+  if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
   // Level 0 is the image itself: other threads can begin with it while one makes the other levels.
   const int ready = levels_[0].last_band;
@@ -74,7 +74,9 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
     const int end = std::min(count, begin + kKeypointsPerTask);
     for (int i = begin; i < end; ++i) orientAndDescribe(i, features);
   });
-  if (options_.keep_images) pyramid_.share(features.images);
+  if (options_.images != ImageKeeping::none) {
+    pyramid_.handOut(options_.images == ImageKeeping::copy, features.images);
+  }
 }
 
 void OrbPipeline::cutIntoBands() {

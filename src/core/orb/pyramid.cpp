@@ -18,6 +18,10 @@ void shrinkMask(const cv::Mat& finer, const cv::Size& size, cv::Mat& mask) {
   cv::threshold(mask, mask, 254, 0, cv::THRESH_TOZERO);
 }
 
+bool isSoleOwner(const cv::Mat& image) {
+  return image.u != nullptr && image.u->refcount == 1;
+}
+
 }  // namespace
 
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels) {
@@ -71,14 +75,19 @@ void OrbPyramid::shrink(const OrbKernels& kernels) {
 void OrbPyramid::takeBuffers(std::vector<cv::Mat>& images) {
   for (std::size_t i = 1; i < levels_.size(); ++i) {
     levels_[i].image.release();
-    if (i >= images.size() || images[i].u == nullptr || images[i].u->refcount > 1) continue;
-    cv::swap(levels_[i].image, images[i]);
+    if (i < images.size() && isSoleOwner(images[i])) cv::swap(levels_[i].image, images[i]);
   }
 }
 
-void OrbPyramid::share(std::vector<cv::Mat>& images) const {
+void OrbPyramid::handOut(bool copy_first, std::vector<cv::Mat>& images) const {
   images.resize(static_cast<std::size_t>(used_));
-  for (std::size_t i = 0; i < images.size(); ++i) images[i] = levels_[i].image;
+  if (copy_first) {
+    if (!isSoleOwner(images[0])) images[0].release();
+    levels_[0].image.copyTo(images[0]);
+  } else {
+    images[0] = levels_[0].image;
+  }
+  for (std::size_t i = 1; i < images.size(); ++i) images[i] = levels_[i].image;
 }
 
 }  // namespace ktgp_orb

@@ -34,8 +34,9 @@ class OrbPyramid {
   /// Levels to be computed go into the memory of `images` where nobody else holds it, and never
   /// into that of images shared before.
   void takeBuffers(std::vector<cv::Mat>& images);
-  /// `images` become the levels in use, without copying.
-  void share(std::vector<cv::Mat>& images) const;
+  /// `images` become the levels in use, the first of them a copy or the caller's own, the others
+  /// without copying.
+  void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }
   /// Levels that can hold keypoints in this image.

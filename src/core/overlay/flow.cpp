@@ -54,10 +54,10 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
   const auto corners = imageCorners(reference_size, {});
-  if (!keepsPlaneInView(result.prosac.homography, corners)) return;
+  if (!keepsPlaneInView(result.homography, corners)) return;
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : corners) {
-    const Eigen::Vector2d p = (result.prosac.homography * corner.homogeneous()).hnormalized();
+    const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond what OpenCV's drawing can count
     outline.push_back(subpixel(p.x(), p.y()));
   }

@@ -25,15 +25,14 @@ std::array<std::size_t, 4> countLevels(const std::vector<Correspondence>& corres
 }
 
 std::string headline(const MatchResult& result, const cv::Size& reference_size) {
-  double milliseconds = 0.0;
-  for (const StageResult& stage : result.stages) milliseconds += stage.milliseconds;
   char buffer[96];
-  std::snprintf(buffer, sizeof buffer, "%s  %.1f ms", toString(result.status), milliseconds);
+  std::snprintf(buffer, sizeof buffer, "%s  %.1f ms", toString(result.status),
+                result.milliseconds());
   std::string text = buffer;
   if (result.status != Status::ok) return text;
-  const double deviation = cornerDeviation(result.prosac.homography, result.prosac.covariance,
-                                           imageCorners(reference_size, {}))
-                               .target;
+  const double deviation =
+      cornerDeviation(result.homography, result.covariance, imageCorners(reference_size, {}))
+          .target;
   if (!std::isfinite(deviation)) return text;
   std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
   return text + buffer;

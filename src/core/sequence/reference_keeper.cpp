@@ -54,8 +54,8 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
 
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
   if (result.status != Status::ok) return true;
-  return result.prosac.inliers < static_cast<std::size_t>(options_.min_inliers) ||
-         overlap(result.prosac.homography, frame.features.image_size) < options_.min_overlap;
+  return result.inliers < static_cast<std::size_t>(options_.min_inliers) ||
+         overlap(result.homography, frame.features.image_size) < options_.min_overlap;
 }
 
 FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {
@@ -76,7 +76,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
     reference_ = previous_;
     to_reference_ = to_previous_;
   }
-  to_previous_ = chained({result->prosac.homography, result->prosac.covariance}, to_reference_);
+  to_previous_ = chained({result->homography, result->covariance}, to_reference_);
   accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
   previous_ = frame;
   // Two neighbouring frames of weak support: a keyframe would only be tried in vain.

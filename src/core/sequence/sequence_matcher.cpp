@@ -32,28 +32,13 @@ std::int64_t stampOf(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
-double milliseconds(const MatchResult& result) {
-  double sum = 0.0;
-  for (const StageResult& stage : result.stages) sum += stage.milliseconds;
-  return sum;
-}
-
-/// As of a frame without a reference; keeps the buffers.
-void clear(MatchResult& result) {
-  static const char* const kStages[] = {"knn", "tf", "gms", "prosac"};
-  result.status = Status::no_reference;
-  result.correspondences.clear();
-  result.gms = {};
-  result.prosac.status = Status::no_model;
-  result.prosac.homography.setZero();
-  result.prosac.covariance.setZero();
-  result.prosac.mask.clear();
-  result.prosac.inliers = result.prosac.distinct_inliers = 0;
-  result.prosac.rmse = 0.0;
-  for (std::size_t i = 0; i < result.stages.size(); ++i) result.stages[i] = {kStages[i], 0, 0, 0.0};
-}
-
 }  // namespace
+
+// Frames are kept, so that nothing need be copied.
+SequenceOptions withImages(SequenceOptions options) {
+  options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
+  return options;
+}
 
 void extractFeatures(OrbExtractor& extractor, Frame& frame) {
   const auto start = std::chrono::steady_clock::now();
@@ -65,13 +50,13 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
 
 struct SequenceMatcher::Impl {
   explicit Impl(const SequenceOptions& wanted)
-      : options(wanted), extractor(wanted.orb), matcher(wanted.matcher) {
+      : options(withImages(wanted)), extractor(options.orb), matcher(wanted.matcher) {
     requireValid(wanted.reference);
     keeper.setOptions(wanted.reference);
-    clear(answer.match);
+    answer.match.clear();
   }
 
-  void setOptions(const SequenceOptions& wanted);
+  void setOptions(const SequenceOptions& as_given);
   void findFeatures(Frame& frame);
   void matchTo(Frame& reference, const Frame& target, MatchResult& result);
   double matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
@@ -89,7 +74,8 @@ struct SequenceMatcher::Impl {
   bool had_reference = false;  // and the answer that named it is forgotten
 };
 
-void SequenceMatcher::Impl::setOptions(const SequenceOptions& wanted) {
+void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
+  const SequenceOptions wanted = withImages(as_given);
   // All that may throw comes before any change.
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
@@ -126,7 +112,7 @@ double SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& referenc
     std::swap(answer.match, other_result);
     reference = before;
   }
-  return milliseconds(other_result);
+  return other_result.milliseconds();
 }
 
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAhead* ahead) {
@@ -138,7 +124,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
   if (reference) {
     lost_milliseconds = matchToBest(*frame, reference, ahead);
   } else {
-    clear(answer.match);
+    answer.match.clear();
     answer.match.descriptor = frame->features.descriptor;
   }
   keeper.advance(frame, reference, reference ? &answer.match : nullptr);
@@ -150,7 +136,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
   answer.no_reference = keeper.reason();
   answer.accumulated = keeper.accumulated();
   answer.total_milliseconds =
-      frame->extraction_milliseconds + milliseconds(answer.match) + lost_milliseconds;
+      frame->extraction_milliseconds + answer.match.milliseconds() + lost_milliseconds;
   reference.reset();
   pool.releaseImages();
   return answer;
@@ -197,6 +183,7 @@ const SequenceMatch& SequenceMatcher::match(const Features& features, double sec
   features.descriptors.copyTo(frame->features.descriptors);
   frame->features.descriptor = features.descriptor;
   frame->features.image_size = features.image_size;
+  frame->features.images = features.images;  // shared
   return impl_->match(frame, nullptr);
 }
 

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/prosac_homography.h"
+
+namespace ktgp_orb {
+
+/// Options of guided matching.
+struct GuidedOptions {
+  bool enabled = false;   ///< not in the paper
+  double radius = 5.0;    ///< how far from where H puts it a keypoint may be found, px, 0.1..100
+  int max_distance = 90;  ///< Hamming distance of the descriptors at most, 0..256
+};
+
+/// Matches keypoints again where a homography says that they are: among those within a few px the
+/// right one need not be the nearest of the whole frame, only of these. Linear in the keypoints.
+class GuidedMatcher {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit GuidedMatcher(const GuidedOptions& options = {});
+  ~GuidedMatcher();
+  GuidedMatcher(GuidedMatcher&&) noexcept;
+  GuidedMatcher& operator=(GuidedMatcher&&) noexcept;
+
+  const GuidedOptions& options() const;
+
+  /// `homography`: reference to target, px. `matches` become the pairs of which each is the other's
+  /// nearest within the radius, in target order, of Level::guided; of equal distances the lower
+  /// index is nearest. `second_distance` is that to the next of the reference's keypoints within
+  /// the radius, 256 where there is none.
+  void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
+             std::vector<Correspondence>& matches);
+
+  /// One round after a homography was found: matches as above, estimates again from all of these
+  /// matches, and takes that where no fewer of them agree with it (`threshold`, px) than with the
+  /// one handed in and it can be the view of a plane. `homography` and `covariance` (see
+  /// ProsacResult) are only changed then; it returns whether. `added` become the matches that agree
+  /// with the homography in the end, but for those to a target keypoint that has a correspondence
+  /// of Level::ktgp already.
+  bool refine(const Features& reference, const Features& target,
+              const std::vector<Correspondence>& correspondences, double threshold,
+              Eigen::Matrix3d& homography, Covariance8& covariance,
+              std::vector<Correspondence>& added);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,136 @@
+// What follows the four stages, and what replaces them in the robust preset.
+#include "ktgp_orb/ktgp_matcher.h"
+
+#include <gtest/gtest.h>
+
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "alignment_scene.h"
+#include "ktgp_orb/evaluation.h"
+#include "orb_test_images.h"
+
+namespace ktgp_orb {
+namespace {
+
+struct Pair {
+  Features reference;
+  Features target;
+  Eigen::Matrix3d truth;
+};
+
+Pair warpedPair(const Eigen::Matrix3d& truth) {
+  cv::Mat image;
+  cv::GaussianBlur(test::textureImage(cv::Size(640, 480), 1), image, cv::Size(), 1.0);
+  cv::Mat h;
+  cv::eigen2cv(truth, h);
+  cv::Mat warped;
+  cv::warpPerspective(image, warped, h, image.size(), cv::INTER_CUBIC);
+  Pair pair;
+  pair.truth = truth;
+  OrbExtractor extractor;
+  extractor.extract(image, pair.reference);
+  extractor.extract(warped, pair.target);
+  return pair;
+}
+
+MatchResult match(const Pair& pair, const MatcherOptions& options) {
+  MatchResult result;
+  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  return result;
+}
+
+double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
+  return cornerError(homography, pair.truth, pair.reference.image_size);
+}
+
+TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlone) {
+  const Pair pair = warpedPair(test::turn(4.0, 1.03));
+  MatcherOptions without;
+  without.alignment.enabled = false;
+  const MatchResult plain = match(pair, without);
+  const MatchResult aligned = match(pair, {});
+  ASSERT_EQ(plain.status, Status::ok);
+  ASSERT_EQ(aligned.status, Status::ok);
+  EXPECT_EQ(plain.homography, plain.prosac.homography);
+  EXPECT_EQ(aligned.prosac.homography, plain.prosac.homography);
+  EXPECT_EQ(aligned.homography, aligned.alignment.homography);
+  EXPECT_EQ(aligned.alignment.status, AlignmentStatus::ok);
+  EXPECT_LT(errorOf(aligned.homography, pair), 0.05);
+  EXPECT_LT(errorOf(aligned.homography, pair), 0.5 * errorOf(plain.homography, pair));
+  EXPECT_LT(aligned.alignment.rmse_after, aligned.alignment.rmse_before);
+  for (std::size_t i = 0; i < plain.stages.size(); ++i) {
+    EXPECT_EQ(aligned.stages[i].output, plain.stages[i].output);
+  }
+  for (std::size_t i = 0; i < plain.correspondences.size(); ++i) {
+    EXPECT_EQ(aligned.correspondences[i].level, plain.correspondences[i].level);
+  }
+  EXPECT_STREQ(plain.refinements[1].name, "");
+  EXPECT_STREQ(aligned.refinements[1].name, "align");
+  EXPECT_EQ(aligned.refinements[1].input, aligned.stages[3].output);
+  EXPECT_EQ(aligned.refinements[1].output, aligned.alignment.points.size());
+}
+
+TEST(MatcherRefinement, LeavingGmsOutLeavesTheLevelsNested) {
+  const Pair pair = warpedPair(test::turn(4.0, 1.03));
+  MatcherOptions options;
+  options.gms.enabled = false;
+  const MatchResult result = match(pair, options);
+  EXPECT_EQ(result.stages[2].output, result.stages[1].output);
+  EXPECT_EQ(countAtLeast(result.correspondences, Level::kt), result.stages[1].output);
+  EXPECT_EQ(countAtLeast(result.correspondences, Level::ktg), result.stages[1].output);
+  EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), result.stages[3].output);
+}
+
+TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
+  const Pair pair = warpedPair(test::turn(4.0, 1.03));
+  MatcherOptions options;
+  options.guided.enabled = true;
+  options.alignment.enabled = false;
+  const MatchResult result = match(pair, options);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_GT(result.guided.size(), 50u);
+  EXPECT_EQ(result.inliers, result.stages[3].output + result.guided.size());
+  EXPECT_EQ(result.refinements[0].output, result.inliers);
+  std::vector<bool> final_already(pair.target.size());
+  for (const Correspondence& c : result.correspondences) {
+    final_already[static_cast<std::size_t>(c.target_index)] = c.level >= Level::ktgp;
+  }
+  for (const Correspondence& c : result.guided) {
+    EXPECT_EQ(c.level, Level::guided);
+    EXPECT_FALSE(final_already[static_cast<std::size_t>(c.target_index)]);
+  }
+  for (const double error :
+       reprojectionErrors(result.homography, pair.reference, pair.target, result.guided)) {
+    EXPECT_LT(error, options.prosac.max_error);
+  }
+}
+
+TEST(MatcherRefinement, TheRobustPresetFindsWhatTheMotionStatisticsLose) {
+  const Pair pair = warpedPair(test::turn(100.0, 1.3));
+  EXPECT_NE(match(pair, MatcherOptions::ktgp()).status, Status::ok);
+  const MatchResult robust = match(pair, MatcherOptions::robust());
+  ASSERT_EQ(robust.status, Status::ok);
+  EXPECT_LT(errorOf(robust.homography, pair), 0.1);
+}
+
+TEST(MatcherRefinement, WithoutAHomographyThereIsNothingToRefine) {
+  const Pair pair = warpedPair(test::turn(4.0, 1.03));
+  KtgpMatcher matcher(MatcherOptions::robust());
+  MatchResult result;
+  matcher.match(pair.reference, pair.target, result);
+  ASSERT_EQ(result.status, Status::ok);
+  Features few = pair.target;
+  few.keypoints.resize(3);
+  few.descriptors = few.descriptors.rowRange(0, 3).clone();
+  matcher.match(pair.reference, few, result);
+  EXPECT_NE(result.status, Status::ok);
+  EXPECT_TRUE(result.guided.empty());
+  EXPECT_EQ(result.alignment.status, AlignmentStatus::not_run);
+  EXPECT_TRUE(result.alignment.points.empty());
+  EXPECT_TRUE(result.homography.isZero());
+  EXPECT_EQ(result.inliers, 0u);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

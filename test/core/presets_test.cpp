@@ -1,0 +1,34 @@
+// The presets in config/ against those of the core.
+#include <gtest/gtest.h>
+
+#include "cli/parameter_file.h"
+#include "parameters/options.h"
+
+namespace ktgp_orb {
+namespace {
+
+void expectEqual(const std::string& name, const MatcherOptions& core) {
+  SCOPED_TRACE(name);
+  Parameters parameters;
+  tools::readPreset(name, parameters);
+  const MatcherOptions preset = pipelineOptions(parameters).matcher;
+  EXPECT_EQ(preset.mutual, core.mutual);
+  EXPECT_EQ(preset.ratio_threshold, core.ratio_threshold);
+  EXPECT_EQ(preset.gms.enabled, core.gms.enabled);
+  EXPECT_EQ(preset.gms.threshold, core.gms.threshold);
+  EXPECT_EQ(preset.gms.rotation, core.gms.rotation);
+  EXPECT_EQ(preset.gms.scale, core.gms.scale);
+  EXPECT_EQ(preset.prosac.max_error, core.prosac.max_error);
+  EXPECT_EQ(preset.guided.enabled, core.guided.enabled);
+  EXPECT_EQ(preset.guided.radius, core.guided.radius);
+  EXPECT_EQ(preset.alignment.enabled, core.alignment.enabled);
+  EXPECT_EQ(preset.alignment.points, core.alignment.points);
+}
+
+TEST(Presets, AreThoseOfTheCore) {
+  expectEqual("ktgp", MatcherOptions::ktgp());
+  expectEqual("robust", MatcherOptions::robust());
+}
+
+}  // namespace
+}  // namespace ktgp_orb
