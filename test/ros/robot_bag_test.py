@@ -26,7 +26,7 @@ TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
           'matches_image': Image}
 MODES = ('previous', 'keyframe', 'fixed')
 FRAMES = 60  # of the video
-TEXT_ROWS = slice(18, 36)  # of the overlay, where the measured times stand
+TEXT_ROWS = slice(0, 140)  # of the overlay, beside the panel with the measured times
 
 
 def ktgp_bag(*arguments):
