@@ -16,6 +16,7 @@ find_package(catkin REQUIRED COMPONENTS
 add_message_files(FILES
   Correspondences.msg
   HomographyStamped.msg
+  Match.msg
   MatchStatistics.msg
   StageStatistics.msg
 )

@@ -214,6 +214,18 @@ FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& ma
   return messages;
 }
 
+MatchPtr toMatch(const FrameMessages& messages) {
+  auto match = boost::make_shared<Match>();
+  match->header = messages.statistics->header;
+  match->statistics = *messages.statistics;
+  match->correspondences.header = match->header;
+  match->homography.header = match->header;
+  match->homography.status = messages.statistics->status;
+  if (messages.correspondences) match->correspondences = *messages.correspondences;
+  if (messages.homography) match->homography = *messages.homography;
+  return match;
+}
+
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;

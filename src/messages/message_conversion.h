@@ -2,6 +2,7 @@
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
@@ -22,6 +23,9 @@ struct FrameMessages {
 /// All but the overlay; `header`: of the target image. What only the caller knows of the statistics
 /// (latency, counters, configuration) is left at zero.
 FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match);
+
+/// All but the picture in one message: as they are, so call it when the statistics are complete.
+MatchPtr toMatch(const FrameMessages& messages);
 
 /// The overlay picture (bgr8) with the header of the target. `match` must have a reference.
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match);

@@ -58,6 +58,7 @@ void MatcherNodelet::stop() {
   correspondences_pub_.shutdown();
   homography_pub_.shutdown();
   accumulated_pub_.shutdown();
+  match_pub_.shutdown();
   statistics_pub_.shutdown();
   overlay_pub_.shutdown();
   diagnostics_.reset();
@@ -137,6 +138,7 @@ void MatcherNodelet::advertise() {
   homography_pub_ = private_node_.advertise<HomographyStamped>("homography", 1, changed, changed);
   accumulated_pub_ =
       private_node_.advertise<HomographyStamped>("accumulated_homography", 1, changed, changed);
+  match_pub_ = private_node_.advertise<Match>("match", 10, changed, changed);
   statistics_pub_ = private_node_.advertise<MatchStatistics>("statistics", 1, changed, changed);
   overlay_pub_ =
       private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
@@ -228,8 +230,8 @@ void MatcherNodelet::resume() {
 
 bool MatcherNodelet::anySubscriber() const {
   return correspondences_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0 ||
-         accumulated_pub_.getNumSubscribers() > 0 || statistics_pub_.getNumSubscribers() > 0 ||
-         overlay_pub_.getNumSubscribers() > 0;
+         accumulated_pub_.getNumSubscribers() > 0 || match_pub_.getNumSubscribers() > 0 ||
+         statistics_pub_.getNumSubscribers() > 0 || overlay_pub_.getNumSubscribers() > 0;
 }
 
 void MatcherNodelet::connectionsChanged() {
@@ -340,6 +342,7 @@ void MatcherNodelet::publish(const FrameMessages& messages) {
   if (messages.homography) homography_pub_.publish(messages.homography);
   if (messages.accumulated_homography) accumulated_pub_.publish(messages.accumulated_homography);
   if (messages.overlay) overlay_pub_.publish(messages.overlay);
+  if (match_pub_.getNumSubscribers() > 0) match_pub_.publish(toMatch(messages));
   statistics_pub_.publish(messages.statistics);  // last: whoever has it has the others
 }
 

@@ -86,6 +86,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   ros::Publisher correspondences_pub_;
   ros::Publisher homography_pub_;
   ros::Publisher accumulated_pub_;
+  ros::Publisher match_pub_;
   ros::Publisher statistics_pub_;
   image_transport::Publisher overlay_pub_;
   std::vector<ros::ServiceServer> services_;

@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
 from ktgp_testing import Camera, Recorder, check_each, wait_until
 from sensor_msgs.msg import Image
 
@@ -15,6 +15,7 @@ OUTPUTS = {
     'correspondences': Correspondences,
     'homography': HomographyStamped,
     'accumulated_homography': HomographyStamped,
+    'match': Match,
     'statistics': MatchStatistics,
     'matches_image': Image,
 }
