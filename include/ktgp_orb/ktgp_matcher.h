@@ -53,7 +53,9 @@ struct MatchResult {
   std::vector<Correspondence> correspondences;
   GmsResult gms;
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
-  std::array<StageResult, 4> stages;  ///< knn, tf, gms, prosac
+  /// knn, tf, gms, prosac
+  std::array<StageResult, 4> stages{
+      {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
   /// What guided matching added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;

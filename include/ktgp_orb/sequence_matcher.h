@@ -140,7 +140,8 @@ class SequenceMatcher {
   /// come back here, with their buffers.
   FramePtr newFrame();
 
-  /// The reference of the fixed mode; null: none. Its features are found where it has none.
+  /// The reference of the fixed mode; null: none. In fixed mode its
+  /// features are found at once where it has none, else when they are needed.
   void setFixedReference(const FramePtr& frame);
   FrameConstPtr fixedReference() const;
   /// The next frame becomes the fixed reference; it is the first that is matched to it.

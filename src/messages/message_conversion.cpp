@@ -21,6 +21,23 @@ static_assert(int(Status::too_few_features) == HomographyStamped::STATUS_TOO_FEW
 static_assert(int(Status::too_few_matches) == HomographyStamped::STATUS_TOO_FEW_MATCHES, "");
 static_assert(int(Status::no_model) == HomographyStamped::STATUS_NO_MODEL, "");
 static_assert(int(Status::model_rejected) == HomographyStamped::STATUS_MODEL_REJECTED, "");
+static_assert(int(NoReference::none) == MatchStatistics::REASON_NONE, "");
+static_assert(int(NoReference::first_frame) == MatchStatistics::REASON_FIRST_FRAME, "");
+static_assert(int(NoReference::gap) == MatchStatistics::REASON_GAP, "");
+static_assert(int(NoReference::stamp_went_back) == MatchStatistics::REASON_STAMP_WENT_BACK, "");
+static_assert(int(NoReference::size_changed) == MatchStatistics::REASON_SIZE_CHANGED, "");
+static_assert(int(NoReference::encoding_changed) == MatchStatistics::REASON_ENCODING_CHANGED, "");
+static_assert(int(NoReference::not_set) == MatchStatistics::REASON_NOT_SET, "");
+static_assert(int(NoReference::reset) == MatchStatistics::REASON_RESET, "");
+static_assert(int(NoReference::mode_changed) == MatchStatistics::REASON_MODE_CHANGED, "");
+static_assert(int(NoReference::first_frame) == HomographyStamped::REASON_FIRST_FRAME, "");
+static_assert(int(NoReference::gap) == HomographyStamped::REASON_GAP, "");
+static_assert(int(NoReference::stamp_went_back) == HomographyStamped::REASON_STAMP_WENT_BACK, "");
+static_assert(int(NoReference::size_changed) == HomographyStamped::REASON_SIZE_CHANGED, "");
+static_assert(int(NoReference::encoding_changed) == HomographyStamped::REASON_ENCODING_CHANGED, "");
+static_assert(int(NoReference::not_set) == HomographyStamped::REASON_NOT_SET, "");
+static_assert(int(NoReference::reset) == HomographyStamped::REASON_RESET, "");
+static_assert(int(NoReference::mode_changed) == HomographyStamped::REASON_MODE_CHANGED, "");
 static_assert(int(Level::kt) == Correspondences::LEVEL_KT, "");
 static_assert(int(Level::ktg) == Correspondences::LEVEL_KTG, "");
 static_assert(int(Level::ktgp) == Correspondences::LEVEL_KTGP, "");
@@ -138,8 +155,9 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const Sequence
   const MatchResult& result = match.match;
   auto message = boost::make_shared<HomographyStamped>();
   message->header = header;
-  message->reference_stamp = timeOf(match.reference->stamp);
+  if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
   message->status = static_cast<std::uint8_t>(result.status);
+  message->reason = static_cast<std::uint8_t>(match.no_reference);
   if (result.status != Status::ok) return message;
   copyHomography(result.homography, *message);
   message->inliers = static_cast<std::uint32_t>(result.inliers);
@@ -177,7 +195,10 @@ void setStages(const MatchResult& result, MatchStatistics& message) {
   message.alignment_status = static_cast<std::uint8_t>(result.alignment.status);
   message.alignment_rmse_before = result.alignment.rmse_before;
   message.alignment_rmse_after = result.alignment.rmse_after;
-  const auto& tf = result.stages[1];
+  const StageResult& tf = result.stages[1];
+  message.kt = static_cast<std::uint32_t>(tf.output);
+  message.ktg = static_cast<std::uint32_t>(result.stages[2].output);
+  message.inliers = static_cast<std::uint32_t>(result.inliers);
   if (tf.input > 0) {
     message.retention = static_cast<double>(tf.output) / static_cast<double>(tf.input);
   }
@@ -187,16 +208,17 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   auto message = boost::make_shared<MatchStatistics>();
   message->header = header;
   message->status = static_cast<std::uint8_t>(match.match.status);
+  message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->reference_changed = match.reference_changed;
   message->descriptor = toString(match.frame->features.descriptor);
   message->target_features = static_cast<std::uint32_t>(match.frame->features.size());
   message->extraction_milliseconds = match.frame->extraction_milliseconds;
   message->total_milliseconds = match.total_milliseconds;
+  setStages(match.match, *message);
   if (!match.reference) return message;
 
   message->reference_stamp = timeOf(match.reference->stamp);
   message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
-  setStages(match.match, *message);
   setDistances(match.match, *message);
   if (match.match.status == Status::ok) message->reprojection_rmse = match.match.rmse;
   return message;
@@ -204,12 +226,36 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
 
 }  // namespace
 
+std::string explanation(NoReference reason) {
+  switch (reason) {
+    case NoReference::none:
+      return "matched";
+    case NoReference::first_frame:
+      return "no reference: the first frame";
+    case NoReference::gap:
+      return "no reference: the frame before is older than max_reference_age";
+    case NoReference::stamp_went_back:
+      return "no reference: the stamp went back";
+    case NoReference::size_changed:
+      return "no reference: the image size changed";
+    case NoReference::encoding_changed:
+      return "no reference: the encoding changed";
+    case NoReference::not_set:
+      return "no reference: fixed mode without reference_image or set_reference";
+    case NoReference::reset:
+      return "no reference: reset";
+    case NoReference::mode_changed:
+      return "no reference: reference_mode changed";
+  }
+  return "no reference";
+}
+
 FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match) {
   FrameMessages messages;
   messages.statistics = toStatistics(header, match);
+  messages.homography = toHomography(header, match);
   if (!match.reference) return messages;
   messages.correspondences = toCorrespondences(header, match);
-  messages.homography = toHomography(header, match);
   if (match.accumulated) messages.accumulated_homography = toAccumulated(header, match);
   return messages;
 }
@@ -229,8 +275,13 @@ MatchPtr toMatch(const FrameMessages& messages) {
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
-  drawOverlay({match.reference->image, match.reference->features},
-              {match.frame->image, match.frame->features}, match.match, OverlayStyle::flow, canvas);
+  if (!match.reference) {
+    drawUnmatched(match.frame->image, explanation(match.no_reference), canvas);
+  } else {
+    drawOverlay({match.reference->image, match.reference->features},
+                {match.frame->image, match.frame->features}, match.match, OverlayStyle::flow,
+                canvas);
+  }
   message->header = header;
   message->encoding = "bgr8";
   message->height = static_cast<std::uint32_t>(canvas.rows);

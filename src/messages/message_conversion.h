@@ -7,13 +7,15 @@
 #include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
 
+#include <string>
+
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb {
 
-/// The messages about one frame. Only the statistics are there for a frame without a reference.
+/// The messages about one frame. Those that may be null are so for a frame without a reference.
 struct FrameMessages {
-  CorrespondencesPtr correspondences;
+  CorrespondencesPtr correspondences;  ///< may be null
   HomographyStampedPtr homography;
   HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
   MatchStatisticsPtr statistics;
@@ -27,7 +29,11 @@ FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& ma
 /// All but the picture in one message: as they are, so call it when the statistics are complete.
 MatchPtr toMatch(const FrameMessages& messages);
 
-/// The overlay picture (bgr8) with the header of the target. `match` must have a reference.
+/// A sentence for people.
+std::string explanation(NoReference reason);
+
+/// The overlay picture (bgr8) with the header of the target; without a reference: why there is
+/// none.
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match);
 
 }  // namespace ktgp_orb

@@ -22,7 +22,7 @@ class MessageMatcher {
   FrameMessages process(const sensor_msgs::ImageConstPtr& image);
   /// The same for an image that has been made a frame. `ahead`: see SequenceMatcher::match.
   FrameMessages process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// Of the frame that was processed last; null where it had no reference.
+  /// Of the frame that was processed last; null where there is none since the last reset.
   sensor_msgs::ImagePtr overlay() const;
 
   /// The next frame becomes the reference of the fixed mode.

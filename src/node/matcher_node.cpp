@@ -4,9 +4,11 @@
 #include <ros/ros.h>
 
 #include <exception>
+#include <opencv2/core/utility.hpp>
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
+  cv::setNumThreads(1);  // the matcher has threads of its own; in a manager OpenCV is left alone
   try {
     nodelet::Loader loader;
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",

@@ -33,6 +33,8 @@ void MatcherMonitor::Counts::operator+=(const Counts& other) {
   inliers += other.inliers;
   latency_sum += other.latency_sum;
   latency_max = std::max(latency_max, other.latency_max);
+  overlays += other.overlays;
+  overlay_sum += other.overlay_sum;
 }
 
 void MatcherMonitor::setLimits(const MonitorLimits& limits) {
@@ -46,10 +48,10 @@ void MatcherMonitor::imageArrived() {
   ++total_.arrived;
 }
 
-void MatcherMonitor::imageDropped() {
+void MatcherMonitor::imagesDropped(std::uint64_t count) {
   const Lock lock(mutex_);
-  ++current_.dropped;
-  ++total_.dropped;
+  current_.dropped += count;
+  total_.dropped += count;
 }
 
 void MatcherMonitor::imageRefused(const std::string& reason) {
@@ -59,15 +61,28 @@ void MatcherMonitor::imageRefused(const std::string& reason) {
   last_error_ = reason;
 }
 
-void MatcherMonitor::setError(const std::string& error) {
+void MatcherMonitor::setParameterError(const std::string& error) {
   const Lock lock(mutex_);
-  last_error_ = error;
+  parameter_error_ = error;
 }
 
-void MatcherMonitor::frameMatched(Status status, std::size_t inliers, double latency_seconds) {
+void MatcherMonitor::overlayDrawn(double milliseconds) {
+  const Lock lock(mutex_);
+  ++current_.overlays;
+  current_.overlay_sum += milliseconds;
+}
+
+void MatcherMonitor::frameMatched(Status status, NoReference reason, std::size_t inliers,
+                                  double latency_seconds) {
   const Lock lock(mutex_);
   last_status_ = status;
-  if (status == Status::no_reference) ++current_.no_reference;
+  last_reason_ = reason;
+  if (status == Status::no_reference) {
+    ++current_.no_reference;
+    ++frames_without_reference_;
+  } else {
+    frames_without_reference_ = 0;
+  }
   if (status == Status::ok) ++current_.ok;
   ++current_.matched;
   current_.inliers += inliers;
@@ -83,7 +98,10 @@ void MatcherMonitor::setTopic(const std::string& topic) {
 void MatcherMonitor::setListening(bool listening) {
   const Lock lock(mutex_);
   // What came before says nothing about the new subscription.
-  if (listening && !listening_) periods_ = {};
+  if (listening && !listening_) {
+    periods_ = {};
+    frames_without_reference_ = 0;
+  }
   listening_ = listening;
 }
 
@@ -118,6 +136,7 @@ void MatcherMonitor::tick(bool clock_stands) {
   periods_[next_period_] = current_;
   next_period_ = (next_period_ + 1) % periods_.size();
   current_ = {};
+  if (window().refused == 0) last_error_.clear();
 }
 
 MatcherMonitor::Counts MatcherMonitor::window() const {
@@ -165,26 +184,41 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.add("last error", last_error_);
 }
 
+// A robot that faces a wall finds no homography and is well: a warning at most.
+std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& level) const {
+  level = DiagnosticStatus::WARN;
+  if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
+  // One frame without a reference is what every sequence begins with.
+  if (frames_without_reference_ > 1 && listening_ && !paused_) {
+    return std::to_string(frames_without_reference_) +
+           " frames in a row without a reference: " + toString(last_reason_);
+  }
+  const std::uint64_t with_reference = counts.matched - counts.no_reference;
+  const double ok_ratio = ratio(counts.ok, with_reference);
+  level = DiagnosticStatus::OK;
+  if (with_reference == 0) return "nothing to match";
+  if (ok_ratio < limits_.min_ok_ratio) {
+    level = DiagnosticStatus::WARN;
+    return std::string(counts.ok == 0 ? "no homography found: " : "few homographies found: ") +
+           toString(last_status_);
+  }
+  return counts.ok == 0 ? "no homography found, and none is asked for" : "homographies found";
+}
+
 void MatcherMonitor::reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report) {
   const Lock lock(mutex_);
   const Counts counts = window();
   const std::uint64_t with_reference = counts.matched - counts.no_reference;
-  const double ok_ratio = ratio(counts.ok, with_reference);
-  const unsigned char level = levelOf(limits_.min_ok_ratio, ok_ratio);
-  if (with_reference == 0) {
-    report.summary(DiagnosticStatus::OK, "nothing to match");
-  } else if (counts.ok == 0) {
-    report.summaryf(DiagnosticStatus::ERROR, "no homography found: %s", toString(last_status_));
-  } else if (level != DiagnosticStatus::OK) {
-    report.summaryf(level, "few homographies found: %s", toString(last_status_));
-  } else {
-    report.summary(DiagnosticStatus::OK, "homographies found");
-  }
+  unsigned char level = DiagnosticStatus::OK;
+  const std::string message = matcherMessage(counts, level);
+  report.summary(level, message);
   report.add("frames matched", with_reference);
   report.add("frames without reference", counts.no_reference);
-  report.addf("share with homography", "%.3f", ok_ratio);
+  report.add("last reason for no reference", toString(last_reason_));
+  report.addf("share with homography", "%.3f", ratio(counts.ok, with_reference));
   report.addf("inliers per homography", "%.1f", ratio(counts.inliers, counts.ok));
   report.add("last status", toString(last_status_));
+  report.add("refused parameters", parameter_error_);
 }
 
 void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& report) {
@@ -203,6 +237,9 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
   }
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
   report.addf("maximum (ms)", "%.2f", 1e3 * counts.latency_max);
+  report.addf(
+      "overlay, mean (ms)", "%.2f",
+      counts.overlays > 0 ? counts.overlay_sum / static_cast<double>(counts.overlays) : 0.0);
 }
 
 }  // namespace ktgp_orb

@@ -8,7 +8,7 @@
 #include <mutex>
 #include <string>
 
-#include "ktgp_orb/status.h"
+#include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb {
 
@@ -28,10 +28,12 @@ class MatcherMonitor {
   void setLimits(const MonitorLimits& limits);
 
   void imageArrived();
-  void imageDropped();
+  void imagesDropped(std::uint64_t count);
   void imageRefused(const std::string& reason);
-  void setError(const std::string& error);
-  void frameMatched(Status status, std::size_t inliers, double latency_seconds);
+  /// Why the last change of parameters was refused; empty: it was not.
+  void setParameterError(const std::string& error);
+  void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
+  void overlayDrawn(double milliseconds);
   void setTopic(const std::string& topic);
   void setListening(bool listening);
   void setPaused(bool paused);
@@ -61,6 +63,8 @@ class MatcherMonitor {
     std::uint64_t inliers = 0;
     double latency_sum = 0.0;
     double latency_max = 0.0;
+    std::uint64_t overlays = 0;
+    double overlay_sum = 0.0;  // ms
 
     void operator+=(const Counts& other);
   };
@@ -69,6 +73,7 @@ class MatcherMonitor {
   static double rate(const Counts& counts);
   /// Of a measured value and its upper limit, or of a lower limit and the measured value.
   unsigned char levelOf(double value, double limit) const;
+  std::string matcherMessage(const Counts& counts, unsigned char& level) const;
   std::string inputMessage(const Counts& counts, unsigned char& level) const;
 
   mutable std::mutex mutex_;
@@ -78,12 +83,15 @@ class MatcherMonitor {
   std::array<Counts, 10> periods_;
   std::size_t next_period_ = 0;
   Clock::time_point period_start_ = Clock::now();
-  std::string last_error_;
+  std::string last_error_;  // of an image, while such ones come
+  std::string parameter_error_;
   std::string topic_;
   bool listening_ = false;
   bool paused_ = false;
   bool clock_stands_ = false;
   Status last_status_ = Status::no_reference;
+  NoReference last_reason_ = NoReference::none;
+  std::uint64_t frames_without_reference_ = 0;  // in a row, up to the last frame
 };
 
 }  // namespace ktgp_orb

@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "messages/image_conversion.h"
-#include "nodelet/opencv_pool.h"
 #include "nodelet/parameters.h"
 
 namespace ktgp_orb {
@@ -42,9 +41,16 @@ MatcherNodelet::~MatcherNodelet() {
   stop();
 }
 
-// Handles are shut down one by one: each shutdown waits for a callback of it that is still running,
-// and only then does what the callbacks use go away.
+// First of all the callbacks end: a disabled queue takes no more of them, and stopping its spinner
+// waits for the one that runs. What they use goes only then; a dynamic_reconfigure server that is
+// destroyed in the middle of a callback takes the manager down.
 void MatcherNodelet::stop() {
+  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &pair_queue_}) {
+    queue->callbacks.disable();
+    queue->spinner.stop();
+  }
+  newest_.close();
+  if (worker_.joinable()) worker_.join();
   for (ros::ServiceServer& service : services_) service.shutdown();
   watch_timer_.stop();
   reconfigure_server_.reset();
@@ -53,8 +59,6 @@ void MatcherNodelet::stop() {
     advertised_ = false;
     if (subscribed_) unsubscribe();
   }
-  newest_.close();
-  if (worker_.joinable()) worker_.join();
   correspondences_pub_.shutdown();
   homography_pub_.shutdown();
   accumulated_pub_.shutdown();
@@ -62,11 +66,6 @@ void MatcherNodelet::stop() {
   statistics_pub_.shutdown();
   overlay_pub_.shutdown();
   diagnostics_.reset();
-  // Disabled first: the spinners' threads then end at once, not after their time-out.
-  queue_.disable();
-  pair_queue_.disable();
-  spinner_.stop();
-  pair_spinner_.stop();
 }
 
 void MatcherNodelet::onInit() {
@@ -80,10 +79,15 @@ void MatcherNodelet::onInit() {
 
 void MatcherNodelet::start() {
   node_ = getNodeHandle();
-  node_.setCallbackQueue(&queue_);
+  node_.setCallbackQueue(&queue_.callbacks);
+  image_node_ = getNodeHandle();
+  image_node_.setCallbackQueue(&image_queue_.callbacks);
   private_node_ = getPrivateNodeHandle();
-  private_node_.setCallbackQueue(&queue_);
-  transport_hint_ = private_node_.param<std::string>("image_transport", "raw");
+  private_node_.setCallbackQueue(&queue_.callbacks);
+  // Read once: what is set later cannot fail in the middle of the work.
+  transport_hints_ = std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(),
+                                                                       private_node_);
+  queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 1)));
   image_topic_ = node_.resolveName("image");
   requireTransport();
   requireParametersInRange(private_node_);
@@ -91,7 +95,7 @@ void MatcherNodelet::start() {
     NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
   }
 
-  input_watch_ = std::make_unique<InputWatch>(image_topic_, transport_hint_);
+  input_watch_ = std::make_unique<InputWatch>(image_topic_, transport_hints_->getTransport());
   monitor_.setTopic(image_topic_);
   startReconfigure();
   matcher_ = std::make_unique<MessageMatcher>(configuration_);
@@ -106,21 +110,24 @@ void MatcherNodelet::start() {
   // Wall time: the watch must go on while a bag with --clock is paused.
   watch_timer_ = node_.createWallTimer(ros::WallDuration(1.0),
                                        [this](const ros::WallTimerEvent&) { watch(); });
-  spinner_.start();
-  pair_spinner_.start();
+  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &pair_queue_}) {
+    queue->spinner.start();
+  }
   NODELET_INFO("matches images on %s (transport %s) while %s/* has subscribers",
-               image_topic_.c_str(), transport_hint_.c_str(), private_node_.getNamespace().c_str());
+               image_topic_.c_str(), transport_hints_->getTransport().c_str(),
+               private_node_.getNamespace().c_str());
 }
 
 void MatcherNodelet::requireTransport() const {
-  const image_transport::ImageTransport transport(node_);
-  const auto names = transport.getLoadableTransports();
-  const std::string wanted = "image_transport/" + transport_hint_;
+  const auto names = image_transport::ImageTransport(node_).getLoadableTransports();
+  const std::string& transport = transport_hints_->getTransport();
+  const std::string wanted = "image_transport/" + transport;
   if (std::find(names.begin(), names.end(), wanted) != names.end()) return;
-  throw std::invalid_argument("image transport '" + transport_hint_ +
-                              "' is not installed; the package " + transport_hint_ +
-                              "_image_transport brings it (on ROS Noetic: apt install ros-noetic-" +
-                              transport_hint_ + "-image-transport)");
+  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
+                              transport +
+                              "_image_transport brings it (on ROS Noetic: apt install "
+                              "ros-noetic-" +
+                              transport + "-image-transport)");
 }
 
 void MatcherNodelet::advertise() {
@@ -131,7 +138,7 @@ void MatcherNodelet::advertise() {
   };
   const image_transport::SubscriberStatusCallback overlay_changed =
       [this](const image_transport::SingleSubscriberPublisher&) { connectionsChanged(); };
-  transport_ = std::make_unique<image_transport::ImageTransport>(node_);
+  transport_ = std::make_unique<image_transport::ImageTransport>(image_node_);
   private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
   correspondences_pub_ =
       private_node_.advertise<Correspondences>("correspondences", 1, changed, changed);
@@ -145,37 +152,59 @@ void MatcherNodelet::advertise() {
   advertised_ = true;
 }
 
-template <typename Change>
-ros::ServiceServer MatcherNodelet::trigger(const std::string& name, const std::string& answer,
-                                           Change change) {
-  using Request = std_srvs::Trigger::Request;
-  using Response = std_srvs::Trigger::Response;
-  const boost::function<bool(Request&, Response&)> callback = [=](Request&, Response& response) {
-    change();
-    response.success = true;
-    response.message = answer;
-    return true;
-  };
-  return private_node_.advertiseService(name, callback);
+void MatcherNodelet::advertiseServices() {
+  ros::NodeHandle node = getPrivateNodeHandle();
+  node.setCallbackQueue(&service_queue_.callbacks);
+  services_.push_back(node.advertiseService("reset", &MatcherNodelet::reset, this));
+  services_.push_back(node.advertiseService("set_reference", &MatcherNodelet::setReference, this));
+  services_.push_back(node.advertiseService("pause", &MatcherNodelet::pauseRequested, this));
+  services_.push_back(node.advertiseService("resume", &MatcherNodelet::resumeRequested, this));
+  ros::NodeHandle pair_node = getPrivateNodeHandle();
+  pair_node.setCallbackQueue(&pair_queue_.callbacks);
+  services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
 }
 
-void MatcherNodelet::advertiseServices() {
-  services_.push_back(trigger("reset", "every reference is forgotten", [this] {
-    const Lock lock(state_mutex_);
-    requests_.reset = true;
-    requests_.fix_next_frame = false;
-  }));
-  services_.push_back(
-      trigger("set_reference", "the next image becomes the fixed reference", [this] {
-        const Lock lock(state_mutex_);
-        requests_.fix_next_frame = true;
-      }));
-  services_.push_back(trigger("pause", "images are ignored until resumed", [this] { pause(); }));
-  services_.push_back(trigger("resume", "images are matched again", [this] { resume(); }));
-  // Matching a pair takes a while, in which images must not wait.
-  ros::NodeHandle pair_node = getPrivateNodeHandle();
-  pair_node.setCallbackQueue(&pair_queue_);
-  services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
+bool MatcherNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& response) {
+  const Lock lock(state_mutex_);
+  requests_.reset = true;
+  requests_.fix_reference_after.reset();
+  response.success = true;
+  response.message = "every reference is forgotten";
+  return true;
+}
+
+bool MatcherNodelet::setReference(Trigger::Request& /*request*/, Trigger::Response& response) {
+  const Lock lock(state_mutex_);
+  response.message = whyNoReferenceCanBeSet();
+  response.success = response.message.empty();
+  if (!response.success) return true;
+  requests_.fix_reference_after = arrivals_;
+  response.message = "the next image to arrive becomes the fixed reference";
+  return true;
+}
+
+/// Empty where one can. With state_mutex_ locked.
+std::string MatcherNodelet::whyNoReferenceCanBeSet() {
+  if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
+    return "reference_mode is not fixed; set it first";
+  }
+  if (paused_) return "paused: no image is looked at; call resume first";
+  if (!listening_) return "idle: no image is received, since no output has a subscriber";
+  return "";
+}
+
+bool MatcherNodelet::pauseRequested(Trigger::Request& /*request*/, Trigger::Response& response) {
+  pause();
+  response.success = true;
+  response.message = "images are ignored until resumed";
+  return true;
+}
+
+bool MatcherNodelet::resumeRequested(Trigger::Request& /*request*/, Trigger::Response& response) {
+  resume();
+  response.success = true;
+  response.message = "images are matched again";
+  return true;
 }
 
 void MatcherNodelet::startReconfigure() {
@@ -183,7 +212,11 @@ void MatcherNodelet::startReconfigure() {
       std::make_unique<dynamic_reconfigure::Server<KtgpConfig>>(reconfigure_mutex_, private_node_);
   reconfigure_server_->setCallback(
       [this](KtgpConfig& config, std::uint32_t /*level*/) { reconfigured(config); });
-  if (!configured_) throw std::invalid_argument(refusal_);
+  if (!configured_) {
+    throw std::invalid_argument(
+        "the parameters of " + private_node_.getNamespace() + " cannot be used: " + refusal_ +
+        ". Set others, or remove them with 'rosparam delete " + private_node_.getNamespace() + "'");
+  }
 }
 
 void MatcherNodelet::reconfigured(KtgpConfig& config) {
@@ -191,12 +224,13 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
     configureFrom(config);
     config_ = config;
     configured_ = true;
+    monitor_.setParameterError("");
   } catch (const std::exception& error) {  // NaN, which no clamp catches; an unknown mode or file
     if (!configured_) {
       refusal_ = error.what();  // the caller would swallow an exception
       return;
     }
-    monitor_.setError(error.what());
+    monitor_.setParameterError(error.what());
     NODELET_ERROR("new parameters are refused, the old ones stay: %s", error.what());
     config = config_;
   }
@@ -209,9 +243,6 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   const bool same_image = configured_ && config.reference_image == config_.reference_image;
   configuration.reference_image =
       same_image ? configuration_.reference_image : readImageFile(config.reference_image);
-  if (!configured_ || configuration.threads != configuration_.threads) {
-    OpencvPool::limit(configuration.threads);
-  }
   monitor_.setLimits(limitsFrom(config));
   const Lock lock(state_mutex_);
   configuration_ = configuration;
@@ -243,24 +274,23 @@ void MatcherNodelet::connectionsChanged() {
 }
 
 void MatcherNodelet::subscribe() {
-  const int queue_size = std::max(1, private_node_.param("queue_size", 1));
-  const image_transport::TransportHints hints(transport_hint_, ros::TransportHints(),
-                                              private_node_);
-  image_sub_ = transport_->subscribe("image", static_cast<std::uint32_t>(queue_size),
-                                     &MatcherNodelet::imageArrived, this, hints);
-  subscribed_ = true;
+  new_subscription_ = true;
+  image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
+                                     *transport_hints_);
+  subscribed_ = listening_ = true;
   input_watch_->restart();
   monitor_.setListening(true);
 }
 
 void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
-  subscribed_ = false;
+  subscribed_ = listening_ = false;
   input_watch_->restart();
   newest_.clear();
   monitor_.setListening(false);
   const Lock lock(state_mutex_);
   requests_.forget_reference = true;
+  requests_.fix_reference_after.reset();
 }
 
 void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
@@ -269,8 +299,17 @@ void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
   if (last_arrived_.lock() == image) return;
   last_arrived_ = image;
   monitor_.imageArrived();
+  countLost(image->header.seq);
+  const std::uint64_t number = ++arrivals_;
   if (paused_) return;
-  if (newest_.put(image)) monitor_.imageDropped();
+  if (newest_.put({image, number})) monitor_.imagesDropped(1);
+}
+
+// Two publishers of one topic count each for itself: then nothing can be said.
+void MatcherNodelet::countLost(std::uint32_t sequence_number) {
+  if (new_subscription_.exchange(false) || publishers_ > 1) sequence_numbers_.restart();
+  const std::uint32_t lost = sequence_numbers_.lostBefore(sequence_number);
+  if (lost > 0 && !paused_) monitor_.imagesDropped(lost);
 }
 
 void MatcherNodelet::watch() {
@@ -285,6 +324,7 @@ void MatcherNodelet::watch() {
     subscribed = subscribed_;
     if (subscribed_) publishers = image_sub_.getNumPublishers();
   }
+  publishers_ = publishers;
   const std::string warning = input_watch_->tick(subscribed, monitor_.arrived(), publishers);
   if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
 }
@@ -296,11 +336,11 @@ bool MatcherNodelet::clockStands() {
 }
 
 void MatcherNodelet::work() {
-  while (const auto image = newest_.take()) {
+  while (const auto arrival = newest_.take()) {
     try {
-      const OpencvPool::Use pool;
-      applyRequests();
-      processImage(*image);
+      applyRequests(arrival->number);
+      processImage(arrival->image);
+      publishOverlay();
     } catch (const RefusedImage& error) {
       refuse(error.what());
     } catch (const std::exception& error) {  // out of memory and the like: the next frame may work
@@ -309,41 +349,52 @@ void MatcherNodelet::work() {
   }
 }
 
-void MatcherNodelet::applyRequests() {
+void MatcherNodelet::applyRequests(std::uint64_t arrival) {
   Configuration configuration;
   Requests requests;
   {
     const Lock lock(state_mutex_);
     configuration = configuration_;
     std::swap(requests, requests_);
+    // An image from before the call is not meant.
+    if (requests.fix_reference_after && arrival <= *requests.fix_reference_after) {
+      std::swap(requests.fix_reference_after, requests_.fix_reference_after);
+    }
   }
   if (configuration.number != matcher_->configuration().number) matcher_->configure(configuration);
   if (requests.forget_reference) matcher_->forgetReference();
   if (requests.reset) matcher_->reset();
-  if (requests.fix_next_frame) matcher_->fixNextFrame();
+  if (requests.fix_reference_after) matcher_->fixNextFrame();
 }
 
 void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
-  const bool overlay = matcher_->configuration().overlay && overlay_pub_.getNumSubscribers() > 0;
   FrameMessages messages = matcher_->process(image);
-  if (overlay) messages.overlay = matcher_->overlay();
   MatchStatistics& statistics = *messages.statistics;
   const double latency = latencySeconds(statistics.header.stamp);
   statistics.latency_milliseconds = 1e3 * latency;
   statistics.dropped_frames = monitor_.dropped();
   statistics.refused_frames = monitor_.refused();
-  const std::size_t inliers = messages.homography ? messages.homography->inliers : 0;
-  monitor_.frameMatched(static_cast<Status>(statistics.status), inliers, latency);
+  monitor_.frameMatched(static_cast<Status>(statistics.status),
+                        static_cast<NoReference>(statistics.reason), messages.homography->inliers,
+                        latency);
   publish(messages);
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {
   if (messages.correspondences) correspondences_pub_.publish(messages.correspondences);
-  if (messages.homography) homography_pub_.publish(messages.homography);
+  homography_pub_.publish(messages.homography);
   if (messages.accumulated_homography) accumulated_pub_.publish(messages.accumulated_homography);
-  if (messages.overlay) overlay_pub_.publish(messages.overlay);
   if (match_pub_.getNumSubscribers() > 0) match_pub_.publish(toMatch(messages));
   statistics_pub_.publish(messages.statistics);  // last: whoever has it has the others
+}
+
+// After the data, which must not wait for a picture that is for people.
+void MatcherNodelet::publishOverlay() {
+  if (!matcher_->configuration().overlay || overlay_pub_.getNumSubscribers() == 0) return;
+  const auto start = std::chrono::steady_clock::now();
+  overlay_pub_.publish(matcher_->overlay());
+  monitor_.overlayDrawn(
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
 }
 
 void MatcherNodelet::refuse(const std::string& reason) {
@@ -363,7 +414,6 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   try {
-    const OpencvPool::Use pool;
     MessageMatcher matcher(configuration);
     const FrameMessages messages =
         matcher.process(boost::make_shared<sensor_msgs::Image>(request.target));
@@ -374,6 +424,8 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   } catch (const std::exception& error) {
     response.success = false;
     response.message = error.what();
+    response.homography.status = HomographyStamped::STATUS_NO_REFERENCE;
+    response.statistics.status = MatchStatistics::STATUS_NO_REFERENCE;
   }
   return true;
 }

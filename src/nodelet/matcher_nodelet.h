@@ -14,6 +14,7 @@
 #include <chrono>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -22,6 +23,7 @@
 #include "nodelet/input_watch.h"
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
+#include "nodelet/sequence_numbers.h"
 
 namespace ktgp_orb {
 
@@ -32,7 +34,9 @@ namespace ktgp_orb {
 ///
 /// The callbacks run in queues and threads of its own, not in the manager's. A manager's thread
 /// that is in a callback keeps the nodelet alive: then it is that thread that destroys it, after
-/// the unloading has returned and with the nodelet's other callback queue already gone.
+/// the unloading has returned and with the nodelet's other callback queue already gone. There is
+/// a queue for what may take long (a reference image is read from a file, the master does not
+/// answer), so that neither images nor services wait for it.
 class MatcherNodelet : public nodelet::Nodelet {
  public:
   MatcherNodelet() = default;
@@ -53,6 +57,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   void unsubscribe();
 
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
+  void countLost(std::uint32_t sequence_number);
   void reconfigured(KtgpConfig& config);
   void configureFrom(const KtgpConfig& config);
   void pause();
@@ -62,24 +67,45 @@ class MatcherNodelet : public nodelet::Nodelet {
   bool clockStands();
 
   void work();
-  void applyRequests();
+  void applyRequests(std::uint64_t arrival);
   void processImage(const sensor_msgs::ImageConstPtr& image);
   void publish(const FrameMessages& messages);
+  void publishOverlay();
   void refuse(const std::string& reason);
+
+  /// An image and its place among all that came.
+  struct Arrival {
+    sensor_msgs::ImageConstPtr image;
+    std::uint64_t number = 0;
+  };
 
   /// What services and connections ask of the worker.
   struct Requests {
     bool forget_reference = false;
     bool reset = false;
-    bool fix_next_frame = false;
+    /// The first image that arrives after this many becomes the fixed reference.
+    std::optional<std::uint64_t> fix_reference_after;
   };
-  template <typename Change>
-  ros::ServiceServer trigger(const std::string& name, const std::string& answer, Change change);
+  using Trigger = std_srvs::Trigger;
+  bool reset(Trigger::Request& request, Trigger::Response& response);
+  bool setReference(Trigger::Request& request, Trigger::Response& response);
+  bool pauseRequested(Trigger::Request& request, Trigger::Response& response);
+  bool resumeRequested(Trigger::Request& request, Trigger::Response& response);
+  std::string whyNoReferenceCanBeSet();
+
+  /// A callback queue with its thread.
+  struct Queue {
+    ros::CallbackQueue callbacks;
+    ros::AsyncSpinner spinner{1, &callbacks};
+  };
 
   // ROS side
-  ros::CallbackQueue queue_;
-  ros::CallbackQueue pair_queue_;
+  Queue queue_;          // connections, parameters, the watch
+  Queue image_queue_;    // images
+  Queue service_queue_;  // services that only store a request
+  Queue pair_queue_;     // ~match_pair, which takes a while
   ros::NodeHandle node_;
+  ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
   std::unique_ptr<image_transport::ImageTransport> private_transport_;
@@ -103,28 +129,33 @@ class MatcherNodelet : public nodelet::Nodelet {
   image_transport::Subscriber image_sub_;
   bool subscribed_ = false;
   std::string image_topic_;
-  std::string transport_hint_;
+  std::unique_ptr<image_transport::TransportHints> transport_hints_;
+  std::uint32_t queue_size_ = 1;
+  std::atomic<bool> listening_{false};        // as subscribed_, for who must not wait
+  std::atomic<std::uint32_t> publishers_{0};  // of the input, as of the last watch
+  std::atomic<bool> new_subscription_{false};
 
-  // The callback queue's own
+  // The image queue's own
+  SequenceNumbers sequence_numbers_;
+  boost::weak_ptr<const sensor_msgs::Image> last_arrived_;
+
+  // The queue's own
   std::unique_ptr<InputWatch> input_watch_;
   ros::Time last_watch_;
-  boost::weak_ptr<const sensor_msgs::Image> last_arrived_;
 
   // Shared with the worker
   std::mutex state_mutex_;  // guards configuration_ and requests_
   Configuration configuration_;
   Requests requests_;
   std::atomic<bool> paused_{false};
-  NewestSlot<sensor_msgs::ImageConstPtr> newest_;
+  std::atomic<std::uint64_t> arrivals_{0};
+  NewestSlot<Arrival> newest_;
   MatcherMonitor monitor_;
 
   // The worker's own
   std::unique_ptr<MessageMatcher> matcher_;
   std::chrono::steady_clock::time_point last_refusal_;
   std::thread worker_;
-
-  ros::AsyncSpinner spinner_{1, &queue_};
-  ros::AsyncSpinner pair_spinner_{1, &pair_queue_};
 };
 
 }  // namespace ktgp_orb

@@ -53,19 +53,15 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   csv_ << s.header.stamp << ',' << s.reference_stamp << ','
        << toString(static_cast<Status>(s.status)) << ',' << int(s.reference_changed) << ','
        << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
-  const StageStatistics none;
-  for (int i = 0; i < kStages; ++i) csv_ << ',' << (s.stages.empty() ? none : s.stages[i]).output;
+  for (int i = 0; i < kStages; ++i) csv_ << ',' << s.stages[i].output;
   csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
        << s.rms_distance << ',' << s.reprojection_rmse;
   csv_ << std::setprecision(5) << ',' << s.extraction_milliseconds;
   for (int i = 0; i < kStages; ++i) {
-    csv_ << ',' << (s.stages.empty() ? none : s.stages[i]).milliseconds;
+    csv_ << ',' << s.stages[i].milliseconds;
   }
   csv_ << ',' << s.total_milliseconds << std::setprecision(17);
-  const HomographyStamped zero;
-  for (const double h : (messages.homography ? *messages.homography : zero).homography) {
-    csv_ << ',' << h;
-  }
+  for (const double h : messages.homography->homography) csv_ << ',' << h;
   csv_ << ",\n";
 }
 

@@ -68,10 +68,12 @@ class BagTest(unittest.TestCase):
         statistics = self.statistics.messages()
         self.assertEqual([m.header.stamp for m in statistics], [h.stamp for h in self.headers])
         self.assertEqual(statistics[0].status, MatchStatistics.STATUS_NO_REFERENCE)
-        self.assertEqual(statistics[0].stages, [])
+        self.assertEqual(statistics[0].reason, MatchStatistics.REASON_FIRST_FRAME)
+        self.assertEqual([(s.name, s.output) for s in statistics[0].stages],
+                         [(name, 0) for name in STAGES])
         self.assertEqual(statistics[-1].dropped_frames, 0)
-        for recorder in (self.correspondences, self.homographies):
-            self.assertEqual(len(recorder.messages()), len(self.headers) - 1)
+        self.assertEqual(len(self.correspondences.messages()), len(self.headers) - 1)
+        self.assertEqual(len(self.homographies.messages()), len(self.headers))
         for header, before in self.pairs():
             for recorder in (self.statistics, self.correspondences, self.homographies):
                 message = recorder.with_stamp(header.stamp)
@@ -85,6 +87,7 @@ class BagTest(unittest.TestCase):
             for stage, following in zip(m.stages, m.stages[1:]):
                 self.assertEqual(stage.output, following.input)
                 self.assertLessEqual(following.output, following.input)
+            self.assertEqual([m.kt, m.ktg, m.inliers], [stage.output for stage in m.stages[1:]])
             self.assertAlmostEqual(m.retention, m.stages[1].output / m.stages[1].input)
             parts = m.extraction_milliseconds + sum(stage.milliseconds for stage in m.stages)
             self.assertAlmostEqual(m.total_milliseconds, parts, places=6)

@@ -103,15 +103,40 @@ class DiagnosticsTest(unittest.TestCase):
     def test_matcher(self):
         noise = np.random.RandomState(1)
         self.traffic.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
-        self.configure(min_ok_ratio=1.0, error_factor=1000.0)
+        self.configure(min_ok_ratio=1.0, error_factor=1.0)
         self.wait_for('matcher', WARN, 'few homographies')
-        self.wait_for('matcher', ERROR, 'no homography')
+        self.wait_for('matcher', WARN, 'no homography')  # a robot that faces a wall is no error
+        self.configure(min_ok_ratio=0.0)
+        self.wait_for('matcher', OK, 'no homography')
+
+    def test_a_camera_that_is_too_slow_for_the_reference(self):
+        self.configure(max_reference_age=0.001)
+        values = self.wait_for('matcher', WARN, 'in a row without a reference: gap')
+        self.assertEqual(values['last reason for no reference'], 'gap')
+        self.configure(max_reference_age=1.0)
+        self.wait_for('matcher', OK, 'homographies found')
+
+    def test_fixed_mode_without_a_reference(self):
+        self.configure(reference_mode='fixed')
+        self.wait_for('matcher', WARN, 'in a row without a reference: not_set')
+        self.configure(reference_mode='previous')
+        self.wait_for('matcher', OK, 'homographies found')
+
+    def test_refused_parameters_are_said_until_good_ones_come(self):
+        self.configure(reference_image='/no/such/file.png')
+        values = self.wait_for('matcher', WARN, 'parameters refused')
+        self.assertIn('/no/such/file.png', values['refused parameters'])
+        self.configure(reference_image='')
+        self.assertEqual(self.wait_for('matcher', OK, '')['refused parameters'], '')
 
     def test_last_error(self):
         self.traffic.encoding = 'nonsense'
         values = self.wait_for('input', WARN, 'refused')
         self.assertIn("encoding 'nonsense'", values['last error'])
         self.wait_for('input', ERROR, 'every image is refused')
+        self.traffic.encoding = 'mono8'
+        values = self.wait_for('input', OK, 'images arrive')
+        self.assertEqual(values['last error'], '', 'all is well again')
 
     def test_silence(self):
         self.traffic.stop()

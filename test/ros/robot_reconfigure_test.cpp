@@ -87,16 +87,25 @@ class Reconfigure : public testing::Test {
     ASSERT_TRUE(client_.waitForExistence());
     camera_.keep();
     camera_.start();
-    std_srvs::Trigger fix;  // something to match to in fixed mode
-    ASSERT_TRUE(ros::service::call("/camera/matcher/set_reference", fix));
-    ASSERT_TRUE(recorder_.waitForMore(2));
     config_.features = 300;
     configurations_.push_back(config_);
+    // Something to match to in fixed mode.
+    ASSERT_TRUE(recorder_.waitForMore(2));
+    ASSERT_NO_FATAL_FAILURE(send([](KtgpConfig& config) { config.reference_mode = "fixed"; }));
+    std_srvs::Trigger fix;
+    ASSERT_TRUE(ros::service::call("/camera/matcher/set_reference", fix));
+    ASSERT_TRUE(fix.response.success) << fix.response.message;
+    ASSERT_TRUE(recorder_.waitForMore(2));
+    ASSERT_NO_FATAL_FAILURE(send([](KtgpConfig& config) { config.reference_mode = "previous"; }));
+  }
+
+  void change() {
+    send([this](KtgpConfig& config) { changeAtRandom(config, random_); });
   }
 
   /// Sends one change; the answer is what the matcher made of it.
-  void change() {
-    changeAtRandom(config_, random_);
+  void send(const std::function<void(KtgpConfig&)>& change) {
+    change(config_);
     dynamic_reconfigure::Reconfigure call;
     call.request.config = messageFrom(config_);
     ASSERT_TRUE(client_.call(call));

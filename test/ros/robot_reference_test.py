@@ -47,7 +47,7 @@ class ReferenceTest(unittest.TestCase):
 
     def call(self, service):
         answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
-        self.assertTrue(answer.success)
+        self.assertTrue(answer.success, answer.message)
         return answer.message
 
     def send(self, x, y=100, size=(WIDTH, HEIGHT)):
@@ -215,6 +215,8 @@ class ReferenceTest(unittest.TestCase):
         for pair in ((good, bad), (bad, good)):
             answer = match(*pair)
             self.assertFalse(answer.success)
+            self.assertEqual(answer.statistics.status, NO_REFERENCE, 'not OK, which is zero')
+            self.assertEqual(answer.homography.status, NO_REFERENCE)
             self.assertIn("encoding 'magenta'", answer.message)
 
 

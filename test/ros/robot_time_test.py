@@ -6,24 +6,25 @@ import unittest
 
 import rospy
 import rostest
-from ktgp_orb.msg import MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatistics
 from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait_until
 from std_srvs.srv import Trigger
 
 OK = MatchStatistics.STATUS_OK
 NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
+NONE, RESET = MatchStatistics.REASON_NONE, MatchStatistics.REASON_RESET
+BACK, GAP = MatchStatistics.REASON_STAMP_WENT_BACK, MatchStatistics.REASON_GAP
 LAST = 4294967295.0  # s, the largest stamp there is
-# Stamps, and the status that each frame must have.
+# Stamps, and the reason why each frame has no reference, or NONE for one that is matched.
 SEQUENCES = {
-    'steady': ((10.0, NO_REFERENCE), (10.1, OK), (10.2, OK)),
-    'repeated': ((20.0, NO_REFERENCE), (20.0, OK), (20.0, OK), (20.1, OK)),
-    'going back': ((30.0, NO_REFERENCE), (30.1, OK), (29.9, NO_REFERENCE), (30.0, OK)),
-    'zero': ((0.0, NO_REFERENCE), (0.0, OK), (0.0, OK)),
-    'zero in between': ((40.0, NO_REFERENCE), (40.1, OK), (0.0, NO_REFERENCE),
-                        (40.2, NO_REFERENCE), (40.3, OK)),
-    'jumping ahead': ((50.0, NO_REFERENCE), (50.1, OK), (52.0, NO_REFERENCE), (52.1, OK)),
-    'a century ahead and back': ((60.0, NO_REFERENCE), (LAST, NO_REFERENCE), (LAST, OK),
-                                 (60.1, NO_REFERENCE), (60.2, OK)),
+    'steady': ((10.0, RESET), (10.1, NONE), (10.2, NONE)),
+    'repeated': ((20.0, RESET), (20.0, NONE), (20.0, NONE), (20.1, NONE)),
+    'going back': ((30.0, RESET), (30.1, NONE), (29.9, BACK), (30.0, NONE)),
+    'zero': ((0.0, RESET), (0.0, NONE), (0.0, NONE)),
+    'zero in between': ((40.0, RESET), (40.1, NONE), (0.0, BACK), (40.2, GAP), (40.3, NONE)),
+    'jumping ahead': ((50.0, RESET), (50.1, NONE), (52.0, GAP), (52.1, NONE)),
+    'a century ahead and back': ((60.0, RESET), (LAST, GAP), (LAST, NONE), (60.1, BACK),
+                                 (60.2, NONE)),
 }
 
 
@@ -31,13 +32,15 @@ class TimeTest(unittest.TestCase):
     def test_each_sequence_of_stamps_has_its_reference(self):
         camera = Camera()
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         camera.wait_for_subscriber()
+        wait_until(lambda: homographies.publishers() == 1, 'the homographies are connected')
         wait_until(lambda: statistics.publishers() == 1, 'the statistics are connected')
         reset = rospy.ServiceProxy('/camera/matcher/reset', Trigger)
 
         def check(name):
             reset()
-            for number, (seconds, status) in enumerate(SEQUENCES[name]):
+            for number, (seconds, reason) in enumerate(SEQUENCES[name]):
                 count = len(statistics.messages())
                 stamp = rospy.Time.from_sec(seconds)
                 camera.send(image_message(view(100 + 5 * number, 100), stamp))
@@ -45,7 +48,12 @@ class TimeTest(unittest.TestCase):
                            'frame %d of "%s" has statistics' % (number, name))
                 message = statistics.messages()[-1]
                 self.assertEqual(message.header.stamp, stamp)
-                self.assertEqual(message.status, status, 'frame %d' % number)
+                self.assertEqual(message.reason, reason, 'frame %d' % number)
+                self.assertEqual(message.status, OK if reason == NONE else NO_REFERENCE)
+                wait_until(lambda: homographies.messages()[-1:] and
+                           homographies.messages()[-1].header.stamp == stamp,
+                           'frame %d of "%s" has a homography message' % (number, name))
+                self.assertEqual(homographies.messages()[-1].reason, reason)
         check_each(SEQUENCES, check)
 
 

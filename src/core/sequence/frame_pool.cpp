@@ -9,7 +9,7 @@ constexpr std::size_t kFrames = 6;
 
 void releaseImage(Frame& frame) {
   frame.image.release();
-  if (!frame.features.images.empty()) frame.features.images[0].release();
+  if (!frame.features.images.empty()) frame.features.images.front().release();  // the same one
   frame.source.reset();
 }
 

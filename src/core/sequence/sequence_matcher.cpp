@@ -196,10 +196,10 @@ FramePtr SequenceMatcher::newFrame() {
 }
 
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
-  if (frame) {
-    impl_->findFeatures(*frame);
-    ktgp_orb::requireValid(frame->features, "reference");
-  }
+  // Another mode has no use for it yet: its features are found when the first frame needs them.
+  const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
+  if (frame && now) impl_->findFeatures(*frame);
+  if (frame) ktgp_orb::requireValid(frame->features, "reference");
   impl_->keeper.setFixed(frame);
 }
 

@@ -1,0 +1,220 @@
+// What happens to single images on their way through the nodelet.
+
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatistics.h>
+#include <std_srvs/Trigger.h>
+
+#include <opencv2/core/utility.hpp>
+#include <utility>
+
+#include "robot_testing.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::Recorder;
+using test::waitUntil;
+
+const std::string kMatcher = "/camera/matcher/";
+
+class Stream : public testing::Test {
+ protected:
+  void TearDown() override { loader_.clear(); }
+
+  void load(const std::string& reference_mode = "previous") {
+    ros::param::set(kMatcher + "reference_mode", reference_mode);
+    ASSERT_TRUE(test::loadMatcher(loader_, "/camera"));
+    ASSERT_TRUE(waitUntil([&] { return publisher_.getNumSubscribers() > 0; }));
+  }
+
+  sensor_msgs::ImagePtr view(const cv::Size& size = {320, 240}) {
+    ++count_;
+    return test::View(size).image(count_, ros::Time(1000.0 + 0.1 * count_));
+  }
+
+  /// The statistics of an image that is sent now.
+  MatchStatistics send(const sensor_msgs::ImagePtr& image) {
+    publisher_.publish(sensor_msgs::ImageConstPtr(image));
+    const ros::Time stamp = image->header.stamp;
+    EXPECT_TRUE(waitUntil([&] { return statisticsOf(stamp) != nullptr; }));
+    const auto found = statisticsOf(stamp);
+    return found ? *found : MatchStatistics();
+  }
+
+  Recorder<MatchStatistics>::Ptr statisticsOf(const ros::Time& stamp) {
+    for (const auto& message : statistics_.messages()) {
+      if (message->header.stamp == stamp) return message;
+    }
+    return nullptr;
+  }
+
+  static std_srvs::Trigger::Response call(const std::string& service) {
+    std_srvs::Trigger call;
+    EXPECT_TRUE(ros::service::call(kMatcher + service, call));
+    return call.response;
+  }
+
+  ros::Publisher publisher_ =
+      ros::NodeHandle().advertise<sensor_msgs::Image>("/camera/image_raw", 10);
+  nodelet::Loader loader_{false};
+  Recorder<MatchStatistics> statistics_{kMatcher + "statistics"};
+  int count_ = 0;
+};
+
+TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
+  load();
+  const auto sendNumbered = [&](std::uint32_t number) {
+    const sensor_msgs::ImagePtr image = view();
+    image->header.seq = number;
+    return send(image).dropped_frames;
+  };
+  EXPECT_EQ(sendNumbered(70), 0U) << "what came before the subscription was not lost";
+  EXPECT_EQ(sendNumbered(71), 0U);
+  EXPECT_EQ(sendNumbered(75), 3U);
+  EXPECT_EQ(sendNumbered(76), 3U);
+  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher began anew";
+  EXPECT_EQ(sendNumbered(7), 4U);
+  EXPECT_EQ(sendNumbered(4000000), 4U) << "another counter";
+  EXPECT_EQ(sendNumbered(0), 4U);
+  EXPECT_EQ(sendNumbered(0), 4U) << "a publisher that does not count";
+}
+
+TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
+  load("fixed");
+  send(view());
+  for (int trial = 0; trial < 5; ++trial) {
+    EXPECT_TRUE(call("reset").success);
+    // The worker is busy with a large image while another one waits for it.
+    publisher_.publish(sensor_msgs::ImageConstPtr(view({2560, 1920})));
+    const sensor_msgs::ImageConstPtr before = view();
+    publisher_.publish(before);
+    ASSERT_TRUE(waitUntil([&] { return before.use_count() > 1; })) << "it waits";
+    const auto answer = call("set_reference");
+    ASSERT_TRUE(answer.success) << answer.message;
+    ASSERT_TRUE(waitUntil([&] { return statisticsOf(before->header.stamp) != nullptr; }));
+    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatistics::REASON_NOT_SET);
+    const MatchStatistics after = send(view());
+    EXPECT_EQ(after.reference_stamp, after.header.stamp);
+  }
+}
+
+TEST_F(Stream, SetReferenceIsRefusedWhereItWouldDoNothing) {
+  load("previous");
+  send(view());
+  auto answer = call("set_reference");
+  EXPECT_FALSE(answer.success);
+  EXPECT_NE(answer.message.find("reference_mode is not fixed"), std::string::npos);
+  loader_.clear();
+  load("fixed");
+  send(view());
+  call("pause");
+  answer = call("set_reference");
+  EXPECT_FALSE(answer.success);
+  EXPECT_NE(answer.message.find("paused"), std::string::npos);
+  call("resume");
+  EXPECT_TRUE(call("set_reference").success);
+}
+
+TEST(StreamWithoutSubscribers, SetReferenceIsRefused) {
+  ros::param::set(kMatcher + "reference_mode", "fixed");
+  nodelet::Loader loader(false);
+  ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
+  std_srvs::Trigger call;
+  ASSERT_TRUE(ros::service::call(kMatcher + "set_reference", call));
+  EXPECT_FALSE(call.response.success);
+  EXPECT_NE(call.response.message.find("idle"), std::string::npos);
+}
+
+TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
+  Recorder<HomographyStamped> homographies(kMatcher + "homography");
+  load();
+  const auto expect = [&](const MatchStatistics& statistics, int reason) {
+    EXPECT_EQ(statistics.reason, reason);
+    EXPECT_EQ(statistics.status == MatchStatistics::STATUS_NO_REFERENCE,
+              reason != MatchStatistics::REASON_NONE);
+    ASSERT_EQ(statistics.stages.size(), 4U);
+    const char* const names[] = {"knn", "tf", "gms", "prosac"};
+    for (int i = 0; i < 4; ++i) EXPECT_EQ(statistics.stages[i].name, names[i]);
+    EXPECT_EQ(statistics.kt, statistics.stages[1].output);
+    EXPECT_EQ(statistics.ktg, statistics.stages[2].output);
+    EXPECT_EQ(statistics.inliers, statistics.stages[3].output);
+    EXPECT_EQ(statistics.inliers > 0, reason == MatchStatistics::REASON_NONE);
+    ASSERT_TRUE(waitUntil([&] {
+      return !homographies.messages().empty() &&
+             homographies.messages().back()->header.stamp == statistics.header.stamp;
+    }));
+    EXPECT_EQ(homographies.messages().back()->status, statistics.status);
+    EXPECT_EQ(homographies.messages().back()->reason, reason);
+  };
+  expect(send(view()), MatchStatistics::REASON_FIRST_FRAME);
+  expect(send(view()), MatchStatistics::REASON_NONE);
+  expect(send(view({240, 320})), MatchStatistics::REASON_SIZE_CHANGED);
+  expect(send(view({240, 320})), MatchStatistics::REASON_NONE);
+  count_ += 11;
+  expect(send(view({240, 320})), MatchStatistics::REASON_GAP);
+  count_ -= 5;
+  expect(send(view({240, 320})), MatchStatistics::REASON_STAMP_WENT_BACK);
+  call("reset");
+  expect(send(view({240, 320})), MatchStatistics::REASON_RESET);
+}
+
+// Both topics through one queue, in the order in which they were published.
+TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
+  ros::CallbackQueue queue;
+  ros::NodeHandle node;
+  node.setCallbackQueue(&queue);
+  std::vector<std::pair<char, ros::Time>> order;
+  const ros::Subscriber data = node.subscribe<MatchStatistics>(
+      kMatcher + "statistics", 0, [&](const MatchStatistics::ConstPtr& message) {
+        order.emplace_back('s', message->header.stamp);
+      });
+  const ros::Subscriber overlay = node.subscribe<sensor_msgs::Image>(
+      kMatcher + "matches_image", 0, [&](const sensor_msgs::Image::ConstPtr& message) {
+        order.emplace_back('o', message->header.stamp);
+      });
+  load();
+  ASSERT_TRUE(waitUntil([&] { return overlay.getNumPublishers() > 0; }));
+  for (int i = 0; i < 5; ++i) {
+    const ros::Time stamp = send(view()).header.stamp;
+    ASSERT_TRUE(waitUntil([&] {
+      queue.callAvailable();
+      return !order.empty() && order.back() == std::make_pair('o', stamp);
+    })) << "an overlay of every frame, of the first one too";
+    ASSERT_GE(order.size(), 2U);
+    EXPECT_EQ(order[order.size() - 2], std::make_pair('s', stamp));
+  }
+}
+
+TEST_F(Stream, OpencvKeepsTheThreadsOfTheOtherNodelets) {
+  cv::setNumThreads(3);
+  load();
+  send(view());
+  dynamic_reconfigure::Reconfigure change;
+  change.request.config.ints.emplace_back();
+  change.request.config.ints.back().name = "threads";
+  change.request.config.ints.back().value = 2;
+  ASSERT_TRUE(ros::service::call(kMatcher + "set_parameters", change));
+  send(view());
+  EXPECT_EQ(cv::getNumThreads(), 3);
+}
+
+TEST(StreamTransport, IsReadOnceAtTheStart) {
+  nodelet::Loader loader(false);
+  ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
+  ros::param::set(kMatcher + "image_transport", "not_installed");
+  {
+    test::Camera camera("/camera/image_raw", {320, 240}, 30.0);
+    camera.start();
+    Recorder<MatchStatistics> statistics(kMatcher + "statistics");
+    EXPECT_TRUE(statistics.waitForMore(2));
+  }
+  ros::param::del(kMatcher + "image_transport");
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+int main(int argc, char** argv) {
+  return ktgp_orb::test::runTests(argc, argv, "robot_stream_test");
+}
