@@ -12,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 
@@ -23,7 +24,6 @@ using ktgp_orb::Level;
 using ktgp_orb::MatchResult;
 using ktgp_orb::OrbOptions;
 
-constexpr double kCorrectWithin = 3.0;    // px
 constexpr double kWorstCornerError = 10;  // px, where the recall curve ends
 constexpr int kSeeds = 20;                // of PROSAC, averaged over
 
@@ -99,7 +99,8 @@ Score scorePair(const Features& reference, const Features& target, const Eigen::
       const cv::Point2f q = target.keypoints[match.target_index].pt;
       const Eigen::Vector2d expected = map(truth, reference.keypoints[match.reference_index].pt);
       ++score.matches;
-      if ((expected - Eigen::Vector2d(q.x, q.y)).norm() < kCorrectWithin) ++score.correct;
+      if ((expected - Eigen::Vector2d(q.x, q.y)).norm() <= ktgp_orb::evaluation::kCorrectWithin)
+        ++score.correct;
     }
     score.precision = score.matches > 0 ? score.correct / score.matches : 0;
   }

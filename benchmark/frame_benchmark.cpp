@@ -26,6 +26,7 @@
 #include <vector>
 
 #include "dense_gms.h"
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 
@@ -42,11 +43,6 @@ double milliseconds(bool one_thread) {
   timespec time{};
   clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
-
-double median(std::vector<double>& v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
 }
 
 std::vector<cv::Mat> readFrames() {
@@ -199,9 +195,9 @@ void frame(benchmark::State& state) {
     opencv_times.push_back(opencv.process(image, one_thread));
     state.ResumeTiming();
   }
-  const double time = median(times);
+  const double time = ktgp_orb::evaluation::median(times);
   state.counters["ms"] = time;
-  state.counters["times_OpenCV"] = median(opencv_times) / time;
+  state.counters["times_OpenCV"] = ktgp_orb::evaluation::median(opencv_times) / time;
   state.counters["KT"] = ours.surviving(Level::kt);
   state.counters["KTG"] = ours.surviving(Level::ktg);
   state.counters["KTGP"] = ours.surviving(Level::ktgp);

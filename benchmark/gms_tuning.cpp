@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -22,8 +23,6 @@ using ktgp_orb::Correspondence;
 using ktgp_orb::Features;
 using ktgp_orb::GmsOptions;
 using ktgp_orb::Level;
-
-constexpr double kCorrectWithin = 3.0;  // px
 
 struct Pair {
   std::string name;
@@ -70,7 +69,7 @@ bool isCorrect(const Pair& pair, const Correspondence& c) {
   const cv::Point2f& r = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
   const cv::Point2f& t = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
   const Eigen::Vector2d p = (pair.truth * Eigen::Vector3d(r.x, r.y, 1.0)).hnormalized();
-  return (p - Eigen::Vector2d(t.x, t.y)).norm() < kCorrectWithin;
+  return (p - Eigen::Vector2d(t.x, t.y)).norm() <= ktgp_orb::evaluation::kCorrectWithin;
 }
 
 /// Matches left by the ratio filter at T_w (none where it is 0) and then GMS (none where null).

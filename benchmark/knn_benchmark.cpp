@@ -25,6 +25,7 @@
 
 #include "core/knn/search.h"
 #include "instruction_sets.h"
+#include "ktgp_orb/evaluation.h"
 
 namespace {
 
@@ -82,11 +83,6 @@ void bruteForce(const cv::Mat& reference, const cv::Mat& target) {
   benchmark::DoNotOptimize(matches.data());
 }
 
-double median(std::vector<double>& v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
-}
-
 /// Times `match` and reports it per pair and, if asked for, against BFMatcher.
 template <typename Match>
 void run(benchmark::State& state, const Frames& frames, bool beside_brute_force, Match match) {
@@ -111,10 +107,10 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
     match(reference, target);
     times.push_back(seconds(one_thread) - start);
   }
-  const double time = median(times);
+  const double time = ktgp_orb::evaluation::median(times);
   state.counters["ns_per_pair"] = time * 1e9 / n / n;
   if (!brute_force_times.empty())
-    state.counters["times_BFMatcher"] = median(brute_force_times) / time;
+    state.counters["times_BFMatcher"] = ktgp_orb::evaluation::median(brute_force_times) / time;
   state.SetLabel(frames.source);
 }
 
@@ -139,9 +135,9 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
     search.matchMutual(reference, target, result);
     times.push_back(seconds(one_thread) - start);
   }
-  const double time = median(times);
+  const double time = ktgp_orb::evaluation::median(times);
   state.counters["ns_per_pair"] = time * 1e9 / n / n;
-  state.counters["times_one_way"] = time / median(one_way_times);
+  state.counters["times_one_way"] = time / ktgp_orb::evaluation::median(one_way_times);
   state.SetLabel(frames.source);
 }
 

@@ -22,6 +22,7 @@
 #include <string>
 #include <vector>
 
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/orb_extractor.h"
 
 namespace {
@@ -36,11 +37,6 @@ double milliseconds(bool one_thread) {
   timespec time{};
   clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
-
-double median(std::vector<double>& v) {
-  std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());
-  return v[v.size() / 2];
 }
 
 cv::Mat noiseOfSeveralScales(const cv::Size& size) {
@@ -108,9 +104,9 @@ void extract(benchmark::State& state, KeypointDistribution distribution) {
     if (opencv_times.size() < 101) opencv_times.push_back(opencv.timed(image, one_thread));
     state.ResumeTiming();
   }
-  const double time = median(times);
+  const double time = ktgp_orb::evaluation::median(times);
   state.counters["ms"] = time;
-  state.counters["times_cvORB"] = median(opencv_times) / time;
+  state.counters["times_cvORB"] = ktgp_orb::evaluation::median(opencv_times) / time;
   state.counters["keypoints"] = static_cast<double>(features.size());
 }
 
@@ -150,8 +146,9 @@ void teblid(benchmark::State& state) {
     orb_times.push_back(timed(orb));
     state.ResumeTiming();
   }
-  state.counters["ms"] = median(times);
-  state.counters["more_ms"] = median(times) - median(orb_times);
+  state.counters["ms"] = ktgp_orb::evaluation::median(times);
+  state.counters["more_ms"] =
+      ktgp_orb::evaluation::median(times) - ktgp_orb::evaluation::median(orb_times);
   state.counters["keypoints"] = static_cast<double>(features.size());
 }
 

@@ -8,7 +8,11 @@
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+/// Figures of merit of matches and homographies.
+namespace ktgp_orb::evaluation {
+
+/// A match is correct when it is at most so far from the truth, px.
+constexpr double kCorrectWithin = 3.0;
 
 /// Mean and root mean square of a set of values. Of no values both are 0: look at `count`.
 struct ErrorSummary {
@@ -18,6 +22,9 @@ struct ErrorSummary {
 };
 
 ErrorSummary summarize(const std::vector<double>& values);
+
+/// The value in the middle; of an even number the mean of the two there; 0 of none.
+double median(std::vector<double> values);
 
 /// Hamming distance d1 over the correspondences that reached at least `level`. These are the
 /// figures that the paper's tables print as "ME" and "RMSE (pixels)".
@@ -80,4 +87,4 @@ struct Repeatability {
 Repeatability detectorRepeatability(const Features& reference, const Features& target,
                                     const Eigen::Matrix3d& truth, double max_overlap_error = 0.4);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::evaluation

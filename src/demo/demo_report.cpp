@@ -23,13 +23,17 @@
 #include <string>
 #include <vector>
 
+#include "demo/flight.h"
 #include "demo/table.h"
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/overlay.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {
+
+const cv::Size kImageSize(kImageWidth, kImageHeight);
 
 Eigen::Matrix3d matrix(const HomographyStamped& message) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
@@ -75,20 +79,6 @@ class Truth {
   std::map<ros::Time, ros::Time> previous_stamp_;
   std::map<ros::Time, std::string> segment_;
 };
-
-/// Largest distance between where the two homographies put the corners of the image, px.
-double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
-  double largest = 0.0;
-  for (double x : {0.0, 639.0}) {
-    for (double y : {0.0, 479.0}) {
-      const Eigen::Vector3d corner(x, y, 1.0);
-      const Eigen::Vector2d difference =
-          Eigen::Vector3d(a * corner).hnormalized() - Eigen::Vector3d(b * corner).hnormalized();
-      largest = std::max(largest, difference.norm());
-    }
-  }
-  return largest;
-}
 
 /// Root mean square distance of the final matches from where the truth puts them, px.
 double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& truth) {
@@ -186,7 +176,7 @@ class Report {
     result.segment = truth_.segment(stamp);
     if (statistics.status == MatchStatistics::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
-      result.error = cornerError(matrix(*messages.homography), truth);
+      result.error = evaluation::cornerError(matrix(*messages.homography), truth, kImageSize);
       result.reprojection_error = reprojectionError(*messages.correspondences, truth);
     }
     table_.add(statistics, result);

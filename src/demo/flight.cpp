@@ -5,12 +5,13 @@
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/constants.h"
 #include "demo/map.h"
 
 namespace ktgp_orb::demo {
 namespace {
 
-constexpr double kDegree = M_PI / 180.0;
+constexpr double kDegree = kPi / 180.0;
 
 Eigen::Matrix3d intrinsics() {
   Eigen::Matrix3d k;

@@ -5,6 +5,7 @@
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/constants.h"
 #include "demo/landscape.h"
 
 namespace ktgp_orb::demo {
@@ -60,7 +61,7 @@ void settle(const Polygon& land, Dice& dice, Landscape& landscape) {
   }
   const cv::RotatedRect box = cv::minAreaRect(land);
   const float turn = box.size.width > box.size.height ? 0.F : 90.F;
-  const double angle = (box.angle + turn + dice.between(-9.F, 9.F)) * CV_PI / 180.0;
+  const double angle = (box.angle + turn + dice.between(-9.F, 9.F)) * kPi / 180.0;
   const cv::Point2f across(static_cast<float>(std::cos(angle)),
                            static_cast<float>(std::sin(angle)));
   const cv::Point2f along(-across.y, across.x);

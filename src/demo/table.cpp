@@ -108,7 +108,7 @@ std::string ResultTable::text(std::size_t in_bag) const {
   text += format("\nframes in the bag %zu, matched %zu, dropped by the matcher %lu\n", in_bag,
                  all_.frames, static_cast<unsigned long>(dropped_));
   text +=
-      "Against the truth: corner error, of the homography, largest at a corner of the image; "
+      "Against the truth: corner error, of the homography, mean over the corners of the image; "
       "reprojection\nerror, root mean square over the final matches of a frame.\n";
   return text;
 }

@@ -12,7 +12,7 @@ namespace ktgp_orb::demo {
 /// What the report knows of a frame beside its statistics.
 struct FrameResult {
   std::string segment;
-  /// Largest error of the homography at a corner of the image, px; infinite where none was found.
+  /// Mean error of the homography at the corners of the image, px; infinite where none was found.
   double error = std::numeric_limits<double>::infinity();
   double reprojection_error = 0.0;  ///< RMS of the final matches against the true homography, px
 };

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 #include <random>
 
+#include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
 
 #define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 4))
@@ -30,7 +31,7 @@ std::vector<cv::Point2f> toOpenCv(const std::vector<Eigen::Vector2d>& points) {
 std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pairs) {
   std::vector<double> errors(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double e = (project(h, pairs.reference[i]) - pairs.target[i]).norm();
+    const double e = (evaluation::project(h, pairs.reference[i]) - pairs.target[i]).norm();
     errors[i] = std::isfinite(e) ? e * e : std::numeric_limits<double>::max();
   }
   return errors;
@@ -77,7 +78,7 @@ double mlesacCost(const std::vector<double>& squared_errors, double threshold, d
   const double variance = threshold * threshold / 5.99;  // 95 % of a 2-D Gaussian is within
   std::vector<double> inlier(squared_errors.size());
   for (std::size_t i = 0; i < inlier.size(); ++i) {
-    inlier[i] = std::exp(-0.5 * squared_errors[i] / variance) / (2.0 * CV_PI * variance);
+    inlier[i] = std::exp(-0.5 * squared_errors[i] / variance) / (2.0 * kPi * variance);
   }
   double g = 0.5;
   for (int iteration = 0; iteration < 5; ++iteration) {

@@ -12,6 +12,7 @@
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
 #include "evaluation/sequence_evaluation.h"
+#include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -250,7 +251,7 @@ void printSequence(const SequenceScore& score) {
   }
   if (errors.empty()) return;
   std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
-              summarize(errors).mean, summarize(drift).mean);
+              evaluation::summarize(errors).mean, evaluation::summarize(drift).mean);
 }
 
 int evaluateBag(const Arguments& arguments) {

@@ -128,7 +128,7 @@ Step euclideanDistance() {
               distances.push_back(
                   cv::norm(referenceDescriptor(scene, c), targetDescriptor(scene, c), cv::NORM_L2));
             }
-            const ErrorSummary s = summarize(distances);
+            const evaluation::ErrorSummary s = evaluation::summarize(distances);
             const double most = s.mean + std::sqrt(std::max(0.0, s.rms * s.rms - s.mean * s.mean));
             std::size_t i = 0;
             const auto too_far = [&](const Correspondence&) { return distances[i++] > most; };

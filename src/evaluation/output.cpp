@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <sstream>
 
+#include "ktgp_orb/evaluation.h"
+
 namespace ktgp_orb::tools {
 namespace {
 
@@ -17,25 +19,18 @@ struct Average {
   double rms = 0.0;
   std::size_t pairs = 0;
 
-  void add(const ErrorSummary& summary) {
+  void add(const evaluation::ErrorSummary& summary) {
     if (summary.count == 0) return;
     mean += summary.mean;
     rms += summary.rms;
     ++pairs;
   }
-  ErrorSummary summary() const {
+  evaluation::ErrorSummary summary() const {
     if (pairs == 0) return {};
     const auto n = static_cast<double>(pairs);
     return {pairs, mean / n, rms / n};
   }
 };
-
-/// The value in the middle; of an even number the mean of the two there.
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
-}
 
 /// Nothing where no pair has a corner error: the method looks for no homography.
 std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
@@ -54,12 +49,12 @@ std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodS
   if (errors.empty()) return std::nullopt;
   AccuracySummary s;
   for (std::size_t i = 0; i < kAucThresholds.size(); ++i) {
-    s.auc[i] = areaUnderCurve(errors, kAucThresholds[i]);
+    s.auc[i] = evaluation::areaUnderCurve(errors, kAucThresholds[i]);
   }
-  s.median_corner_error = median(errors);
+  s.median_corner_error = evaluation::median(errors);
   s.found = found / static_cast<double>(errors.size());
   s.wrong = found > 0.0 ? wrong / found : 0.0;
-  if (!correlations.empty()) s.zncc = summarize(correlations).mean;
+  if (!correlations.empty()) s.zncc = evaluation::summarize(correlations).mean;
   return s;
 }
 
@@ -102,7 +97,7 @@ std::string px(double threshold) {
   return out.str();
 }
 
-void put(json& out, const std::string& key, const ErrorSummary& summary) {
+void put(json& out, const std::string& key, const evaluation::ErrorSummary& summary) {
   out[key + "_mean"] = summary.count > 0 ? json(summary.mean) : json(nullptr);
   out[key + "_rms"] = summary.count > 0 ? json(summary.rms) : json(nullptr);
 }

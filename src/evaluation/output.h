@@ -32,9 +32,9 @@ struct SetSummary {
   double milliseconds = 0.0;
   std::array<double, kPrecisionThresholds.size()> precision{};
   // Averages of the pairs' means and RMS, as in the paper; pairs without a match do not count.
-  ErrorSummary descriptor_distance;
-  ErrorSummary displacement;
-  ErrorSummary reprojection_error;
+  evaluation::ErrorSummary descriptor_distance;
+  evaluation::ErrorSummary displacement;
+  evaluation::ErrorSummary reprojection_error;
   double total_milliseconds = 0.0;          ///< from the images to the result
   std::optional<AccuracySummary> accuracy;  ///< only where the method estimates a homography
 };

@@ -9,13 +9,6 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Of an even number of values the lower of the two in the middle.
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 /// Of every step the median of its times.
 std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& runs) {
   std::vector<StepResult> steps = runs.front();
@@ -23,7 +16,7 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
     std::vector<double> times;
     times.reserve(runs.size());
     for (const auto& run : runs) times.push_back(run[i].milliseconds);
-    steps[i].milliseconds = median(times);
+    steps[i].milliseconds = evaluation::median(times);
   }
   return steps;
 }
@@ -40,24 +33,25 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   const Features& target = found.own ? found.own->target : scene.target;
   const std::vector<Correspondence>& matches = found.matches;
   score.matches = matches.size();
-  score.retention = retention(matches.size(), target.size());
-  score.matched_share = matchedShare(matches.size(), reference, target);
-  if (!found.own) score.descriptor_distance = descriptorDistance(matches);
-  score.displacement = displacement(reference, target, matches);
-  const std::vector<double> errors = reprojectionErrors(truth, reference, target, matches);
-  score.reprojection_error = summarize(errors);
+  score.retention = evaluation::retention(matches.size(), target.size());
+  score.matched_share = evaluation::matchedShare(matches.size(), reference, target);
+  if (!found.own) score.descriptor_distance = evaluation::descriptorDistance(matches);
+  score.displacement = evaluation::displacement(reference, target, matches);
+  const std::vector<double> errors =
+      evaluation::reprojectionErrors(truth, reference, target, matches);
+  score.reprojection_error = evaluation::summarize(errors);
   for (std::size_t i = 0; i < kPrecisionThresholds.size(); ++i) {
-    score.precision[i] = precision(errors, kPrecisionThresholds[i]);
+    score.precision[i] = evaluation::precision(errors, kPrecisionThresholds[i]);
   }
-  score.correct = countWithin(errors, kCorrectWithin);
+  score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
 }
 
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                      MethodScore& score) {
   if (!found.estimated) return;
   score.found = found.homography.has_value();
-  score.corner_error = cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()), truth,
-                                   scene.reference_image.size());
+  score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),
+                                               truth, scene.reference_image.size());
   if (!score.found) return;
   score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
 }
@@ -91,7 +85,8 @@ void PairEvaluator::evaluateImages(const cv::Mat& reference_image, const cv::Mat
   score.reference_keypoints = reference_.size();
   score.target_keypoints = target_.size();
   const Eigen::Matrix3d& truth = score.pair.homography;
-  score.detector_repeatability = detectorRepeatability(reference_, target_, truth).score();
+  score.detector_repeatability =
+      evaluation::detectorRepeatability(reference_, target_, truth).score();
   const Scene scene{reference_image, target_image, reference_, target_};
   for (const Method& method : methods_) {
     score.methods.push_back(evaluateMethod(method, scene, truth, score.extraction_milliseconds));
@@ -108,7 +103,7 @@ double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& tar
     const std::chrono::duration<double, std::milli> time = Clock::now() - start;
     times.push_back(time.count());
   }
-  return median(times);
+  return evaluation::median(times);
 }
 
 MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& scene,

@@ -12,8 +12,6 @@
 
 namespace ktgp_orb::tools {
 
-/// A match is called correct when it is within 3 px of the truth.
-constexpr double kCorrectWithin = 3.0;
 constexpr std::array<double, 3> kPrecisionThresholds{1.0, 2.0, 3.0};
 constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
 /// A homography is called wrong beyond this corner error, px.
@@ -25,11 +23,11 @@ struct MethodScore {
   std::size_t matches = 0;  ///< NM
   double retention = 0.0;   ///< matches over target keypoints; the paper's Q where the method is KT
   double matched_share = 0.0;  ///< REP as Eq. 9 has it
-  ErrorSummary descriptor_distance;
-  ErrorSummary displacement;        ///< px
-  ErrorSummary reprojection_error;  ///< px, against the truth
+  evaluation::ErrorSummary descriptor_distance;
+  evaluation::ErrorSummary displacement;        ///< px
+  evaluation::ErrorSummary reprojection_error;  ///< px, against the truth
   std::array<double, kPrecisionThresholds.size()> precision{};
-  std::size_t correct = 0;  ///< matches within kCorrectWithin
+  std::size_t correct = 0;  ///< matches within evaluation::kCorrectWithin
   /// px; infinite where the method found no homography; nothing where it does not look for one.
   std::optional<double> corner_error;
   bool found = false;  ///< a homography, which the method calls good

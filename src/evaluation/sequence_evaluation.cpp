@@ -35,7 +35,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
   frame.status = match.match.status;
   if (match.reference) {
     for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
-    frame.inlier_ratio = retention(frame.matches[3], frame.matches[1]);
+    frame.inlier_ratio = evaluation::retention(frame.matches[3], frame.matches[1]);
     frame.rmse = match.match.rmse;
   }
   accumulateDrift(match, truth, frame);
@@ -69,7 +69,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   const cv::Size size = match.frame->features.image_size;
   const bool found = match.match.status == Status::ok;
   if (truth && found) {
-    frame.corner_error = cornerError(match.match.homography, *truth, size);
+    frame.corner_error = evaluation::cornerError(match.match.homography, *truth, size);
   }
   const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
   if (!truth || !found || window_is_full) {
@@ -81,7 +81,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   estimated_ = match.match.homography * estimated_;
   true_ = *truth * true_;
   ++frames_in_window_;
-  frame.drift = cornerError(estimated_, true_, size);
+  frame.drift = evaluation::cornerError(estimated_, true_, size);
 }
 
 SequenceScore SequenceEvaluator::score() const {
@@ -100,7 +100,7 @@ SequenceScore SequenceEvaluator::score() const {
       begun += tracks(end - k + 1, 1);
       alive += tracks(end, k);
     }
-    score.survival.push_back(retention(alive, begun));
+    score.survival.push_back(evaluation::retention(alive, begun));
   }
   return score;
 }

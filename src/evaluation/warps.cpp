@@ -6,13 +6,14 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/constants.h"
 #include "core/util/random.h"
 #include "evaluation/rendering.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
-constexpr double kDegree = M_PI / 180.0;
+constexpr double kDegree = kPi / 180.0;
 constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
 constexpr double kShown = 0.85;              // of the picture by the reference view
 const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
@@ -37,7 +38,7 @@ Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
   const double rotation = uniform(random, -limits.rotation, limits.rotation) * kDegree;
   const double zoom = logUniform(random, 1.0 / limits.zoom, limits.zoom);
   const double tilt = uniform(random, -limits.tilt, limits.tilt) * kDegree;
-  const double axis = uniform(random, 0.0, M_PI);
+  const double axis = uniform(random, 0.0, kPi);
   const double shift_x = uniform(random, -limits.shift, limits.shift);
   const double shift_y = uniform(random, -limits.shift, limits.shift);
 

@@ -34,7 +34,6 @@ constexpr const char* kExamples =
     "Exit code: 0 a homography was found, 1 none was found, 2 a file or an option cannot be used.";
 
 /// Precision and corner errors are quoted at the estimator's default inlier threshold.
-constexpr double kCorrectWithin = 3.0;  // px
 
 struct Arguments {
   std::string reference;
@@ -59,7 +58,7 @@ struct Frame {
 struct StageQuality {
   StageResult statistics;
   std::vector<Correspondence> matches;
-  ErrorSummary distance;
+  evaluation::ErrorSummary distance;
   std::vector<double> errors;  ///< against the truth, px; empty where there is none
 };
 
@@ -112,10 +111,10 @@ Outcome run(const Arguments& arguments) {
     StageQuality& stage = outcome.stages[i];
     stage.statistics = outcome.result.stages[i];
     outcome.result.surviving(static_cast<Level>(i), stage.matches);
-    stage.distance = descriptorDistance(stage.matches);
+    stage.distance = evaluation::descriptorDistance(stage.matches);
     if (outcome.truth) {
-      stage.errors = reprojectionErrors(*outcome.truth, outcome.reference.features,
-                                        outcome.target.features, stage.matches);
+      stage.errors = evaluation::reprojectionErrors(*outcome.truth, outcome.reference.features,
+                                                    outcome.target.features, stage.matches);
     }
   }
   return outcome;
@@ -134,11 +133,12 @@ void printStages(const Outcome& outcome) {
   for (const StageQuality& stage : outcome.stages) {
     const StageResult& s = stage.statistics;
     std::printf("%-7s %6zu  %6zu %5.1f%% %8.2f  %13.3f %6.3f", s.name, s.input, s.output,
-                100.0 * retention(s.output, s.input), s.milliseconds, stage.distance.mean,
-                stage.distance.rms);
+                100.0 * evaluation::retention(s.output, s.input), s.milliseconds,
+                stage.distance.mean, stage.distance.rms);
     if (outcome.truth) {
-      const ErrorSummary error = summarize(stage.errors);
-      std::printf("  %10.1f%%  %7.2f px  %7.2f", 100.0 * precision(stage.errors, kCorrectWithin),
+      const evaluation::ErrorSummary error = evaluation::summarize(stage.errors);
+      std::printf("  %10.1f%%  %7.2f px  %7.2f",
+                  100.0 * evaluation::precision(stage.errors, evaluation::kCorrectWithin),
                   error.mean, error.rms);
     }
     std::printf("\n");
@@ -169,11 +169,11 @@ void printHomography(const Outcome& outcome) {
   printAlignment(result.alignment);
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",
-                cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
+                evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
   }
 }
 
-json toJson(const ErrorSummary& summary) {
+json toJson(const evaluation::ErrorSummary& summary) {
   if (summary.count == 0) return {{"mean", nullptr}, {"rms", nullptr}};
   return {{"mean", summary.mean}, {"rms", summary.rms}};
 }
@@ -193,8 +193,8 @@ json toJson(const StageQuality& stage) {
            {"milliseconds", stage.statistics.milliseconds},
            {"descriptor_distance", toJson(stage.distance)}};
   if (stage.errors.empty()) return out;
-  out["reprojection_error"] = toJson(summarize(stage.errors));
-  out["precision_3px"] = precision(stage.errors, kCorrectWithin);
+  out["reprojection_error"] = toJson(evaluation::summarize(stage.errors));
+  out["precision_3px"] = evaluation::precision(stage.errors, evaluation::kCorrectWithin);
   return out;
 }
 
@@ -228,7 +228,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["rmse"] = result.rmse;
   if (outcome.truth) {
     out["corner_error"] =
-        cornerError(result.homography, *outcome.truth, outcome.reference.image.size());
+        evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size());
   }
   return out;
 }

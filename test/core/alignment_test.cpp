@@ -54,7 +54,8 @@ TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
     ASSERT_EQ(result.status, AlignmentStatus::ok);
     EXPECT_GT(result.points.size(), 0.95 * static_cast<double>(result.tried));
     EXPECT_LT(worstPoint(result, truth), 0.03) << "shift " << shift;
-    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.01) << "shift " << shift;
+    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.01)
+        << "shift " << shift;
     EXPECT_NEAR(result.rmse_before, 1.0, 0.02);
     EXPECT_LT(result.rmse_after, 0.01);
   }
@@ -67,7 +68,7 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
     const AlignmentResult result = align(scene, translation(-0.7, 0.5) * truth);
     ASSERT_EQ(result.status, AlignmentStatus::ok);
     EXPECT_GT(result.points.size(), 100u);
-    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.02) << truth;
+    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.02) << truth;
   }
 }
 
@@ -77,7 +78,7 @@ TEST(Alignment, GainAndBiasMakeNoDifference) {
   const AlignmentResult result = align(planeScene(3, truth, shade), translation(0.5, 0.9) * truth);
   ASSERT_EQ(result.status, AlignmentStatus::ok);
   EXPECT_LT(result.rmse_after, 0.02);
-  EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.02);
+  EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.02);
 }
 
 TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
@@ -85,7 +86,7 @@ TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
     const Eigen::Matrix3d truth = turn(10.0, zoom);
     const AlignmentResult result = align(planeScene(4, truth), translation(0.5, -0.5) * truth);
     ASSERT_EQ(result.status, AlignmentStatus::ok) << zoom;
-    EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.1) << zoom;
+    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.1) << zoom;
   }
 }
 
@@ -102,7 +103,7 @@ TEST(Alignment, IsUnmovedByAThirdOfThePointsBeingElsewhere) {
   const AlignmentResult result = align(scene, translation(0.3, 0.3) * truth);
   EXPECT_GT(dropped(result), result.tried / 5);
   ASSERT_EQ(result.status, AlignmentStatus::ok);
-  EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.3);
+  EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.3);
 }
 
 // Every point is exact here, and two thirds of them lie on one plane to a hundredth of a pixel. The
@@ -204,7 +205,7 @@ TEST(Alignment, WorksWithAnyNumberOfMatches) {
     EXPECT_EQ(result.points.size() + dropped(result), n);
     EXPECT_EQ(result.status == AlignmentStatus::too_few_points, result.points.size() < 12) << n;
     if (result.status == AlignmentStatus::ok) {
-      EXPECT_LT(cornerError(result.homography, truth, {640, 480}), 0.05) << n;
+      EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.05) << n;
     }
   }
 }

@@ -9,6 +9,7 @@
 
 #include "evaluation/methods.h"
 #include "evaluation/output.h"
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 
 namespace ktgp_orb::tools {
@@ -196,7 +197,7 @@ PointPairs pairsOf(const Eigen::Matrix3d& h, int inliers, int outliers, unsigned
   for (int i = 0; i < inliers + outliers; ++i) {
     const Eigen::Vector2d from(x(random), y(random));
     const Eigen::Vector2d to =
-        i < inliers ? project(h, from) + Eigen::Vector2d(noise(random), noise(random))
+        i < inliers ? evaluation::project(h, from) + Eigen::Vector2d(noise(random), noise(random))
                     : Eigen::Vector2d(x(random), y(random));
     pairs.reference.push_back(from);
     pairs.target.push_back(to);
@@ -214,9 +215,10 @@ TEST_P(Estimators, FindTheHomographyAmongOutliers) {
     const PointPairs pairs = pairsOf(h, 140, 60, seed);
     const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
     ASSERT_TRUE(e.found);
-    EXPECT_LT(cornerError(e.homography, h, {640, 480}), 1.5) << seed;
+    EXPECT_LT(evaluation::cornerError(e.homography, h, {640, 480}), 1.5) << seed;
     for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const double error = (project(e.homography, pairs.reference[i]) - pairs.target[i]).norm();
+      const double error =
+          (evaluation::project(e.homography, pairs.reference[i]) - pairs.target[i]).norm();
       ASSERT_EQ(e.mask[i] != 0, error < 3.0);
     }
   }

@@ -9,7 +9,7 @@
 #include <limits>
 #include <random>
 
-namespace ktgp_orb {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -43,6 +43,14 @@ TEST(Summary, MeanAndRootMeanSquareByHand) {
   EXPECT_DOUBLE_EQ(s.rms, std::sqrt(3.0));
   EXPECT_EQ(summarize({}).count, 0u);
   EXPECT_EQ(summarize({}).mean, 0.0);
+}
+
+TEST(Median, IsTheMiddle) {
+  EXPECT_EQ(median({}), 0.0);
+  EXPECT_EQ(median({7.0}), 7.0);
+  EXPECT_EQ(median({9.0, 1.0, 2.0}), 2.0);
+  EXPECT_EQ(median({4.0, 1.0, 9.0, 2.0}), 3.0);
+  EXPECT_EQ(median({1.0, kInfinity, kInfinity}), kInfinity);
 }
 
 TEST(DescriptorDistance, CountsOnlyWhatReachedTheLevel) {
@@ -261,4 +269,4 @@ TEST(Repeatability, OfNothingIsZero) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::evaluation

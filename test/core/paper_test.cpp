@@ -53,7 +53,8 @@ class Paper : public ::testing::TestWithParam<PaperSet> {
 PaperDistance averageDistance(const std::vector<MatchResult>& results, Level level) {
   PaperDistance average{0.0, 0.0};
   for (const MatchResult& result : results) {
-    const ErrorSummary pair = descriptorDistance(result.correspondences, level);
+    const evaluation::ErrorSummary pair =
+        evaluation::descriptorDistance(result.correspondences, level);
     average.mean += pair.mean / static_cast<double>(results.size());
     average.rms += pair.rms / static_cast<double>(results.size());
   }

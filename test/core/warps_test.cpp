@@ -20,6 +20,7 @@
 #include "evaluation/peers.h"
 #include "evaluation/rendering.h"
 #include "evaluation/warps.h"
+#include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -391,7 +392,8 @@ TEST(Peers, EachFindsASmallWarp) {
       std::vector<StepResult> steps;
       const Matching m = runMethod(method, {images.reference, images.target, none, none}, steps);
       ASSERT_TRUE(m.homography) << method.name << " " << i;
-      errors.push_back(cornerError(*m.homography, warp.homography, {kWarpWidth, kWarpHeight}));
+      errors.push_back(
+          evaluation::cornerError(*m.homography, warp.homography, {kWarpWidth, kWarpHeight}));
       EXPECT_TRUE(method.name == "ECC" || m.matches.size() > 100) << method.name;
     }
     std::sort(errors.begin(), errors.end());

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-namespace ktgp_orb {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -47,6 +47,13 @@ ErrorSummary summarize(const std::vector<double>& values) {
   Accumulator accumulator;
   for (double value : values) accumulator.add(value);
   return accumulator.summary();
+}
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return 0.5 * (values[(n - 1) / 2] + values[n / 2]);
 }
 
 ErrorSummary descriptorDistance(const std::vector<Correspondence>& correspondences, Level level) {
@@ -129,4 +136,4 @@ double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   return errors.empty() ? 0.0 : area / static_cast<double>(errors.size());
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::evaluation

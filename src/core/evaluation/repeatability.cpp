@@ -5,7 +5,7 @@
 #include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::evaluation {
 namespace {
 
 constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
@@ -142,4 +142,4 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
   return result;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::evaluation
