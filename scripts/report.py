@@ -36,11 +36,11 @@ class Tools:
             sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
         return done
 
-    def evaluate(self, *arguments):
-        """The JSON of ktgp_evaluate."""
+    def evaluate(self, *arguments, tool="ktgp_evaluate"):
+        """The JSON of ktgp_evaluate or ktgp_evaluate_bag."""
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "out.json"
-            self.run("ktgp_evaluate", *arguments, "--json", out)
+            self.run(tool, *arguments, "--json", out)
             return json.loads(out.read_text())
 
     def picture(self, kind, reference, target):
@@ -274,7 +274,8 @@ def main():
         add_warps(document, tools, arguments)
     if arguments.bag:
         progress(f"sequence {arguments.bag}")
-        add_sequence(document, tools.evaluate("--bag", arguments.bag, "--topic", arguments.topic))
+        add_sequence(document, tools.evaluate(arguments.bag, "--topic", arguments.topic,
+                                              tool="ktgp_evaluate_bag"))
     if problems:
         document.heading("Files that could not be used")
         document.items(problems)

@@ -5,7 +5,7 @@ import report_plots as plots
 
 
 def add_sequence(document, measured):
-    """`measured`: what ktgp_evaluate --bag writes."""
+    """`measured`: what ktgp_evaluate_bag writes."""
     sequence = measured["sequence"]
     frames = sequence["frames"][1:]  # the first has no reference
     document.heading(f"Sequence {pathlib.Path(measured['bag']).name}, {measured['topic']}")

@@ -39,21 +39,4 @@ Eigen::Matrix3d readHomography(const std::string& file) {
   return homography;
 }
 
-void writeImage(const std::string& file, const cv::Mat& image) {
-  bool written = false;
-  try {
-    written = cv::imwrite(file, image);
-  } catch (const cv::Exception& error) {
-    throw FileError(file, "cannot be written (" + error.err + ")");
-  }
-  if (!written) throw FileError(file, "cannot be written");
-}
-
-void writeText(const std::string& file, const std::string& text) {
-  std::ofstream out(file);
-  out << text;
-  out.close();
-  if (!out) throw FileError(file, "cannot be written");
-}
-
 }  // namespace ktgp_orb::tools

@@ -22,10 +22,4 @@ cv::Mat readGrey(const std::string& file);
 /// make an invertible matrix.
 Eigen::Matrix3d readHomography(const std::string& file);
 
-/// Throws FileError, also where the ending is not that of an image format.
-void writeImage(const std::string& file, const cv::Mat& image);
-
-/// Throws FileError.
-void writeText(const std::string& file, const std::string& text);
-
 }  // namespace ktgp_orb::tools

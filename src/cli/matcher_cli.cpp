@@ -1,6 +1,7 @@
 #include "cli/matcher_cli.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <functional>
 #include <iterator>
 #include <map>
@@ -139,6 +140,28 @@ nlohmann::json toJson(const PipelineOptions& options) {
     if (decidesAPair(row)) out[row.name] = valueOf(row, options.parameters);
   }
   return out;
+}
+
+void addCommonOptions(CLI::App& app, bool& force) {
+  app.add_flag("--force", force, "replace output files that exist");
+  app.add_flag_callback(
+      "--version",
+      [] {
+        std::puts("ktgp_orb " KTGP_ORB_VERSION);
+        throw CLI::Success();
+      },
+      "say the version and end");
+}
+
+CLI::Validator numberIn(const std::string& limits) {
+  const Limits range(limits);
+  const auto check = [range](const std::string& text) -> std::string {
+    double number = 0.0;
+    if (!CLI::detail::lexical_cast(text, number)) return text + " is not a number";
+    if (range.contains(number)) return {};
+    return text + " is out of range; expected a number in " + range.text();
+  };
+  return CLI::Validator(check, "in " + range.text());
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <string>
 
 #include "parameters/options.h"
 
@@ -21,6 +22,12 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options);
 
 /// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);
+
+/// --version, and --force for `force`.
+void addCommonOptions(CLI::App& app, bool& force);
+
+/// For an option: refuses what is not a number in the limits, such as "[0, 1e9]", NaN for example.
+CLI::Validator numberIn(const std::string& limits);
 
 /// Parses the command line; returns the code to exit with, or nothing to go on.
 /// 0 after --help or --version, 2 for anything that cannot be used.

@@ -7,15 +7,18 @@
 #include <std_msgs/String.h>
 #include <unistd.h>
 
-#include <CLI/CLI.hpp>
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
+#include <memory>
 #include <opencv2/core/utility.hpp>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
+#include "cli/matcher_cli.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
@@ -82,15 +85,11 @@ void writeFrame(const cv::Mat& picture, int frame, int frames, rosbag::Bag& bag)
   bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
 }
 
-void writeBag(const std::string& path, int frames, std::uint64_t seed) {
+void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, rosbag::Bag& bag) {
   const bool show_progress = isatty(STDERR_FILENO) != 0;
-  const cv::Mat map = drawMap(seed);
-  // Complete under another name first, so that a bag of this name is always a whole one.
-  const std::string unfinished = path + ".unfinished";
-  rosbag::Bag bag(unfinished, rosbag::bagmode::Write);
   constexpr int kBatch = 16;  // frames drawn in parallel
   std::vector<cv::Mat> pictures(kBatch);
-  for (int first = 0; first < frames; first += kBatch) {
+  for (int first = 0; first < frames && !tools::interrupted(); first += kBatch) {
     const int count = std::min(kBatch, frames - first);
     cv::parallel_for_(cv::Range(0, count), [&](const cv::Range& range) {
       for (int i = range.start; i < range.end; ++i) {
@@ -103,8 +102,22 @@ void writeBag(const std::string& path, int frames, std::uint64_t seed) {
     if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, frames);
   }
   if (show_progress) std::fprintf(stderr, "\r\033[K");
-  bag.close();
-  std::filesystem::rename(unfinished, path);
+}
+
+void writeBag(const std::string& path, int frames, std::uint64_t seed) {
+  const cv::Mat map = drawMap(seed);
+  tools::OutputFile file(path);
+  // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
+  // is left to the end of the process.
+  auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
+  try {
+    writeFrames(map, frames, seed, *bag);
+    bag->close();
+  } catch (const rosbag::BagException& error) {
+    static_cast<void>(bag.release());
+    throw tools::FileError(path, std::string("cannot be written: ") + error.what());
+  }
+  if (!tools::interrupted()) file.commit();
 }
 
 int run(int argc, char** argv) {
@@ -119,22 +132,23 @@ int run(int argc, char** argv) {
       "lighting, blur or noise.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
-      ->check(CLI::Range(0.2, 600.0))
+      ->check(tools::numberIn("[0.2, 600]"))
       ->capture_default_str();
   app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
-  CLI11_PARSE(app, argc, argv);
+  bool force = false;
+  tools::addCommonOptions(app, force);
+  app.footer(tools::kExitCodes);
+  if (const auto code = tools::parse(app, argc, argv)) return *code;
+  tools::OutputPlan(force).write(path);
+  tools::stopWhenInterrupted();
   writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed);
-  return 0;
+  return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 
 }  // namespace
 }  // namespace ktgp_orb::demo
 
 int main(int argc, char** argv) {
-  try {
-    return ktgp_orb::demo::run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "make_demo_bag: %s\n", error.what());
-    return 1;
-  }
+  return ktgp_orb::tools::runProgram("make_demo_bag",
+                                     [&] { return ktgp_orb::demo::run(argc, argv); });
 }

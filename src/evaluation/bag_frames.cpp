@@ -8,10 +8,12 @@
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <boost/make_shared.hpp>
 #include <map>
 #include <set>
 
 #include "cli/files.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -28,13 +30,14 @@ std::map<ros::Time, HomographyStamped> readTruth(const rosbag::Bag& bag, const s
 
 /// The image as 8-bit grey with its stamp; null for a message of another type.
 cv_bridge::CvImageConstPtr toGrey(const rosbag::MessageInstance& message) {
-  if (const auto image = message.instantiate<sensor_msgs::Image>()) {
-    return cv_bridge::toCvCopy(image, sensor_msgs::image_encodings::MONO8);
+  sensor_msgs::ImageConstPtr image = message.instantiate<sensor_msgs::Image>();
+  if (!image) {
+    const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
+    if (!compressed) return nullptr;
+    image = cv_bridge::toCvCopy(compressed)->toImageMsg();
   }
-  if (const auto image = message.instantiate<sensor_msgs::CompressedImage>()) {
-    return cv_bridge::toCvCopy(image, sensor_msgs::image_encodings::MONO8);
-  }
-  return nullptr;
+  return boost::make_shared<cv_bridge::CvImage>(image->header, sensor_msgs::image_encodings::MONO8,
+                                                greyImage(image).clone());
 }
 
 /// For the message about a wrong topic.
@@ -82,6 +85,8 @@ void readBag(const std::string& file, const std::string& topic, const std::strin
     }
   } catch (const rosbag::BagException& error) {
     throw FileError(file, std::string("cannot be read as a bag (") + error.what() + ")");
+  } catch (const RefusedImage& error) {
+    throw FileError(file, "has an image on " + topic + " that cannot be used: " + error.what());
   } catch (const cv_bridge::Exception& error) {
     throw FileError(file,
                     "has an image on " + topic + " that cannot be used (" + error.what() + ")");

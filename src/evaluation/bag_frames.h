@@ -15,7 +15,7 @@ using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
 
 /// Reads the images (sensor_msgs/Image or CompressedImage) on `topic` in the order of the bag and
 /// the truth (ktgp_orb/HomographyStamped) on `truth_topic`. Throws FileError for a bag that cannot
-/// be read or has no image there, and in a build without ROS.
+/// be read or has no image there.
 void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
              const FrameVisitor& visit);
 

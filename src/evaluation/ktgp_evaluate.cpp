@@ -2,16 +2,16 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <future>
 #include <opencv2/core.hpp>
 #include <sstream>
-#include <thread>
 
 #include "cli/files.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
 #include "cli/progress_bar.h"
-#include "evaluation/bag_frames.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
-#include "evaluation/sequence_evaluation.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -23,8 +23,7 @@ constexpr const char* kDescription =
     "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), a folder of such folders, or a text file with\n"
     "`name imageA imageB homographyA->B` a line. With --warps, DATA are images or folders of "
     "images,\n"
-    "and the pairs are exact warps of them. With --bag, the four stages run from frame to\n"
-    "frame of a recording instead.";
+    "and the pairs are exact warps of them. For recordings there is ktgp_evaluate_bag.";
 
 constexpr const char* kExamples =
     "Examples:\n"
@@ -33,10 +32,9 @@ constexpr const char* kExamples =
     "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --T_G 4 --jobs 4\n"
     "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
-    "  ktgp_evaluate --bag demo.bag --json sequence.json\n"
     "\n"
     "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
-    "is evaluated), 2 an option or the bag cannot be used.";
+    "is evaluated), 2 options, inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
 
 struct Arguments {
   std::vector<std::string> data;
@@ -51,9 +49,7 @@ struct Arguments {
   int warp_pairs = 48;
   std::uint64_t warp_seed = 1;
   std::string bag;
-  std::string topic = "/camera/image_raw";
-  std::string truth_topic = "/camera/ground_truth/homography";
-  int drift_window = 30;
+  bool force = false;
   PipelineOptions pipeline;
 };
 
@@ -131,10 +127,13 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
       progress.advance(pairs[i].set + " " + pairs[i].name);
     }
   };
-  std::vector<std::thread> helpers;
-  for (int i = 1; i < arguments.jobs; ++i) helpers.emplace_back(work);
+  // Their ends are waited for whatever happens, and what one of them throws is thrown here.
+  std::vector<std::future<void>> helpers;
+  for (int i = 1; i < arguments.jobs; ++i) {
+    helpers.push_back(std::async(std::launch::async, work));
+  }
   work();
-  for (std::thread& helper : helpers) helper.join();
+  for (std::future<void>& helper : helpers) helper.get();
   return scores;
 }
 
@@ -174,20 +173,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
-  const char* const sequence = "Sequence";
-  app.add_option("--bag", arguments.bag, "evaluate this recording, each frame against the last")
-      ->type_name("FILE")
-      ->group(sequence);
-  app.add_option("--topic", arguments.topic, "its images")->capture_default_str()->group(sequence);
-  app.add_option("--truth-topic", arguments.truth_topic,
-                 "true homographies from frame to frame (ktgp_orb/HomographyStamped), where known")
-      ->capture_default_str()
-      ->group(sequence);
-  app.add_option("--drift-window", arguments.drift_window,
-                 "frames over which homographies are multiplied, 0 = all")
-      ->check(CLI::Range(0, 1000000))
-      ->capture_default_str()
-      ->group(sequence);
+  app.add_option("--bag", arguments.bag)->group("");  // hidden; has a program of its own
+  addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline);
 }
 
@@ -228,52 +215,7 @@ int evaluateImageSets(const Arguments& arguments) {
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }
-  return dataset.problems.empty() ? 0 : 1;
-}
-
-void printSequence(const SequenceScore& score) {
-  std::size_t found = 0;
-  double ratio = 0.0;
-  std::vector<double> errors;
-  std::vector<double> drift;
-  for (const FrameScore& frame : score.frames) {
-    if (frame.status == Status::ok) ++found;
-    ratio += frame.inlier_ratio;
-    if (frame.corner_error) errors.push_back(*frame.corner_error);
-    if (frame.drift) drift.push_back(*frame.drift);
-  }
-  const auto pairs = static_cast<double>(std::max<std::size_t>(1, score.frames.size() - 1));
-  std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%\n", score.frames.size(),
-              found, 100.0 * ratio / pairs);
-  for (std::size_t k : {2, 5, 10, 30}) {
-    if (k > score.survival.size()) break;
-    std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);
-  }
-  if (errors.empty()) return;
-  std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
-              evaluation::summarize(errors).mean, evaluation::summarize(drift).mean);
-}
-
-int evaluateBag(const Arguments& arguments) {
-  SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
-                              arguments.drift_window);
-  ProgressBar progress(0);
-  readBag(arguments.bag, arguments.topic, arguments.truth_topic,
-          [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
-            evaluator.addFrame(stamp, image, truth);
-            progress.advance("frames of " + arguments.bag);
-          });
-  const SequenceScore score = evaluator.score();
-  printSequence(score);
-  if (!arguments.json.empty()) {
-    const nlohmann::json out{{"sequence", toJson(score)},
-                             {"bag", arguments.bag},
-                             {"topic", arguments.topic},
-                             {"drift_window", arguments.drift_window},
-                             {"options", toJson(arguments.pipeline)}};
-    writeText(arguments.json, out.dump(1) + "\n");
-  }
-  return 0;
+  return dataset.problems.empty() ? kExitDone : kExitUnusedData;
 }
 
 int evaluate(int argc, char** argv) {
@@ -287,8 +229,16 @@ int evaluate(int argc, char** argv) {
     listMethods(arguments);
     return 0;
   }
-  if (!arguments.bag.empty()) return evaluateBag(arguments);
+  if (!arguments.bag.empty()) {
+    throw std::invalid_argument("--bag is a program of its own; expected ktgp_evaluate_bag " +
+                                arguments.bag);
+  }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
+  OutputPlan plan(arguments.force);
+  for (const std::string& path : arguments.data) plan.read(path);
+  plan.write(arguments.json);
+  plan.write(arguments.csv);
+  exitWhenInterrupted();
   return evaluateImageSets(arguments);
 }
 
@@ -296,10 +246,6 @@ int evaluate(int argc, char** argv) {
 }  // namespace ktgp_orb::tools
 
 int main(int argc, char** argv) {
-  try {
-    return ktgp_orb::tools::evaluate(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "ktgp_evaluate: %s\n", error.what());
-    return 2;
-  }
+  return ktgp_orb::tools::runProgram("ktgp_evaluate",
+                                     [&] { return ktgp_orb::tools::evaluate(argc, argv); });
 }

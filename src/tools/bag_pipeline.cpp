@@ -9,10 +9,22 @@ namespace ktgp_orb {
 FramePipeline::FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
                              const GreyStretch& stretch, int threads)
     : options_(withImages(options)), fixed_(fixed), stretch_(stretch) {
-  for (int i = 0; i < threads; ++i) threads_.emplace_back(&FramePipeline::work, this);
+  for (int i = 0; i < threads; ++i) {
+    workers_.push_back({OrbExtractor(options_.orb), KtgpMatcher(options_.matcher)});
+  }
+  try {
+    for (Worker& worker : workers_) threads_.emplace_back([this, &worker] { work(worker); });
+  } catch (...) {
+    stop();
+    throw;
+  }
 }
 
 FramePipeline::~FramePipeline() {
+  stop();
+}
+
+void FramePipeline::stop() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     closed_ = true;
@@ -57,8 +69,7 @@ FramePipeline::Prepared FramePipeline::pop() {
   return result.get();
 }
 
-void FramePipeline::work() {
-  Worker worker{OrbExtractor(options_.orb), KtgpMatcher(options_.matcher)};
+void FramePipeline::work(Worker& worker) {
   while (true) {
     Task task;
     {

@@ -24,7 +24,8 @@ class FramePipeline {
   };
 
   /// `fixed`: the reference of the fixed mode, null in the others. `stretch`: of 16-bit images. At
-  /// least one thread.
+  /// least one thread. Throws std::system_error or std::bad_alloc where there are not enough
+  /// threads or memory.
   FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
                 const GreyStretch& stretch, int threads);
   ~FramePipeline();
@@ -44,7 +45,8 @@ class FramePipeline {
   };
   using Task = std::packaged_task<Prepared(Worker&)>;
 
-  void work();
+  void work(Worker& worker);
+  void stop();
 
   const SequenceOptions options_;
   const FrameConstPtr fixed_;
@@ -56,7 +58,8 @@ class FramePipeline {
   std::condition_variable changed_;
   std::deque<Task> tasks_;
   bool closed_ = false;
-  std::vector<std::thread> threads_;
+  std::vector<Worker> workers_;
+  std::vector<std::thread> threads_;  ///< one for each worker
 };
 
 }  // namespace ktgp_orb

@@ -3,6 +3,7 @@
 #include <iomanip>
 #include <stdexcept>
 
+#include "cli/files.h"
 #include "ktgp_orb/status.h"
 
 namespace ktgp_orb {
@@ -19,22 +20,47 @@ constexpr int kColumnsAfterStatus = 27;  // without the error
 }  // namespace
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix)
-    : prefix_(prefix) {
+    : bag_name_(bag), csv_name_(csv), bag_file_(bag), prefix_(prefix) {
+  if (!csv.empty()) csv_file_.emplace(csv);
   try {
-    bag_.open(bag, rosbag::bagmode::Write);
+    bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(bag + " cannot be written: " + error.what());
+    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
   }
   if (csv.empty()) return;
-  csv_.open(csv);
-  if (!csv_) throw std::runtime_error(csv + " cannot be written");
+  csv_.open(csv_file_->unfinished());
   csv_ << kColumns << '\n';
+}
+
+MatchWriter::~MatchWriter() {
+  // Its destructor closes it, and throws, which ends the program, where the disk is full.
+  try {
+    if (bag_) bag_->close();
+  } catch (const std::exception&) {
+    static_cast<void>(bag_.release());
+  }
+}
+
+void MatchWriter::close() {
+  try {
+    bag_->close();
+  } catch (const rosbag::BagException& error) {
+    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
+  }
+  csv_.close();
+  if (!csv_name_.empty() && !csv_) throw tools::FileError(csv_name_, "cannot be written");
+  if (csv_file_) csv_file_->commit();
+  bag_file_.commit();
 }
 
 template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
   message.header.seq = sequence_[topic]++;  // as a publisher counts
-  bag_.write(prefix_ + "/" + topic, time, message);
+  try {
+    bag_->write(prefix_ + "/" + topic, time, message);
+  } catch (const rosbag::BagException& error) {
+    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
+  }
 }
 
 void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
@@ -63,6 +89,7 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   csv_ << ',' << s.total_milliseconds << std::setprecision(17);
   for (const double h : messages.homography->homography) csv_ << ',' << h;
   csv_ << ",\n";
+  if (!csv_) throw tools::FileError(csv_name_, "cannot be written");
 }
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {

@@ -4,8 +4,11 @@
 
 #include <fstream>
 #include <map>
+#include <memory>
+#include <optional>
 #include <string>
 
+#include "cli/output_file.h"
 #include "messages/message_conversion.h"
 
 namespace ktgp_orb {
@@ -14,22 +17,29 @@ namespace ktgp_orb {
 class MatchWriter {
  public:
   /// `prefix`: of the topics, "/camera/matcher" for example. `csv`: path of the table, empty: none.
-  /// Throws std::runtime_error naming a file that cannot be written.
+  /// All functions throw std::runtime_error naming a file that cannot be written.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix);
+  ~MatchWriter();
+  MatchWriter(const MatchWriter&) = delete;
+  MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
   /// A frame that could not be used has a line in the table alone.
   void writeRefused(const std_msgs::Header& header, const std::string& reason);
 
-  /// Completes the bag's index; also done on destruction.
-  void close() { bag_.close(); }
+  /// Completes both files and gives them their names, which they do not have before.
+  void close();
 
  private:
   template <typename Message>
   void writeMessage(const std::string& topic, const ros::Time& time, Message& message);
   void writeLine(const FrameMessages& messages);
 
-  rosbag::Bag bag_;
+  std::string bag_name_;
+  std::string csv_name_;
+  tools::OutputFile bag_file_;
+  std::optional<tools::OutputFile> csv_file_;
+  std::unique_ptr<rosbag::Bag> bag_;
   std::ofstream csv_;
   std::string prefix_;
   std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic

@@ -4,14 +4,14 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/filesystem.hpp>
-#include <csignal>
 #include <cstdio>
 #include <iostream>
 #include <opencv2/core/utility.hpp>
 #include <thread>
 
 #include "cli/matcher_cli.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "tools/bag_pipeline.h"
@@ -21,18 +21,13 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kExitDamaged = 2;        // the bag was damaged; what came before is in the output
-constexpr int kExitInterrupted = 130;  // as a shell reports Ctrl-C
-
-volatile std::sig_atomic_t interrupted = 0;
-
 struct Arguments {
   std::string in;
   std::string out;
-  std::string topic;
+  BagSelection selection;
   std::string name;
   std::string csv;
-  bool no_csv = false;
+  bool force = false;
   Parameters parameters;
 };
 
@@ -62,19 +57,29 @@ class Progress {
   bool shown_;
 };
 
+/// Namespace of the output: beside the image topic, as the nodelet has it, which is given a topic
+/// without the suffix of its transport.
+std::string outputNames(const std::string& name, std::string topic) {
+  if (!name.empty()) return name;
+  const std::string suffix = "/compressed";
+  const std::size_t end = topic.size() - std::min(topic.size(), suffix.size());
+  if (topic.compare(end, std::string::npos, suffix) == 0) topic.erase(end);
+  return topic.substr(0, topic.rfind('/')) + "/matcher";
+}
+
 /// The part of the work that goes frame by frame.
 class Run {
  public:
   Run(const Arguments& arguments, const Configuration& configuration, int threads)
-      : source_(openBag(arguments.in, arguments.topic)),
+      : source_(openBag(arguments.in, arguments.selection)),
         matcher_(configuration),
         pipeline_(configuration.sequence, fixedReference(configuration), configuration.stretch,
                   threads),
-        writer_(arguments.out, arguments.csv, arguments.name),
+        writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic())),
         progress_(source_->total()) {}
 
   int run() {
-    while (interrupted == 0) {
+    while (!tools::interrupted()) {
       auto recorded = source_->next();
       if (!recorded) break;
       if (recorded->image) pipeline_.push(recorded->image);
@@ -83,12 +88,15 @@ class Run {
     }
     while (!waiting_.empty()) finishOldest();
     writer_.close();
-    if (interrupted != 0) return kExitInterrupted;
-    return source_->damage().empty() ? 0 : kExitDamaged;
+    if (tools::interrupted()) return tools::kExitInterrupted;
+    return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
 
   std::size_t images() const { return progress_.done(); }
   std::uint64_t refused() const { return refused_; }
+  /// Why the first of them was.
+  const std::string& refusal() const { return refusal_; }
+  const std::string& topic() const { return source_->topic(); }
   const std::string& damage() const { return source_->damage(); }
 
  private:
@@ -103,7 +111,7 @@ class Run {
     try {
       finish(recorded);
     } catch (const RefusedImage& error) {
-      ++refused_;
+      if (refused_++ == 0) refusal_ = error.what();
       std_msgs::Header header;
       header.stamp = recorded.received;
       writer_.writeRefused(recorded.image ? recorded.image->header : header, error.what());
@@ -128,6 +136,7 @@ class Run {
   Progress progress_;
   std::deque<RecordedImage> waiting_;  // in the pipeline
   std::uint64_t refused_ = 0;
+  std::string refusal_;
 };
 
 int threadsFrom(const Parameters& parameters) {
@@ -142,36 +151,51 @@ Configuration configurationFor(Parameters parameters) {
   return configuration;
 }
 
-void completeNames(Arguments& arguments) {
-  namespace fs = boost::filesystem;
-  boost::system::error_code no_such_file;
-  if (fs::equivalent(arguments.in, arguments.out, no_such_file)) {
-    throw std::invalid_argument("OUT.bag is IN.bag; expected another file");
-  }
-  if (arguments.topic.empty() || arguments.topic[0] != '/') arguments.topic.insert(0, "/");
-  if (arguments.name.empty()) {
-    arguments.name = arguments.topic.substr(0, arguments.topic.rfind('/')) + "/matcher";
-  }
-  if (arguments.csv.empty() && !arguments.no_csv) {
-    arguments.csv = fs::path(arguments.out).replace_extension(".csv").string();
-  }
+void checkFiles(Arguments& arguments) {
+  tools::OutputPlan plan(arguments.force);
+  plan.read(arguments.in);
+  plan.read(arguments.parameters.reference_image);
+  plan.write(arguments.out);
+  plan.write(arguments.csv);
 }
 
 int matchBag(Arguments& arguments) {
-  completeNames(arguments);
+  std::string& topic = arguments.selection.topic;
+  if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
+  checkFiles(arguments);
   cv::setNumThreads(1);  // the images themselves are spread over the cores
   Run run(arguments, configurationFor(arguments.parameters), threadsFrom(arguments.parameters));
-  std::signal(SIGINT, [](int /*signal*/) { interrupted = 1; });
-  std::signal(SIGTERM, [](int /*signal*/) { interrupted = 1; });
+  tools::stopWhenInterrupted();
   const int code = run.run();
-  std::cerr << (code == kExitInterrupted ? "interrupted: " : "") << run.images() << " images of "
-            << arguments.topic << " matched, " << run.refused() << " of them refused; results in "
-            << arguments.out << '\n';
-  if (code == kExitDamaged) {
+  std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.images()
+            << " images of " << run.topic() << " matched, " << run.refused()
+            << " of them refused; results in " << arguments.out << '\n';
+  if (run.refused() > 0) {
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
+              << " images could not be used, the first because: " << run.refusal() << '\n';
+  }
+  if (!run.damage().empty()) {
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage()
               << "\nThe images before that are matched; 'rosbag reindex' may repair the bag.\n";
   }
   return code;
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  app.add_option("IN.bag", arguments.in, "bag to read")->required()->check(CLI::ExistingFile);
+  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
+  app.add_option("--topic", arguments.selection.topic,
+                 "image topic in IN.bag, raw or compressed; not needed where there is one only");
+  app.add_option("--start", arguments.selection.start, "begin this long after the bag does [s]")
+      ->check(tools::numberIn("[0, 1000000000]"));
+  app.add_option("--duration", arguments.selection.duration, "use only this much of it [s]")
+      ->check(tools::numberIn("[0, 1000000000]"));
+  app.add_option("--name", arguments.name,
+                 "namespace of the output topics; without it: matcher beside the image topic");
+  app.add_option("--csv", arguments.csv, "write a table with a line for every image")
+      ->type_name("FILE");
+  tools::addCommonOptions(app, arguments.force);
+  tools::addParameterOptions(app, arguments.parameters);
 }
 
 int run(int argc, char** argv) {
@@ -179,20 +203,13 @@ int run(int argc, char** argv) {
   arguments.parameters.threads = 0;
   arguments.parameters.overlay = false;
   CLI::App app(
-      "Matches the images of a bag as the nodelet would, but drops none and uses all cores.\n"
-      "Exit code 2: IN.bag is damaged; OUT.bag holds what was before the damage.");
-  app.add_option("IN.bag", arguments.in, "Bag to read")->required()->check(CLI::ExistingFile);
-  app.add_option("OUT.bag", arguments.out, "Bag to write; replaced where it exists")->required();
-  app.add_option("--topic", arguments.topic, "Image topic in IN.bag, raw or compressed")
-      ->required();
-  app.add_option("--name", arguments.name,
-                 "Namespace of the output topics; without it: matcher beside the image topic");
-  app.add_option("--csv", arguments.csv, "Table with a line for every image; without it: OUT.csv");
-  app.add_flag("--no_csv", arguments.no_csv, "Write no table");
-  tools::addParameterOptions(app, arguments.parameters);
+      "Matches the images of a bag as the nodelet would, but drops none and uses all cores.");
+  addArguments(app, arguments);
   app.footer(
-      "Of the parameters, threads is the number of images worked on at a time, and overlay\n"
-      "stands for a subscriber of matches_image; both defaults differ from the nodelet's.");
+      std::string("Of the parameters, threads is the number of images worked on at a time, and "
+                  "overlay\nstands for a subscriber of matches_image; both defaults differ from "
+                  "the nodelet's.\n\n") +
+      tools::kExitCodes + "\nAfter 1 and 130 OUT.bag holds what could be used until then.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   return matchBag(arguments);
 }
@@ -201,10 +218,5 @@ int run(int argc, char** argv) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  try {
-    return ktgp_orb::run(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "ktgp_bag: %s\n", error.what());
-    return 1;
-  }
+  return ktgp_orb::tools::runProgram("ktgp_bag", [&] { return ktgp_orb::run(argc, argv); });
 }

@@ -9,6 +9,8 @@
 
 #include "cli/files.h"
 #include "cli/matcher_cli.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
 
@@ -31,7 +33,8 @@ constexpr const char* kExamples =
     "  ktgp_match a.png b.png --gms_rotation --gms_scale      the camera rolled or zoomed\n"
     "  ktgp_match a.png b.png --T_w 0.8                       few matches? let more through\n"
     "\n"
-    "Exit code: 0 a homography was found, 1 none was found, 2 a file or an option cannot be used.";
+    "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
+    "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
 
 /// Precision and corner errors are quoted at the estimator's default inlier threshold.
 
@@ -44,6 +47,7 @@ struct Arguments {
   std::string draw;
   std::string draw_stages;
   std::string draw_final;
+  bool force = false;
   PipelineOptions pipeline;
 };
 
@@ -168,8 +172,9 @@ void printHomography(const Outcome& outcome) {
   }
   printAlignment(result.alignment);
   if (outcome.truth) {
-    std::printf("corner error against the ground truth: %.3f px\n",
-                evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
+    std::printf(
+        "corner error against the ground truth: %.3f px\n",
+        evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
   }
 }
 
@@ -298,7 +303,19 @@ void addArguments(CLI::App& app, Arguments& arguments) {
        "blue = by GMS, grey = by the ratio filter");
   file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
   file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
+  addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline);
+}
+
+void checkFiles(const Arguments& arguments) {
+  OutputPlan plan(arguments.force);
+  for (const auto& file : {arguments.reference, arguments.target, arguments.ground_truth}) {
+    plan.read(file);
+  }
+  for (const auto& file : {arguments.json, arguments.csv, arguments.draw, arguments.draw_stages,
+                           arguments.draw_final}) {
+    plan.write(file);
+  }
 }
 
 int matchTwoImages(int argc, char** argv) {
@@ -308,23 +325,21 @@ int matchTwoImages(int argc, char** argv) {
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
 
+  checkFiles(arguments);
+  exitWhenInterrupted();
   const Outcome outcome = run(arguments);
   printFrame("reference", outcome.reference);
   printFrame("target", outcome.target);
   printStages(outcome);
   printHomography(outcome);
   writeFiles(arguments, outcome);
-  return outcome.result.status == Status::ok ? 0 : 1;
+  return outcome.result.status == Status::ok ? kExitDone : kExitUnusedData;
 }
 
 }  // namespace
 }  // namespace ktgp_orb::tools
 
 int main(int argc, char** argv) {
-  try {
-    return ktgp_orb::tools::matchTwoImages(argc, argv);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "ktgp_match: %s\n", error.what());
-    return 2;
-  }
+  return ktgp_orb::tools::runProgram("ktgp_match",
+                                     [&] { return ktgp_orb::tools::matchTwoImages(argc, argv); });
 }

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""ktgp_evaluate --bag on the demo bag, whose truth is in it."""
+"""ktgp_evaluate_bag on the demo bag, whose truth is in it."""
 
 import json
 import os
@@ -19,7 +19,7 @@ class BagEvaluationTest(unittest.TestCase):
 
     @classmethod
     def evaluate(cls, bag, *options):
-        return subprocess.run([TOOL, '--bag', bag] + list(options), cwd=cls.folder.name,
+        return subprocess.run([TOOL, bag] + list(options), cwd=cls.folder.name,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                               universal_newlines=True)
 

@@ -30,7 +30,7 @@ TEXT_ROWS = slice(0, 140)  # of the overlay, beside the panel with the measured 
 
 
 def ktgp_bag(*arguments):
-    return subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag'] + list(arguments),
+    return subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', '--force'] + list(arguments),
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           universal_newlines=True)
 
@@ -184,7 +184,7 @@ class BagTest(unittest.TestCase):
                           if info.msg_type in ('sensor_msgs/Image', 'sensor_msgs/CompressedImage')}
             for topic, info in topics.items():
                 out = self.path('real.bag')
-                run = ktgp_bag(path, out, '--topic', topic)
+                run = ktgp_bag(path, out, '--topic', topic, '--csv', self.path('real.csv'))
                 self.assertEqual(run.returncode, 0, run.stdout)
                 self.assertIn('%d images of %s' % (info.message_count, topic), run.stdout)
                 with open(self.path('real.csv')) as file:
@@ -197,7 +197,7 @@ class BagTest(unittest.TestCase):
         sound, out = self.path('sound.bag'), self.path('damaged_out.bag')
         ktgp_bag(self.patio, sound, '--topic', '/camera/image_raw')
         run = ktgp_bag(bag, out, '--topic', '/camera/image_raw')
-        self.assertEqual(run.returncode, 2, run.stdout)
+        self.assertEqual(run.returncode, 1, run.stdout)
         self.assertIn(words, run.stdout)
         self.assertIn('rosbag reindex', run.stdout)
         got, expected = self.statistics(out), self.statistics(sound)
@@ -241,7 +241,7 @@ class BagTest(unittest.TestCase):
                  ('/no/such.bag', '/camera/image_raw', 'does not exist'))
         for bag, topic, words in cases:
             run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)
-            self.assertNotEqual(run.returncode, 0)
+            self.assertEqual(run.returncode, 2)
             self.assertIn(words, run.stdout)
 
     def test_a_parameter_out_of_range_is_refused(self):

@@ -23,7 +23,7 @@ class KtgpEvaluate(ToolCase):
             (folder / homography.format(k)).write_text(translation(x, y))
 
     def evaluate(self, *arguments):
-        return self.run_tool("ktgp_evaluate", "--features", 500, *arguments)
+        return self.run_tool("ktgp_evaluate", "--force", "--features", 500, *arguments)
 
     def rows(self, *arguments):
         run = self.evaluate(*arguments, "--csv", "out.csv")

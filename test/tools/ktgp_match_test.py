@@ -15,7 +15,7 @@ class KtgpMatch(ToolCase):
         (self.folder / "H.txt").write_text(translation(7, -4))
 
     def match(self, *arguments):
-        return self.run_tool("ktgp_match", *arguments)
+        return self.run_tool("ktgp_match", "--force", *arguments)
 
     def test_prints_the_four_stages_and_the_homography(self):
         run = self.match("a.pgm", "b.pgm")

@@ -1,0 +1,130 @@
+#include "cli/output_file.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "cli/files.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The path with all links followed, also a dangling one's.
+fs::path resolved(const std::string& path) {
+  std::error_code error;
+  fs::path target = fs::absolute(path, error);
+  constexpr int kMostLinks = 40;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(target, error); ++i) {
+    const fs::path link = fs::read_symlink(target, error);
+    target = link.is_absolute() ? link : target.parent_path() / link;
+  }
+  const fs::path whole = fs::weakly_canonical(target, error);
+  return error ? target : whole;
+}
+
+bool isSameFile(const std::string& a, const std::string& b) {
+  std::error_code none;
+  return resolved(a) == resolved(b) ||
+         (fs::exists(a, none) && fs::exists(b, none) && fs::equivalent(a, b, none));
+}
+
+std::string reason() {
+  return std::strerror(errno);
+}
+
+void write(const std::string& path, const std::string& unfinished, const char* data,
+           std::size_t size) {
+  std::ofstream out(unfinished, std::ios::binary);
+  out.write(data, static_cast<std::streamsize>(size));
+  out.close();
+  if (!out) throw FileError(path, "cannot be written: " + reason());
+}
+
+}  // namespace
+
+void OutputPlan::read(const std::string& input) {
+  if (!input.empty()) inputs_.push_back(input);
+}
+
+void OutputPlan::write(const std::string& output) {
+  if (output.empty()) return;
+  for (const std::string& input : inputs_) {
+    if (isSameFile(output, input)) {
+      throw FileError(output, "is the input " + input + "; expected another file");
+    }
+  }
+  for (const std::string& other : outputs_) {
+    if (isSameFile(output, other)) {
+      throw FileError(output, "is an output already (" + other + "); expected another file");
+    }
+  }
+  std::error_code error;
+  const fs::path target = resolved(output);
+  const fs::file_status status = fs::status(target, error);
+  if (fs::exists(status)) {
+    if (!fs::is_regular_file(status)) {
+      throw FileError(output, "is not a regular file; expected a file or a new name");
+    }
+    if (!force_) throw FileError(output, "exists; expected a new name, or --force to replace it");
+  }
+  const OutputFile can_be_made(output);
+  outputs_.push_back(output);
+}
+
+OutputFile::OutputFile(const std::string& path) : path_(path), target_(resolved(path).string()) {
+  constexpr int kMostNames = 1000;
+  for (int i = 0; i < kMostNames; ++i) {
+    // Keeps the ending, which some formats are chosen by.
+    const fs::path target(target_);
+    const std::string name =
+        target.stem().string() + ".unfinished" + std::to_string(i) + target.extension().string();
+    unfinished_ = (target.parent_path() / name).string();
+    const int file = open(unfinished_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+    if (file >= 0) {
+      close(file);
+      return;
+    }
+    if (errno != EEXIST) break;
+  }
+  throw FileError(path, "cannot be written: " + reason());
+}
+
+OutputFile::~OutputFile() {
+  if (!unfinished_.empty()) unlink(unfinished_.c_str());
+}
+
+void OutputFile::commit() {
+  if (std::rename(unfinished_.c_str(), target_.c_str()) != 0) {
+    throw FileError(path_, "cannot be written: " + reason());
+  }
+  unfinished_.clear();
+}
+
+void writeText(const std::string& file, const std::string& text) {
+  OutputFile out(file);
+  write(file, out.unfinished(), text.data(), text.size());
+  out.commit();
+}
+
+void writeImage(const std::string& file, const cv::Mat& image) {
+  std::vector<unsigned char> bytes;
+  bool encoded = false;
+  try {
+    encoded = cv::imencode(fs::path(file).extension().string(), image, bytes);
+  } catch (const cv::Exception& error) {
+    throw FileError(file, "cannot be written (" + error.err + ")");
+  }
+  if (!encoded) throw FileError(file, "cannot be written");
+  OutputFile out(file);
+  write(file, out.unfinished(), reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  out.commit();
+}
+
+}  // namespace ktgp_orb::tools

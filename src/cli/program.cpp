@@ -1,0 +1,62 @@
+#include "cli/program.h"
+
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <system_error>
+
+namespace ktgp_orb::tools {
+namespace {
+
+volatile std::sig_atomic_t signalled = 0;  // NOLINT: signal handlers can reach nothing else
+
+int fail(const char* name, const char* message) {
+  std::fprintf(stderr, "%s: %s\n", name, message);
+  return kExitUnusable;
+}
+
+int runAndReport(const char* name, const std::function<int()>& program) {
+  try {
+    return program();
+  } catch (const std::bad_alloc&) {
+    return fail(name, "out of memory; fewer threads, jobs or features need less");
+  } catch (const std::system_error& error) {
+    if (error.code() != std::errc::resource_unavailable_try_again) return fail(name, error.what());
+    return fail(name, "the system gives no more threads; expected fewer of them");
+  } catch (const std::exception& error) {
+    return fail(name, error.what());
+  }
+}
+
+}  // namespace
+
+int runProgram(const char* name, const std::function<int()>& program) {
+  const int code = runAndReport(name, program);
+  std::cout.flush();
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0 || !std::cout) {
+    return fail(name, "the standard output cannot be written");
+  }
+  return code;
+}
+
+void stopWhenInterrupted() {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    std::signal(signal, [](int /*signal*/) { signalled = 1; });
+  }
+}
+
+bool interrupted() {
+  return signalled != 0;
+}
+
+void exitWhenInterrupted() {
+  for (const int signal : {SIGINT, SIGTERM}) {
+    std::signal(signal, [](int /*signal*/) { _exit(kExitInterrupted); });
+  }
+}
+
+}  // namespace ktgp_orb::tools

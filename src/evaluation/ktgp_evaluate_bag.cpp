@@ -1,0 +1,112 @@
+// ktgp_evaluate_bag: the four stages from frame to frame of a recording.
+#include <algorithm>
+#include <cstdio>
+#include <opencv2/core/utility.hpp>
+
+#include "cli/matcher_cli.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
+#include "cli/progress_bar.h"
+#include "evaluation/bag_frames.h"
+#include "evaluation/sequence_evaluation.h"
+#include "ktgp_orb/evaluation.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+constexpr const char* kDescription =
+    "Matches each frame of a recording to the one before and says how many homographies are "
+    "found,\n"
+    "how long tracks survive and, where the recording has the truth, how large the errors are.";
+
+struct Arguments {
+  std::string bag;
+  std::string topic = "/camera/image_raw";
+  std::string truth_topic = "/camera/ground_truth/homography";
+  int drift_window = 30;
+  std::string json;
+  bool force = false;
+  PipelineOptions pipeline;
+};
+
+void printSequence(const SequenceScore& score) {
+  std::size_t found = 0;
+  double ratio = 0.0;
+  std::vector<double> errors;
+  std::vector<double> drift;
+  for (const FrameScore& frame : score.frames) {
+    if (frame.status == Status::ok) ++found;
+    ratio += frame.inlier_ratio;
+    if (frame.corner_error) errors.push_back(*frame.corner_error);
+    if (frame.drift) drift.push_back(*frame.drift);
+  }
+  const auto pairs = static_cast<double>(std::max<std::size_t>(1, score.frames.size() - 1));
+  std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%\n", score.frames.size(),
+              found, 100.0 * ratio / pairs);
+  for (std::size_t k : {2, 5, 10, 30}) {
+    if (k > score.survival.size()) break;
+    std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);
+  }
+  if (errors.empty()) return;
+  std::printf("corner error from frame to frame: %.3f px; drift within a window: %.2f px\n",
+              evaluation::summarize(errors).mean, evaluation::summarize(drift).mean);
+}
+
+int evaluateBag(const Arguments& arguments) {
+  SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
+                              arguments.drift_window);
+  ProgressBar progress(0);
+  readBag(arguments.bag, arguments.topic, arguments.truth_topic,
+          [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
+            evaluator.addFrame(stamp, image, truth);
+            progress.advance("frames of " + arguments.bag);
+          });
+  const SequenceScore score = evaluator.score();
+  printSequence(score);
+  if (!arguments.json.empty()) {
+    const nlohmann::json out{{"sequence", toJson(score)},
+                             {"bag", arguments.bag},
+                             {"topic", arguments.topic},
+                             {"drift_window", arguments.drift_window},
+                             {"options", toJson(arguments.pipeline)}};
+    writeText(arguments.json, out.dump(1) + "\n");
+  }
+  return kExitDone;
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  app.add_option("BAG", arguments.bag, "recording")->required()->check(CLI::ExistingFile);
+  app.add_option("--topic", arguments.topic, "its images")->capture_default_str();
+  app.add_option("--truth-topic", arguments.truth_topic,
+                 "true homographies from frame to frame (ktgp_orb/HomographyStamped), where known")
+      ->capture_default_str();
+  app.add_option("--drift-window", arguments.drift_window,
+                 "frames over which homographies are multiplied, 0 = all")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
+  app.add_option("--json", arguments.json, "write a row per frame")->type_name("FILE");
+  addCommonOptions(app, arguments.force);
+  addPipelineOptions(app, arguments.pipeline);
+}
+
+int run(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app(kDescription);
+  app.footer(kExitCodes);
+  addArguments(app, arguments);
+  if (const auto code = parse(app, argc, argv)) return *code;
+  OutputPlan plan(arguments.force);
+  plan.read(arguments.bag);
+  plan.write(arguments.json);
+  exitWhenInterrupted();
+  cv::setNumThreads(1);
+  return evaluateBag(arguments);
+}
+
+}  // namespace
+}  // namespace ktgp_orb::tools
+
+int main(int argc, char** argv) {
+  return ktgp_orb::tools::runProgram("ktgp_evaluate_bag",
+                                     [&] { return ktgp_orb::tools::run(argc, argv); });
+}
