@@ -41,7 +41,7 @@ MatchResult match(const Pair& pair, const MatcherOptions& options) {
 }
 
 double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
-  return cornerError(homography, pair.truth, pair.reference.image_size);
+  return evaluation::cornerError(homography, pair.truth, pair.reference.image_size);
 }
 
 TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlone) {
@@ -100,8 +100,8 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
     EXPECT_EQ(c.level, Level::guided);
     EXPECT_FALSE(final_already[static_cast<std::size_t>(c.target_index)]);
   }
-  for (const double error :
-       reprojectionErrors(result.homography, pair.reference, pair.target, result.guided)) {
+  for (const double error : evaluation::reprojectionErrors(result.homography, pair.reference,
+                                                           pair.target, result.guided)) {
     EXPECT_LT(error, options.prosac.max_error);
   }
 }
