@@ -72,8 +72,8 @@ struct MatchResult {
   void surviving(Level level, std::vector<Correspondence>& out) const;
   /// Of all stages together.
   double milliseconds() const;
-  /// As of a frame without a reference; keeps the buffers.
-  void clear();
+  /// As of a frame without a reference, with the stages that `options` has on; keeps the buffers.
+  void clear(const MatcherOptions& options);
 };
 
 static_assert(alignof(MatchResult) <= alignof(std::max_align_t),

@@ -23,6 +23,12 @@ Eigen::Vector2d position(const Features& features, std::int32_t index) {
   return {p.x, p.y};
 }
 
+void nameRefinements(const MatcherOptions& options, MatchResult& result) {
+  auto& [guided, aligned] = result.refinements;
+  guided = {options.guided.enabled ? "guided" : "", 0, 0, 0.0};
+  aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
+}
+
 /// As where there is no homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
@@ -52,7 +58,7 @@ double MatchResult::milliseconds() const {
   return sum;
 }
 
-void MatchResult::clear() {
+void MatchResult::clear(const MatcherOptions& options) {
   status = Status::no_reference;
   correspondences.clear();
   gms = {};
@@ -64,7 +70,7 @@ void MatchResult::clear() {
   prosac.rmse = 0.0;
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
   for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
-  refinements = {};
+  nameRefinements(options, *this);
   clearRefinement(*this);
 }
 
@@ -160,9 +166,8 @@ void KtgpMatcher::estimateHomography(const Features& reference, const Features& 
 
 void KtgpMatcher::refine(const Features& reference, const Features& target, MatchResult& result) {
   clearRefinement(result);
+  nameRefinements(options_, result);
   auto& [guided, aligned] = result.refinements;
-  guided = {options_.guided.enabled ? "guided" : "", 0, 0, 0.0};
-  aligned = {options_.alignment.enabled ? "align" : "", 0, 0, 0.0};
   if (result.status != Status::ok) return;
   result.homography = result.prosac.homography;
   result.covariance = result.prosac.covariance;

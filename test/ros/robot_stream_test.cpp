@@ -133,9 +133,9 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
     EXPECT_EQ(statistics.reason, reason);
     EXPECT_EQ(statistics.status == MatchStatistics::STATUS_NO_REFERENCE,
               reason != MatchStatistics::REASON_NONE);
-    ASSERT_EQ(statistics.stages.size(), 4U);
-    const char* const names[] = {"knn", "tf", "gms", "prosac"};
-    for (int i = 0; i < 4; ++i) EXPECT_EQ(statistics.stages[i].name, names[i]);
+    ASSERT_EQ(statistics.stages.size(), 5U);
+    const char* const names[] = {"knn", "tf", "gms", "prosac", "align"};
+    for (int i = 0; i < 5; ++i) EXPECT_EQ(statistics.stages[i].name, names[i]);
     EXPECT_EQ(statistics.kt, statistics.stages[1].output);
     EXPECT_EQ(statistics.ktg, statistics.stages[2].output);
     EXPECT_EQ(statistics.inliers, statistics.stages[3].output);

@@ -53,7 +53,7 @@ struct SequenceMatcher::Impl {
       : options(withImages(wanted)), extractor(options.orb), matcher(wanted.matcher) {
     requireValid(wanted.reference);
     keeper.setOptions(wanted.reference);
-    answer.match.clear();
+    answer.match.clear(options.matcher);
   }
 
   void setOptions(const SequenceOptions& as_given);
@@ -124,7 +124,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
   if (reference) {
     lost_milliseconds = matchToBest(*frame, reference, ahead);
   } else {
-    answer.match.clear();
+    answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
   keeper.advance(frame, reference, reference ? &answer.match : nullptr);
