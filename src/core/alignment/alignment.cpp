@@ -106,7 +106,7 @@ const char* toString(AlignmentStatus status) {
 }
 
 struct Alignment::Impl {
-  explicit Impl(const AlignmentOptions& o) : options(o), aligner(bestAlignmentKernels()) {}
+  explicit Impl(const AlignmentOptions& o) : aligner(bestAlignmentKernels()), options(o) {}
 
   void choosePoints(const Features& reference, const Features& target,
                     const std::vector<Correspondence>& matches);
@@ -116,15 +116,15 @@ struct Alignment::Impl {
                 const Covariance8& covariance, const AlignmentResult& before) const;
   std::size_t supporters(const Eigen::Matrix3d& homography) const;
 
-  AlignmentOptions options;
   PatchAligner aligner;
-  PointSpread spread;
   HomographyRefiner refiner;
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;
   std::vector<Eigen::Vector2d> aligned_target;
+  PointSpread spread;
+  AlignmentOptions options;
 };
 
 Alignment::Alignment(const AlignmentOptions& options) {

@@ -129,8 +129,8 @@ MatchSums compare(const float* corner, float fx, float fy, const PatchTemplate& 
 }  // namespace
 
 const AlignmentKernels& portableAlignmentKernels() {
-  static const AlignmentKernels kKernels{"portable", warp, prepare, smooth, compare};
-  return kKernels;
+  static const AlignmentKernels portable{"portable", warp, prepare, smooth, compare};
+  return portable;
 }
 
 #ifndef KTGP_ORB_HAVE_HIGHWAY

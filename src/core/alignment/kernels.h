@@ -12,11 +12,11 @@ constexpr int kPatchBorder = 2;
 /// Side of the reference patch before smoothing.
 constexpr int kWarpSide = kPatchSide + 2 * kPatchBorder;
 /// Its rows in memory: whole vectors.
-constexpr int kWarpPitch = 24;
+constexpr std::ptrdiff_t kWarpPitch = 24;
 /// Side of the part of the target that the patch is moved about in, smoothed and before.
 constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
-constexpr int kWindowPitch = 32;
+constexpr std::ptrdiff_t kWindowPitch = 32;
 /// How far the patch may move in it from the middle, whatever fraction of a pixel that lies at, px.
 constexpr int kMaxReach = (kWindowSide - kPatchSide) / 2 - 2;
 

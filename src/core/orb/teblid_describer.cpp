@@ -9,6 +9,7 @@ namespace ktgp_orb {
 
 std::vector<float> keypointSizes(float patch, double scale_factor, int levels) {
   std::vector<float> sizes;
+  sizes.reserve(static_cast<std::size_t>(levels));
   for (int i = 0; i < levels; ++i) {
     sizes.push_back(patch * static_cast<float>(std::pow(scale_factor, i)));
   }

@@ -6,6 +6,8 @@
 namespace ktgp_orb {
 namespace {
 
+constexpr float kHalf = 0.5f;  // the authors' program cuts v + 0.5 towards zero
+
 void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
                     const TeblidPlacement& p, std::uint8_t* descriptor) {
   std::int32_t centres[2 * kTeblidBits];
@@ -13,8 +15,8 @@ void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
   for (int i = 0; i < 2 * kTeblidBits; ++i) {
     const float u = kTeblidOrder.u[i];
     const float v = kTeblidOrder.v[i];
-    const int x = static_cast<int>(p.x_from_u * u + p.x_from_v * v + p.x + 0.5f);
-    const int y = static_cast<int>(p.y_from_u * u + p.y_from_v * v + p.y + 0.5f);
+    const int x = static_cast<int>(p.x_from_u * u + p.x_from_v * v + p.x + kHalf);
+    const int y = static_cast<int>(p.y_from_u * u + p.y_from_v * v + p.y + kHalf);
     centres[i] = y * scale.stride + x;
   }
   compareBoxes(integral, scale, centres, differences);
@@ -32,7 +34,7 @@ void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
 TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row), corners{} {
   int area[kTeblidRadii + 1] = {};
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
-    const int r = static_cast<int>(size / kTeblidPatch * static_cast<float>(radius) + 0.5f);
+    const int r = static_cast<int>(size / kTeblidPatch * static_cast<float>(radius) + kHalf);
     const std::ptrdiff_t above = static_cast<std::ptrdiff_t>(-r) * stride;
     const std::ptrdiff_t below = static_cast<std::ptrdiff_t>(r + 1) * stride;
     corners[radius] = {above - r, above + r + 1, below - r, below + r + 1};

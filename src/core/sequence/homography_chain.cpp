@@ -15,8 +15,8 @@ Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
 /// d(A B)/dA, entries row by row; the last entry of A is fixed.
 Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
   Matrix9x8 j = Matrix9x8::Zero();
-  for (int row = 0; row < 3; ++row) {
-    const int columns = row < 2 ? 3 : 2;
+  for (Eigen::Index row = 0; row < 3; ++row) {
+    const Eigen::Index columns = row < 2 ? 3 : 2;
     j.block(3 * row, 3 * row, 3, columns) = b.transpose().leftCols(columns);
   }
   return j;
