@@ -74,7 +74,7 @@ class LaunchFilesTest(unittest.TestCase):
             if isinstance(default, bool):
                 values[name] = not default
             elif isinstance(default, str):
-                values[name] = 'some ' + name
+                values[name] = '/some ' + name
             else:
                 values[name] = default + 1
         given = ['%s:=%s' % (name, str(value).lower() if isinstance(value, bool) else value)
@@ -108,6 +108,22 @@ class LaunchFilesTest(unittest.TestCase):
                     if not isinstance(value, (str, bool)):
                         self.assertLessEqual(KtgpConfig.min[name], value)
                         self.assertLessEqual(value, KtgpConfig.max[name])
+
+    def test_a_reference_image_is_meant_from_the_callers_folder(self):
+        path = os.path.join(PACKAGE, 'launch', 'matcher.launch')
+        for given, meant in (('target.png', os.getcwd() + '/target.png'), ('/a/b.png', '/a/b.png')):
+            config = load_config_default([(path, ['reference_image:=' + given])], None,
+                                         verbose=False, assign_machines=False)
+            self.assertEqual(config.params['/camera/matcher/reference_image'].value, meant)
+
+    def test_values_of_an_earlier_launch_do_not_linger(self):
+        config = load(os.path.join(PACKAGE, 'launch', 'matcher.launch'), self.bag.name)
+        self.assertEqual(config.clear_params, ['/camera/matcher/'])
+
+    def test_no_launch_file_publishes_transforms(self):
+        for path in FILES:
+            for node in load(path, self.bag.name).nodes:
+                self.assertNotIn('transform', node.type, path)
 
     def test_a_missing_bag_is_named(self):
         for name in ('bag.launch', 'tune.launch'):

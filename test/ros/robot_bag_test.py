@@ -26,7 +26,6 @@ TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
           'matches_image': Image}
 MODES = ('previous', 'keyframe', 'fixed')
 FRAMES = 60  # of the video
-TEXT_ROWS = slice(0, 140)  # of the overlay, beside the panel with the measured times
 
 
 def ktgp_bag(*arguments):
@@ -52,7 +51,8 @@ def without_times(message):
     if hasattr(message, 'encoding'):
         rows = [message.data[i * message.step:(i + 1) * message.step]
                 for i in range(message.height)]
-        del rows[TEXT_ROWS]
+        # The panel shows measured times, and is as wide as they are long.
+        del rows[:max(90, message.height // 5 + 1)]
         message.data = b''.join(rows)
     buffer = io.BytesIO()
     message.serialize(buffer)

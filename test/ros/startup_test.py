@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+import tempfile
 import threading
 import unittest
 
@@ -70,9 +71,11 @@ class StartupTest(unittest.TestCase):
             self.assertIn(text, output)
 
     def test_a_misspelt_parameter_is_named(self):
-        rospy.set_param('/other/matcher/ratio_treshold', 0.7)
-        expected = '/other/matcher/ratio_treshold is not known'
-        self.assertIn(expected, output_of_node(until=(expected,)))
+        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
+            file.write('ratio_treshold: 0.7\n')
+            file.flush()
+            expected = '/other/matcher/ratio_treshold is not known'
+            self.assertIn(expected, output_of_node('params:=' + file.name, until=(expected,)))
 
 
 if __name__ == '__main__':
