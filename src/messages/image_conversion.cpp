@@ -101,8 +101,8 @@ bool isHostBigEndian() {
 cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   // OpenCV has no view of constant data; nothing writes into this one.
   auto* data = const_cast<std::uint8_t*>(image.data.data());
-  const cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type,
-                       data, image.step);
+  cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type, data,
+                 image.step);
   if (pixels.elemSize1() != 2 || (image.is_bigendian != 0) == isHostBigEndian()) return pixels;
   cv::Mat swapped = pixels.clone();
   for (auto* byte = swapped.data; byte != swapped.dataend; byte += 2) std::swap(byte[0], byte[1]);

@@ -11,7 +11,7 @@ MessageMatcher::MessageMatcher(const Configuration& configuration)
 
 FramePtr MessageMatcher::configuredReference(const Configuration& configuration) {
   if (!configuration.reference_image) return nullptr;
-  const FramePtr frame = sequence_.newFrame();
+  FramePtr frame = sequence_.newFrame();
   toFrame(configuration.reference_image, configuration.stretch, *frame);
   return frame;
 }
