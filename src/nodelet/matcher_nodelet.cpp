@@ -3,7 +3,6 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include <algorithm>
-#include <boost/make_shared.hpp>
 #include <stdexcept>
 #include <utility>
 
@@ -152,61 +151,6 @@ void MatcherNodelet::advertise() {
   advertised_ = true;
 }
 
-void MatcherNodelet::advertiseServices() {
-  ros::NodeHandle node = getPrivateNodeHandle();
-  node.setCallbackQueue(&service_queue_.callbacks);
-  services_.push_back(node.advertiseService("reset", &MatcherNodelet::reset, this));
-  services_.push_back(node.advertiseService("set_reference", &MatcherNodelet::setReference, this));
-  services_.push_back(node.advertiseService("pause", &MatcherNodelet::pauseRequested, this));
-  services_.push_back(node.advertiseService("resume", &MatcherNodelet::resumeRequested, this));
-  ros::NodeHandle pair_node = getPrivateNodeHandle();
-  pair_node.setCallbackQueue(&pair_queue_.callbacks);
-  services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
-}
-
-bool MatcherNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& response) {
-  const Lock lock(state_mutex_);
-  requests_.reset = true;
-  requests_.fix_reference_after.reset();
-  response.success = true;
-  response.message = "every reference is forgotten";
-  return true;
-}
-
-bool MatcherNodelet::setReference(Trigger::Request& /*request*/, Trigger::Response& response) {
-  const Lock lock(state_mutex_);
-  response.message = whyNoReferenceCanBeSet();
-  response.success = response.message.empty();
-  if (!response.success) return true;
-  requests_.fix_reference_after = arrivals_;
-  response.message = "the next image to arrive becomes the fixed reference";
-  return true;
-}
-
-/// Empty where one can. With state_mutex_ locked.
-std::string MatcherNodelet::whyNoReferenceCanBeSet() {
-  if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
-    return "reference_mode is not fixed; set it first";
-  }
-  if (paused_) return "paused: no image is looked at; call resume first";
-  if (!listening_) return "idle: no image is received, since no output has a subscriber";
-  return "";
-}
-
-bool MatcherNodelet::pauseRequested(Trigger::Request& /*request*/, Trigger::Response& response) {
-  pause();
-  response.success = true;
-  response.message = "images are ignored until resumed";
-  return true;
-}
-
-bool MatcherNodelet::resumeRequested(Trigger::Request& /*request*/, Trigger::Response& response) {
-  resume();
-  response.success = true;
-  response.message = "images are matched again";
-  return true;
-}
-
 void MatcherNodelet::startReconfigure() {
   reconfigure_server_ =
       std::make_unique<dynamic_reconfigure::Server<KtgpConfig>>(reconfigure_mutex_, private_node_);
@@ -246,17 +190,6 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   monitor_.setLimits(limitsFrom(config));
   const Lock lock(state_mutex_);
   configuration_ = configuration;
-}
-
-void MatcherNodelet::pause() {
-  paused_ = true;
-  newest_.clear();
-  monitor_.setPaused(true);
-}
-
-void MatcherNodelet::resume() {
-  paused_ = false;
-  monitor_.setPaused(false);
 }
 
 bool MatcherNodelet::anySubscriber() const {
@@ -403,31 +336,6 @@ void MatcherNodelet::refuse(const std::string& reason) {
   if (now - last_refusal_ < kRepeatRefusal) return;
   last_refusal_ = now;
   NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
-}
-
-bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response& response) {
-  Configuration configuration;
-  {
-    const Lock lock(state_mutex_);
-    configuration = configuration_;
-  }
-  configuration.sequence.reference.mode = ReferenceMode::fixed;
-  configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  try {
-    MessageMatcher matcher(configuration);
-    const FrameMessages messages =
-        matcher.process(boost::make_shared<sensor_msgs::Image>(request.target));
-    response.correspondences = *messages.correspondences;
-    response.homography = *messages.homography;
-    response.statistics = *messages.statistics;
-    response.success = true;
-  } catch (const std::exception& error) {
-    response.success = false;
-    response.message = error.what();
-    response.homography.status = HomographyStamped::STATUS_NO_REFERENCE;
-    response.statistics.status = MatchStatistics::STATUS_NO_REFERENCE;
-  }
-  return true;
 }
 
 }  // namespace ktgp_orb
