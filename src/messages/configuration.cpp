@@ -2,6 +2,8 @@
 
 #include <stdexcept>
 
+#include "core/util/options_check.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -48,7 +50,11 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.stretch = stretchFrom(parameters);
   c.overlay = parameters.overlay;
   c.threads = parameters.threads;
-  const SequenceMatcher checked(c.sequence);
+  // The constructor says what is wrong with the rest; threads would be started only to be ended.
+  requireInRange("threads", parameters.threads, 0, 256);
+  SequenceOptions options = c.sequence;
+  options.orb.threads = options.matcher.knn.threads = 1;
+  const SequenceMatcher checked(options);
   return c;
 }
 

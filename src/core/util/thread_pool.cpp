@@ -1,6 +1,7 @@
 #include "core/util/thread_pool.h"
 
 #include <algorithm>
+#include <chrono>
 #include <utility>
 
 #include "core/util/options_check.h"
@@ -9,11 +10,13 @@ namespace ktgp_orb {
 namespace {
 
 // Waking a sleeping thread takes about as long as a short loop. So whoever waits first looks again
-// a number of times, some tens of microseconds in all, letting other threads run in between.
+// for some tens of microseconds, letting other threads run in between. By the clock, since on a
+// busy machine one yield may cost the time slices of all who want the core.
 template <typename Condition>
 void waitAwake(const Condition& condition) {
-  constexpr int kLooks = 200;
-  for (int i = 0; i < kLooks && !condition(); ++i) std::this_thread::yield();
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point end = Clock::now() + std::chrono::microseconds(50);
+  while (!condition() && Clock::now() < end) std::this_thread::yield();
 }
 
 }  // namespace
@@ -65,7 +68,7 @@ void ThreadPool::run(const Loop& loop) {
 void ThreadPool::work() {
   std::uint64_t loops_seen = 0;
   while (true) {
-    waitAwake([&] { return loops_opened_ != loops_seen; });
+    waitAwake([&] { return stopping_ || loops_opened_ != loops_seen; });
     std::unique_lock<std::mutex> lock(mutex_);
     loop_opened_.wait(lock, [&] { return stopping_ || (loop_ && loops_seen != loops_opened_); });
     if (stopping_) return;

@@ -50,10 +50,10 @@ class ThreadPool {
   std::condition_variable loop_opened_;
   std::condition_variable worker_left_;
   const Loop* loop_ = nullptr;                  // the open loop; null lets late workers sleep on
-  std::atomic<std::uint64_t> loops_opened_{0};  // these two are also read without the mutex
+  std::atomic<std::uint64_t> loops_opened_{0};  // these three are also read without the mutex
   std::atomic<int> busy_workers_{0};
+  std::atomic<bool> stopping_{false};
   std::exception_ptr error_;
-  bool stopping_ = false;
 };
 
 }  // namespace ktgp_orb
