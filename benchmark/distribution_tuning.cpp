@@ -2,22 +2,21 @@
 // the error of the homography with each, on the Oxford sets below $KTGP_ORB_DATA/oxford.
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "support.h"
 
 namespace {
 
+using ktgp_orb::Correspondence;
 using ktgp_orb::Features;
 using ktgp_orb::KeypointDistribution;
 using ktgp_orb::Level;
@@ -28,8 +27,7 @@ constexpr double kWorstCornerError = 10;  // px, where the recall curve ends
 constexpr int kSeeds = 20;                // of PROSAC, averaged over
 
 struct Set {
-  std::string folder;
-  std::string extension;
+  std::string name;
   bool turned;  // GMS needs rotation and scale
 };
 
@@ -50,36 +48,15 @@ struct Score {
 };
 
 Features extract(const OrbOptions& options, const std::string& file) {
-  const cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE);
-  if (image.empty()) throw std::runtime_error("cannot read image " + file);
   Features features;
-  ktgp_orb::OrbExtractor(options).extract(image, features);
+  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::tools::readGrey(file), features);
   return features;
-}
-
-Eigen::Matrix3d readHomography(const std::string& file) {
-  Eigen::Matrix3d h;
-  std::ifstream in(file);
-  for (int i = 0; i < 9; ++i) in >> h(i / 3, i % 3);
-  if (!in) throw std::runtime_error("cannot read the homography " + file);
-  return h;
-}
-
-Eigen::Vector2d map(const Eigen::Matrix3d& h, const cv::Point2f& p) {
-  return (h * Eigen::Vector3d(p.x, p.y, 1)).hnormalized();
 }
 
 double meanCornerError(const MatchResult& result, const Eigen::Matrix3d& truth,
                        const cv::Size& size) {
   if (result.status != ktgp_orb::Status::ok) return kWorstCornerError;
-  const auto right = static_cast<float>(size.width - 1);
-  const auto bottom = static_cast<float>(size.height - 1);
-  double sum = 0;
-  for (const cv::Point2f corner : {cv::Point2f(0, 0), cv::Point2f(right, 0), cv::Point2f(0, bottom),
-                                   cv::Point2f(right, bottom)}) {
-    sum += (map(truth, corner) - map(result.homography, corner)).norm();
-  }
-  return sum / 4;
+  return ktgp_orb::evaluation::cornerError(result.homography, truth, size);
 }
 
 Score scorePair(const Features& reference, const Features& target, const Eigen::Matrix3d& truth,
@@ -94,36 +71,34 @@ Score scorePair(const Features& reference, const Features& target, const Eigen::
     const double error = meanCornerError(result, truth, reference.image_size);
     score.corner_auc += std::max(0.0, 1 - error / kWorstCornerError) / kSeeds;
     if (seed > 1) continue;  // GMS has no seed
-    for (const auto& match : result.correspondences) {
-      if (match.level < Level::ktg) continue;
-      const cv::Point2f q = target.keypoints[match.target_index].pt;
-      const Eigen::Vector2d expected = map(truth, reference.keypoints[match.reference_index].pt);
-      ++score.matches;
-      if ((expected - Eigen::Vector2d(q.x, q.y)).norm() <= ktgp_orb::evaluation::kCorrectWithin)
-        ++score.correct;
-    }
+    std::vector<Correspondence> matches;
+    result.surviving(Level::ktg, matches);
+    const std::vector<double> errors =
+        ktgp_orb::evaluation::reprojectionErrors(truth, reference, target, matches);
+    score.matches = static_cast<double>(matches.size());
+    score.correct = static_cast<double>(
+        ktgp_orb::evaluation::countWithin(errors, ktgp_orb::evaluation::kCorrectWithin));
     score.precision = score.matches > 0 ? score.correct / score.matches : 0;
   }
   return score;
 }
 
 Score scoreSet(const OrbOptions& options, const std::string& root, const Set& set) {
-  const std::string folder = root + "/oxford/" + set.folder + "/";
-  const std::string end = "." + set.extension;
-  const Features reference = extract(options, folder + "img1" + end);
+  const auto image = [&](int number) {
+    return extract(options, ktgp_orb::bench::oxfordImage(root, set.name, number));
+  };
+  const Features reference = image(1);
   Score sum;
-  for (const std::string k : {"2", "3", "4", "5", "6"}) {
-    std::string image = folder + "img";
-    image.append(k).append(end);
-    std::string homography = folder + "H1to";
-    homography.append(k).append("p");
-    sum += scorePair(reference, extract(options, image), readHomography(homography), set.turned);
+  for (int k = 2; k <= 6; ++k) {
+    const Eigen::Matrix3d truth =
+        ktgp_orb::tools::readHomography(ktgp_orb::bench::oxfordTruth(root, set.name, k));
+    sum += scorePair(reference, image(k), truth, set.turned);
   }
   return sum;
 }
 
 void printRow(const std::string& name, const OrbOptions& options, const std::string& root) {
-  const Set sets[] = {{"leuven", "ppm", false}, {"bikes", "ppm", false}, {"boat", "pgm", true}};
+  const Set sets[] = {{"leuven", false}, {"bikes", false}, {"boat", true}};
   std::printf("| %s |", name.c_str());
   for (const Set& set : sets) {
     const Score score = scoreSet(options, root, set);
@@ -152,10 +127,10 @@ void printTable(const std::string& root, int features) {
 }  // namespace
 
 int main() {
-  const char* root = std::getenv("KTGP_ORB_DATA");
+  const auto root = ktgp_orb::bench::oxfordFolder();
   try {
-    if (root == nullptr) throw std::runtime_error("set KTGP_ORB_DATA to what holds oxford/");
-    for (int features : {500, 1000, 2000, 4000}) printTable(root, features);
+    if (!root) throw std::runtime_error("set KTGP_ORB_DATA to what holds oxford/");
+    for (int features : {500, 1000, 2000, 4000}) printTable(*root, features);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 1;

@@ -8,27 +8,26 @@
 //   times_OpenCV how many times as fast as OpenCV's chain without GMS on as many threads, medians
 //                of frames that alternate
 //   KT KTG KTGP  matches after the stages, of the last frame
+//   fall_backs   frames whose search within the radius (px, 0: the whole image) failed
 //
 // The frames are two of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
 
 #include <benchmark/benchmark.h>
-#include <time.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "cli/files.h"
 #include "dense_gms.h"
 #include "ktgp_orb/evaluation.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/sequence_matcher.h"
+#include "support.h"
 
 namespace {
 
@@ -36,22 +35,15 @@ using ktgp_orb::Correspondence;
 using ktgp_orb::Features;
 using ktgp_orb::GmsOptions;
 using ktgp_orb::Level;
-using ktgp_orb::OrbOptions;
-
-/// One thread: its CPU time, which other programs do not disturb. More: wall-clock time.
-double milliseconds(bool one_thread) {
-  timespec time{};
-  clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
+using ktgp_orb::bench::milliseconds;
 
 std::vector<cv::Mat> readFrames() {
   std::vector<cv::Mat> frames;
-  const char* data = std::getenv("KTGP_ORB_DATA");
-  for (const char* name : {"img1.ppm", "img2.ppm"}) {
-    if (data == nullptr) break;
-    cv::Mat image = cv::imread(std::string(data) + "/oxford/leuven/" + name, cv::IMREAD_GRAYSCALE);
-    if (image.empty()) break;
+  const auto folder = ktgp_orb::bench::oxfordFolder();
+  for (int number : {1, 2}) {
+    if (!folder) break;
+    cv::Mat image =
+        ktgp_orb::tools::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", number));
     cv::resize(image, image, cv::Size(640, 480), 0, 0, cv::INTER_AREA);
     frames.push_back(image);
   }
@@ -66,36 +58,31 @@ GmsOptions gmsOptions(bool turned) {
 
 class OurChain {
  public:
-  OurChain(bool turned, int threads)
-      : extractor_(orbOptions(threads)), matcher_(matcherOptions(turned, threads)) {}
+  OurChain(bool turned, double radius, int threads)
+      : matcher_(optionsOf(turned, radius, threads)) {}
 
   void process(const cv::Mat& image) {
-    std::swap(reference_, target_);
-    extractor_.extract(image, target_);
-    if (reference_.image_size.area() > 0) matcher_.match(reference_, target_, result_);
+    match_ = &matcher_.match(image, 0.033 * static_cast<double>(frames_++));
   }
 
   double surviving(Level level) const {
-    return static_cast<double>(countAtLeast(result_.correspondences, level));
+    return static_cast<double>(countAtLeast(match_->match.correspondences, level));
   }
+  double fallBacks() const { return static_cast<double>(match_->fall_backs); }
 
  private:
-  static OrbOptions orbOptions(int threads) {
-    OrbOptions options;
-    options.threads = threads;
-    return options;
-  }
-  static ktgp_orb::MatcherOptions matcherOptions(bool turned, int threads) {
-    ktgp_orb::MatcherOptions options;
-    options.knn.threads = threads;
-    options.gms = gmsOptions(turned);
+  static ktgp_orb::SequenceOptions optionsOf(bool turned, double radius, int threads) {
+    ktgp_orb::SequenceOptions options;
+    options.orb.threads = threads;
+    options.matcher.knn.threads = threads;
+    options.matcher.knn.search_radius = radius;
+    options.matcher.gms = gmsOptions(turned);
     return options;
   }
 
-  ktgp_orb::OrbExtractor extractor_;
-  ktgp_orb::KtgpMatcher matcher_;
-  Features reference_, target_;
-  ktgp_orb::MatchResult result_;
+  ktgp_orb::SequenceMatcher matcher_;
+  const ktgp_orb::SequenceMatch* match_ = nullptr;
+  std::size_t frames_ = 0;
 };
 
 class OpencvChain {
@@ -175,10 +162,11 @@ void frame(benchmark::State& state) {
     return;
   }
   const bool turned = state.range(0) != 0;
-  const auto threads = static_cast<int>(state.range(1));
+  const auto radius = static_cast<double>(state.range(1));
+  const auto threads = static_cast<int>(state.range(2));
   const bool one_thread = threads == 1;
   cv::setNumThreads(threads);
-  OurChain ours(turned, threads);
+  OurChain ours(turned, radius, threads);
   OpencvChain opencv(turned);
   for (std::size_t i = 0; i < 4; ++i) ours.process(frames[i % 2]);  // buffers grow
   opencv.process(frames[1], one_thread);
@@ -201,11 +189,12 @@ void frame(benchmark::State& state) {
   state.counters["KT"] = ours.surviving(Level::kt);
   state.counters["KTG"] = ours.surviving(Level::ktg);
   state.counters["KTGP"] = ours.surviving(Level::ktgp);
+  state.counters["fall_backs"] = ours.fallBacks();
 }
 
 BENCHMARK(frame)
-    ->ArgNames({"rotation_and_scale", "threads"})
-    ->ArgsProduct({{0, 1}, {1, 2}})
+    ->ArgNames({"rotation_and_scale", "radius", "threads"})
+    ->ArgsProduct({{0, 1}, {0, 48}, {1, 2}})
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 

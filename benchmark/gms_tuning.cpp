@@ -4,18 +4,17 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cstdio>
-#include <cstdlib>
-#include <fstream>
-#include <opencv2/imgcodecs.hpp>
-#include <stdexcept>
+#include <exception>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/ratio_filter.h"
+#include "support.h"
 
 namespace {
 
@@ -32,31 +31,27 @@ struct Pair {
 };
 
 Features extract(const std::string& file, int most) {
-  const cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE);
-  if (image.empty()) throw std::runtime_error("cannot read image " + file);
   Features features;
   ktgp_orb::OrbOptions options;
   options.max_features = most;
-  ktgp_orb::OrbExtractor(options).extract(image, features);
+  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::tools::readGrey(file), features);
   return features;
 }
 
-Pair readPair(const std::string& folder, const std::string& extension, int k, int features) {
+Pair readPair(const std::string& folder, const std::string& set, int k, int features) {
+  using namespace ktgp_orb::bench;
   Pair pair;
   pair.name = "1-" + std::to_string(k);
-  pair.reference = extract(folder + "/img1." + extension, features);
-  pair.target = extract(folder + "/img" + std::to_string(k) + "." + extension, features);
-  std::ifstream in(folder + "/H1to" + std::to_string(k) + "p");
-  for (int i = 0; i < 9; ++i) in >> pair.truth(i / 3, i % 3);
-  if (!in) throw std::runtime_error("cannot read the homography of " + folder + " " + pair.name);
+  pair.reference = extract(oxfordImage(folder, set, 1), features);
+  pair.target = extract(oxfordImage(folder, set, k), features);
+  pair.truth = ktgp_orb::tools::readHomography(oxfordTruth(folder, set, k));
   ktgp_orb::KnnMatcher().match(pair.reference.descriptors, pair.target.descriptors, pair.nearest);
   return pair;
 }
 
-std::vector<Pair> readSet(const std::string& folder, const std::string& extension,
-                          int features = 2000) {
+std::vector<Pair> readSet(const std::string& folder, const std::string& set, int features = 2000) {
   std::vector<Pair> pairs;
-  for (int k = 2; k <= 6; ++k) pairs.push_back(readPair(folder, extension, k, features));
+  for (int k = 2; k <= 6; ++k) pairs.push_back(readPair(folder, set, k, features));
   return pairs;
 }
 
@@ -156,16 +151,15 @@ void printGrids(const char* name, const std::vector<Pair>& pairs) {
 }  // namespace
 
 int main() {
-  const char* data = std::getenv("KTGP_ORB_DATA");
-  if (data == nullptr) {
+  const auto oxford = ktgp_orb::bench::oxfordFolder();
+  if (!oxford) {
     std::fprintf(stderr, "KTGP_ORB_DATA is not set: expected the folder that holds oxford/\n");
     return 2;
   }
   try {
-    const std::string oxford = std::string(data) + "/oxford/";
-    const std::vector<Pair> leuven = readSet(oxford + "leuven", "ppm");
-    const std::vector<Pair> bikes = readSet(oxford + "bikes", "ppm");
-    const std::vector<Pair> boat = readSet(oxford + "boat", "pgm");
+    const std::vector<Pair> leuven = readSet(*oxford, "leuven");
+    const std::vector<Pair> bikes = readSet(*oxford, "bikes");
+    const std::vector<Pair> boat = readSet(*oxford, "boat");
     GmsOptions plain;
     GmsOptions turning;
     turning.rotation = turning.scale = true;
@@ -179,7 +173,7 @@ int main() {
                ktgp_orb::kDefaultRatioThreshold);
     printModes("Bikes after TF, T_G = 6: correct of all kept", bikes,
                ktgp_orb::kDefaultRatioThreshold);
-    const std::vector<Pair> few = readSet(oxford + "leuven", "ppm", 500);
+    const std::vector<Pair> few = readSet(*oxford, "leuven", 500);
     printGrids("Leuven with 500 features after TF, mean of five pairs", few);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "%s\n", error.what());

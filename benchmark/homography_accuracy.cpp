@@ -4,31 +4,34 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 #include <functional>
 #include <map>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
+#include "core/util/constants.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/random.h"
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
+#include "support.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr int kRuns = 20;  // seeds for us, orders of the matches for OpenCV, whose seed is fixed
 constexpr double kThreshold = 3.0;
-constexpr double kNoModel = 1e9;
 
 struct Pair {
   std::string name;
@@ -44,30 +47,11 @@ struct Named {
 };
 
 double cornerError(const Eigen::Matrix3d& estimate, const Pair& pair) {
-  if (estimate.isZero()) return kNoModel;
-  const double w = pair.size.width - 1.0;
-  const double h = pair.size.height - 1.0;
-  double sum = 0.0;
-  for (const Eigen::Vector2d& corner : {Eigen::Vector2d(0.0, 0.0), Eigen::Vector2d(w, 0.0),
-                                        Eigen::Vector2d(w, h), Eigen::Vector2d(0.0, h)}) {
-    const Eigen::Vector3d p = estimate * corner.homogeneous();
-    const Eigen::Vector3d q = pair.truth * corner.homogeneous();
-    sum += (p.hnormalized() - q.hnormalized()).norm() / 4.0;
-  }
-  return std::min(sum, kNoModel);
+  return evaluation::cornerError(estimate, pair.truth, pair.size);
 }
 
-/// Area under the share of errors below e, for e from 0 to `limit`, in percent.
-double areaUnderCurve(const std::vector<double>& errors, double limit) {
-  double sum = 0.0;
-  for (double e : errors) sum += std::max(0.0, 1.0 - e / limit);
-  return 100.0 * sum / static_cast<double>(errors.size());
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+double percentUnderCurve(const std::vector<double>& errors, double limit) {
+  return 100.0 * evaluation::areaUnderCurve(errors, limit);
 }
 
 std::vector<std::size_t> shuffled(std::size_t n, int run) {
@@ -148,41 +132,24 @@ PointPairs match(const Features& reference, const Features& target, const Filter
   PointPairs points;
   for (const Correspondence& c : correspondences) {
     if (c.level < (filters.gms ? Level::ktg : Level::kt)) continue;
-    const auto& from = reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
-    const auto& to = target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-    points.reference.emplace_back(from.x, from.y);
-    points.target.emplace_back(to.x, to.y);
+    points.reference.push_back(position(reference, c.reference_index));
+    points.target.push_back(position(target, c.target_index));
     points.quality.push_back(c.ratio());
   }
   return points;
 }
 
-Eigen::Matrix3d readHomography(const std::string& path) {
-  std::ifstream file(path);
-  Eigen::Matrix3d h;
-  for (int i = 0; i < 9; ++i) file >> h(i / 3, i % 3);
-  if (!file) throw std::runtime_error("cannot read " + path);
-  return h;
-}
-
-cv::Mat readGrey(const std::string& folder, const std::string& set, int number) {
-  const std::string extension = set == "boat" ? ".pgm" : ".ppm";
-  const std::string path = folder + "/oxford/" + set + "/img" + std::to_string(number) + extension;
-  cv::Mat image = cv::imread(path, cv::IMREAD_GRAYSCALE);
-  if (image.empty()) throw std::runtime_error("cannot read " + path);
-  return image;
-}
-
 std::vector<Pair> oxfordPairs(const std::string& folder, const Filters& filters) {
   std::vector<Pair> pairs;
   for (const std::string set : {"leuven", "bikes", "boat"}) {
-    const Features reference = extract(readGrey(folder, set, 1));
+    const Features reference = extract(tools::readGrey(bench::oxfordImage(folder, set, 1)));
     for (int k = 2; k <= 6; ++k) {
       Pair pair;
       pair.name = set + " 1-" + std::to_string(k);
       pair.size = reference.image_size;
-      pair.points = match(reference, extract(readGrey(folder, set, k)), filters);
-      pair.truth = readHomography(folder + "/oxford/" + set + "/H1to" + std::to_string(k) + "p");
+      pair.points =
+          match(reference, extract(tools::readGrey(bench::oxfordImage(folder, set, k))), filters);
+      pair.truth = tools::readHomography(bench::oxfordTruth(folder, set, k));
       pairs.push_back(std::move(pair));
     }
   }
@@ -199,7 +166,7 @@ double uniform(Random& random, double low, double high) {
 /// Moves each corner by up to 15 % of the image, after a turn of up to 30 degrees and a zoom of 0.7
 /// to 1.4 about the centre.
 Eigen::Matrix3d randomHomography(const cv::Size& size, Random& random) {
-  const double angle = uniform(random, -CV_PI / 6, CV_PI / 6);
+  const double angle = uniform(random, -kPi / 6, kPi / 6);
   const double zoom = std::exp(uniform(random, std::log(0.7), std::log(1.4)));
   const cv::Point2f centre(static_cast<float>(size.width) / 2, static_cast<float>(size.height) / 2);
   const auto w = static_cast<float>(size.width - 1);
@@ -232,7 +199,7 @@ std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters,
   Random random(2024);
   for (const std::string set : {"leuven", "bikes", "boat"}) {
     for (int k = 1; k <= 6; ++k) {
-      const cv::Mat original = readGrey(folder, set, k);
+      const cv::Mat original = tools::readGrey(bench::oxfordImage(folder, set, k));
       for (int i = 0; i < homographies; ++i) {
         Pair pair;
         pair.name = set + std::to_string(k) + "." + std::to_string(i);
@@ -275,12 +242,13 @@ void printOxford(const std::string& folder, const Filters& filters) {
   for (const Named& estimator : estimators()) {
     const std::vector<double> errors = errorsOf(estimator, pairs, kRuns);
     const double count = static_cast<double>(errors.size());
-    const auto none = std::count(errors.begin(), errors.end(), kNoModel);
+    const auto none =
+        std::count_if(errors.begin(), errors.end(), [](double e) { return std::isinf(e); });
     const auto wrong =
         std::count_if(errors.begin(), errors.end(), [](double e) { return e > 20.0; }) - none;
     std::printf("| %s | %.1f | %.1f | %.1f | %.1f %% | %.1f %% |\n", estimator.name.c_str(),
-                areaUnderCurve(errors, 3.0), areaUnderCurve(errors, 5.0),
-                areaUnderCurve(errors, 10.0), 100.0 * static_cast<double>(wrong) / count,
+                percentUnderCurve(errors, 3.0), percentUnderCurve(errors, 5.0),
+                percentUnderCurve(errors, 10.0), 100.0 * static_cast<double>(wrong) / count,
                 100.0 * static_cast<double>(none) / count);
   }
 }
@@ -298,8 +266,8 @@ void printWarped(const std::string& folder, const Filters& filters, int homograp
       return errors[static_cast<std::size_t>(q * static_cast<double>(errors.size()))];
     };
     std::printf("| %s | %.4f | %.3f | %.3g | %.1f | %.1f |\n", estimator.name.c_str(),
-                median(errors), quantile(0.75), quantile(0.9), areaUnderCurve(errors, 1.0),
-                areaUnderCurve(errors, 3.0));
+                evaluation::median(errors), quantile(0.75), quantile(0.9),
+                percentUnderCurve(errors, 1.0), percentUnderCurve(errors, 3.0));
   }
 }
 
@@ -308,16 +276,16 @@ void printWarped(const std::string& folder, const Filters& filters, int homograp
 
 int main(int argc, char** argv) {
   const int homographies = argc > 1 ? std::atoi(argv[1]) : 7;
-  const char* folder = std::getenv("KTGP_ORB_DATA");
-  if (folder == nullptr) {
+  const auto folder = ktgp_orb::bench::oxfordFolder();
+  if (!folder) {
     std::fprintf(stderr, "KTGP_ORB_DATA is not set: this program needs the Oxford sets\n");
     return 1;
   }
   using ktgp_orb::Filters;
   const Filters loose{"TF 0.8", 0.8, false};
   const Filters strict{"TF 0.66 + GMS with rotation and scale", 0.66, true};
-  for (const Filters& filters : {loose, strict}) ktgp_orb::printOxford(folder, filters);
+  for (const Filters& filters : {loose, strict}) ktgp_orb::printOxford(*folder, filters);
   for (const Filters& filters : {loose, strict})
-    ktgp_orb::printWarped(folder, filters, homographies);
+    ktgp_orb::printWarped(*folder, filters, homographies);
   return 0;
 }

@@ -6,45 +6,45 @@
 //                    that alternate
 //   times_one_way    mutual only: its time over that of the search in one direction, medians of
 //                    calls that alternate
+//   times_whole      near only: how many times as fast as the search of the whole image
+//
+// "near" searches within a radius, px, of where each keypoint is predicted to come from; keypoints
+// are spread evenly over an image of `width` with 16 to 9 or, below 1000, 4 to 3.
 //
 // Descriptors are ORB's of the images in KTGP_ORB_DATA, or generated where that is not set.
 
 #include <benchmark/benchmark.h>
-#include <time.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
 #include <opencv2/flann.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
+#include "core/knn/near_search.h"
 #include "core/knn/search.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/evaluation.h"
+#include "support.h"
 
 namespace {
 
 using ktgp_orb::Correspondence;
 using ktgp_orb::KnnKernel;
 using ktgp_orb::KnnSearch;
+using ktgp_orb::NearKernel;
+using ktgp_orb::NearSearch;
+using ktgp_orb::bench::milliseconds;
 
-/// One thread: its CPU time, which other programs do not disturb. More: wall-clock time.
-double seconds(bool one_thread) {
-  timespec time{};
-  clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
-
-/// At least `count` ORB descriptors of an image and its enlargements, or none without the image.
+/// At least `count` ORB descriptors of an image and its enlargements.
 cv::Mat orbDescriptors(const std::string& file, int count) {
-  const cv::Mat image = cv::imread(file, cv::IMREAD_GRAYSCALE);
+  const cv::Mat image = ktgp_orb::tools::readGrey(file);
   cv::Mat all;
-  for (double scale = 1.0; !image.empty() && all.rows < count && scale < 8.0; scale *= 1.3) {
+  for (double scale = 1.0; all.rows < count && scale < 8.0; scale *= 1.3) {
     cv::Mat scaled;
     cv::resize(image, scaled, cv::Size(), scale, scale);
     std::vector<cv::KeyPoint> keypoints;
@@ -68,12 +68,13 @@ struct Frames {
   std::string source;
 
   static Frames load(int count) {
-    const char* data = std::getenv("KTGP_ORB_DATA");
-    const std::string folder = data != nullptr ? std::string(data) + "/oxford/bikes/" : "";
-    Frames frames{orbDescriptors(folder + "img1.ppm", count),
-                  orbDescriptors(folder + "img2.ppm", count), "ORB of oxford/bikes 1 and 2"};
-    if (frames.reference.rows >= count && frames.target.rows >= count) return frames;
-    return {generatedDescriptors(count, 1), generatedDescriptors(count, 2), "generated"};
+    const auto folder = ktgp_orb::bench::oxfordFolder();
+    if (!folder)
+      return {generatedDescriptors(count, 1), generatedDescriptors(count, 2), "generated"};
+    const auto descriptors = [&](int number) {
+      return orbDescriptors(ktgp_orb::bench::oxfordImage(*folder, "bikes", number), count);
+    };
+    return {descriptors(1), descriptors(2), "ORB of oxford/bikes 1 and 2"};
   }
 };
 
@@ -98,17 +99,17 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
   for (auto _ : state) {
     if (brute_force_times.size() < brute_force_calls) {
       state.PauseTiming();
-      const double start = seconds(one_thread);
+      const double start = milliseconds(one_thread);
       bruteForce(reference, target);
-      brute_force_times.push_back(seconds(one_thread) - start);
+      brute_force_times.push_back(milliseconds(one_thread) - start);
       state.ResumeTiming();
     }
-    const double start = seconds(one_thread);
+    const double start = milliseconds(one_thread);
     match(reference, target);
-    times.push_back(seconds(one_thread) - start);
+    times.push_back(milliseconds(one_thread) - start);
   }
   const double time = ktgp_orb::evaluation::median(times);
-  state.counters["ns_per_pair"] = time * 1e9 / n / n;
+  state.counters["ns_per_pair"] = time * 1e6 / n / n;
   if (!brute_force_times.empty())
     state.counters["times_BFMatcher"] = ktgp_orb::evaluation::median(brute_force_times) / time;
   state.SetLabel(frames.source);
@@ -127,18 +128,84 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
   search.matchMutual(reference, target, result);  // buffers grow, threads wake up
   for (auto _ : state) {
     state.PauseTiming();
-    double start = seconds(one_thread);
+    double start = milliseconds(one_thread);
     search.match(reference, target, result);
-    one_way_times.push_back(seconds(one_thread) - start);
+    one_way_times.push_back(milliseconds(one_thread) - start);
     state.ResumeTiming();
-    start = seconds(one_thread);
+    start = milliseconds(one_thread);
     search.matchMutual(reference, target, result);
-    times.push_back(seconds(one_thread) - start);
+    times.push_back(milliseconds(one_thread) - start);
   }
   const double time = ktgp_orb::evaluation::median(times);
-  state.counters["ns_per_pair"] = time * 1e9 / n / n;
+  state.counters["ns_per_pair"] = time * 1e6 / n / n;
   state.counters["times_one_way"] = time / ktgp_orb::evaluation::median(one_way_times);
   state.SetLabel(frames.source);
+}
+
+ktgp_orb::Features spread(const cv::Mat& descriptors, int width, int seed) {
+  ktgp_orb::Features features;
+  features.image_size = {width, width < 1000 ? width * 3 / 4 : width * 9 / 16};
+  features.descriptors = descriptors;
+  cv::RNG random(static_cast<std::uint64_t>(seed));
+  for (int i = 0; i < descriptors.rows; ++i) {
+    features.keypoints.emplace_back(
+        random.uniform(0.F, static_cast<float>(features.image_size.width)),
+        random.uniform(0.F, static_cast<float>(features.image_size.height)), 31.F);
+  }
+  return features;
+}
+
+/// Near the predicted places beside the whole image, the reference laid out for every call.
+void runNear(benchmark::State& state, const Frames& frames, const NearKernel& kernel,
+             const KnnKernel& whole_kernel) {
+  const auto n = static_cast<int>(state.range(0));
+  const auto width = static_cast<int>(state.range(1));
+  const auto reference = spread(frames.reference.rowRange(0, n), width, 1);
+  const auto target = spread(frames.target.rowRange(0, n), width, 2);
+  KnnSearch whole(whole_kernel, 1);
+  NearSearch near(kernel, static_cast<double>(state.range(2)), whole.pool());
+  const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();
+  std::vector<Correspondence> result;
+  std::vector<double> whole_times;
+  std::vector<double> times;
+  near.match(reference, target, here, false, result);  // buffers grow
+  for (auto _ : state) {
+    if (whole_times.size() < (n <= 2000 ? 9U : 3U)) {
+      state.PauseTiming();
+      const double start = milliseconds(true);
+      whole.match(reference.descriptors, target.descriptors, result);
+      whole_times.push_back(milliseconds(true) - start);
+      state.ResumeTiming();
+    }
+    const double start = milliseconds(true);
+    near.match(reference, target, here, false, result);
+    times.push_back(milliseconds(true) - start);
+  }
+  const double time = ktgp_orb::evaluation::median(times);
+  state.counters["ms"] = time;
+  state.counters["times_whole"] = ktgp_orb::evaluation::median(whole_times) / time;
+  state.SetLabel(frames.source);
+}
+
+void registerNear(const Frames& frames) {
+  const auto whole =
+      ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel());
+  for (const NearKernel* kernel :
+       ktgp_orb::test::everyKernels(ktgp_orb::bestNearKernel, ktgp_orb::portableNearKernel())) {
+    const KnnKernel* same = whole.back();
+    for (const KnnKernel* candidate : whole) {
+      if (std::string(candidate->name) == kernel->name) same = candidate;
+    }
+    benchmark::RegisterBenchmark(
+        ("knn/" + std::string(kernel->name) + "/near").c_str(),
+        [&frames, kernel, same](benchmark::State& s) { runNear(s, frames, *kernel, *same); })
+        ->ArgNames({"n", "width", "radius"})
+        ->Unit(benchmark::kMillisecond)
+        ->Args({2000, 640, 24})
+        ->Args({2000, 640, 48})
+        ->Args({2000, 640, 96})
+        ->Args({20000, 1920, 48});
+  }
 }
 
 void registerAll(const Frames& frames) {
@@ -179,6 +246,7 @@ void registerAll(const Frames& frames) {
 int main(int argc, char** argv) {
   const Frames frames = Frames::load(20000);
   registerAll(frames);
+  registerNear(frames);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -11,19 +11,18 @@
 // scales where that is not set.
 
 #include <benchmark/benchmark.h>
-#include <time.h>
 
 #include <algorithm>
-#include <cstdlib>
 #include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#include "cli/files.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "support.h"
 
 namespace {
 
@@ -31,13 +30,7 @@ using ktgp_orb::Features;
 using ktgp_orb::KeypointDistribution;
 using ktgp_orb::OrbExtractor;
 using ktgp_orb::OrbOptions;
-
-/// One thread: its CPU time, which other programs do not disturb. More: wall-clock time.
-double milliseconds(bool one_thread) {
-  timespec time{};
-  clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
+using ktgp_orb::bench::milliseconds;
 
 cv::Mat noiseOfSeveralScales(const cv::Size& size) {
   cv::Mat sum = cv::Mat::zeros(size, CV_32F);
@@ -54,12 +47,9 @@ cv::Mat noiseOfSeveralScales(const cv::Size& size) {
 }
 
 cv::Mat imageOf(const cv::Size& size) {
-  const char* data = std::getenv("KTGP_ORB_DATA");
-  cv::Mat image;
-  if (data != nullptr) {
-    image = cv::imread(std::string(data) + "/oxford/leuven/img1.ppm", cv::IMREAD_GRAYSCALE);
-  }
-  if (image.empty()) return noiseOfSeveralScales(size);
+  const auto folder = ktgp_orb::bench::oxfordFolder();
+  if (!folder) return noiseOfSeveralScales(size);
+  cv::Mat image = ktgp_orb::tools::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", 1));
   cv::resize(image, image, size, 0, 0, size.width < image.cols ? cv::INTER_AREA : cv::INTER_CUBIC);
   return image;
 }

@@ -20,10 +20,11 @@ enum class Level : std::uint8_t {
 
 /// A target feature and the reference feature nearest to it.
 struct Correspondence {
-  std::int32_t reference_index = -1;  ///< keypoint in the reference frame
-  std::int32_t target_index = -1;     ///< keypoint in the target frame
-  std::int32_t distance = 0;          ///< d1, Hamming distance to the nearest, 0..256
-  std::int32_t second_distance = 0;   ///< d2, Hamming distance to the second nearest, d1..256
+  /// Keypoint in the reference frame; -1, at Level::knn alone: none was near enough (matchNear).
+  std::int32_t reference_index = -1;
+  std::int32_t target_index = -1;    ///< keypoint in the target frame
+  std::int32_t distance = 0;         ///< d1, Hamming distance to the nearest, 0..256
+  std::int32_t second_distance = 0;  ///< d2, Hamming distance to the second nearest, d1..256
   Level level = Level::knn;
   /// Whether the target feature is also the nearest to the reference feature; false where nobody
   /// asked (MatcherOptions::mutual).

@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -45,10 +47,29 @@ struct StageResult {
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
+/// Where a frame's matches were looked for.
+enum class Search : std::uint8_t {
+  whole = 0,      ///< in the whole image
+  near = 1,       ///< within the search radius of where the prediction puts them
+  fell_back = 2,  ///< near, in vain, and then in the whole image, which is the answer
+};
+
+/// What is known of two frames before they are matched.
+struct MatchHints {
+  /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
+  /// ProsacHomography::estimate), and with a search radius KNN looks only where it says.
+  std::optional<Eigen::Matrix3d> prediction;
+  /// Searches the whole image also where there is a search radius and a prediction.
+  bool whole_image = false;
+  /// The reference is that of the last call, unchanged: what was laid out of it is used again.
+  bool same_reference = false;
+};
+
 /// Everything known about one pair of frames. Reused from call to call for its buffers.
 struct MatchResult {
   Status status = Status::no_reference;
   DescriptorKind descriptor = DescriptorKind::orb;  ///< what was compared
+  Search search = Search::whole;                    ///< where; KtgpMatcher never falls back
   /// One per target feature, in target order; `level` says how far each came.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
@@ -86,36 +107,25 @@ class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.
   explicit KtgpMatcher(const MatcherOptions& options = {});
+  ~KtgpMatcher();
+  KtgpMatcher(KtgpMatcher&&) noexcept;
+  KtgpMatcher& operator=(KtgpMatcher&&) noexcept;
 
-  const MatcherOptions& options() const { return options_; }
+  const MatcherOptions& options() const;
 
   /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
   /// two kinds; bad data such as
   /// keypoints outside the image or no features at all is legal and ends in a status.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
-  /// The same with a predicted homography, in px, that PROSAC scores before its first sample (see
-  /// ProsacHomography::estimate).
-  void match(const Features& reference, const Features& target,
-             const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  /// The same with what is known beforehand. Throws std::invalid_argument for a prediction that is
+  /// not finite or, where it is searched with, cannot be inverted.
+  void match(const Features& reference, const Features& target, const MatchHints& hints,
+             MatchResult& result);
 
  private:
-  void estimateHomography(const Features& reference, const Features& target,
-                          const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
-  void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
-  void refine(const Features& reference, const Features& target, MatchResult& result);
-  void collectFinal(const MatchResult& result);
-  double finalRmse(const Features& reference, const Features& target,
-                   const Eigen::Matrix3d& homography) const;
-
-  MatcherOptions options_;
-  KnnMatcher knn_;
-  GmsFilter gms_;
-  ProsacHomography prosac_;
-  PointPairs pairs_;
-  GuidedMatcher guided_;
-  Alignment alignment_;
-  std::vector<Correspondence> final_;  // of level ktgp and above
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace ktgp_orb

@@ -94,7 +94,10 @@ struct SequenceMatch {
   MatchResult match;                             ///< status no_reference, all empty without one
   std::optional<AccumulatedHomography> accumulated;  ///< nothing at the start of a chain, in fixed
                                                      ///< mode and without a homography
-  /// Extraction and all stages, those of a match to another reference that was not taken included.
+  /// Frames so far whose search near the prediction failed (Search::fell_back); see
+  /// KnnOptions::search_radius.
+  std::uint64_t fall_backs = 0;
+  /// Extraction and all stages, those of matches that were not taken included.
   double total_milliseconds = 0.0;
 };
 
@@ -108,6 +111,11 @@ struct MatchAhead {
 /// Matches the frames of a camera one after the other: decides what each is matched to, and
 /// multiplies the homographies. It forgets the reference that cannot belong to the same sequence
 /// as the next frame; NoReference says when that is.
+///
+/// With a search radius (KnnOptions) matches are looked for where the motion between the last two
+/// frames, carried on, puts them. A frame that so finds no homography, or less than half of the
+/// inliers of the frame before, is matched once more over the whole image, and the better of the
+/// two is the answer.
 ///
 /// An instance belongs to one thread at a time. In the steady state nothing is allocated.
 class SequenceMatcher {
@@ -133,7 +141,8 @@ class SequenceMatcher {
   /// The same for features found elsewhere. Throws as requireValid does.
   const SequenceMatch& match(const Features& features, double seconds);
   /// The same for a frame, which is kept and not copied: leave it alone until its use_count() is 1
-  /// again. `ahead`, where not null, is used up instead of matching to the reference it names.
+  /// again. `ahead`, where not null, is used up instead of matching to the reference it names; not
+  /// with a search radius, where the frame before must be known first.
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead = nullptr);
 
   /// An empty frame to fill for match() or setFixedReference(). Frames that nobody holds any more

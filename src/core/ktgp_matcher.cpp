@@ -1,8 +1,11 @@
 #include "ktgp_orb/ktgp_matcher.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <utility>
+
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {
@@ -16,11 +19,6 @@ void timeStage(StageResult& stage, const char* name, std::size_t input, Run run)
   stage.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   stage.name = name;
   stage.input = input;
-}
-
-Eigen::Vector2d position(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
-  return {p.x, p.y};
 }
 
 void nameRefinements(const MatcherOptions& options, MatchResult& result) {
@@ -60,6 +58,7 @@ double MatchResult::milliseconds() const {
 
 void MatchResult::clear(const MatcherOptions& options) {
   status = Status::no_reference;
+  search = Search::whole;
   correspondences.clear();
   gms = {};
   prosac.status = Status::no_model;
@@ -83,59 +82,104 @@ MatcherOptions MatcherOptions::robust() {
   return options;
 }
 
-KtgpMatcher::KtgpMatcher(const MatcherOptions& options)
-    : options_(options),
-      knn_(options.knn),
-      gms_(options.gms),
-      prosac_(options.prosac),
-      guided_(options.guided),
-      alignment_(options.alignment) {
+struct KtgpMatcher::Impl {
+  explicit Impl(const MatcherOptions& given)
+      : options(given),
+        knn(given.knn),
+        gms(given.gms),
+        prosac(given.prosac),
+        guided(given.guided),
+        alignment(given.alignment) {}
+
+  std::size_t findNeighbours(const Features& reference, const Features& target,
+                             const MatchHints& hints, MatchResult& result);
+  void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
+  void estimateHomography(const Features& reference, const Features& target,
+                          const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  void refine(const Features& reference, const Features& target, MatchResult& result);
+  void collectFinal(const MatchResult& result);
+  double finalRmse(const Features& reference, const Features& target,
+                   const Eigen::Matrix3d& homography) const;
+
+  MatcherOptions options;
+  KnnMatcher knn;
+  GmsFilter gms;
+  ProsacHomography prosac;
+  PointPairs pairs;
+  GuidedMatcher guided;
+  Alignment alignment;
+  std::vector<Correspondence> matches;  // of level ktgp and above
+};
+
+KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
   std::vector<Correspondence> none;
   filterByRatio(options.ratio_threshold, none);  // refuses a bad T_w now rather than per frame
 }
 
-void KtgpMatcher::match(const Features& reference, const Features& target, MatchResult& result) {
-  match(reference, target, std::nullopt, result);
+KtgpMatcher::~KtgpMatcher() = default;
+KtgpMatcher::KtgpMatcher(KtgpMatcher&&) noexcept = default;
+KtgpMatcher& KtgpMatcher::operator=(KtgpMatcher&&) noexcept = default;
+
+const MatcherOptions& KtgpMatcher::options() const {
+  return impl_->options;
 }
 
-void KtgpMatcher::match(const Features& reference, const Features& target,
-                        const std::optional<Eigen::Matrix3d>& initial, MatchResult& result) {
+void KtgpMatcher::match(const Features& reference, const Features& target, MatchResult& result) {
+  match(reference, target, MatchHints(), result);
+}
+
+void KtgpMatcher::match(const Features& reference, const Features& target, const MatchHints& hints,
+                        MatchResult& result) {
   requireValid(reference, "reference");
   requireValid(target, "target");
   requireSameDescriptor(reference, target);
   result.descriptor = target.descriptor;
+  Impl& impl = *impl_;
+  const MatcherOptions& options = impl.options;
   auto& [knn, tf, gms, prosac] = result.stages;
   auto& correspondences = result.correspondences;
 
-  timeStage(knn, "knn", target.size(), [&] {
-    if (options_.mutual) {
-      knn_.matchMutual(reference.descriptors, target.descriptors, correspondences);
-    } else {
-      knn_.match(reference.descriptors, target.descriptors, correspondences);
-    }
-    return correspondences.size();
-  });
+  timeStage(knn, "knn", target.size(),
+            [&] { return impl.findNeighbours(reference, target, hints, result); });
   timeStage(tf, "tf", knn.output, [&] {
-    return filterByRatio(options_.ratio_threshold, correspondences, options_.mutual);
+    return filterByRatio(options.ratio_threshold, correspondences, options.mutual);
   });
   timeStage(gms, "gms", tf.output, [&] {
-    filterByMotion(reference, target, result);
+    impl.filterByMotion(reference, target, result);
     return result.gms.kept;
   });
   timeStage(prosac, "prosac", gms.output, [&] {
-    estimateHomography(reference, target, initial, result);
+    impl.estimateHomography(reference, target, hints.prediction, result);
     return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
   });
 
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
-  refine(reference, target, result);
+  impl.refine(reference, target, result);
 }
 
-void KtgpMatcher::filterByMotion(const Features& reference, const Features& target,
-                                 MatchResult& result) {
-  if (options_.gms.enabled) {
-    result.gms = gms_.filter(reference, target, result.correspondences);
+/// Returns how many target features have a neighbour.
+std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const Features& target,
+                                              const MatchHints& hints, MatchResult& result) {
+  const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
+  result.search = near ? Search::near : Search::whole;
+  if (hints.same_reference) knn.keepReference();
+  std::vector<Correspondence>& found = result.correspondences;
+  if (near) {
+    knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
+  } else if (options.mutual) {
+    knn.matchMutual(reference.descriptors, target.descriptors, found);
+  } else {
+    knn.match(reference.descriptors, target.descriptors, found);
+  }
+  return static_cast<std::size_t>(std::count_if(
+      found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
+}
+
+void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
+                                       MatchResult& result) {
+  if (options.gms.enabled) {
+    result.gms = gms.filter(reference, target, result.correspondences);
     return;
   }
   result.gms = {};
@@ -146,17 +190,17 @@ void KtgpMatcher::filterByMotion(const Features& reference, const Features& targ
   }
 }
 
-void KtgpMatcher::estimateHomography(const Features& reference, const Features& target,
-                                     const std::optional<Eigen::Matrix3d>& initial,
-                                     MatchResult& result) {
-  pairs_.clear();
+void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,
+                                           const std::optional<Eigen::Matrix3d>& initial,
+                                           MatchResult& result) {
+  pairs.clear();
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-    pairs_.reference.push_back(position(reference, c.reference_index));
-    pairs_.target.push_back(position(target, c.target_index));
-    pairs_.quality.push_back(c.ratio());
+    pairs.reference.push_back(position(reference, c.reference_index));
+    pairs.target.push_back(position(target, c.target_index));
+    pairs.quality.push_back(c.ratio());
   }
-  prosac_.estimate(pairs_, reference.image_size, initial, result.prosac);
+  prosac.estimate(pairs, reference.image_size, initial, result.prosac);
   if (result.prosac.status != Status::ok) return;
   std::size_t i = 0;
   for (Correspondence& c : result.correspondences) {
@@ -164,27 +208,28 @@ void KtgpMatcher::estimateHomography(const Features& reference, const Features& 
   }
 }
 
-void KtgpMatcher::refine(const Features& reference, const Features& target, MatchResult& result) {
+void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
+                               MatchResult& result) {
   clearRefinement(result);
-  nameRefinements(options_, result);
-  auto& [guided, aligned] = result.refinements;
+  nameRefinements(options, result);
+  auto& [guided_stage, align_stage] = result.refinements;
   if (result.status != Status::ok) return;
   result.homography = result.prosac.homography;
   result.covariance = result.prosac.covariance;
   const std::size_t inliers = result.prosac.inliers;
-  if (options_.guided.enabled) {
-    timeStage(guided, "guided", inliers, [&] {
-      guided_.refine(reference, target, result.correspondences, options_.prosac.max_error,
-                     result.homography, result.covariance, result.guided);
+  if (options.guided.enabled) {
+    timeStage(guided_stage, "guided", inliers, [&] {
+      guided.refine(reference, target, result.correspondences, options.prosac.max_error,
+                    result.homography, result.covariance, result.guided);
       return inliers + result.guided.size();
     });
   }
   result.inliers = inliers + result.guided.size();
   collectFinal(result);
-  if (options_.alignment.enabled) {
-    timeStage(aligned, "align", final_.size(), [&] {
-      alignment_.align(reference, target, final_, result.homography, result.covariance,
-                       result.alignment);
+  if (options.alignment.enabled) {
+    timeStage(align_stage, "align", matches.size(), [&] {
+      alignment.align(reference, target, matches, result.homography, result.covariance,
+                      result.alignment);
       return result.alignment.points.size();
     });
     result.homography = result.alignment.homography;
@@ -193,20 +238,20 @@ void KtgpMatcher::refine(const Features& reference, const Features& target, Matc
   result.rmse = finalRmse(reference, target, result.homography);
 }
 
-void KtgpMatcher::collectFinal(const MatchResult& result) {
-  result.surviving(Level::ktgp, final_);
-  final_.insert(final_.end(), result.guided.begin(), result.guided.end());
+void KtgpMatcher::Impl::collectFinal(const MatchResult& result) {
+  result.surviving(Level::ktgp, matches);
+  matches.insert(matches.end(), result.guided.begin(), result.guided.end());
 }
 
-double KtgpMatcher::finalRmse(const Features& reference, const Features& target,
-                              const Eigen::Matrix3d& homography) const {
+double KtgpMatcher::Impl::finalRmse(const Features& reference, const Features& target,
+                                    const Eigen::Matrix3d& homography) const {
   double sum = 0.0;
-  for (const Correspondence& c : final_) {
+  for (const Correspondence& c : matches) {
     const double error = reprojectionError(homography, position(reference, c.reference_index),
                                            position(target, c.target_index));
     sum += error * error;
   }
-  return final_.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(final_.size()));
+  return matches.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(matches.size()));
 }
 
 }  // namespace ktgp_orb

@@ -5,6 +5,8 @@
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/divide.h"
+
 namespace ktgp_orb::demo {
 namespace {
 
@@ -109,7 +111,7 @@ Polygon shifted(const Polygon& polygon, cv::Point2f by) {
 }
 
 void paint(const std::vector<Shape>& shapes, cv::Mat& image) {
-  const int bands = (image.rows + kBandHeight - 1) / kBandHeight;
+  const int bands = ceilDivide(image.rows, kBandHeight);
   std::vector<std::vector<const Shape*>> shapes_of(static_cast<std::size_t>(bands));
   for (const Shape& shape : shapes) {
     if (shape.corners.empty()) continue;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/util/keypoint_position.h"
+
 namespace ktgp_orb::tools {
 namespace {
 
@@ -25,7 +27,7 @@ struct Grid {
 /// The cell of a keypoint in a grid shifted by `shift` half cells; the first column and row of a
 /// shifted grid are not used.
 int cellOf(const Grid& grid, const Features& features, std::int32_t index, const cv::Point& shift) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  const cv::Point2f& p = imagePoint(features, index);
   const float x = p.x / static_cast<float>(features.image_size.width);
   const float y = p.y / static_cast<float>(features.image_size.height);
   const double column = std::floor(x * static_cast<float>(grid.columns) + 0.5 * shift.x);

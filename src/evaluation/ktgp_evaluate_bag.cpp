@@ -34,15 +34,25 @@ void printSequence(const SequenceScore& score) {
   double ratio = 0.0;
   std::vector<double> errors;
   std::vector<double> drift;
+  double inliers = 0.0;
+  std::vector<double> milliseconds;
+  std::size_t near = 0;
+  std::size_t fell_back = 0;
   for (const FrameScore& frame : score.frames) {
+    inliers += static_cast<double>(frame.matches[3]);
+    milliseconds.push_back(frame.milliseconds);
+    if (frame.search == Search::near) ++near;
+    if (frame.search == Search::fell_back) ++fell_back;
     if (frame.status == Status::ok) ++found;
     ratio += frame.inlier_ratio;
     if (frame.corner_error) errors.push_back(*frame.corner_error);
     if (frame.drift) drift.push_back(*frame.drift);
   }
   const auto pairs = static_cast<double>(std::max<std::size_t>(1, score.frames.size() - 1));
-  std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%\n", score.frames.size(),
-              found, 100.0 * ratio / pairs);
+  std::printf("%zu frames, homography for %zu, mean inlier ratio %.1f%%, mean inliers %.1f\n",
+              score.frames.size(), found, 100.0 * ratio / pairs, inliers / pairs);
+  std::printf("median %.2f ms a frame; searched near the prediction: %zu, and fell back: %zu\n",
+              evaluation::median(milliseconds), near, fell_back);
   for (std::size_t k : {2, 5, 10, 30}) {
     if (k > score.survival.size()) break;
     std::printf("tracks that survive %2zu frames: %5.1f%%\n", k, 100.0 * score.survival[k - 1]);

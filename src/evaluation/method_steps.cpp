@@ -5,6 +5,7 @@
 #include <memory>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/keypoint_position.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ratio_filter.h"
 
@@ -42,11 +43,6 @@ double standardisedGrey(const cv::Mat& image, const cv::KeyPoint& keypoint, cons
   const cv::Rect visible = around & cv::Rect({0, 0}, image.size());
   if (visible.empty() || deviation[0] <= 0.0) return 0.0;
   return (cv::mean(image(visible))[0] - mean[0]) / deviation[0];
-}
-
-Eigen::Vector2d position(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
-  return {p.x, p.y};
 }
 
 }  // namespace

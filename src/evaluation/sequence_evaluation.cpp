@@ -37,6 +37,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
     for (std::size_t i = 0; i < 4; ++i) frame.matches[i] = match.match.stages[i].output;
     frame.inlier_ratio = evaluation::retention(frame.matches[3], frame.matches[1]);
     frame.rmse = match.match.rmse;
+    frame.search = match.match.search;
   }
   accumulateDrift(match, truth, frame);
   followTracks(match);

@@ -15,6 +15,7 @@ struct FrameScore {
   Status status = Status::no_reference;
   std::size_t keypoints = 0;
   std::array<std::size_t, 4> matches{};  ///< after knn, tf, gms, prosac
+  Search search = Search::whole;
   double inlier_ratio = 0.0;  ///< final matches over those that passed the ratio filter; 0 of none
   double rmse = 0.0;          ///< of the inliers, px
   double milliseconds = 0.0;  ///< features of this frame and all stages

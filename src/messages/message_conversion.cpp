@@ -3,6 +3,7 @@
 #include <boost/make_shared.hpp>
 #include <cmath>
 
+#include "core/util/keypoint_position.h"
 #include "ktgp_orb/overlay.h"
 
 namespace ktgp_orb {
@@ -38,6 +39,9 @@ static_assert(int(NoReference::encoding_changed) == HomographyStamped::REASON_EN
 static_assert(int(NoReference::not_set) == HomographyStamped::REASON_NOT_SET, "");
 static_assert(int(NoReference::reset) == HomographyStamped::REASON_RESET, "");
 static_assert(int(NoReference::mode_changed) == HomographyStamped::REASON_MODE_CHANGED, "");
+static_assert(int(Search::whole) == MatchStatistics::SEARCH_WHOLE_IMAGE, "");
+static_assert(int(Search::near) == MatchStatistics::SEARCH_NEAR, "");
+static_assert(int(Search::fell_back) == MatchStatistics::SEARCH_FELL_BACK, "");
 static_assert(int(Level::kt) == Correspondences::LEVEL_KT, "");
 static_assert(int(Level::ktg) == Correspondences::LEVEL_KTG, "");
 static_assert(int(Level::ktgp) == Correspondences::LEVEL_KTGP, "");
@@ -47,10 +51,6 @@ static_assert(int(AlignmentStatus::no_images) == MatchStatistics::ALIGNMENT_NO_I
 static_assert(int(AlignmentStatus::too_few_points) == MatchStatistics::ALIGNMENT_TOO_FEW_POINTS,
               "");
 static_assert(int(AlignmentStatus::not_better) == MatchStatistics::ALIGNMENT_NOT_BETTER, "");
-
-const cv::Point2f& position(const Frame& frame, std::int32_t index) {
-  return frame.features.keypoints[static_cast<std::size_t>(index)].pt;
-}
 
 void append(const Correspondence& c, const cv::Point2f& reference, const cv::Point2f& target,
             Correspondences& message) {
@@ -141,10 +141,12 @@ CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const Seque
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
   for (const Correspondence& c : match.match.correspondences) {
     if (c.level < Level::kt) continue;
-    append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
+    append(c, imagePoint(reference.features, c.reference_index),
+           imagePoint(target.features, c.target_index), *message);
   }
   for (const Correspondence& c : guided) {
-    append(c, position(reference, c.reference_index), position(target, c.target_index), *message);
+    append(c, imagePoint(reference.features, c.reference_index),
+           imagePoint(target.features, c.target_index), *message);
   }
   appendAligned(match.match.alignment, *message);
   return message;
@@ -210,6 +212,8 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   message->status = static_cast<std::uint8_t>(match.match.status);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->reference_changed = match.reference_changed;
+  message->search = static_cast<std::uint8_t>(match.match.search);
+  message->fall_backs = match.fall_backs;
   message->descriptor = toString(match.frame->features.descriptor);
   message->target_features = static_cast<std::uint32_t>(match.frame->features.size());
   message->extraction_milliseconds = match.frame->extraction_milliseconds;

@@ -23,6 +23,7 @@ OrbOptions orbOptions(const Parameters& p) {
 MatcherOptions matcherOptions(const Parameters& p) {
   MatcherOptions matcher;
   matcher.knn.threads = p.threads;
+  matcher.knn.search_radius = p.search_radius;
   matcher.ratio_threshold = p.T_w;
   matcher.mutual = p.mutual;
   matcher.gms.enabled = p.gms;

@@ -150,12 +150,13 @@ TEST(KtgpMatcher, TakesAPredictionAndRepeatsItself) {
   matcher.match(frames.reference, frames.target, again);
   EXPECT_EQ(again.prosac.homography, result.prosac.homography);
   EXPECT_EQ(again.prosac.mask, result.prosac.mask);
-  matcher.match(frames.reference, frames.target, frames.truth, again);
+  MatchHints hints;
+  hints.prediction = frames.truth;
+  matcher.match(frames.reference, frames.target, hints, again);
   ASSERT_EQ(again.status, Status::ok);
   EXPECT_LT(test::cornerError(again.prosac.homography, frames.truth, kSize), 1.0);
-  const Eigen::Matrix3d nonsense = Eigen::Matrix3d::Constant(std::nan(""));
-  EXPECT_THROW(matcher.match(frames.reference, frames.target, nonsense, again),
-               std::invalid_argument);
+  hints.prediction = Eigen::Matrix3d::Constant(std::nan(""));
+  EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, again), std::invalid_argument);
 }
 
 TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {

@@ -34,6 +34,7 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   const MatcherOptions core;
   EXPECT_EQ(options.matcher.knn.threads, core.knn.threads);
   EXPECT_EQ(options.matcher.ratio_threshold, core.ratio_threshold);
+  EXPECT_EQ(options.matcher.knn.search_radius, core.knn.search_radius);
   EXPECT_EQ(options.matcher.mutual, core.mutual);
   EXPECT_EQ(options.matcher.gms.enabled, core.gms.enabled);
   EXPECT_EQ(options.matcher.gms.threshold, core.gms.threshold);

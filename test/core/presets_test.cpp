@@ -12,6 +12,7 @@ void expectEqual(const std::string& name, const MatcherOptions& core) {
   Parameters parameters;
   tools::readPreset(name, parameters);
   const MatcherOptions preset = pipelineOptions(parameters).matcher;
+  EXPECT_EQ(preset.knn.search_radius, core.knn.search_radius);
   EXPECT_EQ(preset.mutual, core.mutual);
   EXPECT_EQ(preset.ratio_threshold, core.ratio_threshold);
   EXPECT_EQ(preset.gms.enabled, core.gms.enabled);

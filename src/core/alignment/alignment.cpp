@@ -8,6 +8,7 @@
 #include "core/alignment/spread.h"
 #include "core/homography/checks.h"
 #include "core/homography/refiner.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -18,14 +19,13 @@ constexpr double kLeastScale = 1.0;  // px of the errors: no scene is more of a 
 constexpr double kNear = 3.0;        // px within which a keypoint agrees
 constexpr double kReach = 4.0;       // px that a point may lie off where H puts it
 
-Eigen::Vector2d position(const Features& features, std::int32_t index, const char* frame) {
+Eigen::Vector2d checkedPosition(const Features& features, std::int32_t index, const char* frame) {
   if (index < 0 || static_cast<std::size_t>(index) >= features.size()) {
     throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
                                 std::to_string(index) + "; expected one of 0.." +
                                 std::to_string(features.size()) + " - 1");
   }
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
-  return {p.x, p.y};
+  return position(features, index);
 }
 
 bool hasImages(const Features& features) {
@@ -161,8 +161,8 @@ void Alignment::Impl::choosePoints(const Features& reference, const Features& ta
   reference_points.clear();
   target_points.clear();
   for (const Correspondence& match : matches) {
-    reference_points.push_back(position(reference, match.reference_index, "reference"));
-    target_points.push_back(position(target, match.target_index, "target"));
+    reference_points.push_back(checkedPosition(reference, match.reference_index, "reference"));
+    target_points.push_back(checkedPosition(target, match.target_index, "target"));
   }
   spread.choose(reference_points, reference.image_size, static_cast<std::size_t>(options.points),
                 chosen);

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/util/keypoint_position.h"
+
 namespace ktgp_orb::evaluation {
 namespace {
 
@@ -31,11 +33,6 @@ class Accumulator {
   double sum_ = 0.0;
   double sum_of_squares_ = 0.0;
 };
-
-Eigen::Vector2d position(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
-  return {p.x, p.y};
-}
 
 double share(std::size_t part, std::size_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;

@@ -9,6 +9,7 @@
 
 #include "core/gms/cell_pairs.h"
 #include "core/gms/grid.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -46,7 +47,7 @@ bool isIndexOf(const Features& features, std::int32_t index) {
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
 /// authors' program: the cell of a keypoint on the line between two depends on the rounding.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
+  const cv::Point2f& p = imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }

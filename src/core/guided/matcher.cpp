@@ -3,9 +3,10 @@
 #include <cstdint>
 #include <cstring>
 
-#include "core/guided/cell_grid.h"
 #include "core/homography/checks.h"
 #include "core/homography/refiner.h"
+#include "core/util/cell_grid.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -52,11 +53,6 @@ struct Nearest {
     }
   }
 };
-
-Eigen::Vector2d position(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = features.keypoints[static_cast<std::size_t>(index)].pt;
-  return {p.x, p.y};
-}
 
 }  // namespace
 
@@ -116,7 +112,9 @@ void GuidedMatcher::Impl::findNearest(const Features& reference, const Features&
   of_reference.assign(reference.size(), Nearest());
   of_target.assign(target.size(), Nearest());
   if (target.empty()) return;
-  grid.build(target.keypoints, target.image_size, options.radius);
+  grid.build(
+      target.size(), [&](std::size_t i) { return target.keypoints[i].pt; }, target.image_size,
+      options.radius);
   constexpr double kFar = 1e6;  // px
   for (std::size_t i = 0; i < reference.size(); ++i) {
     const Eigen::Vector2d x = position(reference, static_cast<std::int32_t>(i));

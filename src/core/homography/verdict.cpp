@@ -8,6 +8,7 @@
 
 #include "core/homography/estimator.h"
 #include "core/util/constants.h"
+#include "core/util/divide.h"
 
 namespace ktgp_orb {
 namespace {
@@ -23,7 +24,7 @@ Fences fencesOf(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis) {
   constexpr std::size_t kEnough = 32;
   constexpr double kFarOut = 3.0;  // interquartile ranges
   std::array<double, kEnough> sample{};
-  const std::size_t stride = (points.size() + kEnough - 1) / kEnough;
+  const std::size_t stride = ceilDivide(points.size(), kEnough);
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); i += stride) sample[count++] = points[i][axis];
   if (count == 0) return {};

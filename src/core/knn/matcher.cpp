@@ -1,13 +1,51 @@
+#include <optional>
+#include <stdexcept>
+#include <utility>
+
+#include "core/knn/near_search.h"
+#include "core/knn/search.h"
+#include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
-#include "core/knn/search.h"
-
 namespace ktgp_orb {
+namespace {
+
+const KnnOptions& valid(const KnnOptions& options) {
+  requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
+  return options;
+}
+
+}  // namespace
 
 struct KnnMatcher::Impl {
-  explicit Impl(const KnnOptions& given) : options(given), search(bestKnnKernel(), given.threads) {}
+  explicit Impl(const KnnOptions& given)
+      : options(valid(given)), search(bestKnnKernel(), given.threads) {
+    if (options.search_radius > 0.0) {
+      near.emplace(bestNearKernel(), options.search_radius, search.pool());
+    }
+  }
+
+  /// Each search has a layout of its own, which is that of the last reference or none.
+  void beginWhole() {
+    if (std::exchange(keep_reference, false)) {
+      search.keepReference();
+    } else if (near) {
+      near->forgetReference();
+    }
+  }
+
+  void beginNear() {
+    if (std::exchange(keep_reference, false)) {
+      near->keepReference();
+    } else {
+      search.forgetReference();
+    }
+  }
+
   const KnnOptions options;
   KnnSearch search;
+  std::optional<NearSearch> near;  // where there is a radius
+  bool keep_reference = false;
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
@@ -22,12 +60,32 @@ const KnnOptions& KnnMatcher::options() const {
 
 void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
                        std::vector<Correspondence>& correspondences) {
+  impl_->beginWhole();
   impl_->search.match(reference, target, correspondences);
 }
 
 void KnnMatcher::matchMutual(const cv::Mat& reference, const cv::Mat& target,
                              std::vector<Correspondence>& correspondences) {
+  impl_->beginWhole();
   impl_->search.matchMutual(reference, target, correspondences);
+}
+
+void KnnMatcher::matchNear(const Features& reference, const Features& target,
+                           const Eigen::Matrix3d& prediction, bool mutual,
+                           std::vector<Correspondence>& correspondences) {
+  requireValid(reference, "reference");
+  requireValid(target, "target");
+  if (!impl_->near) {
+    throw std::invalid_argument(
+        "search_radius is 0; expected a radius above 0 px for a search "
+        "near the predicted places");
+  }
+  impl_->beginNear();
+  impl_->near->match(reference, target, prediction, mutual, correspondences);
+}
+
+void KnnMatcher::keepReference() {
+  impl_->keep_reference = true;
 }
 
 }  // namespace ktgp_orb

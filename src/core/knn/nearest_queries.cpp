@@ -4,12 +4,13 @@
 #include <cstddef>
 
 #include "core/knn/kernel.h"
+#include "core/util/divide.h"
 
 namespace ktgp_orb {
 
 void NearestQueries::reset(int candidates) {
   const auto count = static_cast<std::size_t>(candidates);
-  keys_.resize((count * sizeof(std::int16_t) + sizeof(CacheLine) - 1) / sizeof(CacheLine));
+  keys_.resize(ceilDivide(count * sizeof(std::int16_t), sizeof(CacheLine)));
   std::fill_n(keys(), count, kNoKey);
   distance_.assign(count, kNoKey >> kKeyNumberBits);
   query_.assign(count, -1);

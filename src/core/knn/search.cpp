@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <utility>
 
+#include "core/util/divide.h"
 #include "ktgp_orb/features.h"
 
 namespace ktgp_orb {
@@ -15,10 +17,6 @@ constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 
 constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above any distance
-
-int ceilDivide(int a, int b) {
-  return (a + b - 1) / b;
-}
 
 std::ptrdiff_t groupBytes(const KnnKernel& kernel) {
   return std::ptrdiff_t{kRowsPerGroup} * 2 * kernel.lanes;
@@ -105,8 +103,10 @@ bool KnnSearch::prepare(const cv::Mat& reference, const cv::Mat& target,
   requireDescriptors(reference, "reference");
   requireDescriptors(target, "target");
   correspondences.clear();
+  const bool kept = std::exchange(keep_reference_, false) && candidates_ == reference.rows;
+  if (!kept) candidates_ = 0;
   if (reference.empty() || target.empty()) return false;
-  layOut(reference);
+  if (!kept) layOut(reference);
   correspondences.resize(static_cast<std::size_t>(target.rows));
   return true;
 }
@@ -116,7 +116,7 @@ void KnnSearch::layOut(const cv::Mat& reference) {
   candidates_ = reference.rows;
   group_count_ = ceilDivide(candidates_, 2 * kernel_.lanes);
   const auto bytes = static_cast<std::size_t>(group_count_ * group_bytes);
-  groups_.resize((bytes + sizeof(CacheLine) - 1) / sizeof(CacheLine));
+  groups_.resize(ceilDivide(bytes, sizeof(CacheLine)));
   std::uint8_t* groups = groups_.front().bytes;
   for (int h = 0; h < 2 * group_count_; ++h) {
     layOutHalfGroup(reference, kernel_.lanes, h, groups + h / 2 * group_bytes);

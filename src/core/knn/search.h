@@ -25,6 +25,12 @@ class KnnSearch {
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
+  /// See KnnMatcher::keepReference.
+  void keepReference() { keep_reference_ = true; }
+  void forgetReference() { candidates_ = 0; }
+
+  ThreadPool& pool() { return pool_; }
+
  private:
   /// Makes room and lays out the reference; false where there is nothing to search.
   bool prepare(const cv::Mat& reference, const cv::Mat& target,
@@ -36,6 +42,7 @@ class KnnSearch {
 
   KnnKernel kernel_;
   ThreadPool pool_;
+  bool keep_reference_ = false;
   int candidates_ = 0;  // reference descriptors
   int group_count_ = 0;
   std::vector<CacheLine> groups_;                // the reference as described in kernel.h

@@ -1,5 +1,7 @@
 #include "core/orb/blur.h"
 
+#include "core/util/divide.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -12,7 +14,7 @@ void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernel
               BlurScratch& scratch, cv::Mat& blurred) {
   const int columns = image.cols - 2 * kBlurMargin;
   // Rows start on cache lines, 16 values each: loads that straddle two take twice as long.
-  const int pitch = (columns + kVectorSlack + 15) / 16 * 16;
+  const int pitch = ceilDivide(columns + kVectorSlack, 16) * 16;
   if (scratch.cols < pitch) scratch.create(kRows, pitch, CV_32F);
   const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
   for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {

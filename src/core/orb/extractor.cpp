@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <tuple>
 
+#include "core/orb/kernels.h"
 #include "core/orb/pipeline.h"
 #include "core/orb/pyramid.h"
 #include "core/orb/teblid_describer.h"
@@ -14,8 +15,6 @@
 
 namespace ktgp_orb {
 namespace {
-
-constexpr int kPatchSize = 31;  // side of the descriptor patch in px; also the border left unused
 
 void requireValid(const OrbOptions& options) {
   requireInRange("max_features", options.max_features, 1, 1000000);
@@ -64,7 +63,7 @@ int levelsWithPixels(const cv::Size& image, const OrbOptions& options) {
 
 cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
   return cv::ORB::create(options.max_features, static_cast<float>(options.scale_factor),
-                         options.levels, kPatchSize, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize,
+                         options.levels, kEdgeMargin, 0, 2, cv::ORB::HARRIS_SCORE, kPatchSize,
                          options.fast_threshold);
 }
 
@@ -150,7 +149,7 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
   // No level has room for a patch.
-  if (std::min(image.cols, image.rows) < 2 * kPatchSize + 1) {
+  if (std::min(image.cols, image.rows) < 2 * kEdgeMargin + 1) {
     features.descriptors.release();
     features.images.clear();
     return;

@@ -7,12 +7,14 @@ namespace ktgp_orb {
 
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
+/// Side of a keypoint's patch on its pyramid level, in px: the size of keypoints on the lowest.
+constexpr int kPatchSize = 2 * kOrientationRadius + 1;
 /// Radius of the blur before the descriptor, in px.
 constexpr int kBlurRadius = 3;
 /// Largest offset, along x or y, of a pixel that the rotated sampling pattern reads, in px.
 constexpr int kPatternRadius = 18;
 /// Keypoints stay this far from the border of their pyramid level, in px.
-constexpr int kEdgeMargin = 31;
+constexpr int kEdgeMargin = kPatchSize;
 
 /// First-order moments of the intensities around a keypoint (Rosin, 1999): sums of x*I and y*I.
 struct Moments {

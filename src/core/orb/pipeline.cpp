@@ -4,18 +4,16 @@
 #include <cmath>
 #include <opencv2/features2d.hpp>
 
+#include "core/util/constants.h"
+#include "core/util/divide.h"
+
 namespace ktgp_orb {
 namespace {
 
-constexpr float kPatchSize = 31.f;
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
 constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
 constexpr int kKeypointsPerTask = 64;
 constexpr int kThresholdRatio = 2;  // full FAST threshold / that of poor cells
-
-int divideUp(int a, int b) {
-  return (a + b - 1) / b;
-}
 
 // What a corner must reach in parts of the image that have too few at the full threshold.
 int weakThreshold(int fast_threshold) {
@@ -69,7 +67,7 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   options_.distribution == KeypointDistribution::uniform ? chooseUniform() : chooseRanked();
   gather(features);
   const auto count = static_cast<int>(features.size());
-  pool_.parallelFor(divideUp(count, kKeypointsPerTask), [&](int task) {
+  pool_.parallelFor(ceilDivide(count, kKeypointsPerTask), [&](int task) {
     const int begin = task * kKeypointsPerTask;
     const int end = std::min(count, begin + kKeypointsPerTask);
     for (int i = begin; i < end; ++i) orientAndDescribe(i, features);
@@ -84,7 +82,7 @@ void OrbPipeline::cutIntoBands() {
   for (int level = 0; level < pyramid_.used(); ++level) {
     const cv::Size size = pyramid_.levels()[level].size;
     const int rows = size.height - 2 * kBlurMargin;
-    const int count = pool_.threads() == 1 ? 1 : divideUp(rows, kBandRows);
+    const int count = pool_.threads() == 1 ? 1 : ceilDivide(rows, kBandRows);
     levels_[level].first_band = static_cast<int>(used);
     for (int i = 0; i < count; ++i, ++used) {
       if (bands_.size() == used) bands_.emplace_back();
@@ -170,7 +168,7 @@ void OrbPipeline::orientAndDescribe(int index, Features& features) {
     return;
   }
   const cv::Mat& blurred = levels_[keypoint.octave].blurred;
-  const float angle = keypoint.angle * static_cast<float>(CV_PI / 180.);
+  const float angle = keypoint.angle * static_cast<float>(kPi / 180.);
   kernels_.describe(pixelAt(blurred, keypoint.pt), static_cast<std::ptrdiff_t>(blurred.step),
                     std::cos(angle), std::sin(angle), features.descriptors.ptr(index));
   keypoint.pt *= level.scale;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/util/divide.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -28,7 +30,7 @@ Tap tapAt(int i, int source, int target) {
 
 ResizeAxis::ResizeAxis(int source_length, int target_length)
     : source(source_length), target(target_length), narrow(source_length >= kReach) {
-  blocks.resize((target + kResizeBlock - 1) / kResizeBlock);
+  blocks.resize(static_cast<std::size_t>(ceilDivide(target, kResizeBlock)));
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     ResizeBlock& block = blocks[b];
     const int begin = static_cast<int>(b) * kResizeBlock;

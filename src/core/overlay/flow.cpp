@@ -8,6 +8,7 @@
 #include "core/overlay/canvas.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {
@@ -28,7 +29,7 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
               cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
     if (c.level != level) continue;
-    const cv::Point2f& at = target.features.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+    const cv::Point2f& at = imagePoint(target.features, c.target_index);
     cv::circle(canvas, subpixel(at), radius << kFractionBits, lookOf(level).colour, cv::FILLED,
                cv::LINE_AA, kFractionBits);
   }
@@ -39,10 +40,8 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktgp) continue;
-    const auto r = static_cast<std::size_t>(c.reference_index);
-    const auto t = static_cast<std::size_t>(c.target_index);
-    const cv::Point from = subpixel(reference.features.keypoints[r].pt);
-    const cv::Point to = subpixel(target.features.keypoints[t].pt);
+    const cv::Point from = subpixel(imagePoint(reference.features, c.reference_index));
+    const cv::Point to = subpixel(imagePoint(target.features, c.target_index));
     cv::line(canvas, from, to, lookOf(c.level).colour, stroke, cv::LINE_AA, kFractionBits);
     cv::circle(canvas, to, stroke << kFractionBits, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA,
                kFractionBits);

@@ -5,6 +5,7 @@
 #include "core/overlay/canvas.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {
@@ -24,15 +25,17 @@ void drawMatches(const FrameView& reference, const FrameView& target, const Matc
   const int stroke = Typeface(canvas.size()).stroke();
   const cv::Point2f offset(static_cast<float>(reference.image.cols), 0.F);
   const auto from = [&](const Correspondence& c) {
-    return reference.features.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
+    return imagePoint(reference.features, c.reference_index);
   };
   const auto to = [&](const Correspondence& c) {
-    return target.features.keypoints[static_cast<std::size_t>(c.target_index)].pt + offset;
+    return imagePoint(target.features, c.target_index) + offset;
   };
   const auto dots = [&](const Correspondence& c) {
-    for (const cv::Point2f& p : {from(c), to(c)}) {
+    const auto dot = [&](const cv::Point2f& p) {
       cv::circle(canvas, p, stroke, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA);
-    }
+    };
+    if (c.reference_index >= 0) dot(from(c));
+    dot(to(c));
   };
 
   const std::size_t count = countAtLeast(result.correspondences, level);

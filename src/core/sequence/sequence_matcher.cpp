@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/sequence/frame_pool.h"
+#include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
 
 namespace ktgp_orb {
@@ -57,9 +58,10 @@ struct SequenceMatcher::Impl {
   }
 
   void setOptions(const SequenceOptions& as_given);
-  void findFeatures(Frame& frame);
-  void matchTo(Frame& reference, const Frame& target, MatchResult& result);
-  double matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
+  bool findFeatures(Frame& frame);
+  void matchTo(const FramePtr& reference, const Frame& target, MatchResult& result);
+  void fallBack(const Frame& reference, const Frame& target, MatchResult& result);
+  void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead);
   void forgetAnswer();
 
@@ -67,9 +69,13 @@ struct SequenceMatcher::Impl {
   OrbExtractor extractor;
   KtgpMatcher matcher;
   ReferenceKeeper keeper;
+  MotionPredictor predictor;
   FramePool pool;
+  FramePtr laid_out;  // the reference of the matcher's last call
   SequenceMatch answer;
   MatchResult other_result;
+  MatchResult whole_result;
+  double lost_milliseconds = 0.0;  // of matches that are not the answer
   bool fix_next_frame = false;
   bool had_reference = false;  // and the answer that named it is forgotten
 };
@@ -82,37 +88,69 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   KtgpMatcher new_matcher(wanted.matcher);
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
+  laid_out.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
 
-// Features found before the extractor's options changed would mix two configurations.
-void SequenceMatcher::Impl::findFeatures(Frame& frame) {
-  if (!frame.image.empty() && frame.orb != options.orb) extractFeatures(extractor, frame);
+// Features found before the extractor's options changed would mix two configurations. Returns
+// whether they are new.
+bool SequenceMatcher::Impl::findFeatures(Frame& frame) {
+  if (frame.image.empty() || frame.orb == options.orb) return false;
+  extractFeatures(extractor, frame);
+  return true;
 }
 
-void SequenceMatcher::Impl::matchTo(Frame& reference, const Frame& target, MatchResult& result) {
-  findFeatures(reference);
-  matcher.match(reference.features, target.features, result);
+void SequenceMatcher::Impl::matchTo(const FramePtr& reference, const Frame& target,
+                                    MatchResult& result) {
+  MatchHints hints;
+  const bool changed = findFeatures(*reference);
+  hints.same_reference = !changed && reference == laid_out;
+  laid_out.reset();
+  const bool near = options.matcher.knn.search_radius > 0.0;
+  if (near) hints.prediction = predictor.predict(*reference, target);
+  matcher.match(reference->features, target.features, hints, result);
+  laid_out = reference;
+  if (result.search == Search::near && predictor.isPoor(result)) {
+    fallBack(*reference, target, result);
+  }
+}
+
+/// Matches once more, as if there were no search radius; `result` becomes the better of the two.
+void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
+                                     MatchResult& result) {
+  MatchHints hints;
+  hints.whole_image = true;
+  hints.same_reference = true;
+  matcher.match(reference.features, target.features, hints, whole_result);
+  ++answer.fall_backs;
+  const bool keep = result.status == Status::ok &&
+                    (whole_result.status != Status::ok || whole_result.inliers < result.inliers);
+  if (!keep) {
+    std::swap(result, whole_result);
+    result.search = Search::fell_back;
+  }
+  lost_milliseconds += whole_result.milliseconds();
 }
 
 /// Matches to `reference` or, where that is a weak keyframe, to the frame before, which `reference`
-/// then becomes. Returns the milliseconds spent on a match that is not the answer.
-double SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
-                                          MatchAhead* ahead) {
-  if (ahead != nullptr && ahead->reference == reference) {
+/// then becomes.
+void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
+                                        MatchAhead* ahead) {
+  const bool alone = options.matcher.knn.search_radius == 0.0;  // needs no frame before it
+  if (alone && ahead != nullptr && ahead->reference == reference) {
     std::swap(answer.match, ahead->result);
   } else {
-    matchTo(*reference, frame, answer.match);
+    matchTo(reference, frame, answer.match);
   }
   const FramePtr before = keeper.secondChoice(frame, answer.match);
-  if (!before) return 0.0;
-  matchTo(*before, frame, other_result);
+  if (!before) return;
+  matchTo(before, frame, other_result);
   if (other_result.status == Status::ok) {
     std::swap(answer.match, other_result);
     reference = before;
   }
-  return other_result.milliseconds();
+  lost_milliseconds += other_result.milliseconds();
 }
 
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAhead* ahead) {
@@ -120,10 +158,13 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
-  double lost_milliseconds = 0.0;
+  lost_milliseconds = 0.0;
   if (reference) {
-    lost_milliseconds = matchToBest(*frame, reference, ahead);
+    matchToBest(*frame, reference, ahead);
+    predictor.advance(*frame, *reference, answer.match);
   } else {
+    predictor.restartAt(*frame);
+    laid_out.reset();
     answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
@@ -147,6 +188,8 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.frame.reset();
   answer.reference.reset();
   answer.accumulated.reset();
+  predictor.forget();
+  laid_out.reset();
   pool.releaseImages();
 }
 

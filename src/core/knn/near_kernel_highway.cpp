@@ -1,0 +1,125 @@
+// The search by place with Highway: compiled for every instruction set, chosen at run time.
+#include "core/knn/near_kernel.h"
+#include "core/util/highway_targets.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/knn/near_kernel_highway.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+#include <hwy/highway.h>
+
+#include <cstring>
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb {
+namespace HWY_NAMESPACE {
+#if KTGP_ORB_HAS_VECTORS
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+const hn::CappedTag<std::int32_t, kMaxNearLanes> kKeys;
+const hn::Repartition<std::uint32_t, decltype(kKeys)> kWords;
+const hn::Repartition<std::uint8_t, decltype(kKeys)> kBytes;
+const hn::Repartition<float, decltype(kKeys)> kFloats;
+using Keys = hn::Vec<decltype(kKeys)>;
+using Words = hn::Vec<decltype(kWords)>;
+
+constexpr std::uint32_t kLanes =
+    HWY_LANES(std::int32_t) < kMaxNearLanes ? HWY_LANES(std::int32_t) : kMaxNearLanes;
+
+/// Distances between the query and the candidates from `words` on.
+HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
+                           const std::uint32_t* HWY_RESTRICT words, std::ptrdiff_t stride) {
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // has an instruction for the bits of a word
+  Words sum = hn::Zero(kWords);
+  for (int w = 0; w < kDescriptorWords; ++w) {
+    const Words row = hn::LoadU(kWords, words + w * stride);
+    sum = hn::Add(sum, hn::PopulationCount(hn::Xor(row, query[w])));
+  }
+  return sum;
+#else
+  auto bytes = hn::Zero(kBytes);  // each holds eight times eight
+  for (int w = 0; w < kDescriptorWords; ++w) {
+    const Words row = hn::LoadU(kWords, words + w * stride);
+    bytes = hn::Add(bytes, hn::PopulationCount(hn::BitCast(kBytes, hn::Xor(row, query[w]))));
+  }
+  const Words sums = hn::BitCast(kWords, bytes);
+  const Words low_bytes = hn::Set(kWords, 0x00ff00ffU);
+  const Words pairs =
+      hn::Add(hn::And(sums, low_bytes), hn::And(hn::ShiftRight<8>(sums), low_bytes));
+  return hn::Add(hn::And(pairs, hn::Set(kWords, 0xffffU)), hn::ShiftRight<16>(pairs));
+#endif
+}
+
+/// The smallest of `best` and, without it, the smallest of both.
+HWY_INLINE NearKeys reduce(Keys best, Keys second) {
+  const Keys smallest = hn::MinOfLanes(kKeys, best);
+  // Keys are different but for those of no candidate, whose second is no candidate either.
+  const Keys others = hn::IfThenElse(hn::Eq(best, smallest), second, best);
+  return {hn::GetLane(smallest), hn::GetLane(hn::MinOfLanes(kKeys, others))};
+}
+
+template <bool kBothWays>
+NearKeys search(const NearCandidates& candidates, const NearQuery& query,
+                [[maybe_unused]] std::int32_t* HWY_RESTRICT nearest_queries) {
+  std::uint32_t words[kDescriptorWords];
+  std::memcpy(words, query.descriptor, kDescriptorBytes);
+  Words spread[kDescriptorWords];
+  for (int w = 0; w < kDescriptorWords; ++w) spread[w] = hn::Set(kWords, words[w]);
+  const auto x = hn::Set(kFloats, query.x);
+  const auto y = hn::Set(kFloats, query.y);
+  const auto squared_radius = hn::Set(kFloats, query.squared_radius);
+  const Keys none = hn::Set(kKeys, kNoNearKey);
+  Keys best = none;
+  Keys second = none;
+  for (const NearRun* run = query.runs; run != query.runs + query.run_count; ++run) {
+    for (std::uint32_t i = run->begin; i < run->end; i += kLanes) {
+      const Keys distance =
+          hn::BitCast(kKeys, hn::ShiftLeft<kNearIndexBits>(
+                                 distances(spread, candidates.words + i, candidates.stride)));
+      const auto dx = hn::Sub(hn::LoadU(kFloats, candidates.x + i), x);
+      const auto dy = hn::Sub(hn::LoadU(kFloats, candidates.y + i), y);
+      const auto near = hn::Le(hn::Add(hn::Mul(dx, dx), hn::Mul(dy, dy)), squared_radius);
+      const auto inside = hn::And(hn::RebindMask(kKeys, near), hn::FirstN(kKeys, run->end - i));
+      const Keys key =
+          hn::IfThenElse(inside, hn::Or(distance, hn::LoadU(kKeys, candidates.index + i)), none);
+      second = hn::Min(second, hn::Max(best, key));
+      best = hn::Min(best, key);
+      if constexpr (kBothWays) {
+        const Keys reverse =
+            hn::IfThenElse(inside, hn::Or(distance, hn::Set(kKeys, query.number)), none);
+        const Keys nearest = hn::LoadU(kKeys, nearest_queries + i);
+        hn::StoreU(hn::Min(nearest, reverse), kKeys, nearest_queries + i);
+      }
+    }
+  }
+  return reduce(best, second);
+}
+
+}  // namespace
+#endif
+
+const NearKernel* nearKernel() {
+#if KTGP_ORB_HAS_VECTORS
+  static const NearKernel kKernel{hwy::TargetName(HWY_TARGET), search<false>, search<true>};
+  return &kKernel;
+#else
+  return &portableNearKernel();
+#endif
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ktgp_orb {
+
+HWY_EXPORT(nearKernel);
+
+const NearKernel& bestNearKernel() {
+  return *HWY_DYNAMIC_DISPATCH(nearKernel)();
+}
+
+}  // namespace ktgp_orb
+#endif

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "core/knn/near_kernel.h"
+#include "core/util/cell_grid.h"
+#include "core/util/thread_pool.h"
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+
+/// The search of KnnMatcher::matchNear with a kernel of choice, so that tests and benchmarks can
+/// try each. Reference and target are sorted into cells, so that the candidates of a query lie in
+/// few runs, and are still in the cache from the query before.
+class NearSearch {
+ public:
+  /// `radius`: px, > 0. `pool` must outlive this.
+  NearSearch(const NearKernel& kernel, double radius, ThreadPool& pool);
+
+  /// See KnnMatcher::matchNear.
+  void match(const Features& reference, const Features& target, const Eigen::Matrix3d& prediction,
+             bool mutual, std::vector<Correspondence>& correspondences);
+
+  /// See KnnMatcher::keepReference.
+  void keepReference() { keep_reference_ = true; }
+  void forgetReference() { count_ = 0; }
+
+ private:
+  void layOut(const Features& reference);
+  void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
+  void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
+                   Correspondence* correspondences) const;
+  Correspondence search(const std::uint8_t* descriptor, std::int32_t number,
+                        std::int32_t* nearest_queries) const;
+  void markMutual(std::vector<Correspondence>& correspondences);
+  NearCandidates candidates() const;
+
+  NearKernel kernel_;
+  double radius_;
+  ThreadPool& pool_;
+  bool keep_reference_ = false;
+  // The reference.
+  std::size_t count_ = 0;
+  CellGrid cells_;
+  std::size_t stride_ = 0;
+  std::vector<std::uint32_t> words_;
+  std::vector<float> x_;
+  std::vector<float> y_;
+  std::vector<std::int32_t> position_;  // in cells_.order(), of each keypoint
+  std::vector<std::int32_t> index_;     // cells_.order(), and room to read beyond
+  // The target.
+  CellGrid query_cells_;
+  std::vector<cv::Point2f> places_;  // where each keypoint is predicted to come from
+  std::vector<std::vector<std::int32_t>>
+      nearest_queries_;  // of each candidate, one for each thread
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,71 @@
+#include "core/sequence/motion_predictor.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kKeptShare = 0.5;  // of the last frame's inliers, that a frame should find again
+
+double nanoseconds(std::int64_t from, std::int64_t to) {
+  return static_cast<double>(to) - static_cast<double>(from);
+}
+
+/// `motion` of one duration, continued for `ratio` of that: to first order, which is what there is
+/// between frames.
+Eigen::Matrix3d carriedOn(const Eigen::Matrix3d& motion, double ratio) {
+  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d carried = identity + ratio * (motion / motion(2, 2) - identity);
+  // A view that turns over or shrinks to nothing is no continuation of what was seen.
+  const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
+  return usable ? carried : identity;
+}
+
+}  // namespace
+
+std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
+                                                        const Frame& next) const {
+  const std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
+  if (!last || !motion_) return last;
+  constexpr double kLongest = 3.0;  // of what was seen for one interval no more is known
+  const double interval = nanoseconds(stamp_, next.stamp);
+  const double ratio = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
+  return carriedOn(*motion_, std::clamp(ratio, 0.0, kLongest)) * *last;
+}
+
+std::optional<Eigen::Matrix3d> MotionPredictor::lastSeenFrom(const Frame& reference) const {
+  if (&reference == last_) return Eigen::Matrix3d::Identity();
+  if (&reference == reference_) return from_reference_;
+  return std::nullopt;
+}
+
+bool MotionPredictor::isPoor(const MatchResult& result) const {
+  return result.status != Status::ok ||
+         static_cast<double>(result.inliers) < kKeptShare * static_cast<double>(inliers_);
+}
+
+void MotionPredictor::advance(const Frame& frame, const Frame& reference,
+                              const MatchResult& result) {
+  if (result.status != Status::ok) {
+    restartAt(frame);
+    return;
+  }
+  const std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
+  motion_.reset();
+  if (last) motion_ = result.homography * last->inverse();
+  duration_ = frame.stamp - stamp_;
+  last_ = &frame;
+  reference_ = &reference;
+  stamp_ = frame.stamp;
+  from_reference_ = result.homography;
+  inliers_ = result.inliers;
+}
+
+void MotionPredictor::restartAt(const Frame& frame) {
+  forget();
+  last_ = &frame;
+  stamp_ = frame.stamp;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,73 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+namespace ktgp_orb {
+
+/// Points sorted into square cells, so that those near a place are found without looking at all.
+/// Points outside the image, those that are not finite too, belong to the nearest cell. Keeps its
+/// buffers.
+class CellGrid {
+ public:
+  /// `point(i)`: the place of point i of `count`, px. `side`: of a cell, px, > 0; larger where that
+  /// would make a great many cells.
+  template <typename Point>
+  void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
+    divide(image, side);
+    cell_.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      const cv::Point2f p = point(i);
+      cell_[i] = static_cast<std::uint32_t>(row(p.y) * columns_ + column(p.x));
+    }
+    sort();
+  }
+
+  /// The points cell by cell, row by row of cells; those of one cell in ascending order.
+  const std::vector<std::int32_t>& order() const { return order_; }
+
+  /// The cells that the square of half side `radius` around (x, y) meets lie together row by row:
+  /// calls visit(begin, end) for each such run of order().
+  template <typename Visit>
+  void visitRuns(double x, double y, double radius, Visit visit) const {
+    const int left = column(x - radius);
+    const int right = column(x + radius);
+    const int last = row(y + radius);
+    for (int r = row(y - radius); r <= last; ++r) {
+      const auto first = static_cast<std::size_t>(r * columns_ + left);
+      const auto end = static_cast<std::size_t>(r * columns_ + right) + 1;
+      visit(start_[first], start_[end]);
+    }
+  }
+
+  /// Calls visit(index) for every point of these cells.
+  template <typename Visit>
+  void visitNear(double x, double y, double radius, Visit visit) const {
+    visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t i = begin; i < end; ++i) visit(order_[i]);
+    });
+  }
+
+ private:
+  void divide(const cv::Size& image, double side);
+  void sort();
+  int column(double x) const { return clamped(x, columns_); }
+  int row(double y) const { return clamped(y, rows_); }
+  int clamped(double x, int count) const {
+    const double cell = x * per_side_;
+    // Written so that NaN has a cell.
+    return cell >= 1.0 ? static_cast<int>(std::min(cell, count - 1.0)) : 0;
+  }
+
+  double per_side_ = 1.0;
+  int columns_ = 1;
+  int rows_ = 1;
+  std::vector<std::uint32_t> start_;  // of each cell in order_, and its end
+  std::vector<std::int32_t> order_;
+  std::vector<std::uint32_t> cell_;  // of each point
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+
+/// Where keypoint `index` is, px; it must exist. For drawing and messages as OpenCV has it.
+inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
+  return features.keypoints[static_cast<std::size_t>(index)].pt;
+}
+
+/// The same for mathematics.
+inline Eigen::Vector2d position(const Features& features, std::int32_t index) {
+  const cv::Point2f& p = imagePoint(features, index);
+  return {p.x, p.y};
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,357 @@
+// The search near predicted places against its definition, one pair after the other.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <bitset>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <random>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "allocation_counter.h"
+#include "core/knn/near_search.h"
+#include "instruction_sets.h"
+#include "ktgp_orb/knn_matcher.h"
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+
+Features makeFeatures(int count, std::uint32_t seed, const cv::Size& size = kSize) {
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> x(0.F, static_cast<float>(size.width));
+  std::uniform_real_distribution<float> y(0.F, static_cast<float>(size.height));
+  Features features;
+  features.image_size = size;
+  features.descriptors.create(count, kDescriptorBytes, CV_8U);
+  for (int i = 0; i < count; ++i) {
+    features.keypoints.emplace_back(x(random), y(random), 31.F);
+    for (int b = 0; b < kDescriptorBytes; ++b) {
+      features.descriptors.at<std::uint8_t>(i, b) = static_cast<std::uint8_t>(random());
+    }
+  }
+  return features;
+}
+
+Eigen::Matrix3d turnAndShift() {
+  Eigen::Matrix3d h;
+  h << 1.02, -0.08, 12.0, 0.07, 0.99, -9.0, 2e-5, -3e-5, 1.0;
+  return h;
+}
+
+std::int32_t hamming(const cv::Mat& a, int row_a, const cv::Mat& b, int row_b) {
+  std::int32_t distance = 0;
+  for (int i = 0; i < kDescriptorBytes; ++i) {
+    distance += static_cast<std::int32_t>(
+        std::bitset<8>(a.at<std::uint8_t>(row_a, i) ^ b.at<std::uint8_t>(row_b, i)).count());
+  }
+  return distance;
+}
+
+/// Which reference keypoints a target keypoint may be matched to, as KnnMatcher::matchNear has it.
+std::vector<std::vector<bool>> maskOf(const Features& reference, const Features& target,
+                                      const Eigen::Matrix3d& prediction, double radius) {
+  Eigen::Matrix3d h = prediction.inverse();
+  if (h(2, 2) < 0.0) h = -h;  // the image is in front of the camera
+  const auto squared_radius = static_cast<float>(radius) * static_cast<float>(radius);
+  std::vector<std::vector<bool>> mask;
+  for (const cv::KeyPoint& keypoint : target.keypoints) {
+    const Eigen::Vector3d p = h * Eigen::Vector3d(keypoint.pt.x, keypoint.pt.y, 1.0);
+    const auto u = static_cast<float>(p.x() / p.z());
+    const auto v = static_cast<float>(p.y() / p.z());
+    mask.emplace_back();
+    for (const cv::KeyPoint& candidate : reference.keypoints) {
+      const float dx = candidate.pt.x - u;
+      const float dy = candidate.pt.y - v;
+      const float xx = dx * dx;
+      const float yy = dy * dy;
+      mask.back().push_back(p.z() > 0.0 && xx + yy <= squared_radius);
+    }
+  }
+  return mask;
+}
+
+std::vector<Correspondence> bruteForce(const Features& reference, const Features& target,
+                                       const std::vector<std::vector<bool>>& mask, bool mutual) {
+  constexpr std::int32_t kNone = 1000;
+  std::vector<Correspondence> all;
+  std::vector<std::pair<std::int32_t, std::int32_t>> nearest_query(reference.size(), {kNone, -1});
+  for (std::size_t t = 0; t < target.size(); ++t) {
+    const auto number = static_cast<std::int32_t>(t);
+    Correspondence c{-1, number, kNone, kNone, Level::knn, false};
+    for (std::size_t r = 0; r < reference.size(); ++r) {
+      if (!mask[t][r]) continue;
+      const std::int32_t distance =
+          hamming(reference.descriptors, static_cast<int>(r), target.descriptors, number);
+      if (distance < c.distance) {
+        c.second_distance = c.distance;
+        c.distance = distance;
+        c.reference_index = static_cast<std::int32_t>(r);
+      } else {
+        c.second_distance = std::min(c.second_distance, distance);
+      }
+      nearest_query[r] = std::min(nearest_query[r], {distance, number});
+    }
+    if (c.reference_index < 0) c.distance = c.second_distance = 256;
+    if (c.second_distance == kNone) c.second_distance = std::max(c.distance, 128);
+    all.push_back(c);
+  }
+  for (Correspondence& c : all) {
+    c.mutual = mutual && c.reference_index >= 0 &&
+               nearest_query[static_cast<std::size_t>(c.reference_index)].second == c.target_index;
+  }
+  return all;
+}
+
+::testing::AssertionResult same(const std::vector<Correspondence>& actual,
+                                const std::vector<Correspondence>& expected) {
+  if (actual.size() != expected.size()) {
+    return ::testing::AssertionFailure() << actual.size() << " instead of " << expected.size();
+  }
+  const auto fields = [](const Correspondence& c) {
+    return std::tie(c.reference_index, c.target_index, c.distance, c.second_distance, c.level,
+                    c.mutual);
+  };
+  for (std::size_t i = 0; i < actual.size(); ++i) {
+    if (fields(actual[i]) == fields(expected[i])) continue;
+    const auto text = [](const Correspondence& c) {
+      return std::to_string(c.reference_index) + " at " + std::to_string(c.distance) + ", " +
+             std::to_string(c.second_distance) + (c.mutual ? ", mutual" : "");
+    };
+    return ::testing::AssertionFailure()
+           << "target " << i << ": " << text(actual[i]) << " instead of " << text(expected[i]);
+  }
+  return ::testing::AssertionSuccess();
+}
+
+class NearKernels : public ::testing::TestWithParam<const NearKernel*> {
+ protected:
+  std::vector<Correspondence> search(const Features& reference, const Features& target,
+                                     const Eigen::Matrix3d& prediction, double radius, bool mutual,
+                                     int threads = 1) {
+    ThreadPool pool(threads);
+    NearSearch near(*GetParam(), radius, pool);
+    std::vector<Correspondence> found;
+    near.match(reference, target, prediction, mutual, found);
+    return found;
+  }
+
+  void expectExact(const Features& reference, const Features& target,
+                   const Eigen::Matrix3d& prediction, double radius) {
+    const auto mask = maskOf(reference, target, prediction, radius);
+    for (const bool mutual : {false, true}) {
+      EXPECT_TRUE(same(search(reference, target, prediction, radius, mutual),
+                       bruteForce(reference, target, mask, mutual)))
+          << (mutual ? "mutual, " : "") << "radius " << radius << ", " << reference.size() << " x "
+          << target.size();
+    }
+  }
+};
+
+TEST_P(NearKernels, FindTheTwoNearestWithinTheRadius) {
+  const Features reference = makeFeatures(700, 1);
+  const Features target = makeFeatures(600, 2);
+  for (const double radius : {0.5, 5.0, 20.0, 48.0, 133.0, 5000.0}) {
+    expectExact(reference, target, turnAndShift(), radius);
+    expectExact(reference, target, -3.0 * turnAndShift(), radius);  // the same view
+  }
+}
+
+TEST_P(NearKernels, FindThemAtAwkwardSizes) {
+  for (const int n : {1, 2, 3, 15, 16, 17, 31, 33, 64, 65, 200}) {
+    for (const int m : {1, 2, 17, 64, 65}) {
+      expectExact(makeFeatures(n, 3), makeFeatures(m, 4), Eigen::Matrix3d::Identity(), 200.0);
+    }
+  }
+}
+
+TEST_P(NearKernels, TakeTheLowerIndexOfEqualDistances) {
+  // Few descriptors, many places: ties between cells whose order is not that of the indices.
+  Features reference = makeFeatures(600, 5);
+  Features target = makeFeatures(500, 6);
+  for (int i = 0; i < 600; ++i)
+    reference.descriptors.row(i % 5).copyTo(reference.descriptors.row(i));
+  for (int i = 0; i < 500; ++i) reference.descriptors.row(i % 5).copyTo(target.descriptors.row(i));
+  expectExact(reference, target, turnAndShift(), 60.0);
+}
+
+TEST_P(NearKernels, CountEveryBit) {
+  // All distances from 0 to 256, the farthest too.
+  Features reference = makeFeatures(257, 7);
+  Features target = makeFeatures(2, 8);
+  for (int i = 0; i <= 256; ++i) {
+    for (int b = 0; b < 256; ++b) {
+      auto& byte = reference.descriptors.at<std::uint8_t>(i, b / 8);
+      if (b % 8 == 0) byte = 0;
+      if (b < i) byte = static_cast<std::uint8_t>(byte | 1U << (b % 8));
+    }
+  }
+  target.descriptors.row(0).setTo(0);
+  target.descriptors.row(1).setTo(255);
+  expectExact(reference, target, Eigen::Matrix3d::Identity(), 1000.0);
+  const Features farthest = [&] {
+    Features one = reference;
+    one.keypoints.assign(1, reference.keypoints.back());
+    one.descriptors = reference.descriptors.rowRange(256, 257);
+    return one;
+  }();
+  expectExact(farthest, target, Eigen::Matrix3d::Identity(), 1000.0);
+}
+
+TEST_P(NearKernels, TakeKeypointsWhereverTheyAre) {
+  const float nan = std::nanf("");
+  const float infinity = std::numeric_limits<float>::infinity();
+  Features reference = makeFeatures(300, 9);
+  Features target = makeFeatures(300, 10);
+  const cv::Point2f places[] = {{0, 0},     {640, 480},     {-30, 240},      {700, -50},
+                                {nan, 3},   {3, infinity},  {1e9F, 1e9F},    {1e8F, 100},
+                                {-1e9F, 5}, {639.99F, 480}, {-infinity, nan}};
+  for (Features* features : {&reference, &target}) {
+    for (std::size_t i = 0; i < 11; ++i) features->keypoints[20 * i].pt = places[i];
+  }
+  expectExact(reference, target, Eigen::Matrix3d::Identity(), 48.0);
+  expectExact(reference, target, turnAndShift(), 30.0);
+  // A horizon through the target: what lies behind it comes from nowhere.
+  Eigen::Matrix3d oblique = Eigen::Matrix3d::Identity();
+  oblique(2, 0) = -1.0 / 400.0;
+  const Eigen::Matrix3d seen = oblique.inverse();
+  expectExact(reference, target, seen, 48.0);
+}
+
+TEST_P(NearKernels, GiveTheSameForAnyNumberOfThreads) {
+  const Features reference = makeFeatures(3000, 11);
+  const Features target = makeFeatures(2900, 12);
+  for (const bool mutual : {false, true}) {
+    const auto one = search(reference, target, turnAndShift(), 40.0, mutual, 1);
+    for (const int threads : {2, 3, 8}) {
+      EXPECT_TRUE(same(search(reference, target, turnAndShift(), 40.0, mutual, threads), one));
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, NearKernels,
+                         ::testing::ValuesIn(test::everyKernels(bestNearKernel,
+                                                                portableNearKernel())),
+                         [](const auto& tested) { return std::string(tested.param->name); });
+
+KnnOptions withRadius(double radius, int threads = 1) {
+  KnnOptions options;
+  options.search_radius = radius;
+  options.threads = threads;
+  return options;
+}
+
+TEST(NearMatching, IsTheWholeSearchWithinALargeRadius) {
+  const Features reference = makeFeatures(700, 13);
+  const Features target = makeFeatures(800, 14);
+  KnnMatcher matcher(withRadius(5000.0));
+  std::vector<Correspondence> near;
+  std::vector<Correspondence> whole;
+  matcher.matchNear(reference, target, Eigen::Matrix3d::Identity(), false, near);
+  matcher.match(reference.descriptors, target.descriptors, whole);
+  EXPECT_TRUE(same(near, whole));
+  matcher.matchNear(reference, target, Eigen::Matrix3d::Identity(), true, near);
+  matcher.matchMutual(reference.descriptors, target.descriptors, whole);
+  EXPECT_TRUE(same(near, whole));
+}
+
+TEST(NearMatching, UsesAKeptReferenceAgainAndNoOther) {
+  const Features first = makeFeatures(400, 15);
+  const Features second =
+      makeFeatures(400, 16);  // as many, so that their number gives nothing away
+  const Features target = makeFeatures(300, 17);
+  KnnMatcher matcher(withRadius(50.0));
+  KnnMatcher fresh(withRadius(50.0));
+  std::vector<Correspondence> found;
+  std::vector<Correspondence> expected;
+  const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();
+  const auto near = [&](KnnMatcher& m, const Features& reference, auto& out) {
+    m.matchNear(reference, target, here, false, out);
+  };
+  const auto whole = [&](KnnMatcher& m, const Features& reference, auto& out) {
+    m.match(reference.descriptors, target.descriptors, out);
+  };
+  near(matcher, first, found);
+  matcher.keepReference();
+  near(matcher, first, found);
+  near(fresh, first, expected);
+  EXPECT_TRUE(same(found, expected));
+  matcher.keepReference();
+  whole(matcher, first, found);  // laid out for the first time
+  whole(fresh, first, expected);
+  EXPECT_TRUE(same(found, expected));
+  whole(matcher, second, found);  // another: what the search by place has laid out is out of date
+  whole(fresh, second, expected);
+  EXPECT_TRUE(same(found, expected));
+  matcher.keepReference();
+  near(matcher, second, found);
+  near(fresh, second, expected);
+  EXPECT_TRUE(same(found, expected));
+}
+
+TEST(NearMatching, GivesALoneCandidateTheBenefitOfAnUnrelatedSecond) {
+  Features reference = makeFeatures(2, 18);
+  Features target = makeFeatures(2, 19);
+  reference.keypoints[0].pt = target.keypoints[0].pt = {100.F, 100.F};
+  reference.keypoints[1].pt = {300.F, 300.F};
+  target.keypoints[1].pt = {500.F, 100.F};
+  KnnMatcher matcher(withRadius(20.0));
+  std::vector<Correspondence> found;
+  reference.descriptors.row(0).copyTo(target.descriptors.row(0));
+  matcher.matchNear(reference, target, Eigen::Matrix3d::Identity(), true, found);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].distance, 0);
+  EXPECT_EQ(found[0].second_distance, kUnrelatedDistance);
+  EXPECT_TRUE(found[0].mutual);
+  EXPECT_EQ(found[1].reference_index, -1);
+  EXPECT_EQ(found[1].ratio(), 1.0);  // which no threshold lets pass
+  EXPECT_FALSE(found[1].mutual);
+}
+
+TEST(NearMatching, AllocatesNothingInSteadyState) {
+  KnnMatcher matcher(withRadius(48.0, 2));
+  const Features frames[] = {makeFeatures(2000, 20), makeFeatures(1900, 21)};
+  std::vector<Correspondence> found;
+  const auto match = [&](int i, bool mutual) {
+    matcher.matchNear(frames[i % 2], frames[(i + 1) % 2], turnAndShift(), mutual, found);
+  };
+  for (int i = 0; i < 4; ++i) match(i, i >= 2);
+  const test::AllocationCounter allocations;
+  for (int i = 0; i < 8; ++i) match(i, i % 4 >= 2);
+  EXPECT_EQ(allocations.count(), 0u);
+}
+
+TEST(NearMatching, RefusesWhatItCannotUse) {
+  EXPECT_THROW(KnnMatcher{withRadius(-1.0)}, std::invalid_argument);
+  EXPECT_THROW(KnnMatcher{withRadius(std::nan(""))}, std::invalid_argument);
+  const Features features = makeFeatures(10, 22);
+  std::vector<Correspondence> found;
+  const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();
+  EXPECT_THROW(KnnMatcher().matchNear(features, features, here, false, found),
+               std::invalid_argument);
+  KnnMatcher matcher(withRadius(48.0));
+  for (const double bad : {0.0, std::nan("")}) {
+    EXPECT_THROW(matcher.matchNear(features, features, bad * here, false, found),
+                 std::invalid_argument);
+  }
+  Features broken = features;
+  broken.keypoints.pop_back();
+  EXPECT_THROW(matcher.matchNear(broken, features, here, false, found), std::invalid_argument);
+  Features none;
+  matcher.matchNear(none, features, here, false, found);
+  EXPECT_TRUE(found.empty());
+  matcher.matchNear(features, none, here, true, found);
+  EXPECT_TRUE(found.empty());
+}
+
+}  // namespace
+}  // namespace ktgp_orb
