@@ -12,6 +12,7 @@
 #include <map>
 #include <set>
 
+#include "bag/reader.h"
 #include "cli/files.h"
 #include "messages/image_conversion.h"
 
@@ -67,6 +68,9 @@ std::optional<Eigen::Matrix3d> truthOf(const std::map<ros::Time, HomographyStamp
 void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
              const FrameVisitor& visit) {
   try {
+    // librosbag, which reads the truth as well, does not survive every damage.
+    const std::string damage = damageOf(file);
+    if (!damage.empty()) throw FileError(file, "is damaged: " + damage);
     const rosbag::Bag bag(file, rosbag::bagmode::Read);
     const auto truth = readTruth(bag, truth_topic);
     ros::Time previous;
@@ -84,6 +88,8 @@ void readBag(const std::string& file, const std::string& topic, const std::strin
                       "has no images on " + topic + "; image topics in it:" + imageTopics(bag));
     }
   } catch (const rosbag::BagException& error) {
+    throw FileError(file, std::string("cannot be read as a bag (") + error.what() + ")");
+  } catch (const UnusableBag& error) {
     throw FileError(file, std::string("cannot be read as a bag (") + error.what() + ")");
   } catch (const RefusedImage& error) {
     throw FileError(file, "has an image on " + topic + " that cannot be used: " + error.what());

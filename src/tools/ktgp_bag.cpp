@@ -9,13 +9,13 @@
 #include <opencv2/core/utility.hpp>
 #include <thread>
 
+#include "bag/reader.h"
 #include "cli/matcher_cli.h"
 #include "cli/output_file.h"
 #include "cli/program.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "tools/bag_pipeline.h"
-#include "tools/bag_reader.h"
 #include "tools/bag_writer.h"
 
 namespace ktgp_orb {
@@ -97,7 +97,7 @@ class Run {
   /// Why the first of them was.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
-  const std::string& damage() const { return source_->damage(); }
+  std::string damage() const { return source_->damage(); }
 
  private:
   FrameConstPtr fixedReference(const Configuration& configuration) const {
@@ -176,7 +176,7 @@ int matchBag(Arguments& arguments) {
   }
   if (!run.damage().empty()) {
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage()
-              << "\nThe images before that are matched; 'rosbag reindex' may repair the bag.\n";
+              << "\nWhat could be read is matched; 'rosbag reindex' may repair the bag.\n";
   }
   return code;
 }

@@ -227,6 +227,15 @@ class BagOutput(OutputCase):
         self.refused("make_demo_bag", "out.bag", "--force", "--seconds", "0.3", words="out.bag",
                      preexec=small_files(20000))
 
+    def test_a_damaged_bag_is_called_so(self):
+        content = self.bag.read_bytes()
+        self.bag.write_bytes(content[:int(0.6 * len(content))])
+        run = self.run_with("ktgp_bag", self.bag, "out.bag")
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertIn("damaged or cut off at byte", run.stderr)
+        self.assertIn("images of /camera/image_raw matched", run.stderr)
+        self.refused("ktgp_evaluate_bag", self.bag, words="is damaged")
+
     def test_devices_are_left_alone(self):
         for name in ("/dev/full", "/dev/null"):
             for arguments in ((self.bag, name), (self.bag, "out.bag", "--csv", name)):

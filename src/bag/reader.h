@@ -23,22 +23,19 @@ struct RecordedImage {
   ros::Time received;
 };
 
-/// Where recorded images come from, in order.
+/// The images of one topic of a bag, in the order of their times.
 class ImageSource {
  public:
   virtual ~ImageSource() = default;
-  /// The next image of the topic, or nothing at the end or at the first damage.
+  /// The next image that can be read, or nothing at the end. Throws only for lack of memory.
   virtual std::optional<RecordedImage> next() = 0;
-  /// Number of images, 0 where it is not known beforehand.
-  virtual std::size_t total() const { return 0; }
+  /// Number of images that the bag's index knows of.
+  virtual std::size_t total() const = 0;
   /// The topic the images are from.
-  const std::string& topic() const { return topic_; }
-  /// What is wrong with the bag, as far as it was read; empty for a sound one.
-  const std::string& damage() const { return damage_; }
-
- protected:
-  std::string topic_;
-  std::string damage_;
+  virtual const std::string& topic() const = 0;
+  /// What is wrong with the bag, as far as it was read, beginning with the number of images lost;
+  /// empty for a sound one.
+  virtual std::string damage() const = 0;
 };
 
 /// Which images of a bag are wanted.
@@ -48,11 +45,13 @@ struct BagSelection {
   double duration = -1.0;  ///< s; below 0: to the end
 };
 
-/// Opens the images (sensor_msgs/Image or CompressedImage) of one topic of a bag: in the order of
-/// their times or, where the bag has no usable index, in the order of the file up to the damage.
-/// Throws UnusableBag for what is no bag, for a sound one without images on the topic or in the
-/// time, and where no topic is given and there is not exactly one; the message names the image
-/// topics.
+/// Opens the images (sensor_msgs/Image or CompressedImage) of one topic of a bag, damaged or not.
+/// Throws UnusableBag for what is no bag, for one without images on the topic or in the time, and
+/// where no topic is given and there is not exactly one; the message names the image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
+
+/// What is wrong with a bag; empty for a sound one, which librosbag reads without harm. Reads all
+/// of it. Throws UnusableBag for what is no bag.
+std::string damageOf(const std::string& path);
 
 }  // namespace ktgp_orb

@@ -1,0 +1,337 @@
+#include "bag/file.h"
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+
+namespace ktgp_orb::bag {
+namespace {
+
+constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
+constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at a time after damage
+constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are told in words
+
+const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
+                                           Operation::chunk_info, Operation::connection};
+/// What stands in no chunk.
+const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
+                                            Operation::chunk_info};
+
+}  // namespace
+
+void Damage::note(const std::string& what) {
+  if (std::count(first_.begin(), first_.end(), what) > 0) return;
+  if (first_.size() < kNotedAtMost) {
+    first_.push_back(what);
+  } else {
+    ++more_;
+  }
+}
+
+std::string Damage::text() const {
+  std::string text;
+  for (const std::string& what : first_) text += (text.empty() ? "" : "; ") + what;
+  if (more_ > 0) text += "; and " + std::to_string(more_) + " more";
+  return text;
+}
+
+BagFile::BagFile(const std::string& path) : file_(path, std::ios::binary | std::ios::ate) {
+  if (!file_) throw std::runtime_error(path + " cannot be opened");
+  size_ = static_cast<std::size_t>(std::max<std::streamoff>(file_.tellg(), 0));
+  const auto line = bytesAt(0, std::strlen(kFirstLine));
+  if (std::string(line.begin(), line.end()) != kFirstLine) {
+    throw std::runtime_error(path + " is no bag of format 2.0");
+  }
+  scan();
+  if (header_ && !text(header_->fields, "encryptor").empty()) {
+    throw std::runtime_error(path + " is encrypted; 'rosbag decrypt' makes a plain bag of it");
+  }
+}
+
+void BagFile::noteAt(std::size_t position, const std::string& what) {
+  damage_.note(what + " at byte " + std::to_string(position));
+}
+
+/// `size` bytes of the file, fewer at its end.
+std::vector<std::uint8_t> BagFile::bytesAt(std::size_t position, std::size_t size) {
+  std::vector<std::uint8_t> bytes(position < size_ ? std::min(size, size_ - position) : 0);
+  file_.clear();
+  file_.seekg(static_cast<std::streamoff>(position));
+  file_.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(file_.gcount(), 0)));
+  return bytes;
+}
+
+std::optional<Record> BagFile::recordAt(std::size_t position) {
+  constexpr std::size_t kUsual = 512;
+  auto bytes = bytesAt(position, kUsual);
+  if (bytes.size() == kUsual && numberAt(bytes.data()) > kUsual - 8) {
+    const std::size_t header = numberAt(bytes.data());
+    if (header > kLargestHeader) return std::nullopt;
+    bytes = bytesAt(position, header + 8);
+  }
+  return parseRecord({bytes.data(), bytes.size()});
+}
+
+std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
+                                               const std::vector<Operation>& kinds) {
+  constexpr std::size_t kOverlap = 8192;  // longer than any header that is looked for
+  for (std::size_t block = begin; block < size_; block += kSearchBlock) {
+    const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
+    const std::size_t beyond = size_ - block - bytes.size();
+    const auto found = findRecord({bytes.data(), bytes.size()}, 0, kinds, beyond);
+    if (found) return block + *found;
+  }
+  return std::nullopt;
+}
+
+// The records of the file
+
+void BagFile::scan() {
+  std::size_t position = std::strlen(kFirstLine);
+  while (position < size_) position = scanRecord(position);
+  for (Chunk& chunk : chunks_) {
+    const bool known = std::all_of(chunk.times.begin(), chunk.times.end(), [this](const auto& of) {
+      return connections_.count(of.first) > 0;
+    });
+    if (!chunk.indexed || chunk.index_damaged || !known) indexFromMessages(chunk);
+  }
+  checkAgainstHeader();
+  checkAgainstInfos();
+}
+
+/// Returns where the next record begins.
+std::size_t BagFile::scanRecord(std::size_t position) {
+  const auto record = recordAt(position);
+  if (!record) return skipDamage(position);
+  if (record->operation == Operation::chunk) return addChunk(position, *record);
+  const std::size_t data = position + record->data;
+  if (record->data_size > size_ - data) return skipDamage(position);
+  const std::size_t end = data + record->data_size;
+  switch (record->operation) {
+    case Operation::file_header:
+      readFileHeader(*record);
+      if (!chunkMayEndAt(end)) return skipDamage(position);
+      break;
+    case Operation::index:
+      if (!addIndex(position, *record)) return skipDamage(position);
+      break;
+    case Operation::chunk_info:
+      addChunkInfo(position, *record);
+      break;
+    case Operation::connection: {
+      const auto bytes = bytesAt(data, record->data_size);
+      addConnection(*record, {bytes.data(), bytes.size()});
+      break;
+    }
+    case Operation::message:
+      addLooseMessage(position, end);
+      break;
+    case Operation::chunk:
+      break;
+  }
+  return end;
+}
+
+std::size_t BagFile::skipDamage(std::size_t position) {
+  noteAt(position, "damaged or cut off");
+  damage_begin_ = position;
+  damage_end_ = findInFile(position + 1, kAnyButHeader).value_or(size_);
+  const auto next = recordAt(damage_end_);
+  if (next && next->operation == Operation::index) {
+    if (chunk_end_ == position && !chunks_.empty()) {
+      chunks_.back().index_damaged = true;
+    } else {  // the index of a lost chunk says what was in it
+      chunks_.push_back({position, position, 0, 0, "none", {}, false, false});
+    }
+    chunk_end_ = damage_end_;
+  } else if (chunk_end_ == position && !chunks_.empty()) {
+    chunks_.back().index_damaged = true;
+  }
+  return damage_end_;
+}
+
+bool BagFile::chunkMayEndAt(std::size_t position) {
+  if (position >= size_) return position == size_;
+  const auto next = recordAt(position);
+  return next && next->operation != Operation::message && next->operation != Operation::file_header;
+}
+
+std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
+  Chunk chunk{position,
+              position + record.data,
+              record.data_size,
+              number(record.fields, "size").value_or(0),
+              text(record.fields, "compression"),
+              {},
+              false,
+              false};
+  if (!chunkMayEndAt(chunk.data + chunk.stored_size)) {
+    if (chunk.compression == "none" && chunkMayEndAt(chunk.data + chunk.size)) {
+      noteAt(position, "a wrong size");
+      chunk.stored_size = chunk.size;
+    } else {
+      // Either the size is wrong or what comes after the chunk is.
+      const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
+      if (found < chunk.stored_size) {
+        noteAt(position, "damaged or cut off");
+        chunk.stored_size = found;
+      }
+    }
+  }
+  chunks_.push_back(chunk);
+  return chunk_end_ = chunk.data + chunk.stored_size;
+}
+
+/// A message that stands in no chunk, or in one whose beginning is lost.
+void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
+  const bool goes_on = !chunks_.empty() && chunk_end_ == begin && !chunks_.back().indexed;
+  if (goes_on) {
+    chunks_.back().stored_size = chunks_.back().size = end - chunks_.back().data;
+  } else {
+    const std::size_t position = damage_end_ == begin ? damage_begin_ : begin;
+    chunks_.push_back({position, begin, end - begin, end - begin, "none", {}, false, false});
+  }
+  chunk_end_ = end;
+}
+
+/// Returns whether it is one, of the chunk before.
+bool BagFile::addIndex(std::size_t position, const Record& record) {
+  constexpr std::size_t kEntry = 12;  // bytes: time, place in the chunk
+  const auto connection = number(record.fields, "conn");
+  const auto count = number(record.fields, "count");
+  const bool fits = count && record.data_size == kEntry * std::size_t{*count};
+  if (!connection || !fits || chunk_end_ != position || chunks_.empty()) return false;
+  Chunk& chunk = chunks_.back();
+  std::vector<ros::Time>& times = chunk.times[*connection];
+  const auto bytes = bytesAt(position + record.data, record.data_size);
+  for (std::size_t i = 0; i + kEntry <= bytes.size(); i += kEntry) {
+    const std::uint32_t nanoseconds = numberAt(bytes.data() + i + 4);
+    times.emplace_back(numberAt(bytes.data() + i), std::min(nanoseconds, 999999999U));
+  }
+  chunk.indexed = true;
+  chunk_end_ = position + record.data + record.data_size;
+  return true;
+}
+
+void BagFile::addChunkInfo(std::size_t position, const Record& record) {
+  constexpr std::size_t kEntry = 8;  // bytes: connection, count
+  const auto low = number(record.fields, "chunk_pos");
+  const auto high = number(record.fields, "chunk_pos", 4);
+  const auto bytes = bytesAt(position + record.data, record.data_size);
+  if (!low || !high || bytes.size() % kEntry != 0) {
+    noteAt(position, "a damaged index");
+    return;
+  }
+  ChunkInfo info{std::size_t{*high} << 32 | *low,
+                 time(record.fields, "start_time"),
+                 time(record.fields, "end_time"),
+                 {}};
+  for (std::size_t i = 0; i < bytes.size(); i += kEntry) {
+    info.counts[numberAt(bytes.data() + i)] = numberAt(bytes.data() + i + 4);
+  }
+  infos_.push_back(info);
+}
+
+void BagFile::addConnection(const Record& record, View data) {
+  const auto connection = number(record.fields, "conn");
+  const auto fields = parseFields(data);
+  if (!connection || !fields) {
+    damage_.note("a damaged connection");
+    return;
+  }
+  auto& topics = connections_[*connection];
+  topics.insert({text(record.fields, "topic"), text(*fields, "type")});
+  if (topics.size() == 2) {
+    damage_.note("connection " + std::to_string(*connection) + " is described in two ways");
+  }
+}
+
+void BagFile::readFileHeader(const Record& record) {
+  header_ = record;
+  const auto low = number(record.fields, "index_pos");
+  const auto high = number(record.fields, "index_pos", 4);
+  if (low && high && *low == 0 && *high == 0) damage_.note("no index; was its recording cut off?");
+}
+
+void BagFile::checkAgainstHeader() {
+  if (!header_) {
+    damage_.note("the header of the bag is damaged");
+    return;
+  }
+  const auto low = number(header_->fields, "index_pos");
+  if (low && *low == 0) return;  // never finished: it has no counts yet
+  const auto is = [this](const char* name, std::size_t found) {
+    const auto count = number(header_->fields, name);
+    if (count && *count == found) return;
+    damage_.note(std::string("the header of the bag has ") + name + " " +
+                 (count ? std::to_string(*count) : "missing") + ", the file " +
+                 std::to_string(found));
+  };
+  is("chunk_count", chunks_.size());
+  is("conn_count", connections_.size());
+}
+
+/// What the index at the end says of each chunk.
+void BagFile::checkAgainstInfos() {
+  constexpr std::size_t kLeastMessage = 32;  // bytes of its record
+  std::map<std::size_t, Chunk*> at;
+  for (Chunk& chunk : chunks_) at[chunk.position] = &chunk;
+  for (const ChunkInfo& info : infos_) {
+    const auto found = at.find(info.chunk);
+    if (found == at.end()) {
+      damage_.note("there is no chunk at byte " + std::to_string(info.chunk));
+    } else if (!agrees(*found->second, info)) {
+      noteAt(info.chunk, "the index and the messages differ in the chunk");
+      indexFromMessages(*found->second);
+    }
+    for (const auto& of : info.counts) {
+      const bool known = found != at.end() && found->second->times.count(of.first) > 0;
+      missing_[of.first] += known ? found->second->times[of.first].size()
+                                  : std::min(of.second, size_ / kLeastMessage);
+    }
+  }
+  // A chunk may be there, only elsewhere.
+  for (auto& of : missing_) {
+    std::size_t there = 0;
+    for (const Chunk& chunk : chunks_) {
+      const auto times = chunk.times.find(of.first);
+      if (times != chunk.times.end()) there += times->second.size();
+    }
+    of.second -= std::min(of.second, there);
+  }
+}
+
+bool BagFile::agrees(const Chunk& chunk, const ChunkInfo& info) {
+  if (info.counts.size() != chunk.times.size()) return false;
+  ros::Time first = ros::TIME_MAX;
+  ros::Time last = ros::TIME_MIN;
+  for (const auto& of : chunk.times) {
+    const auto count = info.counts.find(of.first);
+    if (count == info.counts.end() || count->second != of.second.size()) return false;
+    for (const ros::Time& time : of.second) {
+      first = std::min(first, time);
+      last = std::max(last, time);
+    }
+  }
+  return chunk.times.empty() || (info.start == first && info.end == last);
+}
+
+/// For an index that is missing or cannot be trusted.
+void BagFile::indexFromMessages(Chunk& chunk) {
+  Times times;
+  const ChunkContents contents = read(chunk);
+  for (const Message& message : contents.messages) {
+    times[message.connection].push_back(message.time);
+  }
+  // Messages that were lost stay expected.
+  for (const auto& of : chunk.times) {
+    const bool is_connection = connections_.count(of.first) > 0;
+    if (is_connection && of.second.size() > times[of.first].size()) times[of.first] = of.second;
+  }
+  chunk.times = std::move(times);
+  chunk.index_damaged = false;
+  chunk.indexed = true;
+}
+
+}  // namespace ktgp_orb::bag

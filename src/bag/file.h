@@ -1,0 +1,129 @@
+#pragma once
+
+#include <ros/time.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "bag/format.h"
+
+namespace ktgp_orb::bag {
+
+/// What is wrong with a bag, for people.
+class Damage {
+ public:
+  void note(const std::string& what);
+  /// "" where nothing is; else the first few and how many more.
+  std::string text() const;
+
+ private:
+  std::vector<std::string> first_;
+  std::size_t more_ = 0;
+};
+
+/// A topic as a connection describes it.
+struct Topic {
+  std::string name;
+  std::string type;
+  bool operator<(const Topic& other) const {
+    return name != other.name ? name < other.name : type < other.type;
+  }
+};
+
+/// The times of the messages of each connection.
+using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
+
+/// A chunk of messages in the file.
+struct Chunk {
+  std::size_t position;     ///< of its record, byte in the file
+  std::size_t data;         ///< where its data begin
+  std::size_t stored_size;  ///< bytes of them that are there
+  std::size_t size;         ///< bytes of the messages, as the record says
+  std::string compression;  ///< "none", "bz2", "lz4"
+  Times times;              ///< of its messages, by the index
+  bool indexed = false;
+  bool index_damaged = false;
+};
+
+/// A message in a chunk.
+struct Message {
+  std::uint32_t connection;
+  ros::Time time;
+  View data;
+};
+
+/// A chunk in memory.
+struct ChunkContents {
+  Buffer bytes;
+  std::vector<Message> messages;  ///< in the order of the file; their data are in `bytes`
+};
+
+/// A bag whose records have all been found but whose messages are read chunk by chunk. Whatever
+/// does not fit together is noted; after a damaged record reading goes on at the next sound one.
+class BagFile {
+ public:
+  /// Throws std::runtime_error for a file that cannot be read or is no bag of format 2.0.
+  explicit BagFile(const std::string& path);
+
+  const std::vector<Chunk>& chunks() const { return chunks_; }
+  /// Every description of a connection: those of a damaged bag may contradict each other.
+  const std::map<std::uint32_t, std::set<Topic>>& connections() const { return connections_; }
+  /// How many more messages of each connection the index names than the file has.
+  const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
+  /// What was found to be wrong so far.
+  const Damage& damage() const { return damage_; }
+  Damage& damage() { return damage_; }
+
+  /// All messages of a chunk that can be read.
+  ChunkContents read(const Chunk& chunk);
+
+ private:
+  struct ChunkInfo {
+    std::size_t chunk;  ///< its position
+    std::optional<ros::Time> start;
+    std::optional<ros::Time> end;
+    std::map<std::uint32_t, std::size_t> counts;
+  };
+
+  void scan();
+  std::size_t scanRecord(std::size_t position);
+  std::size_t skipDamage(std::size_t position);
+  std::size_t addChunk(std::size_t position, const Record& record);
+  void addLooseMessage(std::size_t begin, std::size_t end);
+  bool addIndex(std::size_t position, const Record& record);
+  void addChunkInfo(std::size_t position, const Record& record);
+  void addConnection(const Record& record, View data);
+  void readFileHeader(const Record& record);
+  void checkAgainstHeader();
+  void checkAgainstInfos();
+  static bool agrees(const Chunk& chunk, const ChunkInfo& info);
+  void indexFromMessages(Chunk& chunk);
+
+  std::optional<Record> recordAt(std::size_t position);
+  bool chunkMayEndAt(std::size_t position);
+  std::optional<std::size_t> findInFile(std::size_t begin, const std::vector<Operation>& kinds);
+  std::vector<std::uint8_t> bytesAt(std::size_t position, std::size_t size);
+  Buffer plainBytes(const Chunk& chunk);
+  void readMessages(const Chunk& chunk, ChunkContents& contents);
+  void noteAt(std::size_t position, const std::string& what);
+
+  std::ifstream file_;
+  std::size_t size_ = 0;
+  std::vector<Chunk> chunks_;
+  std::size_t chunk_end_ = 0;     ///< the index of the last chunk belongs here
+  std::size_t damage_begin_ = 0;  ///< of damage that was skipped up to `damage_end_`
+  std::size_t damage_end_ = 0;
+  std::vector<ChunkInfo> infos_;
+  std::map<std::uint32_t, std::set<Topic>> connections_;
+  std::map<std::uint32_t, std::size_t> missing_;
+  std::optional<Record> header_;
+  Damage damage_;
+};
+
+}  // namespace ktgp_orb::bag

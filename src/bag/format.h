@@ -1,0 +1,92 @@
+#pragma once
+
+#include <ros/time.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0), of which no length is
+/// trusted: bags are read here and not by librosbag, which a damaged one can crash.
+namespace ktgp_orb::bag {
+
+/// What a record is: its field "op".
+enum class Operation : unsigned char {
+  message = 2,
+  file_header = 3,
+  index = 4,  ///< times and places of the messages of one connection in the chunk before
+  chunk = 5,
+  chunk_info = 6,
+  connection = 7,
+};
+
+using Fields = std::map<std::string, std::string>;
+
+/// A record without its data.
+struct Record {
+  Operation operation;
+  Fields fields;
+  std::size_t data;       ///< bytes from the beginning of the record to its data
+  std::size_t data_size;  ///< bytes of it, as the record says; it may not have them
+};
+
+/// Bytes in memory that belong to somebody else.
+struct View {
+  const std::uint8_t* data = nullptr;
+  std::size_t size = 0;
+
+  View from(std::size_t position) const { return {data + position, size - position}; }
+};
+
+/// Zeroed memory that takes no room until it is written to: a size that lies costs nothing.
+class Buffer {
+ public:
+  Buffer() = default;
+  /// Throws std::bad_alloc.
+  explicit Buffer(std::size_t size);
+  std::uint8_t* data() { return bytes_.get(); }
+  View view() const { return {bytes_.get(), size_}; }
+
+ private:
+  struct Free {
+    void operator()(std::uint8_t* bytes) const { std::free(bytes); }
+  };
+  std::unique_ptr<std::uint8_t, Free> bytes_;
+  std::size_t size_ = 0;
+};
+
+/// Longest header of a record, bytes; a longer one is damage.
+constexpr std::size_t kLargestHeader = 1 << 20;
+
+/// Little-endian, as all numbers of the format; `position` has four bytes.
+std::uint32_t numberAt(const std::uint8_t* position);
+/// A field of four bytes (from `offset` on); nothing where it is missing or short.
+std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
+                                    std::size_t offset = 0);
+/// A field of eight bytes that is a time of day.
+std::optional<ros::Time> time(const Fields& fields, const std::string& name);
+/// "" where the field is missing.
+std::string text(const Fields& fields, const std::string& name);
+
+/// name=value pairs, each after its length; nothing unless they fill the bytes exactly.
+std::optional<Fields> parseFields(View bytes);
+
+/// The record that the bytes begin with; nothing unless its whole header is there and well formed.
+std::optional<Record> parseRecord(View bytes);
+
+/// The first place from `begin` on at which a record of one of the kinds stands, with all its data
+/// within the bytes and `beyond` more; nothing: there is none. How reading goes on after damage.
+std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
+                                      const std::vector<Operation>& kinds, std::size_t beyond = 0);
+
+/// An image message that can be deserialised: its lengths are those of its bytes. What ROS itself
+/// does not ask before it makes room for them.
+bool isWellFormedImage(View message);            ///< sensor_msgs/Image
+bool isWellFormedCompressedImage(View message);  ///< sensor_msgs/CompressedImage
+
+}  // namespace ktgp_orb::bag
