@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/util/divide.h"
 
@@ -77,10 +78,12 @@ const std::uint16_t* Shrinker::resizedRow(const cv::Mat& source, int row,
 void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKernels& kernels,
                       cv::Mat& target) {
   if (columns_.source != source.cols || columns_.target != size.width) {
-    columns_ = ResizeAxis(source.cols, size.width);
+    ResizeAxis columns(source.cols, size.width);
+    // First: where there is no memory, the next image finds the sizes as they were.
     for (auto& buffer : buffers_) {
-      buffer.resize(columns_.blocks.size() * kResizeBlock + kVectorSlack);
+      buffer.resize(columns.blocks.size() * kResizeBlock + kVectorSlack);
     }
+    columns_ = std::move(columns);
   }
   if (rows_.source != source.rows || rows_.target != size.height) {
     rows_ = ResizeAxis(source.rows, size.height);

@@ -1,0 +1,304 @@
+// No memory at any one allocation of any public call: it throws, and the next call is as good as
+// any.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <atomic>
+#include <cerrno>
+#include <cstdlib>
+#include <functional>
+#include <new>
+#include <opencv2/core.hpp>
+
+#include "alignment_scene.h"
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace {
+
+/// Allocations that still succeed; below zero: all do. Of any thread.
+std::atomic<long> left{-1};
+std::atomic<bool> refused{false};
+
+bool mayAllocate() {
+  long count = left;
+  while (count >= 0) {
+    if (count == 0) {
+      refused = true;
+      left = -1;  // the one alone: what cleans up after it has memory
+      return false;
+    }
+    if (left.compare_exchange_weak(count, count - 1)) break;
+  }
+  return true;
+}
+
+void* allocate(std::size_t size, std::size_t alignment) {
+  void* memory = nullptr;
+  if (mayAllocate()) {
+    memory = std::aligned_alloc(alignment, (size + alignment) / alignment * alignment);
+  }
+  if (memory == nullptr) throw std::bad_alloc();
+  return memory;
+}
+
+}  // namespace
+
+void* operator new(std::size_t size) {
+  return allocate(size, alignof(std::max_align_t));
+}
+void* operator new(std::size_t size, std::align_val_t alignment) {
+  return allocate(size, static_cast<std::size_t>(alignment));
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::align_val_t) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+  std::free(memory);
+}
+
+/// OpenCV allocates its pixels with this.
+extern "C" int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
+  if (!mayAllocate()) return ENOMEM;
+  *memory = std::aligned_alloc(alignment, (size + alignment) / alignment * alignment);
+  return *memory == nullptr ? ENOMEM : 0;
+}
+
+namespace ktgp_orb {
+namespace {
+
+cv::Mat picture(int shift) {
+  static const cv::Mat scene = [] {
+    cv::Mat drawn(280, 380, CV_8U, cv::Scalar(128));
+    cv::RNG random(1);
+    for (int i = 0; i < 1500; ++i) {
+      const cv::Rect place(random.uniform(0, 370), random.uniform(0, 270), random.uniform(4, 25),
+                           random.uniform(4, 25));
+      drawn(place & cv::Rect({0, 0}, drawn.size())).setTo(random.uniform(0, 256));
+    }
+    return drawn;
+  }();
+  return scene(cv::Rect(shift, shift, 320, 240)).clone();
+}
+
+/// Runs `call` with the first, second, third ... allocation refused until it needs no more of them.
+/// After each failure `call` again, and `check` of what it then gives.
+void refuseEach(const std::function<std::function<void()>()>& make,
+                const std::function<void()>& check) {
+  int failures = 0;
+  for (long k = 0; k < 5000; ++k) {
+    const auto call = make();
+    refused = false;
+    left = k;
+    bool thrown = false;
+    try {
+      call();
+    } catch (const std::bad_alloc&) {
+      thrown = true;
+    } catch (const cv::Exception& error) {
+      left = -1;
+      thrown = true;
+      EXPECT_EQ(error.code, cv::Error::StsNoMem) << error.what();
+    }
+    left = -1;
+    EXPECT_EQ(thrown, refused.load()) << "allocation " << k;
+    if (!thrown) {
+      check();
+      std::printf("%d allocations refused\n", failures);
+      EXPECT_GT(failures, 0);
+      return;
+    }
+    ++failures;
+    ASSERT_NO_THROW(call()) << "after allocation " << k << " was refused";
+    check();
+    if (testing::Test::HasFailure()) return;
+  }
+  FAIL() << "no end of allocations";
+}
+
+class OutOfMemory : public testing::Test {
+ protected:
+  void SetUp() override {
+    cv::setNumThreads(1);
+    OrbExtractor extractor(orb());
+    extractor.extract(picture(0), reference_);
+    extractor.extract(picture(5), target_);
+    KtgpMatcher(matcher()).match(reference_, target_, result_);
+    ASSERT_EQ(result_.status, Status::ok);
+    for (const Correspondence& c : result_.correspondences) {
+      if (c.level < Level::kt) continue;
+      const auto& r = reference_.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
+      const auto& t = target_.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+      pairs_.reference.emplace_back(r.x, r.y);
+      pairs_.target.emplace_back(t.x, t.y);
+      pairs_.quality.push_back(c.ratio());
+    }
+  }
+
+  static OrbOptions orb() {
+    OrbOptions options;
+    options.max_features = 400;
+    return options;
+  }
+  static MatcherOptions matcher() {
+    MatcherOptions options;
+    options.guided.enabled = true;
+    options.mutual = true;
+    return options;
+  }
+
+  Features reference_, target_;
+  MatchResult result_;
+  PointPairs pairs_;
+};
+
+TEST_F(OutOfMemory, Extraction) {
+  for (const DescriptorKind kind : {DescriptorKind::orb, DescriptorKind::teblid}) {
+    OrbOptions options = orb();
+    options.descriptor = kind;
+    options.distribution = KeypointDistribution::uniform;
+    Features expected, features;
+    OrbExtractor(options).extract(picture(5), expected);
+    refuseEach(
+        [&]() -> std::function<void()> {
+          const auto extractor = std::make_shared<OrbExtractor>(options);
+          features = {};
+          return [&features, extractor] { extractor->extract(picture(5), features); };
+        },
+        [&] {
+          ASSERT_EQ(features.size(), expected.size());
+          EXPECT_EQ(cv::norm(features.descriptors, expected.descriptors, cv::NORM_INF), 0.0);
+        });
+  }
+}
+
+TEST_F(OutOfMemory, NearestNeighbours) {
+  std::vector<Correspondence> found;
+  for (const int threads : {1, 2}) {
+    refuseEach(
+        [&]() -> std::function<void()> {
+          const auto knn = std::make_shared<KnnMatcher>(KnnOptions{threads});
+          found = {};
+          return [&, knn] { knn->matchMutual(reference_.descriptors, target_.descriptors, found); };
+        },
+        [&] {
+          ASSERT_EQ(found.size(), target_.size());
+          for (std::size_t i = 0; i < found.size(); ++i) {
+            EXPECT_EQ(found[i].reference_index, result_.correspondences[i].reference_index);
+          }
+        });
+  }
+}
+
+TEST_F(OutOfMemory, MotionStatistics) {
+  GmsOptions options;
+  options.rotation = options.scale = true;
+  const auto input = [this] {
+    auto matches = result_.correspondences;
+    for (Correspondence& c : matches) c.level = c.level >= Level::kt ? Level::kt : Level::knn;
+    return matches;
+  };
+  auto expected = input();
+  GmsFilter(options).filter(reference_, target_, expected);
+  std::vector<Correspondence> matches;
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto gms = std::make_shared<GmsFilter>(options);
+        return [&, gms] {
+          matches = input();
+          gms->filter(reference_, target_, matches);
+        };
+      },
+      [&] { EXPECT_EQ(countAtLeast(matches, Level::ktg), countAtLeast(expected, Level::ktg)); });
+}
+
+TEST_F(OutOfMemory, Prosac) {
+  ProsacResult expected, result;
+  ProsacHomography().estimate(pairs_, reference_.image_size, expected);
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto prosac = std::make_shared<ProsacHomography>();
+        result = {};
+        return [&, prosac] { prosac->estimate(pairs_, reference_.image_size, result); };
+      },
+      [&] {
+        EXPECT_EQ(result.homography, expected.homography);
+        EXPECT_EQ(result.mask, expected.mask);
+      });
+}
+
+TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
+  std::vector<Correspondence> guided, expected;
+  GuidedOptions options;
+  options.enabled = true;
+  GuidedMatcher(options).match(reference_, target_, result_.homography, expected);
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto matcher = std::make_shared<GuidedMatcher>(options);
+        guided = {};
+        return [&, matcher] { matcher->match(reference_, target_, result_.homography, guided); };
+      },
+      [&] { EXPECT_EQ(guided.size(), expected.size()); });
+  AlignmentResult aligned, aligned_expected;
+  Alignment().align(reference_, target_, expected, result_.homography, result_.covariance,
+                    aligned_expected);
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto alignment = std::make_shared<Alignment>();
+        aligned = {};
+        return [&, alignment] {
+          alignment->align(reference_, target_, expected, result_.homography, result_.covariance,
+                           aligned);
+        };
+      },
+      [&] {
+        EXPECT_EQ(aligned.status, aligned_expected.status);
+        EXPECT_EQ(aligned.homography, aligned_expected.homography);
+      });
+}
+
+TEST_F(OutOfMemory, AllStages) {
+  MatchResult result;
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto chain = std::make_shared<KtgpMatcher>(matcher());
+        result = {};
+        return [&, chain] { chain->match(reference_, target_, result); };
+      },
+      [&] {
+        EXPECT_EQ(result.homography, result_.homography);
+        EXPECT_EQ(result.inliers, result_.inliers);
+      });
+}
+
+TEST_F(OutOfMemory, ASequenceGoesOn) {
+  SequenceOptions options;
+  options.orb = orb();
+  options.matcher = matcher();
+  Status status = Status::no_model;
+  int ok = 0;
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto sequence = std::make_shared<SequenceMatcher>(options);
+        sequence->match(picture(0), 1.0);
+        const auto time = std::make_shared<double>(1.0);
+        return [&, sequence, time] {
+          *time += 0.1;
+          status = sequence->match(picture(5), *time).match.status;
+        };
+      },
+      [&] {
+        // The frame that failed may have been remembered or not; the next has a reference again.
+        EXPECT_TRUE(status == Status::ok || status == Status::no_reference);
+        ok += status == Status::ok ? 1 : 0;
+      });
+  EXPECT_GT(ok, 0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
