@@ -14,14 +14,9 @@ void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernel
               BlurScratch& scratch, cv::Mat& blurred) {
   const int columns = image.cols - 2 * kBlurMargin;
   // Rows start on cache lines, 16 values each: loads that straddle two take twice as long.
-<<<<<<< ours
   const int pitch = ceilDivide(columns + kVectorSlack, 16) * 16;
-  if (scratch.cols < pitch) scratch.create(kRows, pitch, CV_32F);
-=======
-  const int pitch = (columns + kVectorSlack + 15) / 16 * 16;
   // A matrix that had no memory has a size all the same.
   if (scratch.cols < pitch || scratch.data == nullptr) scratch.create(kRows, pitch, CV_32F);
->>>>>>> theirs
   const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
   for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {
     kernels.blur_along_row(image.ptr<std::uint8_t>(y) + kBlurMargin, columns, along(y));
