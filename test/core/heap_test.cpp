@@ -1,0 +1,104 @@
+// The heap profile of a live sequence: from a thousand frames, image in to match out, nobody asks
+// for memory, OpenCV and Eigen included. It counts malloc itself, which only glibc lets a program
+// replace.
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstddef>
+#include <cstdlib>
+#include <vector>
+
+#include "ktgp_orb/sequence_matcher.h"
+#include "orb_test_images.h"
+
+#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+
+namespace {
+std::atomic<std::size_t> calls{0};
+}
+
+extern "C" {
+void* __libc_malloc(std::size_t);
+void* __libc_calloc(std::size_t, std::size_t);
+void* __libc_realloc(void*, std::size_t);
+void* __libc_memalign(std::size_t, std::size_t);
+
+void* malloc(std::size_t size) {
+  ++calls;
+  return __libc_malloc(size);
+}
+
+void* calloc(std::size_t count, std::size_t size) {
+  ++calls;
+  return __libc_calloc(count, size);
+}
+
+void* realloc(void* memory, std::size_t size) {
+  ++calls;
+  return __libc_realloc(memory, size);
+}
+
+void* memalign(std::size_t alignment, std::size_t size) {
+  ++calls;
+  return __libc_memalign(alignment, size);
+}
+
+void* aligned_alloc(std::size_t alignment, std::size_t size) {
+  ++calls;
+  return __libc_memalign(alignment, size);
+}
+
+int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
+  ++calls;
+  *memory = __libc_memalign(alignment, size);
+  return *memory != nullptr ? 0 : ENOMEM;
+}
+}
+
+namespace ktgp_orb {
+namespace {
+
+TEST(Heap, IsCounted) {
+  const std::size_t before = calls;
+  const cv::Mat image(100, 100, CV_8U);
+  EXPECT_GT(calls - before, 0u);
+}
+
+/// Calls of the allocator in a thousand frames, once the buffers have grown.
+std::size_t callsInAThousandFrames(const SequenceOptions& options) {
+  const cv::Mat world = test::textureImage(cv::Size(500, 300), 1);
+  std::vector<cv::Mat> views;
+  for (int i = 0; i < 8; ++i) views.push_back(world(cv::Rect(6 * i, 3 * i, 200, 160)).clone());
+  SequenceMatcher matcher(options);
+  int n = 0;
+  const auto run = [&](int frames) {
+    for (int i = 0; i < frames; ++i, ++n) {
+      // To and fro, and now and then a jump.
+      const int at = n % 50 == 0 ? 7 : std::abs(n % 14 - 7);
+      matcher.match(views[static_cast<std::size_t>(at)], 0.1 * n);
+    }
+  };
+  run(200);
+  const std::size_t before = calls;
+  run(1000);
+  return calls - before;
+}
+
+TEST(Heap, IsLeftAloneInSteadyState) {
+  SequenceOptions options;
+  options.orb.max_features = 200;
+  EXPECT_EQ(callsInAThousandFrames(options), 0u);
+  options.matcher.knn.search_radius = 16.0;
+  EXPECT_EQ(callsInAThousandFrames(options), 0u) << "near the prediction";
+  options.matcher.mutual = true;
+  options.matcher.guided.enabled = true;
+  options.matcher.gms.rotation = options.matcher.gms.scale = true;
+  EXPECT_EQ(callsInAThousandFrames(options), 0u) << "with all that can be switched on";
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+#endif
