@@ -7,6 +7,11 @@ foreach(name robot_loading robot_overload robot_reconfigure robot_stream robot_t
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
+# A long run by scripts/soak, built by it alone.
+add_executable(robot_soak_test EXCLUDE_FROM_ALL robot_soak_test.cpp)
+target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
+  Threads::Threads)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_time robot_time.test)
 ktgp_orb_rostest(robot_diagnostics robot_diagnostics.test)

@@ -1,0 +1,82 @@
+// Preloaded into a program (LD_PRELOAD), makes the system fail in ways that are hard to arrange:
+//   KTGP_ORB_FAIL_WRITE=K   the K-th write to a regular file fails: the disk is full, for a moment
+//   KTGP_ORB_FAIL_MARK=FILE which is then made
+//   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/time.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+
+namespace {
+
+template <typename Function>
+Function* next(const char* name) {
+  return reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+}
+
+bool mustFail(int descriptor) {
+  static const char* const wanted = std::getenv("KTGP_ORB_FAIL_WRITE");
+  static std::atomic<long> left{wanted == nullptr ? 0 : std::atol(wanted)};
+  struct stat file {};
+  if (wanted == nullptr || fstat(descriptor, &file) != 0 || !S_ISREG(file.st_mode)) return false;
+  if (--left != 0) return false;
+  if (const char* mark = std::getenv("KTGP_ORB_FAIL_MARK")) close(creat(mark, 0600));
+  errno = ENOSPC;
+  return true;
+}
+
+/// How far the wall clock is ahead, s.
+double ahead() {
+  static const double* const value = [] {
+    const char* file = std::getenv("KTGP_ORB_CLOCK");
+    const int descriptor = file == nullptr ? -1 : open(file, O_RDONLY);
+    void* page = mmap(nullptr, sizeof(double), PROT_READ, MAP_SHARED, descriptor, 0);
+    return page == MAP_FAILED ? nullptr : static_cast<const double*>(page);
+  }();
+  return value == nullptr ? 0.0 : *static_cast<const volatile double*>(value);
+}
+
+}  // namespace
+
+extern "C" {
+
+ssize_t write(int descriptor, const void* bytes, size_t size) {
+  static const auto real = next<ssize_t(int, const void*, size_t)>("write");
+  return mustFail(descriptor) ? -1 : real(descriptor, bytes, size);
+}
+
+ssize_t writev(int descriptor, const iovec* parts, int count) {
+  static const auto real = next<ssize_t(int, const iovec*, int)>("writev");
+  return mustFail(descriptor) ? -1 : real(descriptor, parts, count);
+}
+
+size_t fwrite(const void* bytes, size_t size, size_t count, FILE* file) {
+  static const auto real = next<size_t(const void*, size_t, size_t, FILE*)>("fwrite");
+  return mustFail(fileno(file)) ? 0 : real(bytes, size, count, file);
+}
+
+int clock_gettime(clockid_t clock, timespec* time) noexcept {
+  static const auto real = next<int(clockid_t, timespec*)>("clock_gettime");
+  const int code = real(clock, time);
+  if (clock == CLOCK_REALTIME) time->tv_sec += static_cast<time_t>(std::lround(ahead()));
+  return code;
+}
+
+int gettimeofday(timeval* time, void* zone) noexcept {
+  static const auto real = next<int(timeval*, void*)>("gettimeofday");
+  const int code = real(time, zone);
+  time->tv_sec += static_cast<time_t>(std::lround(ahead()));
+  return code;
+}
+
+}  // extern "C"

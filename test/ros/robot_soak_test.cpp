@@ -1,0 +1,274 @@
+// A long run: frames as fast as the matcher takes them, while everything that a robot's operators
+// do goes on. Nothing may grow. Run by scripts/soak; not part of the suite.
+
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <ktgp_orb/MatchPair.h>
+#include <ktgp_orb/MatchStatistics.h>
+#include <malloc.h>
+#include <std_srvs/Trigger.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+
+#include "robot_testing.h"
+
+namespace ktgp_orb {
+namespace {
+
+int frames = 20000;
+constexpr int kCycle = 1000;          // frames, from one loading of the nodelet to the next
+constexpr double kGrowthLimit = 2.0;  // MB
+
+const std::string kMatcher = "/camera/matcher/";
+
+/// What the process holds.
+struct Held {
+  double megabytes = 0.0;
+  int descriptors = 0;
+  int threads = 0;
+};
+
+int entries(const char* folder) {
+  const auto all = std::filesystem::directory_iterator(folder);
+  return static_cast<int>(std::distance(begin(all), end(all)));
+}
+
+Held held() {
+  malloc_trim(0);  // what was freed is no growth, wherever the allocator keeps it
+  std::size_t size = 0, resident = 0;
+  std::ifstream("/proc/self/statm") >> size >> resident;
+  return {static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6,
+          entries("/proc/self/fd"), entries("/proc/self/task")};
+}
+
+/// The number of a frame is in its stamp, so that an answer tells which it is about.
+ros::Time stampOf(int number) {
+  return {1000U + static_cast<std::uint32_t>(number) / 50U,
+          static_cast<std::uint32_t>(number) % 50U * 20000000U};
+}
+
+/// Shows frames one at a time and waits for the answer to each.
+class Feeder {
+ public:
+  Feeder() : publisher_(ros::NodeHandle().advertise<sensor_msgs::Image>("/camera/image_raw", 1)) {
+    node_.setCallbackQueue(&queue_);
+    subscriber_ = node_.subscribe<MatchStatistics>(
+        kMatcher + "statistics", 0, [this](const MatchStatisticsConstPtr& m) { newest_ = m; });
+  }
+
+  /// The matcher is there and listens.
+  bool connected() {
+    return test::waitUntil([this] {
+      return publisher_.getNumSubscribers() == 1 && subscriber_.getNumPublishers() == 1;
+    });
+  }
+
+  /// The answer, or null after a while; `ms`: how long it took.
+  MatchStatisticsConstPtr show(const test::View& view, int number, double& ms) {
+    const sensor_msgs::ImagePtr image = view.image(number, stampOf(number));
+    const ros::Time stamp = image->header.stamp;
+    const auto begin = std::chrono::steady_clock::now();
+    publisher_.publish(image);
+    const auto end = begin + std::chrono::duration<double>(test::kTimeout);
+    while (!newest_ || newest_->header.stamp != stamp) {
+      queue_.callAvailable(ros::WallDuration(0.05));
+      if (std::chrono::steady_clock::now() > end) return nullptr;
+    }
+    ms =
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    return newest_;
+  }
+
+ private:
+  ros::CallbackQueue queue_;
+  ros::NodeHandle node_;
+  ros::Publisher publisher_;
+  ros::Subscriber subscriber_;
+  MatchStatisticsConstPtr newest_;
+};
+
+bool trigger(const std::string& name) {
+  std_srvs::Trigger call;
+  return ros::service::call(kMatcher + name, call);
+}
+
+/// One of a few changes, in turn; after the last all is as at first.
+bool reconfigure(int turn) {
+  dynamic_reconfigure::Reconfigure call;
+  const auto number = [&](const char* name, double value) {
+    call.request.config.doubles.emplace_back();
+    call.request.config.doubles.back().name = name;
+    call.request.config.doubles.back().value = value;
+  };
+  const auto integer = [&](const char* name, int value) {
+    call.request.config.ints.emplace_back();
+    call.request.config.ints.back().name = name;
+    call.request.config.ints.back().value = value;
+  };
+  const auto word = [&](const char* name, const char* value) {
+    call.request.config.strs.emplace_back();
+    call.request.config.strs.back().name = name;
+    call.request.config.strs.back().value = value;
+  };
+  switch (turn % 6) {
+    case 0:
+      integer("features", 1000);
+      break;
+    case 1:
+      number("T_w", 0.75);
+      break;
+    case 2:
+      word("reference_mode", "keyframe");
+      break;
+    case 3:
+      word("descriptor", "teblid");
+      break;
+    case 4:
+      integer("levels", 4);
+      break;
+    default:
+      integer("features", 500);
+      integer("levels", 8);
+      number("T_w", 0.66);
+      word("reference_mode", "previous");
+      word("descriptor", "orb");
+  }
+  return ros::service::call(kMatcher + "set_parameters", call);
+}
+
+struct Tally {
+  std::vector<double> ms;
+  int ok = 0;
+  int pairs = 0, changes = 0, pauses = 0, resets = 0, sizes = 0, loads = 0, viewers = 0;
+  std::uint64_t dropped = 0;
+};
+
+void report(int frame, const Held& now, Tally& tally, double seconds) {
+  std::sort(tally.ms.begin(), tally.ms.end());
+  const auto at = [&](double share) {
+    return tally.ms[static_cast<std::size_t>(share * static_cast<double>(tally.ms.size() - 1))];
+  };
+  std::printf("%9d %7.0f %9.1f %6d %8d %8.2f %8.2f %8.2f %8llu\n", frame,
+              static_cast<double>(tally.ms.size()) / seconds, now.megabytes, now.descriptors,
+              now.threads, at(0.5), at(0.99), at(1.0),
+              static_cast<unsigned long long>(tally.dropped));
+  std::fflush(stdout);
+  tally.ms.clear();
+}
+
+/// Everything that happens between two loadings; false where an answer did not come.
+class Soak {
+ public:
+  bool run() {
+    nodelet::Loader loader(false);
+    Feeder feeder;
+    int report_every = std::max(kCycle, frames / 20 / kCycle * kCycle);
+    std::optional<Held> warm;
+    Held last;
+    auto since = std::chrono::steady_clock::now();
+    std::printf("%9s %7s %9s %6s %8s %8s %8s %8s %8s\n", "frames", "Hz", "MB", "files", "threads",
+                "p50 ms", "p99 ms", "max ms", "dropped");
+    for (int done = 0; done < frames; done += kCycle) {
+      if (!test::loadMatcher(loader, "/camera") || !feeder.connected()) return false;
+      ++tally_.loads;
+      ros::service::waitForService(kMatcher + "set_parameters");
+      if (!reconfigure(5) || !cycle(feeder, done)) return false;
+      last = held();
+      if (warm) {  // connections are closed by ROS's own threads, in their time
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+        while ((last.descriptors > warm->descriptors || last.threads > warm->threads) &&
+               std::chrono::steady_clock::now() < end) {
+          std::this_thread::sleep_for(std::chrono::milliseconds(20));
+          last = held();
+        }
+      }
+      if (!warm && done + kCycle >= std::min(frames / 4, 20 * kCycle)) warm = last;
+      if ((done + kCycle) % report_every == 0) {
+        const auto now = std::chrono::steady_clock::now();
+        report(done + kCycle, last, tally_, std::chrono::duration<double>(now - since).count());
+        since = now;
+      }
+      if (!loader.unload("/camera/matcher")) return false;
+    }
+    std::printf(
+        "%d loads, %d changes of parameters, %d viewers, %d pairs, %d pauses, %d resets, "
+        "%d changes of size; %d frames ok\n",
+        tally_.loads, tally_.changes, tally_.viewers, tally_.pairs, tally_.pauses, tally_.resets,
+        tally_.sizes, tally_.ok);
+    std::printf("since warm-up: %+.1f MB (limit %+.1f), %+d files, %+d threads\n",
+                last.megabytes - warm->megabytes, kGrowthLimit,
+                last.descriptors - warm->descriptors, last.threads - warm->threads);
+    EXPECT_LT(last.megabytes - warm->megabytes, kGrowthLimit);
+    EXPECT_LE(last.descriptors, warm->descriptors);
+    EXPECT_LE(last.threads, warm->threads);
+    EXPECT_EQ(tally_.dropped, 0U) << "each frame was shown after the answer to the one before";
+    EXPECT_GT(tally_.ok, frames / 2);
+    return true;
+  }
+
+ private:
+  bool cycle(Feeder& feeder, int first) {
+    std::unique_ptr<test::Recorder<sensor_msgs::Image>> viewer;
+    for (int i = 0; i < kCycle; ++i) {
+      const int number = first + i;
+      if (i % 300 == 0) ++tally_.sizes;
+      const test::View& view = views_[static_cast<std::size_t>(i / 300 % 3)];
+      if (i % 50 == 20) {
+        tally_.changes += reconfigure(i / 50) ? 1 : 0;
+      }
+      if (i % 100 == 30) {
+        viewer = std::make_unique<test::Recorder<sensor_msgs::Image>>(kMatcher + "matches_image");
+        ++tally_.viewers;
+      }
+      if (viewer) {
+        viewer->messages();
+        viewer->clear();
+      }
+      if (i % 100 == 45) viewer.reset();
+      if (i % 250 == 60 && !pair(view, number)) return false;
+      if (i % 250 == 100) tally_.resets += trigger("reset") ? 1 : 0;
+      if (i % 500 == 200) {
+        tally_.pauses += trigger("pause") ? 1 : 0;
+        if (!trigger("resume")) return false;
+      }
+      double ms = 0.0;
+      const MatchStatisticsConstPtr answer = feeder.show(view, number, ms);
+      if (!answer) {
+        ADD_FAILURE() << "no answer to frame " << number;
+        return false;
+      }
+      tally_.ms.push_back(ms);
+      tally_.ok += answer->status == MatchStatistics::STATUS_OK ? 1 : 0;
+      tally_.dropped = std::max(tally_.dropped, static_cast<std::uint64_t>(answer->dropped_frames));
+    }
+    return reconfigure(5);
+  }
+
+  bool pair(const test::View& view, int number) {
+    MatchPair call;
+    call.request.reference = *view.image(number, ros::Time(1));
+    call.request.target = *view.image(number + 1, ros::Time(2));
+    ++tally_.pairs;
+    return ros::service::call(kMatcher + "match_pair", call);
+  }
+
+  const test::View views_[3]{test::View({320, 240}), test::View({400, 240}),
+                             test::View({256, 256})};
+  Tally tally_;
+};
+
+TEST(Soak, NothingGrows) {
+  EXPECT_TRUE(Soak().run());
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+int main(int argc, char** argv) {
+  ktgp_orb::frames = static_cast<int>(ktgp_orb::test::argument(argc, argv, "frames", 20000));
+  return ktgp_orb::test::runTests(argc, argv, "robot_soak_test");
+}

@@ -1,0 +1,81 @@
+"""A write that fails, whichever it is: the program ends with 2 and says so, and leaves no file that is
+not whole. KTGP_ORB_ALL_FAULTS=1 tries every write of each program, else ever larger steps."""
+import os
+import pathlib
+import subprocess
+import unittest
+
+from tool_case import ToolCase, picture, translation, write_pgm
+
+TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
+STEP = 1.0 if os.environ.get("KTGP_ORB_ALL_FAULTS") else 1.7
+
+
+class WriteFaults(ToolCase):
+    def setUp(self):
+        super().setUp()
+        rows = picture()
+        write_pgm(self.folder / "a.pgm", rows, 20, 20)
+        write_pgm(self.folder / "b.pgm", rows, 13, 24)
+        (self.folder / "H.txt").write_text(translation(7, -4))
+        (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")
+
+    def run_failing(self, number, tool, *arguments):
+        """The program, and whether its write of that number was reached and failed."""
+        mark = self.folder / "mark"
+        mark.unlink(missing_ok=True)
+        environment = dict(os.environ, LD_PRELOAD=os.environ["KTGP_ORB_FAULTS"],
+                           KTGP_ORB_FAIL_WRITE=str(number), KTGP_ORB_FAIL_MARK=str(mark))
+        run = subprocess.run([TOOLS / tool, *map(str, arguments)], cwd=self.folder, text=True,
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=300,
+                             check=False, env=environment)
+        return run, mark.exists()
+
+    def check(self, tool, *arguments, outputs):
+        number, failures = 1, 0
+        while True:
+            for output in outputs:
+                (self.folder / output).write_text("mine")
+            run, failed = self.run_failing(number, tool, *arguments)
+            if not failed:
+                self.assertEqual(run.returncode, 0, run.stderr)
+                break
+            failures += 1
+            what = f"{tool}, write {number}: {run.returncode} {run.stderr}"
+            self.assertEqual(run.returncode, 2, what)
+            self.assertTrue(any(output in run.stderr for output in outputs), what)
+            for output in outputs:  # each is as it was, or complete
+                content = (self.folder / output).read_bytes()
+                if content != b"mine":
+                    self.whole(self.folder / output, tool, arguments)
+            left = [p.name for p in self.folder.iterdir() if p.name.startswith(("out", ".out"))]
+            self.assertEqual(sorted(left), sorted(outputs), what)
+            number = max(number + 1, int(number * STEP))
+        self.assertGreater(failures, 0, "no write was made to fail")
+        print(f"{tool}: {failures} writes made to fail of less than {number}")
+
+    def whole(self, file, tool, arguments):
+        """The same bytes as without a fault, but for measured times."""
+        content = file.read_bytes()
+        run, _ = self.run_failing(0, tool, *arguments)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertLess(abs(len(file.read_bytes()) - len(content)), 0.02 * len(content) + 64, file)
+
+    def test_match(self):
+        self.check("ktgp_match", "a.pgm", "b.pgm", "--json", "out.json", "--draw", "out.png", "--force",
+                   outputs=["out.json", "out.png"])
+
+    def test_evaluate(self):
+        self.check("ktgp_evaluate", "pairs.txt", "--methods", "KTGP", "--json", "out.json", "--force",
+                   outputs=["out.json"])
+
+    @unittest.skipUnless((TOOLS / "make_demo_bag").exists(), "built without ROS")
+    def test_bag(self):
+        subprocess.run([TOOLS / "make_demo_bag", self.folder / "in.bag", "--seconds", "0.2"],
+                       check=True)
+        self.check("ktgp_bag", "in.bag", "out.bag", "--csv", "out.csv", "--force", "--features", "200",
+                   outputs=["out.bag", "out.csv"])
+
+
+if __name__ == "__main__":
+    unittest.main()
