@@ -9,6 +9,7 @@
 
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/lens.h"
 #include "ktgp_orb/orb_extractor.h"
 
 namespace ktgp_orb {
@@ -49,6 +50,7 @@ enum class NoReference : std::uint8_t {
   not_set = 6,           ///< fixed mode, and no reference was set
   reset = 7,             ///< reset() was called since the frame before
   mode_changed = 8,      ///< the reference mode was changed since the frame before
+  lens_changed = 9,      ///< the frame before was seen through another lens, or raw
 };
 
 /// The enumerator's own name, e.g. "stamp_went_back".
@@ -59,6 +61,11 @@ struct Frame {
   std::int64_t stamp = 0;  ///< when it was taken, ns since any epoch
   std::string encoding;    ///< the caller's word for the camera's pixel format; may be empty
   cv::Mat image;           ///< CV_8UC1; empty where the caller has the features alone
+  /// CV_8UC1, as large as `image`: keypoints are sought where it is not zero. Empty: everywhere.
+  cv::Mat mask;
+  /// Where set, the keypoints found in `image` are moved to where they are without distortion;
+  /// there is no sub-pixel alignment then, since the image is still distorted. Null: they stay.
+  LensConstPtr lens;
   Features features;
   /// What `features` were found with. Where it is not what the matcher's extractor has, they are
   /// found (again) in `image`; without an image the features are taken as they are.
@@ -71,7 +78,8 @@ struct Frame {
 using FramePtr = std::shared_ptr<Frame>;
 using FrameConstPtr = std::shared_ptr<const Frame>;
 
-/// Finds the features of `frame.image` and notes the options and the time it took.
+/// Finds the features of `frame.image` by its mask and lens, and notes the options and the time it
+/// took.
 void extractFeatures(OrbExtractor& extractor, Frame& frame);
 
 /// Homography from the first frame of an unbroken sequence to the newest one.

@@ -33,10 +33,10 @@ class Walk {
     good_ = good_ && bytes <= left_.size;
     if (good_) left_ = left_.from(bytes);
   }
-  /// A string or an array of bytes.
-  void skipArray() {
+  /// A string, or an array of elements of so many bytes.
+  void skipArray(std::size_t element = 1) {
     good_ = good_ && left_.size >= kLength;
-    if (good_) skip(kLength + std::size_t{numberAt(left_.data)});
+    if (good_) skip(kLength + element * std::size_t{numberAt(left_.data)});
   }
   void skipHeader() {
     skip(12);  // seq, stamp
@@ -135,6 +135,18 @@ bool isWellFormedCompressedImage(View message) {
   walk.skipHeader();
   walk.skipArray();
   walk.skipArray();
+  return walk.atEnd();
+}
+
+bool isWellFormedCameraInfo(View message) {
+  constexpr std::size_t kDouble = 8;
+  Walk walk(message);
+  walk.skipHeader();
+  walk.skip(8);                       // height, width
+  walk.skipArray();                   // distortion_model
+  walk.skipArray(kDouble);            // D
+  walk.skip((9 + 9 + 12) * kDouble);  // K, R, P
+  walk.skip(8 + 17);                  // binning, roi
   return walk.atEnd();
 }
 

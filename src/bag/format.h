@@ -84,9 +84,10 @@ std::optional<Record> parseRecord(View bytes);
 std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
-/// An image message that can be deserialised: its lengths are those of its bytes. What ROS itself
+/// A message that can be deserialised: its lengths are those of its bytes. What ROS itself
 /// does not ask before it makes room for them.
 bool isWellFormedImage(View message);            ///< sensor_msgs/Image
 bool isWellFormedCompressedImage(View message);  ///< sensor_msgs/CompressedImage
+bool isWellFormedCameraInfo(View message);       ///< sensor_msgs/CameraInfo
 
 }  // namespace ktgp_orb::bag

@@ -18,6 +18,7 @@ namespace ktgp_orb {
 namespace {
 
 constexpr char kRaw[] = "sensor_msgs/Image";
+constexpr char kCameraInfo[] = "sensor_msgs/CameraInfo";
 constexpr char kCompressed[] = "sensor_msgs/CompressedImage";
 
 std::set<std::string> imageTopics(const bag::BagFile& file) {
@@ -28,6 +29,17 @@ std::set<std::string> imageTopics(const bag::BagFile& file) {
     }
   }
   return names;
+}
+
+std::set<std::uint32_t> connectionsOf(const bag::BagFile& file, const std::string& name,
+                                      const std::string& type) {
+  std::set<std::uint32_t> found;
+  for (const auto& connection : file.connections()) {
+    for (const bag::Topic& topic : connection.second) {
+      if (topic.name == name && topic.type == type) found.insert(connection.first);
+    }
+  }
+  return found;
 }
 
 std::string joined(const std::set<std::string>& names) {
@@ -227,6 +239,29 @@ class BagImages : public ImageSource {
 };
 
 }  // namespace
+
+std::string cameraOf(std::string image_topic) {
+  const std::string suffix = "/compressed";
+  const std::size_t end = image_topic.size() - std::min(image_topic.size(), suffix.size());
+  if (image_topic.compare(end, std::string::npos, suffix) == 0) image_topic.erase(end);
+  return image_topic.substr(0, image_topic.rfind('/'));
+}
+
+sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic) {
+  const std::string topic = cameraOf(image_topic) + "/camera_info";
+  bag::BagFile file = openFile(path);
+  const std::set<std::uint32_t> connections = connectionsOf(file, topic, kCameraInfo);
+  for (const bag::Chunk& chunk : file.chunks()) {
+    if (connections.empty()) break;
+    const bag::ChunkContents contents = file.read(chunk);
+    for (const bag::Message& message : contents.messages) {
+      if (connections.count(message.connection) == 0) continue;
+      if (!bag::isWellFormedCameraInfo(message.data)) continue;
+      return *deserialised<sensor_msgs::CameraInfo>(message.data);
+    }
+  }
+  throw UnusableBag(path + ": rectify needs camera_info on '" + topic + "', and it has none");
+}
 
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection) {
   return std::make_unique<BagImages>(path, selection);

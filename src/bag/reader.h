@@ -1,6 +1,7 @@
 #pragma once
 
 #include <ros/time.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <cstddef>
@@ -53,5 +54,12 @@ std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection
 /// What is wrong with a bag; empty for a sound one, which librosbag reads without harm. Reads all
 /// of it. Throws UnusableBag for what is no bag.
 std::string damageOf(const std::string& path);
+
+/// Namespace of the camera that has the image topic; of a topic with the suffix of the compressed
+/// transport, too.
+std::string cameraOf(std::string image_topic);
+
+/// The first camera_info beside the image topic. Throws UnusableBag where there is none.
+sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic);
 
 }  // namespace ktgp_orb

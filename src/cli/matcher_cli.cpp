@@ -19,7 +19,7 @@ bool always(const ParameterRow& /*row*/) {
 
 bool decidesAPair(const ParameterRow& row) {
   static const std::set<std::string> elsewhere{"reference", "image", "diagnostics"};
-  return elsewhere.count(row.group) == 0 && row.name != "overlay";
+  return elsewhere.count(row.group) == 0 && row.name != "overlay" && row.name != "max_rate";
 }
 
 bool isFlag(const ParameterRow& row) {

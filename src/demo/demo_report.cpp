@@ -2,6 +2,7 @@
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
@@ -99,11 +100,8 @@ class Report {
   Report(const std::string& bag, const std::string& folder)
       : truth_(bag), bag_(bag), folder_(folder), terminal_(isatty(STDOUT_FILENO) != 0) {
     ros::NodeHandle node;
-    correspondences_sub_ =
-        node.subscribe("/camera/matcher/correspondences", 50, &Report::onCorrespondences, this);
-    homographies_ = node.subscribe("/camera/matcher/homography", 50, &Report::onHomography, this);
+    matches_ = node.subscribe("/camera/matcher/match", 50, &Report::onMatch, this);
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
-    statistics_ = node.subscribe("/camera/matcher/statistics", 50, &Report::onStatistics, this);
   }
 
   /// Until the last frame is in, or nothing has come for a while.
@@ -139,45 +137,15 @@ class Report {
   std::string videoPath() const { return folder_ + "/matches.mp4"; }
   std::string picturePath() const { return folder_ + "/stages.png"; }
 
-  /// The messages about one frame: each comes over a connection of its own, in any order.
-  struct Messages {
-    CorrespondencesConstPtr correspondences;
-    HomographyStampedConstPtr homography;
-    MatchStatisticsConstPtr statistics;
-
-    bool complete() const {
-      if (!statistics) return false;
-      return statistics->status == MatchStatistics::STATUS_NO_REFERENCE ||
-             (correspondences && homography);
-    }
-  };
-
-  void onCorrespondences(const CorrespondencesConstPtr& message) {
-    pending_[message->header.stamp].correspondences = message;
-    addIfComplete(message->header.stamp);
-  }
-
-  void onHomography(const HomographyStampedConstPtr& message) {
-    pending_[message->header.stamp].homography = message;
-    addIfComplete(message->header.stamp);
-  }
-
-  void onStatistics(const MatchStatisticsConstPtr& message) {
-    pending_[message->header.stamp].statistics = message;
-    addIfComplete(message->header.stamp);
-  }
-
-  void addIfComplete(const ros::Time& stamp) {
-    const Messages messages = pending_[stamp];
-    if (!messages.complete()) return;
-    pending_.erase(stamp);
-    const MatchStatistics& statistics = *messages.statistics;
+  void onMatch(const MatchConstPtr& match) {
+    const MatchStatistics& statistics = match->statistics;
+    const ros::Time& stamp = match->header.stamp;
     FrameResult result;
     result.segment = truth_.segment(stamp);
     if (statistics.status == MatchStatistics::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
-      result.error = evaluation::cornerError(matrix(*messages.homography), truth, kImageSize);
-      result.reprojection_error = reprojectionError(*messages.correspondences, truth);
+      result.error = evaluation::cornerError(matrix(match->homography), truth, kImageSize);
+      result.reprojection_error = reprojectionError(match->correspondences, truth);
     }
     table_.add(statistics, result);
     showLine(statistics, result);
@@ -239,12 +207,9 @@ class Report {
   bool terminal_;
   bool finished_ = false;
   ResultTable table_;
-  std::map<ros::Time, Messages> pending_;
   cv::VideoWriter video_;
-  ros::Subscriber correspondences_sub_;
-  ros::Subscriber homographies_;
+  ros::Subscriber matches_;
   ros::Subscriber overlays_;
-  ros::Subscriber statistics_;
 };
 
 }  // namespace

@@ -48,6 +48,9 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.number = number;
   c.sequence = sequenceOptions(parameters);
   c.stretch = stretchFrom(parameters);
+  c.view.roi = roiFrom(parameters.roi);
+  c.rectify = parameters.rectify;
+  c.max_rate = parameters.max_rate;
   c.overlay = parameters.overlay;
   c.threads = parameters.threads;
   // The constructor says what is wrong with the rest; threads would be started only to be ended.

@@ -7,6 +7,7 @@
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "messages/frame_maker.h"
 #include "parameters/options.h"
 
 namespace ktgp_orb {
@@ -18,11 +19,15 @@ struct Configuration {
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the fixed reference at first; null: none
   GreyStretch stretch;                         ///< of 16-bit images
+  CameraView view;                             ///< of the camera's images, not of reference_image
+  bool rectify = false;                        ///< a lens is wanted in `view`
+  double max_rate = 0.0;                       ///< Hz; 0: all frames
   bool overlay = true;
   int threads = 1;
 };
 
-/// All but the reference image, which is null: reading its file may fail and takes its time.
+/// All but what other files and messages hold, which is null: the reference image, the masks, the
+/// lens.
 /// Throws std::invalid_argument for what is out of its limits, NaN for example.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -145,13 +146,18 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
   return frame;
 }
 
-sensor_msgs::ImageConstPtr readImageFile(const std::string& path) {
+sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path) {
   if (path.empty()) return nullptr;
+  std::error_code unused;
+  const auto status = std::filesystem::status(path, unused);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
+    throw RefusedImage(name + " '" + path + "' is not a regular file; expected an image file");
+  }
   cv_bridge::CvImage image;
   image.image = cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
   image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
   if (image.image.empty()) {
-    throw RefusedImage("reference_image '" + path + "' cannot be read; expected an image file");
+    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file");
   }
   return image.toImageMsg();
 }

@@ -33,7 +33,8 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
                    const GreyStretch& stretch = {});
 
 /// An image file as a mono8 message, mono16 where the file has 16 bits, with stamp zero; null for
-/// an empty path. Throws RefusedImage naming a file that cannot be read.
-sensor_msgs::ImageConstPtr readImageFile(const std::string& path);
+/// an empty path. Throws RefusedImage, which begins with `name`, for a file that cannot be read,
+/// and for what is no regular file: a pipe would be waited for.
+sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path);
 
 }  // namespace ktgp_orb

@@ -39,6 +39,8 @@ static_assert(int(NoReference::encoding_changed) == HomographyStamped::REASON_EN
 static_assert(int(NoReference::not_set) == HomographyStamped::REASON_NOT_SET, "");
 static_assert(int(NoReference::reset) == HomographyStamped::REASON_RESET, "");
 static_assert(int(NoReference::mode_changed) == HomographyStamped::REASON_MODE_CHANGED, "");
+static_assert(int(NoReference::lens_changed) == MatchStatistics::REASON_LENS_CHANGED, "");
+static_assert(int(NoReference::lens_changed) == HomographyStamped::REASON_LENS_CHANGED, "");
 static_assert(int(Search::whole) == MatchStatistics::SEARCH_WHOLE_IMAGE, "");
 static_assert(int(Search::near) == MatchStatistics::SEARCH_NEAR, "");
 static_assert(int(Search::fell_back) == MatchStatistics::SEARCH_FELL_BACK, "");
@@ -137,6 +139,7 @@ CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const Seque
   message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
   message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
   message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
+  message->rectified = target.lens != nullptr;
   const std::vector<Correspondence>& guided = match.match.guided;
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
   for (const Correspondence& c : match.match.correspondences) {
@@ -160,6 +163,7 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const Sequence
   if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
   message->status = static_cast<std::uint8_t>(result.status);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
+  message->rectified = match.frame->lens != nullptr;
   if (result.status != Status::ok) return message;
   copyHomography(result.homography, *message);
   message->inliers = static_cast<std::uint32_t>(result.inliers);
@@ -173,6 +177,7 @@ HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const Sequenc
   message->header = header;
   message->reference_stamp = timeOf(match.accumulated->first_stamp);
   message->status = HomographyStamped::STATUS_OK;
+  message->rectified = match.frame->lens != nullptr;
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
   copyHomography(match.accumulated->homography, *message);
@@ -250,6 +255,8 @@ std::string explanation(NoReference reason) {
       return "no reference: reset";
     case NoReference::mode_changed:
       return "no reference: reference_mode changed";
+    case NoReference::lens_changed:
+      return "no reference: another lens calibration";
   }
   return "no reference";
 }
@@ -276,14 +283,26 @@ MatchPtr toMatch(const FrameMessages& messages) {
   return match;
 }
 
+namespace {
+
+/// The image of the frame, in the pixels that its keypoints are in.
+cv::Mat shown(const Frame& frame) {
+  if (!frame.lens) return frame.image;
+  cv::Mat rectified;
+  frame.lens->rectify(frame.image, rectified);
+  return rectified;
+}
+
+}  // namespace
+
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
   if (!match.reference) {
-    drawUnmatched(match.frame->image, explanation(match.no_reference), canvas);
+    drawUnmatched(shown(*match.frame), explanation(match.no_reference), canvas);
   } else {
-    drawOverlay({match.reference->image, match.reference->features},
-                {match.frame->image, match.frame->features}, match.match, OverlayStyle::flow,
+    drawOverlay({shown(*match.reference), match.reference->features},
+                {shown(*match.frame), match.frame->features}, match.match, OverlayStyle::flow,
                 canvas);
   }
   message->header = header;

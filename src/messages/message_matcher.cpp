@@ -5,7 +5,9 @@
 namespace ktgp_orb {
 
 MessageMatcher::MessageMatcher(const Configuration& configuration)
-    : configuration_(configuration), sequence_(configuration.sequence) {
+    : configuration_(configuration),
+      sequence_(configuration.sequence),
+      frame_maker_(configuration.stretch, configuration.view) {
   sequence_.setFixedReference(configuredReference(configuration));
 }
 
@@ -22,12 +24,13 @@ void MessageMatcher::configure(const Configuration& configuration) {
   const FramePtr reference = another ? configuredReference(configuration) : nullptr;
   sequence_.setOptions(configuration.sequence);
   if (another) sequence_.setFixedReference(reference);
+  frame_maker_ = FrameMaker(configuration.stretch, configuration.view);
   configuration_ = configuration;
 }
 
 FrameMessages MessageMatcher::process(const sensor_msgs::ImageConstPtr& image) {
   const FramePtr frame = sequence_.newFrame();
-  toFrame(image, configuration_.stretch, *frame);
+  frame_maker_.make(image, *frame);
   return process(image->header, frame, nullptr);
 }
 

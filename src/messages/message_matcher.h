@@ -4,6 +4,7 @@
 
 #include "ktgp_orb/sequence_matcher.h"
 #include "messages/configuration.h"
+#include "messages/frame_maker.h"
 #include "messages/message_conversion.h"
 
 namespace ktgp_orb {
@@ -40,6 +41,7 @@ class MessageMatcher {
 
   Configuration configuration_;
   SequenceMatcher sequence_;
+  FrameMaker frame_maker_;
   std_msgs::Header last_header_;
   const SequenceMatch* last_ = nullptr;
 };

@@ -27,6 +27,7 @@ void MatcherMonitor::Counts::operator+=(const Counts& other) {
   arrived += other.arrived;
   dropped += other.dropped;
   refused += other.refused;
+  skipped += other.skipped;
   matched += other.matched;
   no_reference += other.no_reference;
   ok += other.ok;
@@ -54,6 +55,12 @@ void MatcherMonitor::imagesDropped(std::uint64_t count) {
   total_.dropped += count;
 }
 
+void MatcherMonitor::imageSkipped() {
+  const Lock lock(mutex_);
+  ++current_.skipped;
+  ++total_.skipped;
+}
+
 void MatcherMonitor::imageRefused(const std::string& reason) {
   const Lock lock(mutex_);
   ++current_.refused;
@@ -64,6 +71,11 @@ void MatcherMonitor::imageRefused(const std::string& reason) {
 void MatcherMonitor::setParameterError(const std::string& error) {
   const Lock lock(mutex_);
   parameter_error_ = error;
+}
+
+void MatcherMonitor::setLensProblem(const std::string& problem) {
+  const Lock lock(mutex_);
+  lens_problem_ = problem;
 }
 
 void MatcherMonitor::overlayDrawn(double milliseconds) {
@@ -118,6 +130,11 @@ std::uint64_t MatcherMonitor::dropped() const {
 std::uint64_t MatcherMonitor::refused() const {
   const Lock lock(mutex_);
   return total_.refused;
+}
+
+std::uint64_t MatcherMonitor::skipped() const {
+  const Lock lock(mutex_);
+  return total_.skipped;
 }
 
 std::uint64_t MatcherMonitor::arrived() const {
@@ -180,6 +197,7 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.addf("rate (1/s)", "%.2f", rate(counts));
   report.add("images", total_.arrived);
   report.add("dropped", total_.dropped);
+  report.add("skipped for max_rate", total_.skipped);
   report.add("refused", total_.refused);
   report.add("last error", last_error_);
 }
@@ -188,6 +206,7 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
 std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& level) const {
   level = DiagnosticStatus::WARN;
   if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
+  if (!lens_problem_.empty()) return lens_problem_;
   // One frame without a reference is what every sequence begins with.
   if (frames_without_reference_ > 1 && listening_ && !paused_) {
     return std::to_string(frames_without_reference_) +

@@ -29,9 +29,13 @@ class MatcherMonitor {
 
   void imageArrived();
   void imagesDropped(std::uint64_t count);
+  /// For max_rate.
+  void imageSkipped();
   void imageRefused(const std::string& reason);
   /// Why the last change of parameters was refused; empty: it was not.
   void setParameterError(const std::string& error);
+  /// Why points are in raw pixels though others are wanted; empty: they are not.
+  void setLensProblem(const std::string& problem);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);
   void setTopic(const std::string& topic);
@@ -40,6 +44,7 @@ class MatcherMonitor {
 
   std::uint64_t dropped() const;
   std::uint64_t refused() const;
+  std::uint64_t skipped() const;
   std::uint64_t arrived() const;
 
   /// Moves the window on by one period; call once before each round of reports. While the clock
@@ -57,6 +62,7 @@ class MatcherMonitor {
     std::uint64_t arrived = 0;
     std::uint64_t dropped = 0;
     std::uint64_t refused = 0;
+    std::uint64_t skipped = 0;
     std::uint64_t matched = 0;
     std::uint64_t no_reference = 0;
     std::uint64_t ok = 0;
@@ -85,6 +91,7 @@ class MatcherMonitor {
   Clock::time_point period_start_ = Clock::now();
   std::string last_error_;  // of an image, while such ones come
   std::string parameter_error_;
+  std::string lens_problem_;
   std::string topic_;
   bool listening_ = false;
   bool paused_ = false;

@@ -2,6 +2,7 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
+#include <image_transport/camera_common.h>
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
@@ -15,6 +16,7 @@ namespace {
 // ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
 // zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
+constexpr std::uint32_t kDataQueue = 10;  // messages that wait for a slow subscriber
 
 /// `later` - `earlier`, s. Unlike ros::Duration, which throws beyond 68 years, it takes the stamps
 /// of any camera.
@@ -44,7 +46,7 @@ MatcherNodelet::~MatcherNodelet() {
 // waits for the one that runs. What they use goes only then; a dynamic_reconfigure server that is
 // destroyed in the middle of a callback takes the manager down.
 void MatcherNodelet::stop() {
-  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &pair_queue_}) {
+  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
     queue->callbacks.disable();
     queue->spinner.stop();
   }
@@ -52,6 +54,9 @@ void MatcherNodelet::stop() {
   if (worker_.joinable()) worker_.join();
   for (ros::ServiceServer& service : services_) service.shutdown();
   watch_timer_.stop();
+  report_timer_.stop();
+  mask_sub_.shutdown();
+  reference_sub_.shutdown();
   reconfigure_server_.reset();
   {
     const Lock lock(connect_mutex_);
@@ -88,6 +93,7 @@ void MatcherNodelet::start() {
                                                                        private_node_);
   queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 1)));
   image_topic_ = node_.resolveName("image");
+  camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
   requireTransport();
   requireParametersInRange(private_node_);
   for (const std::string& name : unknownParameters(private_node_)) {
@@ -106,15 +112,24 @@ void MatcherNodelet::start() {
   diagnostics_->add("latency", &monitor_, &MatcherMonitor::reportLatency);
   advertise();
   advertiseServices();
-  // Wall time: the watch must go on while a bag with --clock is paused.
-  watch_timer_ = node_.createWallTimer(ros::WallDuration(1.0),
-                                       [this](const ros::WallTimerEvent&) { watch(); });
-  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &pair_queue_}) {
+  subscribeSideInputs();
+  startTimers();
+  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
     queue->spinner.start();
   }
   NODELET_INFO("matches images on %s (transport %s) while %s/* has subscribers",
                image_topic_.c_str(), transport_hints_->getTransport().c_str(),
                private_node_.getNamespace().c_str());
+}
+
+// Wall time: they must go on while a bag with --clock is paused.
+void MatcherNodelet::startTimers() {
+  ros::NodeHandle slow_node = getNodeHandle();
+  slow_node.setCallbackQueue(&slow_queue_.callbacks);
+  watch_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
+                                           [this](const ros::WallTimerEvent&) { watchInput(); });
+  report_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
+                                            [this](const ros::WallTimerEvent&) { report(); });
 }
 
 void MatcherNodelet::requireTransport() const {
@@ -139,13 +154,15 @@ void MatcherNodelet::advertise() {
       [this](const image_transport::SingleSubscriberPublisher&) { connectionsChanged(); };
   transport_ = std::make_unique<image_transport::ImageTransport>(image_node_);
   private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
-  correspondences_pub_ =
-      private_node_.advertise<Correspondences>("correspondences", 1, changed, changed);
-  homography_pub_ = private_node_.advertise<HomographyStamped>("homography", 1, changed, changed);
-  accumulated_pub_ =
-      private_node_.advertise<HomographyStamped>("accumulated_homography", 1, changed, changed);
-  match_pub_ = private_node_.advertise<Match>("match", 10, changed, changed);
-  statistics_pub_ = private_node_.advertise<MatchStatistics>("statistics", 1, changed, changed);
+  // Who is held up for a moment should lose none of the data; of the pictures the newest will do.
+  const auto advertise = [&](const char* topic, auto message) {
+    return private_node_.advertise<decltype(message)>(topic, kDataQueue, changed, changed);
+  };
+  correspondences_pub_ = advertise("correspondences", Correspondences());
+  homography_pub_ = advertise("homography", HomographyStamped());
+  accumulated_pub_ = advertise("accumulated_homography", HomographyStamped());
+  match_pub_ = advertise("match", Match());
+  statistics_pub_ = advertise("statistics", MatchStatistics());
   overlay_pub_ =
       private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
   advertised_ = true;
@@ -180,14 +197,35 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
   }
 }
 
-// Only this function writes configuration_, and one call at a time: it may read it unlocked.
 void MatcherNodelet::configureFrom(const KtgpConfig& config) {
-  const std::uint32_t number = configured_ ? configuration_.number + 1 : 0;
-  Configuration configuration = configurationFrom(config, number);
+  Configuration wanted = configurationFrom(config, 0);
+  // What is not said anew stays: the file's content, or what came on ~reference since.
   const bool same_image = configured_ && config.reference_image == config_.reference_image;
-  configuration.reference_image =
-      same_image ? configuration_.reference_image : readImageFile(config.reference_image);
+  const auto file =
+      same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
+  wanted.reference_image = same_image ? configuration_.reference_image : file;
+  const bool same_mask = configured_ && config.mask_image == config_.mask_image;
+  wanted.view.file_mask =
+      same_mask ? configuration_.view.file_mask : readMaskFile(config.mask_image);
+  wanted.view.sent_mask = configuration_.view.sent_mask;
+  wanted.view.lens = config.rectify ? lens_ : nullptr;
+  file_reference_ = file;  // nothing throws any more
   monitor_.setLimits(limitsFrom(config));
+  max_rate_ = config.max_rate;
+  change([&](Configuration& configuration) {
+    wanted.number = configured_ ? configuration.number : 0;
+    configuration = wanted;
+  });
+  const Lock lock(connect_mutex_);
+  if (advertised_) subscribeCameraInfo();
+}
+
+// Only this function writes configuration_, and only from the first queue, one call at a time:
+// callbacks there may read it unlocked.
+void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
+  Configuration configuration = configuration_;
+  edit(configuration);
+  if (configured_) ++configuration.number;
   const Lock lock(state_mutex_);
   configuration_ = configuration;
 }
@@ -196,76 +234,6 @@ bool MatcherNodelet::anySubscriber() const {
   return correspondences_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0 ||
          accumulated_pub_.getNumSubscribers() > 0 || match_pub_.getNumSubscribers() > 0 ||
          statistics_pub_.getNumSubscribers() > 0 || overlay_pub_.getNumSubscribers() > 0;
-}
-
-void MatcherNodelet::connectionsChanged() {
-  const Lock lock(connect_mutex_);
-  if (!advertised_) return;
-  const bool wanted = anySubscriber();
-  if (wanted && !subscribed_) subscribe();
-  if (!wanted && subscribed_) unsubscribe();
-}
-
-void MatcherNodelet::subscribe() {
-  new_subscription_ = true;
-  image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
-                                     *transport_hints_);
-  subscribed_ = listening_ = true;
-  input_watch_->restart();
-  monitor_.setListening(true);
-}
-
-void MatcherNodelet::unsubscribe() {
-  image_sub_.shutdown();
-  subscribed_ = listening_ = false;
-  input_watch_->restart();
-  newest_.clear();
-  monitor_.setListening(false);
-  const Lock lock(state_mutex_);
-  requests_.forget_reference = true;
-  requests_.fix_reference_after.reset();
-}
-
-void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
-  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
-  // and deliver everything twice: each frame would then be matched to itself.
-  if (last_arrived_.lock() == image) return;
-  last_arrived_ = image;
-  monitor_.imageArrived();
-  countLost(image->header.seq);
-  const std::uint64_t number = ++arrivals_;
-  if (paused_) return;
-  if (newest_.put({image, number})) monitor_.imagesDropped(1);
-}
-
-// Two publishers of one topic count each for itself: then nothing can be said.
-void MatcherNodelet::countLost(std::uint32_t sequence_number) {
-  if (new_subscription_.exchange(false) || publishers_ > 1) sequence_numbers_.restart();
-  const std::uint32_t lost = sequence_numbers_.lostBefore(sequence_number);
-  if (lost > 0 && !paused_) monitor_.imagesDropped(lost);
-}
-
-void MatcherNodelet::watch() {
-  const bool clock_stands = clockStands();
-  monitor_.tick(clock_stands);
-  diagnostics_->force_update();
-  if (clock_stands && !last_watch_.isZero()) return;  // a paused bag, no broken camera
-  std::uint32_t publishers = 0;
-  bool subscribed = false;
-  {
-    const Lock lock(connect_mutex_);
-    subscribed = subscribed_;
-    if (subscribed_) publishers = image_sub_.getNumPublishers();
-  }
-  publishers_ = publishers;
-  const std::string warning = input_watch_->tick(subscribed, monitor_.arrived(), publishers);
-  if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
-}
-
-bool MatcherNodelet::clockStands() {
-  if (!ros::Time::isSimTime()) return false;
-  const ros::Time now = ros::Time::now();
-  return now == std::exchange(last_watch_, now);
 }
 
 void MatcherNodelet::work() {
@@ -306,11 +274,24 @@ void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
   const double latency = latencySeconds(statistics.header.stamp);
   statistics.latency_milliseconds = 1e3 * latency;
   statistics.dropped_frames = monitor_.dropped();
+  statistics.skipped_frames = monitor_.skipped();
   statistics.refused_frames = monitor_.refused();
   monitor_.frameMatched(static_cast<Status>(statistics.status),
                         static_cast<NoReference>(statistics.reason), messages.homography->inliers,
                         latency);
   publish(messages);
+  warnOfRawPoints(messages);
+}
+
+void MatcherNodelet::warnOfRawPoints(const FrameMessages& messages) {
+  const bool raw = matcher_->configuration().rectify && !messages.homography->rectified;
+  const std::string problem =
+      "rectify is on, but points are in raw pixels: no camera_info of a "
+      "calibrated camera and of this image size on " +
+      camera_info_topic_;
+  monitor_.setLensProblem(raw ? problem : "");
+  if (raw && !warned_of_raw_points_) NODELET_WARN("%s", problem.c_str());
+  warned_of_raw_points_ = raw;
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {

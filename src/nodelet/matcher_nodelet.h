@@ -12,6 +12,7 @@
 #include <atomic>
 #include <boost/thread/recursive_mutex.hpp>
 #include <chrono>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -20,6 +21,7 @@
 #include <vector>
 
 #include "messages/message_matcher.h"
+#include "messages/rate_limiter.h"
 #include "nodelet/input_watch.h"
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
@@ -34,9 +36,12 @@ namespace ktgp_orb {
 ///
 /// The callbacks run in queues and threads of its own, not in the manager's. A manager's thread
 /// that is in a callback keeps the nodelet alive: then it is that thread that destroys it, after
-/// the unloading has returned and with the nodelet's other callback queue already gone. There is
-/// a queue for what may take long (a reference image is read from a file, the master does not
-/// answer), so that neither images nor services wait for it.
+/// the unloading has returned and with the nodelet's other callback queue already gone. What may
+/// take long (a reference image is read from a file, the master does not answer) has queues of its
+/// own, so that neither images nor services wait for it.
+///
+/// The member functions are in three files: matcher_inputs.cpp has what comes in on topics,
+/// matcher_services.cpp the services, matcher_nodelet.cpp the rest.
 class MatcherNodelet : public nodelet::Nodelet {
  public:
   MatcherNodelet() = default;
@@ -48,28 +53,36 @@ class MatcherNodelet : public nodelet::Nodelet {
   void stop();
   void requireTransport() const;
   void advertise();
-  void advertiseServices();
   void startReconfigure();
+  void startTimers();
 
+  // matcher_inputs.cpp
   void connectionsChanged();
   bool anySubscriber() const;
   void subscribe();
   void unsubscribe();
 
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
+  bool isSkipped(const sensor_msgs::Image& image);
   void countLost(std::uint32_t sequence_number);
+  void subscribeSideInputs();
+  void subscribeCameraInfo();
+  void cameraInfoArrived(const sensor_msgs::CameraInfoConstPtr& info);
+  void maskArrived(const sensor_msgs::ImageConstPtr& image);
+  void referenceArrived(const sensor_msgs::ImageConstPtr& image);
+  void watchInput();
+  void report();
+  bool clockStands();
+
   void reconfigured(KtgpConfig& config);
   void configureFrom(const KtgpConfig& config);
-  void pause();
-  void resume();
-  bool matchPair(MatchPair::Request& request, MatchPair::Response& response);
-  void watch();
-  bool clockStands();
+  void change(const std::function<void(Configuration&)>& edit);
 
   void work();
   void applyRequests(std::uint64_t arrival);
   void processImage(const sensor_msgs::ImageConstPtr& image);
   void publish(const FrameMessages& messages);
+  void warnOfRawPoints(const FrameMessages& messages);
   void publishOverlay();
   void refuse(const std::string& reason);
 
@@ -86,7 +99,13 @@ class MatcherNodelet : public nodelet::Nodelet {
     /// The first image that arrives after this many becomes the fixed reference.
     std::optional<std::uint64_t> fix_reference_after;
   };
+
+  // matcher_services.cpp
   using Trigger = std_srvs::Trigger;
+  void advertiseServices();
+  bool matchPair(MatchPair::Request& request, MatchPair::Response& response);
+  void pause();
+  void resume();
   bool reset(Trigger::Request& request, Trigger::Response& response);
   bool setReference(Trigger::Request& request, Trigger::Response& response);
   bool pauseRequested(Trigger::Request& request, Trigger::Response& response);
@@ -100,10 +119,10 @@ class MatcherNodelet : public nodelet::Nodelet {
   };
 
   // ROS side
-  Queue queue_;          // connections, parameters, the watch
+  Queue queue_;          // connections, parameters, ~mask, ~reference, camera_info
   Queue image_queue_;    // images
-  Queue service_queue_;  // services that only store a request
-  Queue pair_queue_;     // ~match_pair, which takes a while
+  Queue service_queue_;  // services that only store a request: never waits
+  Queue slow_queue_;     // ~match_pair, diagnostics and the watch, which ask the master
   ros::NodeHandle node_;
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
@@ -117,6 +136,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   image_transport::Publisher overlay_pub_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer watch_timer_;
+  ros::WallTimer report_timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   boost::recursive_mutex reconfigure_mutex_;
   KtgpConfig config_;  // what configuration_ was made from
@@ -128,23 +148,36 @@ class MatcherNodelet : public nodelet::Nodelet {
   bool advertised_ = false;
   image_transport::Subscriber image_sub_;
   bool subscribed_ = false;
+  ros::Subscriber camera_info_sub_;
+  ros::Subscriber mask_sub_;
+  ros::Subscriber reference_sub_;
   std::string image_topic_;
+  std::string camera_info_topic_;
   std::unique_ptr<image_transport::TransportHints> transport_hints_;
   std::uint32_t queue_size_ = 1;
   std::atomic<bool> listening_{false};        // as subscribed_, for who must not wait
   std::atomic<std::uint32_t> publishers_{0};  // of the input, as of the last watch
   std::atomic<bool> new_subscription_{false};
+  std::atomic<bool> input_silence_begins_{false};  // the watch waits anew
+  std::atomic<bool> clock_stands_{false};
+  std::atomic<double> max_rate_{0.0};  // Hz
 
   // The image queue's own
   SequenceNumbers sequence_numbers_;
+  RateLimiter rate_limiter_;
   boost::weak_ptr<const sensor_msgs::Image> last_arrived_;
 
-  // The queue's own
+  // Of the first queue alone
+  LensConstPtr lens_;  // of the last camera_info
+  std::string lens_problem_;
+  sensor_msgs::ImageConstPtr file_reference_;
+
+  // Of the slow queue alone
   std::unique_ptr<InputWatch> input_watch_;
-  ros::Time last_watch_;
+  ros::Time last_report_;
 
   // Shared with the worker
-  std::mutex state_mutex_;  // guards configuration_ and requests_
+  std::mutex state_mutex_;  // guards configuration_ and requests_; never held while anything waits
   Configuration configuration_;
   Requests requests_;
   std::atomic<bool> paused_{false};
@@ -155,6 +188,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   // The worker's own
   std::unique_ptr<MessageMatcher> matcher_;
   std::chrono::steady_clock::time_point last_refusal_;
+  bool warned_of_raw_points_ = false;
   std::thread worker_;
 };
 

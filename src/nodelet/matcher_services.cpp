@@ -21,7 +21,7 @@ void MatcherNodelet::advertiseServices() {
   services_.push_back(node.advertiseService("pause", &MatcherNodelet::pauseRequested, this));
   services_.push_back(node.advertiseService("resume", &MatcherNodelet::resumeRequested, this));
   ros::NodeHandle pair_node = getPrivateNodeHandle();
-  pair_node.setCallbackQueue(&pair_queue_.callbacks);
+  pair_node.setCallbackQueue(&slow_queue_.callbacks);
   services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
 }
 
@@ -86,6 +86,7 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
     configuration = configuration_;
   }
   configuration.sequence.reference.mode = ReferenceMode::fixed;
+  configuration.view = {};  // of the camera; these two come from anywhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   try {
     MessageMatcher matcher(configuration);

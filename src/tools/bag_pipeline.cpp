@@ -2,15 +2,14 @@
 
 #include <utility>
 
-#include "messages/image_conversion.h"
-
 namespace ktgp_orb {
 
-FramePipeline::FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
-                             const GreyStretch& stretch, int threads)
-    : options_(withImages(options)), fixed_(fixed), stretch_(stretch) {
+FramePipeline::FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed,
+                             int threads)
+    : options_(withImages(configuration.sequence)), fixed_(fixed) {
   for (int i = 0; i < threads; ++i) {
-    workers_.push_back({OrbExtractor(options_.orb), KtgpMatcher(options_.matcher)});
+    workers_.push_back({OrbExtractor(options_.orb), KtgpMatcher(options_.matcher),
+                        FrameMaker(configuration.stretch, configuration.view)});
   }
   try {
     for (Worker& worker : workers_) threads_.emplace_back([this, &worker] { work(worker); });
@@ -39,7 +38,9 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
   Task task([this, image, found, before](Worker& worker) {
     Prepared prepared;
     try {
-      prepared.frame = makeFrame(image, worker.extractor, stretch_);
+      prepared.frame = std::make_shared<Frame>();
+      worker.frame_maker.make(image, *prepared.frame);
+      extractFeatures(worker.extractor, *prepared.frame);
     } catch (...) {
       found->set_value(nullptr);
       throw;

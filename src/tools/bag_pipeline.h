@@ -23,11 +23,9 @@ class FramePipeline {
     std::optional<MatchAhead> ahead;
   };
 
-  /// `fixed`: the reference of the fixed mode, null in the others. `stretch`: of 16-bit images. At
-  /// least one thread. Throws std::system_error or std::bad_alloc where there are not enough
-  /// threads or memory.
-  FramePipeline(const SequenceOptions& options, const FrameConstPtr& fixed,
-                const GreyStretch& stretch, int threads);
+  /// `fixed`: the reference of the fixed mode, null in the others. At least one thread. Throws
+  /// std::system_error or std::bad_alloc where there are not enough threads or memory.
+  FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
 
   void push(const sensor_msgs::ImageConstPtr& image);
@@ -42,6 +40,7 @@ class FramePipeline {
   struct Worker {
     OrbExtractor extractor;
     KtgpMatcher matcher;
+    FrameMaker frame_maker;
   };
   using Task = std::packaged_task<Prepared(Worker&)>;
 
@@ -50,7 +49,6 @@ class FramePipeline {
 
   const SequenceOptions options_;
   const FrameConstPtr fixed_;
-  const GreyStretch stretch_;
   std::shared_future<FramePtr> last_frame_;  // null for a refused image
   std::deque<std::future<Prepared>> results_;
 

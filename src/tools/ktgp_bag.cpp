@@ -8,6 +8,7 @@
 #include <iostream>
 #include <opencv2/core/utility.hpp>
 #include <thread>
+#include <utility>
 
 #include "bag/reader.h"
 #include "cli/matcher_cli.h"
@@ -15,6 +16,7 @@
 #include "cli/program.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
+#include "messages/rate_limiter.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_writer.h"
 
@@ -57,33 +59,31 @@ class Progress {
   bool shown_;
 };
 
-/// Namespace of the output: beside the image topic, as the nodelet has it, which is given a topic
-/// without the suffix of its transport.
-std::string outputNames(const std::string& name, std::string topic) {
-  if (!name.empty()) return name;
-  const std::string suffix = "/compressed";
-  const std::size_t end = topic.size() - std::min(topic.size(), suffix.size());
-  if (topic.compare(end, std::string::npos, suffix) == 0) topic.erase(end);
-  return topic.substr(0, topic.rfind('/')) + "/matcher";
+/// Namespace of the output: beside the image topic, as the nodelet has it.
+std::string outputNames(const std::string& name, const std::string& topic) {
+  return name.empty() ? cameraOf(topic) + "/matcher" : name;
 }
 
 /// The part of the work that goes frame by frame.
 class Run {
  public:
-  Run(const Arguments& arguments, const Configuration& configuration, int threads)
-      : source_(openBag(arguments.in, arguments.selection)),
+  Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
+      const Configuration& configuration, int threads)
+      : source_(std::move(source)),
         matcher_(configuration),
-        pipeline_(configuration.sequence, fixedReference(configuration), configuration.stretch,
-                  threads),
+        pipeline_(configuration, fixedReference(configuration), threads),
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic())),
-        progress_(source_->total()) {}
+        progress_(source_->total()) {
+    rate_limiter_.setRate(configuration.max_rate);
+  }
 
   int run() {
     while (!tools::interrupted()) {
       auto recorded = source_->next();
       if (!recorded) break;
+      if (isSkipped(*recorded)) continue;
       if (recorded->image) pipeline_.push(recorded->image);
-      waiting_.push_back(std::move(*recorded));
+      waiting_.push_back({std::move(*recorded), skipped_});
       if (pipeline_.full()) finishOldest();
     }
     while (!waiting_.empty()) finishOldest();
@@ -105,11 +105,18 @@ class Run {
     return fixed ? matcher_.fixedReference() : nullptr;
   }
 
+  bool isSkipped(const RecordedImage& recorded) {
+    if (!recorded.image || rate_limiter_.takes(recorded.image->header.stamp)) return false;
+    ++skipped_;
+    progress_.advance();
+    return true;
+  }
+
   void finishOldest() {
-    const RecordedImage recorded = std::move(waiting_.front());
+    const auto [recorded, skipped] = std::move(waiting_.front());
     waiting_.pop_front();
     try {
-      finish(recorded);
+      finish(recorded, skipped);
     } catch (const RefusedImage& error) {
       if (refused_++ == 0) refusal_ = error.what();
       std_msgs::Header header;
@@ -119,13 +126,14 @@ class Run {
     progress_.advance();
   }
 
-  void finish(const RecordedImage& recorded) {
+  void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage("compressed image cannot be decoded");
     FramePipeline::Prepared prepared = pipeline_.pop();
     FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
                                               prepared.ahead ? &*prepared.ahead : nullptr);
     if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
     messages.statistics->refused_frames = refused_;
+    messages.statistics->skipped_frames = skipped;
     writer_.write(messages, recorded.received);
   }
 
@@ -134,7 +142,9 @@ class Run {
   FramePipeline pipeline_;
   MatchWriter writer_;
   Progress progress_;
-  std::deque<RecordedImage> waiting_;  // in the pipeline
+  RateLimiter rate_limiter_;
+  std::uint64_t skipped_ = 0;
+  std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;  // in the pipeline; skipped before
   std::uint64_t refused_ = 0;
   std::string refusal_;
 };
@@ -144,10 +154,13 @@ int threadsFrom(const Parameters& parameters) {
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
-Configuration configurationFor(Parameters parameters) {
+Configuration configurationFor(Parameters parameters, const std::string& bag,
+                               const std::string& topic) {
   parameters.threads = 1;  // for one image; several are worked on at a time
   Configuration configuration = configurationFrom(parameters, 0);
-  configuration.reference_image = readImageFile(parameters.reference_image);
+  configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
+  configuration.view.file_mask = readMaskFile(parameters.mask_image);
+  if (parameters.rectify) configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
   return configuration;
 }
 
@@ -155,6 +168,7 @@ void checkFiles(Arguments& arguments) {
   tools::OutputPlan plan(arguments.force);
   plan.read(arguments.in);
   plan.read(arguments.parameters.reference_image);
+  plan.read(arguments.parameters.mask_image);
   plan.write(arguments.out);
   plan.write(arguments.csv);
 }
@@ -164,7 +178,10 @@ int matchBag(Arguments& arguments) {
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   checkFiles(arguments);
   cv::setNumThreads(1);  // the images themselves are spread over the cores
-  Run run(arguments, configurationFor(arguments.parameters), threadsFrom(arguments.parameters));
+  auto source = openBag(arguments.in, arguments.selection);
+  const Configuration configuration =
+      configurationFor(arguments.parameters, arguments.in, source->topic());
+  Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   tools::stopWhenInterrupted();
   const int code = run.run();
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.images()

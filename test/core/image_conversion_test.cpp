@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <sensor_msgs/image_encodings.h>
+#include <sys/stat.h>
 
 #include <boost/make_shared.hpp>
 #include <fstream>
@@ -251,10 +252,27 @@ TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
   grey().convertTo(twelve_bits, CV_16U, 16.0);
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_test.png";
   ASSERT_TRUE(cv::imwrite(path, twelve_bits));
-  const sensor_msgs::ImageConstPtr file = readImageFile(path);
+  const sensor_msgs::ImageConstPtr file = readImageFile("reference_image", path);
   EXPECT_EQ(file->encoding, "mono16");
   EXPECT_EQ(difference(greyImage(file), greyImage(messageOf("mono16", twelve_bits))), 0.0);
   EXPECT_GT(greyImage(file).at<uchar>(47, 63), 250) << "and not dark";
+  std::remove(path.c_str());
+}
+
+// Opening a pipe would wait for who writes into it.
+TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
+  const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_pipe";
+  std::remove(path.c_str());
+  ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
+  for (const std::string& name : {path, std::string("/dev/null"), ::testing::TempDir()}) {
+    try {
+      readImageFile("mask_image", name);
+      ADD_FAILURE() << name;
+    } catch (const RefusedImage& error) {
+      EXPECT_EQ(std::string(error.what()),
+                "mask_image '" + name + "' is not a regular file; expected an image file");
+    }
+  }
   std::remove(path.c_str());
 }
 

@@ -173,10 +173,10 @@ TEST(SequenceMatcher, SaysWhyThereIsNoReference) {
 
 TEST(SequenceMatcher, NamesEveryReason) {
   std::set<std::string> names;
-  for (int i = 0; i <= static_cast<int>(NoReference::mode_changed); ++i) {
+  for (int i = 0; i <= static_cast<int>(NoReference::lens_changed); ++i) {
     names.insert(toString(static_cast<NoReference>(i)));
   }
-  EXPECT_EQ(names.size(), 9u);
+  EXPECT_EQ(names.size(), 10u);
   EXPECT_EQ(names.count("unknown"), 0u);
   EXPECT_STREQ(toString(NoReference::stamp_went_back), "stamp_went_back");
 }

@@ -21,6 +21,12 @@ FILES = sorted(glob.glob(os.path.join(PACKAGE, 'launch', '*.launch')))
 STATIC_PARAMETERS = {'image_transport', 'queue_size'}
 
 
+def arguments_of(name):
+    """The arguments of a launch file with their defaults."""
+    root = xml.parse(os.path.join(PACKAGE, 'launch', name)).getroot()
+    return {element.get('name'): element.get('default') for element in root.iterfind('arg')}
+
+
 def load(path, bag):
     """The file as roslaunch understands it; a bag file where it takes one."""
     arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
@@ -84,6 +90,84 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertEqual({name: got.get(name) for name in values}, values, launch)
             self.assertLessEqual(set(self.parameters_of(launch)), STATIC_PARAMETERS, launch)
             self.assertLessEqual(set(got), set(values) | STATIC_PARAMETERS, launch)
+
+    def test_every_other_argument_of_the_matcher_reaches_it_through_each_file(self):
+        given = {'namespace': 'front', 'name': 'eyes', 'transport': 'compressed', 'queue_size': '7',
+                 'machine': 'arm', 'respawn': 'true', 'required': 'true', 'manager': '/mine'}
+        there = set(arguments_of('matcher.launch')) - set(KtgpConfig.defaults)
+        self.assertEqual(there, set(given) | {'image', 'preset', 'params'},
+                         'a new argument needs its place in this test')
+        # bag.launch and tune.launch play to one process here, and end with it; one of several
+        # cameras must not end the launch, and their namespaces are their names.
+        here = {'machine', 'respawn', 'required', 'manager'}
+        not_taken = {'matcher.launch': {'required'}, 'bag.launch': here, 'tune.launch': here,
+                     'multi_camera.launch': {'namespace', 'required'}}
+        for name, without in not_taken.items():
+            values = {key: value for key, value in given.items() if key not in without}
+            if arguments_of(name).get('respawn') == 'true':
+                values['respawn'] = 'false'
+            self.check_reaches(name, values)
+        self.check_reaches('matcher.launch', {'required': 'true'})  # never together with respawn
+
+    def check_reaches(self, name, values):
+        arguments = ['%s:=%s' % item for item in values.items()]
+        arguments.append('%s:=/a/picture' % ('topic' if 'topic' in arguments_of(name) else 'image'))
+        if 'bag' in arguments_of(name):
+            arguments.append('bag:=' + self.bag.name)
+        spaces = [values.get('namespace', 'camera')]
+        if 'cameras' in arguments_of(name):
+            spaces = ['left', 'right']
+            arguments.append('cameras:=left right')
+        config = self.configuration(name, arguments)
+        for space in spaces:
+            path = '/%s/%s' % (space, values.get('name', 'matcher'))
+            node = next(n for n in config.nodes if n.namespace + n.name == path)
+            self.assertIn(['image', '/a/picture'], node.remap_args, name)
+            self.assertEqual(config.params[path + '/image_transport'].value,
+                             values.get('transport', 'raw'), name)
+            self.assertEqual(config.params[path + '/queue_size'].value,
+                             int(values.get('queue_size', 1)), name)
+            self.assertEqual(node.respawn, values.get('respawn') == 'true', name)
+            self.assertEqual(node.required, values.get('required') == 'true' or
+                             name in ('bag.launch', 'tune.launch'), name)
+            if 'machine' in values:
+                self.assertEqual(node.machine_name, 'arm', name)
+            if 'manager' in values:
+                self.assertEqual((node.package, node.args),
+                                 ('nodelet', 'load ktgp_orb/matcher /mine'), name)
+
+    def configuration(self, name, arguments):
+        return load_config_default([(os.path.join(PACKAGE, 'launch', name), arguments)], None,
+                                   verbose=False, assign_machines=False)
+
+    def test_what_the_player_is_told(self):
+        given = {'topic': '/a/picture', 'transport': 'theora', 'all': True, 'rate': 0.5, 'start': 2.0,
+                 'delay': 3.0, 'loop': True, 'record': "it's out.bag"}
+        for name in ('bag.launch', 'tune.launch'):
+            known = {key: value for key, value in given.items() if key in arguments_of(name)}
+            # Tuning always loops, and records nothing.
+            self.assertEqual(set(given) - set(known),
+                             {'loop', 'record'} if name == 'tune.launch' else set())
+            config = self.configuration(name, ['bag:=' + self.bag.name] + [
+                '%s:=%s' % (key, str(value).lower() if value is True else value)
+                for key, value in known.items()])
+            got = {key: config.params['/player/' + key].value for key in known}
+            self.assertEqual(got, known, name)
+            self.assertEqual(config.params['/player/bag'].value, self.bag.name)
+            self.assertEqual(config.params['/player/matcher'].value, '/camera/matcher')
+            self.assertIs(config.params['/player/loop'].value, True)
+
+    def test_several_cameras_share_the_options_of_their_manager(self):
+        config = self.configuration('multi_camera.launch', [
+            'cameras:=a,b,c', 'manager:=/boss', 'manager_threads:=5', 'machine:=arm'])
+        managers = [n for n in config.nodes if n.name == 'boss']
+        self.assertEqual([(n.args, n.machine_name, n.respawn) for n in managers],
+                         [('manager', 'arm', True)])
+        self.assertEqual(config.params['/boss/num_worker_threads'].value, 5)
+        self.assertEqual(sorted(n.namespace for n in config.nodes if n.name == 'matcher'),
+                         ['/a/', '/b/', '/c/'])
+        none = self.configuration('multi_camera.launch', ['start_manager:=false'])
+        self.assertEqual([n.name for n in none.nodes], ['matcher'])
 
     def test_arguments_count_before_the_file_and_the_file_before_the_preset(self):
         with tempfile.NamedTemporaryFile('w', suffix='.yaml', dir='.') as file:

@@ -1,14 +1,18 @@
 #!/usr/bin/python3
 """The one message with everything holds what the three topics carry, frame by frame."""
 
+import os
+import re
+import subprocess
 import sys
 import unittest
 
 import numpy as np
+import rosgraph
 import rospy
 import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
-from ktgp_testing import Camera, Recorder, image_message
+from ktgp_testing import Camera, Recorder, image_message, wait_until
 
 
 class MatchMessageTest(unittest.TestCase):
@@ -35,6 +39,42 @@ class MatchMessageTest(unittest.TestCase):
             self.assertGreater(len(match.correspondences.reference_x), 200)
             for name, recorder in self.parts.items():
                 self.assert_same(getattr(match, name), recorder.wait_for(stamp))
+
+    def test_the_example_in_python_says_the_motion(self):
+        script = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'scripts',
+                              'camera_motion')
+        subscribers = self.matches_connections()
+        example = subprocess.Popen(
+            ['/usr/bin/python3', script, 'match:=/camera/matcher/match', '_frames:=4'],
+            stdout=subprocess.PIPE, universal_newlines=True)
+        try:
+            wait_until(lambda: self.matches_connections() > subscribers, 'the example listens')
+            self.matches.wait_for(self.camera.send_view())
+            for _ in range(1000):  # until it has seen four
+                self.matches.wait_for(self.camera.send_view())
+                if example.poll() is not None:
+                    break
+            lines = example.communicate()[0].splitlines()
+        finally:
+            example.kill()
+            example.wait()
+        self.assertEqual(len(lines), 5, lines)
+        shifts = [re.search(r'shift (\S+) (\S+) px, turn (\S+) deg, scale (\S+), (\d+) inliers', line)
+                  for line in lines[1:4]]
+        for shift in shifts:
+            x, y, turn, scale, inliers = (float(number) for number in shift.groups())
+            self.assertAlmostEqual(x, -5, delta=0.3)
+            self.assertAlmostEqual(y, -3, delta=0.3)
+            self.assertAlmostEqual(turn, 0, delta=0.2)
+            self.assertAlmostEqual(scale, 1, delta=0.01)
+            self.assertGreater(inliers, 100)
+        self.assertRegex(lines[4], r'^[34] of 4 frames have a homography$')
+
+    @staticmethod
+    def matches_connections():
+        """Subscribers of ~match."""
+        state = rosgraph.Master('/match_message_test').getSystemState()[1]
+        return len(dict(state).get('/camera/matcher/match', []))
 
     def test_a_frame_without_a_homography_is_said_too(self):
         self.matches.wait_for(self.camera.send_view())

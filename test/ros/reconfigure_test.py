@@ -8,6 +8,7 @@ import unittest
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
+from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import MatchStatistics
 from ktgp_testing import TIMEOUT, Camera, Recorder, wait_until
 
@@ -72,8 +73,10 @@ class ReconfigureTest(unittest.TestCase):
         self.assertEqual(result['T_G'], 0.0)
 
     def test_what_no_clamp_catches_is_refused(self):
-        result = self.client.update_configuration({'T_w': float('nan')})
-        self.assertEqual(result['T_w'], 0.66)
+        for name, default in KtgpConfig.defaults.items():
+            if isinstance(default, float):
+                result = self.client.update_configuration({name: float('nan')})
+                self.assertEqual(result[name], default, name)
         result = self.client.update_configuration({'reference_mode': 'no such mode'})
         self.assertEqual(result['reference_mode'], 'previous')
 

@@ -1,35 +1,69 @@
 #!/usr/bin/python3
-"""multi_camera.launch: each camera of the list has its own matcher, and none sees another's images."""
+"""multi_camera.launch: each camera of the list has its own matcher, and none sees another's images.
+All send at the same time, each its own picture with its own motion."""
 
 import sys
 import unittest
 
+import numpy as np
 import rospy
 import rostest
-from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from ktgp_orb.msg import Match, MatchStatistics
+from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
+
+FRAMES = 6
+WIDTH, HEIGHT = 320, 240
+
+
+class OwnCamera:
+    """A camera before a picture of its own, moving in a direction of its own."""
+
+    def __init__(self, name, number):
+        self.name = name
+        self.number = number
+        self.picture = texture(HEIGHT + 200, WIDTH + 200, seed=10 + number)
+        self.step = 3 + number, 9 - 2 * number  # px right and down from frame to frame
+        self.matches = Recorder('/%s/matcher/match' % name, Match)
+        self.camera = Camera('/%s/image_raw' % name)
+
+    def stamp(self, frame):
+        return rospy.Time(100 * (self.number + 1), 100000000 * frame)
+
+    def send(self, frame):
+        x, y = (100 + step * (frame - FRAMES // 2) for step in self.step)
+        pixels = np.ascontiguousarray(self.picture[y:y + HEIGHT, x:x + WIDTH])
+        self.camera.send(image_message(pixels, self.stamp(frame), frame_id=self.name))
 
 
 class CamerasTest(unittest.TestCase):
-    def test_each_camera_is_matched_on_its_own(self):
+    def test_each_camera_is_matched_to_its_own_motion_while_all_send(self):
         names = rospy.get_param('~cameras').split()
-        statistics = [Recorder('/%s/matcher/statistics' % n, MatchStatistics) for n in names]
-        cameras = [Camera('/%s/image_raw' % name) for name in names]
+        cameras = [OwnCamera(name, i) for i, name in enumerate(names)]
         for camera in cameras:
-            camera.wait_for_subscriber()
-        for recorder in statistics:
-            wait_until(lambda recorder=recorder: recorder.publishers() == 1, 'it is connected')
-        for frame in range(3):
-            for i, (camera, recorder) in enumerate(zip(cameras, statistics)):
-                stamp = rospy.Time(100 * (i + 1), 100000000 * frame)
-                pixels = view(100 + 5 * frame, 100, 320, 240)
-                camera.send(image_message(pixels, stamp))
-                recorder.wait_for(stamp)
-        for i, recorder in enumerate(statistics):
-            messages = recorder.messages()
-            self.assertEqual([m.header.stamp.secs for m in messages], 3 * [100 * (i + 1)])
-            self.assertEqual([m.status for m in messages],
-                             [MatchStatistics.STATUS_NO_REFERENCE, 0, 0])
+            camera.camera.wait_for_subscriber()
+            wait_until(lambda camera=camera: camera.matches.publishers() == 1, 'it is connected')
+        for frame in range(FRAMES):
+            for camera in cameras:
+                camera.send(frame)
+            for camera in cameras:  # only now: all of them were at work together
+                camera.matches.wait_for(camera.stamp(frame))
+        for camera in cameras:
+            self.check(camera)
+
+    def check(self, camera):
+        matches = camera.matches.messages()
+        self.assertEqual([m.header.stamp for m in matches],
+                         [camera.stamp(frame) for frame in range(FRAMES)], camera.name)
+        self.assertEqual({m.header.frame_id for m in matches}, {camera.name})
+        self.assertEqual([m.statistics.status for m in matches],
+                         [MatchStatistics.STATUS_NO_REFERENCE] + (FRAMES - 1) * [0], camera.name)
+        for frame, match in enumerate(matches[1:], 1):
+            self.assertEqual(match.homography.reference_stamp, camera.stamp(frame - 1))
+            h = np.reshape(match.homography.homography, (3, 3))
+            x, y, w = h.dot((WIDTH / 2, HEIGHT / 2, 1))
+            moved = x / w - WIDTH / 2, y / w - HEIGHT / 2
+            for measured, true in zip(moved, camera.step):
+                self.assertAlmostEqual(measured, -true, delta=0.3, msg=camera.name)
 
 
 if __name__ == '__main__':

@@ -150,14 +150,21 @@ class ReferenceTest(unittest.TestCase):
 
     def test_set_reference_waits_for_a_usable_frame(self):
         self.client.update_configuration({'reference_mode': 'fixed'})
+        before = self.send(150)
+        self.assertEqual(before.reason, MatchStatistics.REASON_NOT_SET)
         self.call('set_reference')
         depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
                               '32FC1')
         self.camera.send(depth)
-        refused = self.statistics.messages()[-1].refused_frames if self.statistics.messages() else 0
+        # The depth image may be replaced by the next one before it is looked at.
         fixed = self.send(200)
-        self.assertGreaterEqual(fixed.refused_frames, refused)
-        self.assertEqual(self.send(220).reference_stamp, fixed.header.stamp)
+        self.assertEqual(fixed.refused_frames - before.refused_frames +
+                         fixed.dropped_frames - before.dropped_frames, 1)
+        self.assertEqual((fixed.status, fixed.reference_stamp), (OK, fixed.header.stamp))
+        after = self.send(220)
+        self.assertEqual(after.reference_stamp, fixed.header.stamp)
+        self.check_translation(self.homographies.wait_for(after.header.stamp), -20, 0)
+        self.assertEqual(after.refused_frames, fixed.refused_frames)
 
     def test_an_image_file_of_another_size_is_a_target(self):
         path = os.path.join(tempfile.mkdtemp(), 'target.png')

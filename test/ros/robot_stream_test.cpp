@@ -2,6 +2,7 @@
 
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <std_srvs/Trigger.h>
 
@@ -197,6 +198,39 @@ TEST_F(Stream, OpencvKeepsTheThreadsOfTheOtherNodelets) {
   ASSERT_TRUE(ros::service::call(kMatcher + "set_parameters", change));
   send(view());
   EXPECT_EQ(cv::getNumThreads(), 3);
+}
+
+// Two matchers of one camera, one with threads of its own.
+TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
+  ros::param::set("/other/matcher/threads", 3);
+  Recorder<Match> one(kMatcher + "match");
+  Recorder<Match> three("/other/matcher/match");
+  load();
+  ASSERT_TRUE(loader_.load("/other/matcher", "ktgp_orb/matcher",
+                           {{"/other/image", "/camera/image_raw"}}, {}));
+  const auto matchOf = [](Recorder<Match>& recorder, const ros::Time& stamp) {
+    for (const auto& m : recorder.messages()) {
+      if (m->header.stamp == stamp) return m;
+    }
+    return Recorder<Match>::Ptr();
+  };
+  // Until both are fed: to ROS they are one subscriber.
+  ASSERT_TRUE(waitUntil([&] {
+    send(view());
+    return !three.messages().empty();
+  }));
+  for (int i = 0; i < 5; ++i) {
+    const ros::Time stamp = send(view()).header.stamp;
+    ASSERT_TRUE(waitUntil([&] { return matchOf(one, stamp) && matchOf(three, stamp); }));
+    const Match& a = *matchOf(one, stamp);
+    const Match& b = *matchOf(three, stamp);
+    ASSERT_EQ(a.statistics.status, MatchStatistics::STATUS_OK);
+    ASSERT_EQ(a.homography.reference_stamp, b.homography.reference_stamp);
+    EXPECT_GT(a.correspondences.level.size(), 100U);
+    EXPECT_EQ(a.correspondences, b.correspondences);
+    EXPECT_EQ(a.homography, b.homography);
+  }
+  ros::param::del("/other");
 }
 
 TEST(StreamTransport, IsReadOnceAtTheStart) {

@@ -61,6 +61,7 @@ class View {
     const int step = std::abs(number % 80 - 40);
     const cv::Mat pixels = texture_(cv::Rect({5 * step, 3 * step}, size_));
     auto message = boost::make_shared<sensor_msgs::Image>();
+    message->header.seq = static_cast<std::uint32_t>(number);
     message->header.stamp = stamp;
     message->header.frame_id = "camera";
     message->encoding = sensor_msgs::image_encodings::MONO8;

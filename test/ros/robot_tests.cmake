@@ -12,6 +12,7 @@ add_executable(robot_soak_test EXCLUDE_FROM_ALL robot_soak_test.cpp)
 target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
   Threads::Threads)
+ktgp_orb_rostest(robot_inputs robot_inputs.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_time robot_time.test)
 ktgp_orb_rostest(robot_diagnostics robot_diagnostics.test)

@@ -49,6 +49,11 @@ class StartupTest(unittest.TestCase):
                        for m in log.messages())
         wait_until(warning, 'the topic is named in a warning')
 
+    def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
+        # Nobody wants its results, so it subscribes to nothing: it asks the master.
+        expected = 'nobody publishes /other/nothing_here: is the topic name right?'
+        self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
+
     def test_a_threshold_out_of_range_is_refused_with_its_range(self):
         words = {
             'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',

@@ -22,6 +22,8 @@ void empty(Frame& frame) {
   releaseImage(frame);
   frame.stamp = 0;
   frame.encoding.clear();
+  frame.mask.release();
+  frame.lens.reset();
   frame.features.keypoints.clear();
   releaseIfShared(frame.features.descriptors);
   if (!frame.features.descriptors.empty()) frame.features.descriptors.resize(0);

@@ -49,6 +49,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
+  if (next.lens != previous_->lens) return NoReference::lens_changed;
   return NoReference::none;
 }
 

@@ -43,7 +43,11 @@ SequenceOptions withImages(SequenceOptions options) {
 
 void extractFeatures(OrbExtractor& extractor, Frame& frame) {
   const auto start = std::chrono::steady_clock::now();
-  extractor.extract(frame.image, frame.features);
+  extractor.extract(frame.image, frame.mask, frame.features);
+  if (frame.lens) {
+    frame.lens->rectify(frame.features.keypoints);
+    frame.features.images.clear();  // they are where the keypoints no longer are
+  }
   frame.extraction_milliseconds =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   frame.orb = extractor.options();
@@ -286,6 +290,8 @@ const char* toString(NoReference reason) {
       return "reset";
     case NoReference::mode_changed:
       return "mode_changed";
+    case NoReference::lens_changed:
+      return "lens_changed";
   }
   return "unknown";
 }

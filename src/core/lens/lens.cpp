@@ -1,0 +1,94 @@
+#include "ktgp_orb/lens.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+namespace ktgp_orb {
+namespace {
+
+bool isFinite(const cv::Matx33d& matrix) {
+  return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
+}
+
+void requireCamera(const cv::Matx33d& camera, const std::string& name) {
+  if (isFinite(camera) && camera(0, 0) > 0.0 && camera(1, 1) > 0.0) return;
+  throw std::invalid_argument(name + " has focal lengths " + std::to_string(camera(0, 0)) + ", " +
+                              std::to_string(camera(1, 1)) +
+                              "; expected those of a calibrated camera, above 0 px");
+}
+
+void requireCoefficients(const LensCalibration& calibration) {
+  static const std::set<std::size_t> radial_tangential{0, 4, 5, 8, 12, 14};
+  const std::vector<double>& d = calibration.distortion;
+  const bool equidistant = calibration.model == LensModel::equidistant;
+  if (equidistant ? d.size() != 4 : radial_tangential.count(d.size()) == 0) {
+    throw std::invalid_argument("the lens has " + std::to_string(d.size()) +
+                                " distortion coefficients; expected " +
+                                (equidistant ? "4" : "0, 4, 5, 8, 12 or 14"));
+  }
+  if (!std::all_of(d.begin(), d.end(), [](double x) { return std::isfinite(x); })) {
+    throw std::invalid_argument("a distortion coefficient of the lens is not finite");
+  }
+}
+
+}  // namespace
+
+bool LensCalibration::operator==(const LensCalibration& other) const {
+  return model == other.model && image_size == other.image_size && camera == other.camera &&
+         distortion == other.distortion && rotation == other.rotation &&
+         rectified_camera == other.rectified_camera;
+}
+
+Lens::Lens(const LensCalibration& calibration) : calibration_(calibration) {
+  requireCamera(calibration.camera, "camera matrix");
+  requireCamera(calibration.rectified_camera, "rectified camera matrix");
+  requireCoefficients(calibration);
+  if (!isFinite(calibration.rotation)) {
+    throw std::invalid_argument("the rectifying rotation is not finite");
+  }
+}
+
+void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
+  if (keypoints.empty()) return;
+  const LensCalibration& c = calibration_;
+  std::vector<cv::Point2d> points;
+  points.reserve(keypoints.size());
+  for (const cv::KeyPoint& keypoint : keypoints) points.emplace_back(keypoint.pt);
+  std::vector<cv::Point2d> rectified;
+  if (c.model == LensModel::equidistant) {
+    cv::fisheye::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation,
+                                 c.rectified_camera);
+  } else {
+    // The five iterations that OpenCV makes unasked leave whole pixels near the corners of a wide
+    // lens.
+    const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
+    cv::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation, c.rectified_camera,
+                        until);
+  }
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const cv::Point2d& point = rectified[i];
+    // A point that no ray through the lens leads to stays: some wrong match more.
+    if (std::isfinite(point.x) && std::isfinite(point.y)) keypoints[i].pt = point;
+  }
+}
+
+void Lens::rectify(const cv::Mat& image, cv::Mat& rectified) const {
+  const LensCalibration& c = calibration_;
+  cv::Mat map_x;
+  cv::Mat map_y;
+  if (c.model == LensModel::equidistant) {
+    cv::fisheye::initUndistortRectifyMap(c.camera, c.distortion, c.rotation, c.rectified_camera,
+                                         image.size(), CV_32F, map_x, map_y);
+  } else {
+    cv::initUndistortRectifyMap(c.camera, c.distortion, c.rotation, c.rectified_camera,
+                                image.size(), CV_32F, map_x, map_y);
+  }
+  cv::remap(image, rectified, map_x, map_y, cv::INTER_LINEAR);
+}
+
+}  // namespace ktgp_orb

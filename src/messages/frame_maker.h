@@ -1,0 +1,55 @@
+#pragma once
+
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "core/util/grey_levels.h"
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace ktgp_orb {
+
+/// What of a camera's images is looked at, and through which lens.
+struct CameraView {
+  cv::Rect roi;       ///< px; without area: all of the image
+  cv::Mat file_mask;  ///< CV_8UC1, of mask_image; empty: none
+  cv::Mat sent_mask;  ///< CV_8UC1, of ~mask; empty: none
+  LensConstPtr lens;  ///< null: points stay in the camera's own pixels
+};
+
+/// "x y width height", separated by blanks or commas; an empty rectangle for an empty text. Throws
+/// std::invalid_argument for anything else.
+cv::Rect roiFrom(const std::string& text);
+
+/// The mask in a message of any encoding that greyImage takes; empty for an image without pixels.
+/// Throws RefusedImage.
+cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message);
+
+/// The mask in an image file; empty for an empty path. Throws RefusedImage naming the file.
+cv::Mat readMaskFile(const std::string& path);
+
+/// The lens of a calibrated camera. Binning and a region of interest of the camera are applied.
+/// Throws std::invalid_argument for an uncalibrated camera (K is zero) and a distortion model that
+/// is not plumb_bob, rational_polynomial or equidistant.
+LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
+
+/// Makes frames of a camera's images. An instance belongs to one thread at a time.
+class FrameMaker {
+ public:
+  FrameMaker(const GreyStretch& stretch, const CameraView& view) : stretch_(stretch), view_(view) {}
+
+  /// Makes `frame` the image of the message, without features. Throws RefusedImage as greyImage
+  /// does, for a mask of another size than the image, and where the roi is outside of it.
+  void make(const sensor_msgs::ImageConstPtr& message, Frame& frame);
+
+ private:
+  const cv::Mat& maskOf(const cv::Size& size);
+
+  GreyStretch stretch_;
+  CameraView view_;
+  cv::Mat mask_;  // of all in view_, for images of its size
+};
+
+}  // namespace ktgp_orb

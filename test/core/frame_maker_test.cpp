@@ -1,0 +1,211 @@
+// What of a camera's images is looked at: masks, region of interest, lens, and how many of them.
+// No ROS master is needed.
+
+#include "messages/frame_maker.h"
+
+#include <gtest/gtest.h>
+
+#include <boost/make_shared.hpp>
+#include <cstdlib>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "messages/image_conversion.h"
+#include "messages/rate_limiter.h"
+
+namespace ktgp_orb {
+namespace {
+
+sensor_msgs::ImageConstPtr image(int width, int height) {
+  auto message = boost::make_shared<sensor_msgs::Image>();
+  message->width = message->step = static_cast<std::uint32_t>(width);
+  message->height = static_cast<std::uint32_t>(height);
+  message->encoding = "mono8";
+  message->data.resize(static_cast<std::size_t>(width * height), 7);
+  return message;
+}
+
+template <typename Error, typename Function>
+std::string errorOf(Function&& function) {
+  try {
+    function();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Roi, IsReadFromFourNumbers) {
+  EXPECT_EQ(roiFrom("10 20 30 40"), cv::Rect(10, 20, 30, 40));
+  EXPECT_EQ(roiFrom(" 10, 20,30 ,40 "), cv::Rect(10, 20, 30, 40));
+  EXPECT_TRUE(roiFrom("").empty());
+  EXPECT_TRUE(roiFrom("  ").empty());
+}
+
+TEST(Roi, RefusesAnythingElse) {
+  for (const char* text : {"10 20 30", "10 20 30 40 50", "a b c d", "-1 0 10 10", "0 0 0 10",
+                           "0 0 10 -1", "0.5 0 10 10", "0 0 10 10px", "nan nan nan nan"}) {
+    const std::string error = errorOf<std::invalid_argument>([&] { roiFrom(text); });
+    EXPECT_NE(error.find("roi is '" + std::string(text) + "'; expected x y width height"),
+              std::string::npos)
+        << text << ": " << error;
+  }
+}
+
+TEST(FrameMaker, APixelCountsWhereAllSaySo) {
+  CameraView view;
+  view.roi = {10, 10, 100, 20};  // beyond the right edge
+  view.file_mask = cv::Mat::zeros(40, 60, CV_8UC1);
+  view.file_mask(cv::Rect(0, 0, 30, 40)).setTo(1);
+  view.sent_mask = cv::Mat(40, 60, CV_8UC1, cv::Scalar(200));
+  view.sent_mask(cv::Rect(12, 12, 4, 4)).setTo(0);
+  FrameMaker maker({}, view);
+  Frame frame;
+  maker.make(image(60, 40), frame);
+  cv::Mat expected = cv::Mat::zeros(40, 60, CV_8UC1);
+  expected(cv::Rect(10, 10, 20, 20)).setTo(255);
+  expected(cv::Rect(12, 12, 4, 4)).setTo(0);
+  ASSERT_EQ(frame.mask.size(), expected.size());
+  EXPECT_EQ(cv::countNonZero(frame.mask != expected), 0);
+  const cv::Mat first = frame.mask;
+  maker.make(image(60, 40), frame);
+  EXPECT_EQ(frame.mask.data, first.data) << "made once";
+}
+
+TEST(FrameMaker, WithoutAnyThereIsNoMask) {
+  FrameMaker maker({}, {});
+  Frame frame;
+  maker.make(image(60, 40), frame);
+  EXPECT_TRUE(frame.mask.empty());
+  EXPECT_EQ(frame.image.size(), cv::Size(60, 40));
+}
+
+TEST(FrameMaker, RefusesAMaskOfAnotherSizeAndARoiOutside) {
+  CameraView view;
+  view.file_mask = cv::Mat(40, 61, CV_8UC1, cv::Scalar(1));
+  Frame frame;
+  const auto refusal = [&] {
+    return errorOf<RefusedImage>([&] { FrameMaker({}, view).make(image(60, 40), frame); });
+  };
+  EXPECT_EQ(refusal(), "mask_image is 61x40; expected 60x40 like the image");
+  view.file_mask.release();
+  view.sent_mask = cv::Mat(41, 60, CV_8UC1, cv::Scalar(1));
+  EXPECT_EQ(refusal(), "the image on ~mask is 60x41; expected 60x40 like the image");
+  view.sent_mask.release();
+  view.roi = {60, 0, 10, 10};
+  EXPECT_EQ(refusal(), "roi is outside of the image of 60x40");
+}
+
+TEST(FrameMaker, AnEmptyMessageIsNoMask) {
+  EXPECT_TRUE(maskFrom(image(0, 0)).empty());
+  EXPECT_EQ(maskFrom(image(8, 4)).size(), cv::Size(8, 4));
+}
+
+sensor_msgs::CameraInfo calibrated() {
+  sensor_msgs::CameraInfo info;
+  info.width = 640;
+  info.height = 480;
+  info.distortion_model = "plumb_bob";
+  info.D = {-0.2, 0.05, 0.0, 0.0, 0.0};
+  info.K = {500.0, 0.0, 320.0, 0.0, 510.0, 240.0, 0.0, 0.0, 1.0};
+  info.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+  info.P = {450.0, 0.0, 322.0, 0.0, 0.0, 460.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+  return info;
+}
+
+TEST(Lens, IsThatOfTheCameraInfo) {
+  const LensCalibration c = lensFrom(calibrated())->calibration();
+  EXPECT_EQ(c.image_size, cv::Size(640, 480));
+  EXPECT_EQ(c.camera(1, 1), 510.0);
+  EXPECT_EQ(c.rectified_camera(0, 2), 322.0);
+  EXPECT_EQ(c.distortion.size(), 5U);
+}
+
+// A 400x300 part of the sensor, read out at half size: the centre (320, 240) of the sensor is
+// at ((320 - 100) / 2, (240 - 60) / 2) of the image.
+TEST(Lens, KnowsBinningAndThePartOfTheSensor) {
+  sensor_msgs::CameraInfo info = calibrated();
+  info.binning_x = info.binning_y = 2;
+  info.roi.x_offset = 100;
+  info.roi.y_offset = 60;
+  info.roi.width = 400;
+  info.roi.height = 300;
+  const LensCalibration c = lensFrom(info)->calibration();
+  EXPECT_EQ(c.image_size, cv::Size(200, 150));
+  EXPECT_EQ(c.camera(0, 0), 250.0);
+  EXPECT_EQ(c.camera(1, 1), 255.0);
+  EXPECT_EQ(c.camera(0, 2), 110.0);
+  EXPECT_EQ(c.camera(1, 2), 90.0);
+  EXPECT_EQ(c.rectified_camera(0, 2), 111.0);
+}
+
+TEST(Lens, OfAnUncalibratedCameraIsRefused) {
+  EXPECT_NE(errorOf<std::invalid_argument>([] {
+              lensFrom(sensor_msgs::CameraInfo());
+            }).find("not calibrated"),
+            std::string::npos);
+  sensor_msgs::CameraInfo info = calibrated();
+  info.distortion_model = "mei";
+  EXPECT_NE(errorOf<std::invalid_argument>([&] { lensFrom(info); }).find("'mei'; expected"),
+            std::string::npos);
+}
+
+TEST(Lens, OfAnotherImageSizeIsNotUsed) {
+  CameraView view;
+  view.lens = lensFrom(calibrated());
+  FrameMaker maker({}, view);
+  Frame frame;
+  maker.make(image(640, 480), frame);
+  EXPECT_EQ(frame.lens, view.lens);
+  maker.make(image(320, 240), frame);
+  EXPECT_EQ(frame.lens, nullptr);
+}
+
+/// Numbers of the frames of `rate` Hz that are taken of the first `count`; each stamp is off by up
+/// to `shake` of the time between two.
+std::vector<int> taken(double rate, double max_rate, int count, double shake = 0.0) {
+  RateLimiter limiter;
+  limiter.setRate(max_rate);
+  std::vector<int> numbers;
+  std::srand(1);
+  for (int i = 0; i < count; ++i) {
+    const double off = shake * (2.0 * std::rand() / RAND_MAX - 1.0);
+    if (limiter.takes(ros::Time(1000.0 + (i + off) / rate))) numbers.push_back(i);
+  }
+  return numbers;
+}
+
+TEST(RateLimiter, SkipsEvenly) {
+  const std::vector<std::pair<double, double>> cases{
+      {30.0, 20.0}, {60.0, 7.0}, {30.0, 29.0}, {25.0, 0.5}};
+  for (const auto& [rate, limit] : cases) {
+    const std::vector<int> numbers = taken(rate, limit, 3000);
+    EXPECT_NEAR(double(numbers.size()), 3000.0 * limit / rate, 1.5) << rate << " " << limit;
+    const int step = static_cast<int>(rate / limit);
+    for (std::size_t i = 2; i < numbers.size(); ++i) {  // the first slot is half a one
+      const int gap = numbers[i] - numbers[i - 1];
+      EXPECT_TRUE(gap == step || gap == step + 1) << rate << " to " << limit << ": " << gap;
+    }
+  }
+}
+
+TEST(RateLimiter, ACameraAsFastAsTheLimitLosesNothingThoughItsStampsShake) {
+  EXPECT_EQ(taken(30.0, 30.0, 3000, 0.2).size(), 3000U);
+  EXPECT_EQ(taken(10.0, 30.0, 300, 0.4).size(), 300U);
+}
+
+TEST(RateLimiter, ZeroTakesAllAndAStampThatGoesBackBeginsAnew) {
+  EXPECT_EQ(taken(1000.0, 0.0, 500).size(), 500U);
+  RateLimiter limiter;
+  limiter.setRate(1.0);
+  EXPECT_TRUE(limiter.takes(ros::Time(100.0)));
+  EXPECT_FALSE(limiter.takes(ros::Time(100.1)));
+  EXPECT_TRUE(limiter.takes(ros::Time(50.0)));
+  EXPECT_FALSE(limiter.takes(ros::Time(50.1)));
+  limiter.setRate(2.0);
+  EXPECT_TRUE(limiter.takes(ros::Time(50.2)));
+}
+
+}  // namespace
+}  // namespace ktgp_orb

@@ -1,0 +1,211 @@
+// Lens distortion taken out of the points: against the forward models, written down here once more,
+// and against a plane seen through a lens.
+
+#include "ktgp_orb/lens.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "ktgp_orb/sequence_matcher.h"
+#include "orb_test_images.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr int kWidth = 320;
+constexpr int kHeight = 240;
+
+LensCalibration wide(LensModel model, const std::vector<double>& distortion) {
+  LensCalibration c;
+  c.model = model;
+  c.image_size = {kWidth, kHeight};
+  c.camera = {250.0, 0.0, 162.0, 0.0, 255.0, 118.0, 0.0, 0.0, 1.0};
+  c.distortion = distortion;
+  c.rectified_camera = {200.0, 0.0, 160.0, 0.0, 200.0, 120.0, 0.0, 0.0, 1.0};
+  return c;
+}
+
+/// Where the lens puts the ray (x, y, 1), before K: the models as they are defined.
+cv::Point2d bent(const LensCalibration& c, double x, double y) {
+  const std::vector<double>& d = c.distortion;
+  const double r2 = x * x + y * y;
+  if (c.model == LensModel::equidistant) {
+    const double r = std::sqrt(r2);
+    const double t = std::atan(r);
+    const double t2 = t * t;
+    const double bent = t * (1 + t2 * (d[0] + t2 * (d[1] + t2 * (d[2] + t2 * d[3]))));
+    return r > 0 ? cv::Point2d(x, y) * (bent / r) : cv::Point2d(x, y);
+  }
+  const double radial = 1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4]));
+  return {x * radial + 2 * d[2] * x * y + d[3] * (r2 + 2 * x * x),
+          y * radial + d[2] * (r2 + 2 * y * y) + 2 * d[3] * x * y};
+}
+
+cv::Point2d seen(const cv::Matx33d& camera, const cv::Point2d& p) {
+  return {camera(0, 0) * p.x + camera(0, 2), camera(1, 1) * p.y + camera(1, 2)};
+}
+
+void expectUndone(const LensCalibration& calibration) {
+  const Lens lens(calibration);
+  std::vector<cv::KeyPoint> keypoints;
+  std::vector<cv::Point2d> expected;
+  for (double y = -0.45; y <= 0.451; y += 0.05) {
+    for (double x = -0.6; x <= 0.601; x += 0.05) {
+      keypoints.emplace_back(cv::Point2f(seen(calibration.camera, bent(calibration, x, y))), 31.F);
+      expected.push_back(seen(calibration.rectified_camera, {x, y}));
+    }
+  }
+  lens.rectify(keypoints);
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    EXPECT_LT(cv::norm(cv::Point2d(keypoints[i].pt) - expected[i]), 1e-3) << expected[i];
+  }
+}
+
+TEST(Lens, UndoesTheRadialTangentialModel) {
+  expectUndone(wide(LensModel::radial_tangential, {-0.30, 0.09, 0.002, -0.001, -0.01}));
+}
+
+TEST(Lens, UndoesTheEquidistantModel) {
+  expectUndone(wide(LensModel::equidistant, {0.05, -0.02, 0.01, -0.003}));
+}
+
+TEST(Lens, RefusesWhatIsNoCalibration) {
+  const LensCalibration good = wide(LensModel::radial_tangential, {-0.3, 0.0, 0.0, 0.0});
+  LensCalibration bad = good;
+  bad.camera(0, 0) = 0.0;
+  EXPECT_THROW(Lens{bad}, std::invalid_argument);
+  bad = good;
+  bad.rectified_camera(1, 1) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(Lens{bad}, std::invalid_argument);
+  bad = good;
+  bad.distortion = {0.1, 0.2, 0.3};
+  EXPECT_THROW(Lens{bad}, std::invalid_argument);
+  bad.distortion = {0.1, 0.2, 0.3, std::numeric_limits<double>::infinity()};
+  EXPECT_THROW(Lens{bad}, std::invalid_argument);
+  bad = good;
+  bad.model = LensModel::equidistant;
+  bad.distortion.push_back(0.0);
+  EXPECT_THROW(Lens{bad}, std::invalid_argument);
+}
+
+/// What the camera sees of the world behind the lens of one coefficient, moved by (x, y) px of the
+/// rectified image.
+cv::Mat rawView(const LensCalibration& c, double x, double y) {
+  static const cv::Mat world = test::textureImage(cv::Size(1200, 900), 1);
+  cv::Mat map(kHeight, kWidth, CV_32FC2);
+  for (int row = 0; row < kHeight; ++row) {
+    for (int column = 0; column < kWidth; ++column) {
+      const double u = (column - c.camera(0, 2)) / c.camera(0, 0);
+      const double v = (row - c.camera(1, 2)) / c.camera(1, 1);
+      const double bent = std::hypot(u, v);
+      double r = bent;
+      for (int i = 0; i < 20; ++i) {  // Newton: r + k r^3 = bent
+        r -= (r + c.distortion[0] * r * r * r - bent) / (1 + 3 * c.distortion[0] * r * r);
+      }
+      const double s = bent > 0 ? r / bent : 1.0;
+      const cv::Point2d ideal = seen(c.rectified_camera, {s * u, s * v});
+      map.at<cv::Point2f>(row, column) = cv::Point2f(float(ideal.x + x), float(ideal.y + y));
+    }
+  }
+  cv::Mat image;
+  cv::remap(world, image, map, cv::noArray(), cv::INTER_LINEAR);
+  return image;
+}
+
+/// Mean distance of the image's corners from where a shift of (-x, -y) puts them.
+double cornerError(const Eigen::Matrix3d& h, double x, double y) {
+  double sum = 0.0;
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector2d corner(i % 2 * 319.0, i / 2 * 239.0);
+    const Eigen::Vector2d moved = (h * corner.homogeneous()).hnormalized();
+    sum += (moved - (corner - Eigen::Vector2d(x, y))).norm();
+  }
+  return sum / 4.0;
+}
+
+/// Of two views 40 px apart.
+SequenceMatch matched(const LensCalibration& calibration, const LensConstPtr& lens) {
+  static SequenceMatcher matcher;
+  matcher.restart();
+  for (int i = 0; i < 2; ++i) {
+    const FramePtr frame = matcher.newFrame();
+    frame->image = rawView(calibration, 300.0 + 40.0 * i, 300.0 + 20.0 * i);
+    frame->stamp = 1000 + i;
+    frame->lens = lens;
+    if (i == 1) return matcher.match(frame);
+    matcher.match(frame);
+  }
+  return {};
+}
+
+TEST(Lens, AHomographyThroughALensIsRightInRectifiedPixels) {
+  const LensCalibration calibration =
+      wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});
+  const SequenceMatch raw = matched(calibration, nullptr);
+  const auto lens = std::make_shared<const Lens>(calibration);
+  const SequenceMatch rectified = matched(calibration, lens);
+  ASSERT_EQ(rectified.match.status, Status::ok);
+  const double error = cornerError(rectified.match.homography, 40.0, 20.0);
+  const double raw_error = cornerError(raw.match.homography, 40.0, 20.0);
+  RecordProperty("error", std::to_string(error));
+  std::printf("corner error %.3f px, %zu inliers; raw %.3f px, %zu inliers\n", error,
+              rectified.match.inliers, raw_error, raw.match.inliers);
+  EXPECT_LT(error, 0.7);
+  EXPECT_GT(raw_error, 3.0) << "else the test shows nothing";
+  EXPECT_GT(rectified.match.inliers, raw.match.inliers);
+  EXPECT_EQ(rectified.match.alignment.status, AlignmentStatus::no_images)
+      << "the image is not where the points are";
+}
+
+TEST(Lens, AnImageIsRectifiedAsItsPointsAre) {
+  const LensCalibration calibration =
+      wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});
+  cv::Mat dot = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  cv::circle(dot, {60, 50}, 3, cv::Scalar(255), cv::FILLED);
+  std::vector<cv::KeyPoint> keypoint{cv::KeyPoint(60.F, 50.F, 31.F)};
+  const Lens lens(calibration);
+  lens.rectify(keypoint);
+  cv::Mat rectified;
+  lens.rectify(dot, rectified);
+  const cv::Moments m = cv::moments(rectified);
+  EXPECT_NEAR(m.m10 / m.m00, keypoint[0].pt.x, 0.3);
+  EXPECT_NEAR(m.m01 / m.m00, keypoint[0].pt.y, 0.3);
+  EXPECT_GT(cv::norm(keypoint[0].pt - cv::Point2f(60.F, 50.F)), 5.0);
+}
+
+TEST(Lens, AnotherLensBeginsANewSequence) {
+  const LensCalibration calibration =
+      wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});
+  SequenceMatcher matcher;
+  const auto lens = std::make_shared<const Lens>(calibration);
+  const LensConstPtr lenses[] = {nullptr, lens, lens, nullptr};
+  const NoReference reasons[] = {NoReference::first_frame, NoReference::lens_changed,
+                                 NoReference::none, NoReference::lens_changed};
+  for (int i = 0; i < 4; ++i) {
+    const FramePtr frame = matcher.newFrame();
+    frame->image = rawView(calibration, 300.0, 300.0);
+    frame->stamp = i;
+    frame->lens = lenses[i];
+    EXPECT_EQ(matcher.match(frame).no_reference, reasons[i]) << i;
+  }
+}
+
+TEST(Mask, KeypointsAreSoughtWhereItIsNotZero) {
+  SequenceMatcher matcher;
+  const FramePtr frame = matcher.newFrame();
+  frame->image = test::textureImage(cv::Size(kWidth, kHeight), 1);
+  frame->mask = cv::Mat::zeros(kHeight, kWidth, CV_8UC1);
+  frame->mask(cv::Rect(40, 60, 200, 120)).setTo(255);
+  matcher.match(frame);
+  ASSERT_GT(frame->features.size(), 100U);
+  for (const cv::KeyPoint& k : frame->features.keypoints) {
+    EXPECT_TRUE(cv::Rect2f(39.F, 59.F, 202.F, 122.F).contains(k.pt)) << k.pt;
+  }
+}
+
+}  // namespace
+}  // namespace ktgp_orb

@@ -1,0 +1,262 @@
+#!/usr/bin/python3
+"""The launch files at work, each with a master of its own: bag.launch plays what it should and says
+what is wrong, tune.launch and rviz.launch start their programs, and a killed manager comes back."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+from xmlrpc.client import ServerProxy
+
+import cv2
+import rosbag
+import rosgraph
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from geometry_msgs.msg import TransformStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_testing import TIMEOUT, image_message, view
+from sensor_msgs.msg import CameraInfo
+from tf2_msgs.msg import TFMessage
+
+PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+FRAMES = 12
+FIRST = 1500000000.0  # s, of the recording
+STALE = '/camera/matcher/homography'  # a result of the time of the recording
+
+
+def write_bag(path):
+    with rosbag.Bag(path, 'w') as bag:
+        for i in range(FRAMES):
+            stamp = rospy.Time.from_sec(FIRST + 0.1 * i)
+            bag.write('/camera/image_raw',
+                      image_message(view(100 + 5 * i, 100, 320, 240), stamp), stamp)
+            info = CameraInfo()
+            info.header.stamp = stamp
+            bag.write('/camera/camera_info', info, stamp)
+            stale = HomographyStamped()
+            stale.header.frame_id = 'stale'
+            bag.write(STALE, stale, stamp)
+            bag.write('/tf', TFMessage([TransformStamped()]), stamp)
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(('', 0))
+        return s.getsockname()[1]
+
+
+def fake_package(folder, package, program):
+    """A package whose program says how it was called and waits."""
+    os.makedirs(os.path.join(folder, 'lib', package))
+    os.makedirs(os.path.join(folder, 'share', package))
+    open(os.path.join(folder, '.catkin'), 'w').close()
+    with open(os.path.join(folder, 'share', package, 'package.xml'), 'w') as file:
+        file.write('<package format="2"><name>%s</name><version>1.0.0</version><description>x'
+                   '</description><maintainer email="a@b.c">x</maintainer><license>BSD</license>'
+                   '</package>' % package)
+    path = os.path.join(folder, 'lib', package, program)
+    with open(path, 'w') as file:
+        file.write('#!/bin/sh\necho "$@" >"$FAKE_OUTPUT.new"\nmv "$FAKE_OUTPUT.new" "$FAKE_OUTPUT"\n'
+                   'exec sleep 1000\n')
+    os.chmod(path, 0o755)
+
+
+class Master:
+    """A ROS master of its own, to ask what runs."""
+
+    def __init__(self):
+        self.uri = 'http://localhost:%d' % free_port()
+        self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_HOSTNAME='localhost',
+                                PYTHONUNBUFFERED='1')
+        self.process = subprocess.Popen(
+            ['rosmaster', '--core', '-p', self.uri.rsplit(':', 1)[1]], env=self.environment,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.handle = rosgraph.Master('/launch_run_test', self.uri)
+        self.wait_until(self.handle.is_online, 'the master is there')
+
+    @staticmethod
+    def wait_until(condition, what, seconds=TIMEOUT):
+        end = time.time() + seconds
+        while not condition():
+            if time.time() > end:
+                raise AssertionError('timed out waiting until ' + what)
+            time.sleep(0.05)
+
+    def listeners(self, topic):
+        return dict(self.handle.getSystemState()[1]).get(topic, [])
+
+    def close(self):
+        self.process.terminate()
+        self.process.wait()
+
+
+class Launch:
+    """A roslaunch at work; its output as it comes."""
+
+    def __init__(self, master, *arguments, cwd=None, **environment):
+        self.lines = []
+        self.process = subprocess.Popen(
+            ['roslaunch', '--wait', 'ktgp_orb'] + list(arguments), stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
+            env=dict(master.environment, PWD=cwd or os.getcwd(), **environment))
+        self.reader = threading.Thread(target=self.read)
+        self.reader.start()
+
+    def read(self):
+        for line in self.process.stdout:
+            self.lines.append(line)
+
+    def output(self):
+        return ''.join(self.lines)
+
+    def says(self, text):
+        Master.wait_until(lambda: text in self.output() or self.process.poll() is not None,
+                          'it says "%s"; so far: %s' % (text, self.output()))
+        if text not in self.output():
+            self.reader.join()
+        return text in self.output()
+
+    def wait(self):
+        """Until it ends by itself."""
+        Master.wait_until(lambda: self.process.poll() is not None,
+                          'it ends; so far: ' + self.output())
+        self.reader.join()
+        return self.output()
+
+    def stop(self):
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        self.process.wait()
+        self.reader.join()
+        self.process.stdout.close()
+
+
+class LaunchRunTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix='ktgp_orb it\'s "')
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+        self.bag = os.path.join(self.folder, "it's.bag")
+        write_bag(self.bag)
+        self.master = Master()
+        self.addCleanup(self.master.close)
+
+    def launch(self, *arguments, **environment):
+        launch = Launch(self.master, *arguments, cwd=self.folder, **environment)
+        self.addCleanup(launch.stop)
+        return launch
+
+    def check_no_sim_time(self):
+        self.assertFalse(self.master.handle.hasParam('/use_sim_time'), 'the next live run has it')
+
+    def test_a_bag_is_played_and_its_results_recorded(self):
+        cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))
+        launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
+                             'reference_mode:=fixed', 'reference_image:=target.png')
+        output = launch.wait()
+        with rosbag.Bag(os.path.join(self.folder, 'out.bag')) as bag:
+            messages = list(bag.read_messages())
+        by_topic = {}
+        for topic, message, _ in messages:
+            by_topic.setdefault(topic, []).append(message)
+        statistics = by_topic['/camera/matcher/statistics']
+        stamps = [round(m.header.stamp.to_sec() - FIRST, 3) for m in statistics]
+        # A busy machine may drop frames between, but not the first or the last one.
+        self.assertEqual((stamps[0], stamps[-1]), (0.0, round(0.1 * (FRAMES - 1), 3)), output)
+        self.assertEqual(len(stamps) + statistics[-1].dropped_frames, FRAMES)
+        self.assertEqual({m.status for m in statistics}, {MatchStatistics.STATUS_OK})
+        for match in by_topic['/camera/matcher/match']:
+            shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
+            self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
+        # Of the bag itself only the images were played.
+        self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
+        self.check_no_sim_time()
+        again = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false')
+        self.assertIn('out.bag exists; nothing is overwritten', again.wait())
+
+    def test_a_wrong_topic_is_said_with_those_there_are(self):
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'topic:=/other/image', 'rviz:=false')
+        output = launch.wait()
+        self.assertIn('the bag has no /other/image; its image topics: /camera/image_raw', output)
+        self.check_no_sim_time()
+
+    def test_that_nobody_wants_the_results_is_said(self):
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
+        self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
+        launch.stop()
+        self.check_no_sim_time()
+
+    def test_a_matcher_that_dies_at_the_start_ends_the_launch(self):
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'T_w:=1.5', 'loop:=true',
+                             'delay:=100')
+        self.assertIn('T_w is 1.5; expected a value in [0.01, 1]', launch.wait())
+
+    def with_fake(self, package, program):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        fake_package(folder.name, package, program)
+        return {'CMAKE_PREFIX_PATH': folder.name + ':' + os.environ['CMAKE_PREFIX_PATH'],
+                'ROS_PACKAGE_PATH': os.path.join(folder.name, 'share') + ':' +
+                os.environ['ROS_PACKAGE_PATH'],
+                'FAKE_OUTPUT': os.path.join(folder.name, 'arguments')}
+
+    def arguments_of(self, fake):
+        Master.wait_until(lambda: os.path.exists(fake['FAKE_OUTPUT']), 'the program is started')
+        with open(fake['FAKE_OUTPUT']) as file:
+            return file.read()
+
+    def test_rviz_gets_its_topics(self):
+        fake = self.with_fake('rviz', 'rviz')
+        self.launch('rviz.launch', 'image:=/left/image', 'overlay:=/left/matcher/matches_image',
+                    **fake)
+        arguments = self.arguments_of(fake)
+        self.assertIn('/camera/image_raw:=/left/image', arguments)
+        self.assertIn('/camera/matcher/matches_image:=/left/matcher/matches_image', arguments)
+        path = re.search(r'-d (\S+)', arguments).group(1)
+        self.assertTrue(os.path.isfile(path), path)
+
+    def test_tune_plays_in_a_loop_with_rviz_and_says_what_is_missing(self):
+        fake = self.with_fake('rviz', 'rviz')
+        launch = self.launch('tune.launch', 'bag:=' + self.bag, 'namespace:=left', 'delay:=1', **fake)
+        self.assertIn('/camera/matcher/matches_image:=/left/matcher/matches_image',
+                      self.arguments_of(fake))
+        self.assertTrue(launch.says('rqt'), launch.output())
+        listener = subprocess.Popen(
+            ['/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'camera_motion'),
+             'match:=/left/matcher/match', '_frames:=%d' % (FRAMES + 5)], env=self.master.environment,
+            stdout=subprocess.PIPE, universal_newlines=True)
+        # More frames than the bag has: it came round.
+        output, _ = listener.communicate(timeout=TIMEOUT)
+        self.assertIn('reason %d' % MatchStatistics.REASON_STAMP_WENT_BACK, output)
+
+    def test_a_killed_manager_comes_back_with_its_matchers(self):
+        launch = self.launch('multi_camera.launch', 'cameras:=left right')
+        Master.wait_until(self.pid_of_manager, 'the matchers are there; ' + launch.output())
+        pid = self.pid_of_manager()
+        os.kill(pid, signal.SIGKILL)
+        Master.wait_until(lambda: self.pid_of_manager() not in (None, pid), 'they come back')
+        self.assertIsNone(launch.process.poll(), launch.output())
+
+    def pid_of_manager(self):
+        """Of a manager in which the matchers of both cameras offer their services, or None."""
+        try:
+            for side in ('left', 'right'):
+                host, port = self.master.handle.lookupService(
+                    '/%s/matcher/reset' % side).replace('rosrpc://', '').split(':')
+                socket.create_connection((host, int(port)), TIMEOUT).close()
+            node = ServerProxy(self.master.handle.lookupNode('/matcher_manager'))
+            return node.getPid('/launch_run_test')[2]
+        except (rosgraph.MasterException, OSError):
+            return None
+
+
+if __name__ == '__main__':
+    unittest.main()

@@ -1,0 +1,307 @@
+#!/usr/bin/python3
+"""What says how the images are looked at: mask, region of interest, lens, rate, a reference from a
+topic; and what must not hold the matcher up."""
+
+import os
+import signal
+import sys
+import tempfile
+import threading
+import unittest
+
+import cv2
+import numpy as np
+import rosgraph
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from dynamic_reconfigure.client import Client
+from dynamic_reconfigure.msg import Config, DoubleParameter
+from dynamic_reconfigure.srv import Reconfigure
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, texture, view, wait_until
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import Trigger
+
+DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'mask_image': '', 'roi': '',
+            'rectify': False, 'max_rate': 0.0, 'gms_scale': False, 'max_reference_age': 1.0}
+OK = MatchStatistics.STATUS_OK
+WIDTH, HEIGHT = 640, 480
+STEP = 8  # px that the camera moves right from frame to frame
+TEXT = texture(seed=2)[:HEIGHT, :400]  # burned into the left of every image
+
+
+def translation(message):
+    return message.homography[2], message.homography[5]
+
+
+class InputsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.log = Recorder('/rosout', Log)
+        cls.camera = Camera()
+        cls.mask = rospy.Publisher('/camera/matcher/mask', Image, queue_size=1, latch=True)
+        cls.reference = rospy.Publisher('/camera/matcher/reference', Image, queue_size=1)
+        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5)
+        cls.camera.wait_for_subscriber()
+        for recorder in (cls.statistics, cls.homographies, cls.correspondences):
+            wait_until(lambda recorder=recorder: recorder.publishers() == 1, 'it is connected')
+        for publisher in (cls.mask, cls.reference):
+            wait_until(lambda publisher=publisher: publisher.get_num_connections() == 1,
+                       'the matcher listens to ' + publisher.name)
+
+    def setUp(self):
+        self.client.update_configuration(DEFAULTS)
+        rospy.ServiceProxy('/camera/matcher/reset', Trigger)()
+        self.position = 100
+
+    def send(self, pixels):
+        """Statistics of an image."""
+        return self.statistics.wait_for(
+            self.camera.send(image_message(pixels, self.camera.next_stamp())))
+
+    def send_view(self, text=False):
+        """Of what the camera sees next, behind text that does not move."""
+        self.position = 100 + (self.position - 100 + STEP) % 480
+        pixels = view(self.position, 100, WIDTH, HEIGHT)
+        if text:
+            pixels[:, :TEXT.shape[1]] = TEXT
+        return self.send(pixels)
+
+    def send_until_changed(self, before, send=None):
+        """Sends images until one is looked at with a newer configuration."""
+        send = send or self.send_view
+        for _ in range(1000):
+            statistics = send()
+            if statistics.configuration > before:
+                return statistics
+        raise AssertionError('the configuration is still number %d' % before)
+
+    def shift_of_two_views(self):
+        """Of the second of two frames with burned-in text."""
+        self.send_view(text=True)
+        statistics = self.send_view(text=True)
+        self.assertEqual(statistics.status, OK)
+        return translation(self.homographies.wait_for(statistics.header.stamp))[0]
+
+    def check_masked(self):
+        self.assertAlmostEqual(self.shift_of_two_views(), -STEP, delta=0.5)
+        matches = self.correspondences.wait_for(self.camera.last_stamp())
+        self.assertGreater(min(matches.target_x), TEXT.shape[1] - 1)
+        self.assertGreater(min(matches.reference_x), TEXT.shape[1] - 1)
+
+    def test_burned_in_text_is_a_false_plane_unless_masked(self):
+        self.assertAlmostEqual(self.shift_of_two_views(), 0.0, delta=0.5,
+                               msg='else the test shows nothing')
+        mask = np.full((HEIGHT, WIDTH), 255, np.uint8)
+        mask[:, :TEXT.shape[1]] = 0
+        before = self.send_view().configuration
+        self.mask.publish(image_message(mask, rospy.Time(1)))
+        self.send_until_changed(before)
+        self.check_masked()
+        before = self.send_view().configuration
+        self.mask.publish(Image())  # no mask any more
+        self.send_until_changed(before)
+        self.assertAlmostEqual(self.shift_of_two_views(), 0.0, delta=0.5)
+        with tempfile.NamedTemporaryFile(suffix='.png') as file:
+            cv2.imwrite(file.name, mask)
+            self.client.update_configuration({'mask_image': file.name})
+            self.check_masked()
+        self.client.update_configuration({'mask_image': '', 'roi': '400 0 240 480'})
+        self.check_masked()
+
+    def test_a_mask_of_another_size_is_said(self):
+        refused = self.send_view().refused_frames
+        with tempfile.NamedTemporaryFile(suffix='.png') as file:
+            cv2.imwrite(file.name, np.full((100, 200), 255, np.uint8))
+            self.client.update_configuration({'mask_image': file.name})
+            self.camera.send_view()
+            self.wait_for_diagnostics('mask_image is 200x100; expected 640x480 like the image')
+        self.client.update_configuration({'mask_image': ''})
+        self.assertEqual(self.send_view().refused_frames, refused + 1)
+
+    def test_what_is_no_roi_is_refused(self):
+        for roi in ('1 2 3', '0 0 -1 5', 'all'):
+            answer = self.client.update_configuration({'roi': roi})
+            self.assertEqual(answer['roi'], '')
+
+    def wait_for_diagnostics(self, words):
+        def said():
+            return any(words in status.message or any(words in v.value for v in status.values)
+                       for array in self.diagnostics.messages() for status in array.status)
+        wait_until(said, 'diagnostics say "%s"' % words)
+
+    def test_frames_beyond_max_rate_are_skipped_evenly_and_counted(self):
+        self.client.update_configuration({'max_rate': 10.0})
+        first = before = self.send_view()  # of a 30 Hz camera; it begins the slots
+        for i in range(8):
+            stamps = [self.camera.send(image_message(view(100 + STEP * i, 100),
+                                                     self.camera.next_stamp())) for _ in range(3)]
+            # The middle one is the first of its slot of 0.1 s.
+            statistics = self.statistics.wait_for(stamps[1])
+            self.assertEqual(statistics.reference_stamp, before.header.stamp)
+            self.assertEqual(statistics.dropped_frames, before.dropped_frames)
+            # The first of each triple, and the last but perhaps of this one.
+            self.assertIn(statistics.skipped_frames - first.skipped_frames, (2 * i + 1, 2 * i + 2))
+            before = statistics
+        sent = {m.header.stamp for m in self.statistics.messages()}
+        self.assertNotIn(stamps[0], sent)
+        self.client.update_configuration({'max_rate': 0.0})
+        self.assertEqual(self.send_view().skipped_frames - first.skipped_frames, 16)
+
+    def camera_info(self, stamp):
+        info = CameraInfo()
+        info.header.stamp = stamp
+        info.width, info.height = WIDTH, HEIGHT
+        info.distortion_model = 'plumb_bob'
+        info.D = [K1, 0.0, 0.0, 0.0, 0.0]
+        info.K = CAMERA.flatten().tolist()
+        info.R = np.eye(3).flatten().tolist()
+        info.P = np.hstack([CAMERA, np.zeros((3, 1))]).flatten().tolist()
+        return info
+
+    def send_distorted(self):
+        """The next view through a lens, with its camera_info."""
+        stamp = self.camera.next_stamp()
+        self.position += STEP
+        self.info.publish(self.camera_info(stamp))
+        return self.statistics.wait_for(
+            self.camera.send(image_message(distorted(self.position, 200), stamp)))
+
+    def corner_error(self, homography):
+        """Mean over the corners, px, from a shift by one step."""
+        h = np.reshape(homography.homography, (3, 3))
+        errors = []
+        for x, y in ((0, 0), (WIDTH - 1, 0), (0, HEIGHT - 1), (WIDTH - 1, HEIGHT - 1)):
+            u, v, w = h.dot((x, y, 1))
+            errors.append(np.hypot(u / w - (x - STEP), v / w - y))
+        return np.mean(errors)
+
+    def test_rectify_gives_points_without_distortion(self):
+        self.position = 300
+        self.send_distorted()
+        raw = self.homographies.wait_for(self.send_distorted().header.stamp)
+        self.assertFalse(raw.rectified)
+        self.client.update_configuration({'rectify': True})
+        # camera_info comes with the image, before or after it: a raw frame may come first.
+        for _ in range(1000):
+            statistics = self.send_distorted()
+            homography = self.homographies.wait_for(statistics.header.stamp)
+            if homography.rectified:
+                break
+        self.assertTrue(homography.rectified)
+        self.assertEqual(statistics.reason, MatchStatistics.REASON_LENS_CHANGED)
+        for _ in range(3):
+            statistics = self.send_distorted()
+            self.assertEqual(statistics.status, OK)
+            self.assertEqual(statistics.alignment_status, MatchStatistics.ALIGNMENT_NO_IMAGES)
+            homography = self.homographies.wait_for(statistics.header.stamp)
+            self.assertTrue(homography.rectified)
+            self.assertTrue(self.correspondences.wait_for(statistics.header.stamp).rectified)
+            self.assertLess(self.corner_error(homography), 0.5)
+        self.assertGreater(self.corner_error(raw), 1.0, 'else the test shows nothing')
+        self.client.update_configuration({'rectify': False})
+        statistics = self.send_distorted()
+        self.assertEqual(statistics.reason, MatchStatistics.REASON_LENS_CHANGED)
+        self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
+
+    def test_rectify_without_a_calibration_of_this_size_warns_and_stays_raw(self):
+        self.client.update_configuration({'rectify': True})
+        statistics = self.send(view(100, 100, 320, 240))
+        self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
+        self.wait_for_diagnostics('rectify is on, but points are in raw pixels: no camera_info')
+
+    def test_a_reference_from_a_topic(self):
+        self.client.update_configuration({'reference_mode': 'fixed', 'gms_scale': True})
+        self.assertEqual(self.send(view(200, 150)).reason, MatchStatistics.REASON_NOT_SET)
+        before = self.send(view(200, 150)).configuration
+        self.reference.publish(image_message(view(300, 200, 320, 240), rospy.Time(7)))
+        self.send_until_changed(before, lambda: self.send(view(200, 150)))
+        statistics = self.send(view(200, 150))
+        self.assertEqual((statistics.status, statistics.reference_stamp), (OK, rospy.Time(7)))
+        for measured, true in zip(translation(self.homographies.wait_for(
+                statistics.header.stamp)), (100, 50)):
+            self.assertAlmostEqual(measured, true, delta=1.5)
+        # One of no use is refused; the old one stays, also over a reset.
+        self.reference.publish(image_message(np.zeros((9, 9), np.float32), rospy.Time(8), '32FC1'))
+        wait_until(lambda: any('the reference on /camera/matcher/reference is refused' in m.msg
+                               for m in self.log.messages()), 'the depth image is refused')
+        rospy.ServiceProxy('/camera/matcher/reset', Trigger)()
+        self.assertEqual(self.send(view(200, 150)).reference_stamp, rospy.Time(7))
+        before = self.send(view(200, 150)).configuration
+        self.reference.publish(Image())  # none any more
+        last = self.send_until_changed(before, lambda: self.send(view(200, 150)))
+        self.assertEqual(last.reason, MatchStatistics.REASON_NOT_SET)
+
+    def test_a_pipe_as_an_image_file_holds_nothing_up(self):
+        path = os.path.join(tempfile.mkdtemp(), 'pipe')
+        os.mkfifo(path)
+        answers = []
+        caller = threading.Thread(target=lambda: answers.append(self.client.update_configuration(
+            {'reference_image': path})), daemon=True)
+        caller.start()
+        self.assertTrue(rospy.ServiceProxy('/camera/matcher/reset', Trigger)().success)
+        caller.join(TIMEOUT)
+        self.assertFalse(caller.is_alive(), 'the pipe is waited for')
+        self.assertEqual(answers[0]['reference_image'], '')
+        self.wait_for_diagnostics('is not a regular file')
+
+    def test_a_frozen_master_holds_up_neither_reset_nor_images(self):
+        reset = rospy.ServiceProxy('/camera/matcher/reset', Trigger, persistent=True)
+        change = rospy.ServiceProxy('/camera/matcher/set_parameters', Reconfigure, persistent=True)
+        reset()
+        change(Config())
+        self.send_view()
+        master = rosgraph.Master('/robot_inputs_test').getPid()
+        os.kill(master, signal.SIGSTOP)
+        try:
+            # Writes every parameter to the master, which does not answer.
+            config = Config(doubles=[DoubleParameter('max_reference_age', 2.0)])
+            caller = threading.Thread(target=change, args=(config,), daemon=True)
+            caller.start()
+            for _ in range(30):  # over several periods of the diagnostics, which do wait
+                self.assertTrue(reset().success)
+                self.assertEqual(self.send_view().reason, MatchStatistics.REASON_RESET)
+                rospy.rostime.wallsleep(0.1)
+            self.assertTrue(caller.is_alive(), 'else the test shows nothing')
+        finally:
+            os.kill(master, signal.SIGCONT)
+        caller.join(TIMEOUT)
+        self.assertFalse(caller.is_alive())
+
+
+K1 = -0.25
+CAMERA = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
+
+
+def ideal_pixels():
+    """Where each pixel of the camera's image is in the image without distortion."""
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    u, v = (x - CAMERA[0, 2]) / CAMERA[0, 0], (y - CAMERA[1, 2]) / CAMERA[1, 1]
+    bent = np.hypot(u, v)
+    r = bent.copy()
+    for _ in range(20):  # Newton: r + k1 r^3 = bent
+        r -= (r + K1 * r ** 3 - bent) / (1 + 3 * K1 * r ** 2)
+    s = np.divide(r, bent, out=np.ones_like(r), where=bent > 0)
+    return CAMERA[0, 0] * s * u + CAMERA[0, 2], CAMERA[1, 1] * s * v + CAMERA[1, 2]
+
+
+IDEAL_X, IDEAL_Y = ideal_pixels()
+WORLD = texture()
+
+
+def distorted(x, y):
+    """What a camera moved by x, y sees through its lens."""
+    return cv2.remap(WORLD, (IDEAL_X + x).astype(np.float32), (IDEAL_Y + y).astype(np.float32),
+                     cv2.INTER_LINEAR)
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_inputs_test')
+    rostest.rosrun('ktgp_orb', 'robot_inputs', InputsTest, sys.argv)
