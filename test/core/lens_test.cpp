@@ -95,7 +95,12 @@ TEST(Lens, RefusesWhatIsNoCalibration) {
 /// What the camera sees of the world behind the lens of one coefficient, moved by (x, y) px of the
 /// rectified image.
 cv::Mat rawView(const LensCalibration& c, double x, double y) {
-  static const cv::Mat world = test::textureImage(cv::Size(1200, 900), 1);
+  // Smooth enough to be seen alike at two scales.
+  static const cv::Mat world = [] {
+    cv::Mat large;
+    cv::resize(test::textureImage(cv::Size(400, 300), 1), large, {}, 3, 3, cv::INTER_CUBIC);
+    return large;
+  }();
   cv::Mat map(kHeight, kWidth, CV_32FC2);
   for (int row = 0; row < kHeight; ++row) {
     for (int column = 0; column < kWidth; ++column) {

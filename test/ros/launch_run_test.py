@@ -81,6 +81,7 @@ class Master:
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.handle = rosgraph.Master('/launch_run_test', self.uri)
         self.wait_until(self.handle.is_online, 'the master is there')
+        self.handle.setParam('/run_id', 'launch_run_test')  # what roslaunch expects of a roscore
 
     @staticmethod
     def wait_until(condition, what, seconds=TIMEOUT):
@@ -104,7 +105,7 @@ class Launch:
     def __init__(self, master, *arguments, cwd=None, **environment):
         self.lines = []
         self.process = subprocess.Popen(
-            ['roslaunch', '--wait', 'ktgp_orb'] + list(arguments), stdout=subprocess.PIPE,
+            ['roslaunch', 'ktgp_orb'] + list(arguments), stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
             env=dict(master.environment, PWD=cwd or os.getcwd(), **environment))
         self.reader = threading.Thread(target=self.read)

@@ -1,0 +1,107 @@
+#!/usr/bin/python3
+"""ktgp_bag looks at images as the nodelet does: names of compressed topics, max_rate, roi, lens."""
+
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+import rosbag
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from ktgp_testing import image_message, view
+from sensor_msgs.msg import CameraInfo, CompressedImage
+
+FRAMES = 12  # of a 30 Hz camera
+SIZE = 320, 240
+
+
+def compressed(image):
+    message = CompressedImage(header=image.header, format='mono8; png compressed ')
+    pixels = np.frombuffer(image.data, np.uint8).reshape(image.height, image.width)
+    message.data = cv2.imencode('.png', pixels)[1].tobytes()
+    return message
+
+
+def calibration(stamp):
+    info = CameraInfo()
+    info.header.stamp = stamp
+    info.width, info.height = SIZE
+    info.distortion_model = 'plumb_bob'
+    info.D = [-0.2, 0.0, 0.0, 0.0, 0.0]
+    info.K = [250.0, 0.0, 160.0, 0.0, 250.0, 120.0, 0.0, 0.0, 1.0]
+    info.P = [250.0, 0.0, 160.0, 0.0, 0.0, 250.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0]
+    return info
+
+
+class BagInputsTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def write_bag(self, topic, convert=lambda image: image, calibrated=False):
+        path = os.path.join(self.folder, 'in.bag')
+        with rosbag.Bag(path, 'w') as bag:
+            for i in range(FRAMES):
+                stamp = rospy.Time.from_sec(1000 + i / 30.0)
+                image = image_message(view(100 + 5 * i, 100, *SIZE), stamp)
+                bag.write(topic, convert(image), stamp)
+                if calibrated:
+                    bag.write('/front/camera_info', calibration(stamp), stamp)
+        return path
+
+    def run_bag(self, path, *arguments):
+        """The exit code, the messages by their topics, and what was printed."""
+        out = os.path.join(self.folder, 'out.bag')
+        run = subprocess.run([os.environ['KTGP_ORB_BAG'], '--force', path, out] + list(arguments),
+                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             universal_newlines=True)
+        by_topic = {}
+        if run.returncode == 0:
+            with rosbag.Bag(out) as bag:
+                for topic, message, _ in bag.read_messages():
+                    by_topic.setdefault(topic, []).append(message)
+        return run.returncode, by_topic, run.stdout
+
+    def test_a_compressed_topic_gives_the_names_of_the_nodelet(self):
+        code, topics, text = self.run_bag(self.write_bag('/front/image/compressed', compressed))
+        self.assertEqual(code, 0, text)
+        self.assertEqual({name.rsplit('/', 1)[0] for name in topics}, {'/front/matcher'})
+        self.assertEqual([m.status for m in topics['/front/matcher/statistics']],
+                         [1] + (FRAMES - 1) * [0])
+
+    def test_max_rate_skips_and_counts(self):
+        _, topics, _ = self.run_bag(self.write_bag('/front/image'), '--max_rate', '10')
+        statistics = topics['/front/matcher/statistics']
+        frames = [round(30 * (m.header.stamp.to_sec() - 1000)) for m in statistics]
+        self.assertEqual(frames, [0, 2, 5, 8, 11])
+        self.assertEqual([m.skipped_frames for m in statistics], [0, 1, 3, 5, 7])
+
+    def test_a_roi_keeps_to_its_part(self):
+        code, topics, text = self.run_bag(self.write_bag('/front/image'), '--roi', '0 0 160 240')
+        self.assertEqual(code, 0, text)
+        for message in topics['/front/matcher/correspondences']:
+            self.assertLess(max(message.target_x), 161)
+        code, _, text = self.run_bag(self.write_bag('/front/image'), '--roi', '0 0 160')
+        self.assertEqual(code, 2)
+        self.assertIn("roi is '0 0 160'; expected x y width height", text)
+
+    def test_rectify_needs_camera_info(self):
+        code, _, text = self.run_bag(self.write_bag('/front/image'), '--rectify')
+        self.assertEqual(code, 2)
+        self.assertIn("rectify needs camera_info on '/front/camera_info'", text)
+        code, topics, text = self.run_bag(self.write_bag('/front/image', calibrated=True),
+                                          '--rectify', '--topic', '/front/image')
+        self.assertEqual(code, 0, text)
+        self.assertEqual({m.rectified for m in topics['/front/matcher/homography']}, {True})
+        self.assertEqual([m.reason for m in topics['/front/matcher/statistics']],
+                         [1] + (FRAMES - 1) * [0])
+
+
+if __name__ == '__main__':
+    unittest.main()
