@@ -19,7 +19,8 @@ bool always(const ParameterRow& /*row*/) {
 
 bool decidesAPair(const ParameterRow& row) {
   static const std::set<std::string> elsewhere{"reference", "image", "diagnostics"};
-  return elsewhere.count(row.group) == 0 && row.name != "overlay" && row.name != "max_rate";
+  return elsewhere.count(row.group) == 0 && row.name.rfind("overlay", 0) != 0 &&
+         row.name != "max_rate";
 }
 
 bool isFlag(const ParameterRow& row) {

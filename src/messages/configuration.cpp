@@ -52,6 +52,7 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.rectify = parameters.rectify;
   c.max_rate = parameters.max_rate;
   c.overlay = parameters.overlay;
+  c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
   // The constructor says what is wrong with the rest; threads would be started only to be ended.
   requireInRange("threads", parameters.threads, 0, 256);

@@ -6,6 +6,7 @@
 #include <cstdint>
 
 #include "core/util/grey_levels.h"
+#include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "messages/frame_maker.h"
 #include "parameters/options.h"
@@ -23,6 +24,7 @@ struct Configuration {
   bool rectify = false;                        ///< a lens is wanted in `view`
   double max_rate = 0.0;                       ///< Hz; 0: all frames
   bool overlay = true;
+  OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };
 

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "core/util/keypoint_position.h"
-#include "ktgp_orb/overlay.h"
 
 namespace ktgp_orb {
 namespace {
@@ -295,15 +294,15 @@ cv::Mat shown(const Frame& frame) {
 
 }  // namespace
 
-sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match) {
+sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
+                                OverlayStyle style) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
   if (!match.reference) {
     drawUnmatched(shown(*match.frame), explanation(match.no_reference), canvas);
   } else {
     drawOverlay({shown(*match.reference), match.reference->features},
-                {shown(*match.frame), match.frame->features}, match.match, OverlayStyle::flow,
-                canvas);
+                {shown(*match.frame), match.frame->features}, match.match, style, canvas);
   }
   message->header = header;
   message->encoding = "bgr8";

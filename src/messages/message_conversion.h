@@ -9,6 +9,7 @@
 
 #include <string>
 
+#include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb {
@@ -34,6 +35,7 @@ std::string explanation(NoReference reason);
 
 /// The overlay picture (bgr8) with the header of the target; without a reference: why there is
 /// none.
-sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match);
+sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
+                                OverlayStyle style);
 
 }  // namespace ktgp_orb

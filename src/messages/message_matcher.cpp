@@ -45,7 +45,7 @@ FrameMessages MessageMatcher::process(const std_msgs::Header& header, const Fram
 }
 
 sensor_msgs::ImagePtr MessageMatcher::overlay() const {
-  return last_ != nullptr ? toOverlay(last_header_, *last_) : nullptr;
+  return last_ != nullptr ? toOverlay(last_header_, *last_, configuration_.overlay_style) : nullptr;
 }
 
 void MessageMatcher::forgetReference() {

@@ -36,6 +36,7 @@ void MatcherMonitor::Counts::operator+=(const Counts& other) {
   latency_max = std::max(latency_max, other.latency_max);
   overlays += other.overlays;
   overlay_sum += other.overlay_sum;
+  overlays_skipped += other.overlays_skipped;
 }
 
 void MatcherMonitor::setLimits(const MonitorLimits& limits) {
@@ -82,6 +83,11 @@ void MatcherMonitor::overlayDrawn(double milliseconds) {
   const Lock lock(mutex_);
   ++current_.overlays;
   current_.overlay_sum += milliseconds;
+}
+
+void MatcherMonitor::overlaySkipped() {
+  const Lock lock(mutex_);
+  ++current_.overlays_skipped;
 }
 
 void MatcherMonitor::frameMatched(Status status, NoReference reason, std::size_t inliers,
@@ -259,6 +265,7 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
   report.addf(
       "overlay, mean (ms)", "%.2f",
       counts.overlays > 0 ? counts.overlay_sum / static_cast<double>(counts.overlays) : 0.0);
+  report.add("overlays skipped", counts.overlays_skipped);
 }
 
 }  // namespace ktgp_orb

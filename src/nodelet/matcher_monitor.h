@@ -38,6 +38,8 @@ class MatcherMonitor {
   void setLensProblem(const std::string& problem);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);
+  /// Not drawn, since a newer image waited.
+  void overlaySkipped();
   void setTopic(const std::string& topic);
   void setListening(bool listening);
   void setPaused(bool paused);
@@ -71,6 +73,7 @@ class MatcherMonitor {
     double latency_max = 0.0;
     std::uint64_t overlays = 0;
     double overlay_sum = 0.0;  // ms
+    std::uint64_t overlays_skipped = 0;
 
     void operator+=(const Counts& other);
   };

@@ -18,6 +18,9 @@ namespace {
 constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr std::uint32_t kDataQueue = 10;  // messages that wait for a slow subscriber
 
+// A matcher that is always behind still shows something.
+constexpr std::chrono::seconds kLongestWithoutOverlay{1};
+
 /// `later` - `earlier`, s. Unlike ros::Duration, which throws beyond 68 years, it takes the stamps
 /// of any camera.
 double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
@@ -306,6 +309,11 @@ void MatcherNodelet::publish(const FrameMessages& messages) {
 void MatcherNodelet::publishOverlay() {
   if (!matcher_->configuration().overlay || overlay_pub_.getNumSubscribers() == 0) return;
   const auto start = std::chrono::steady_clock::now();
+  if (newest_.waiting() && start - last_overlay_ < kLongestWithoutOverlay) {
+    monitor_.overlaySkipped();
+    return;
+  }
+  last_overlay_ = start;
   overlay_pub_.publish(matcher_->overlay());
   monitor_.overlayDrawn(
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());

@@ -189,6 +189,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   std::unique_ptr<MessageMatcher> matcher_;
   std::chrono::steady_clock::time_point last_refusal_;
   bool warned_of_raw_points_ = false;
+  std::chrono::steady_clock::time_point last_overlay_;
   std::thread worker_;
 };
 

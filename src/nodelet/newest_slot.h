@@ -33,6 +33,12 @@ class NewestSlot {
     return std::exchange(value_, std::nullopt);
   }
 
+  /// True while a value waits to be taken.
+  bool waiting() const {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    return value_.has_value();
+  }
+
   /// Forgets the waiting value.
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -50,7 +56,7 @@ class NewestSlot {
   }
 
  private:
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::condition_variable ready_;
   std::optional<T> value_;
   bool closed_ = false;

@@ -62,6 +62,21 @@ SequenceOptions sequenceOptions(const Parameters& parameters) {
   return sequence;
 }
 
+OverlayStyle overlayStyleFrom(const Parameters& parameters) {
+  const std::string& name = parameters.overlay_style;
+  if (name == "auto") {
+    return referenceModeFrom(parameters.reference_mode) == ReferenceMode::fixed
+               ? OverlayStyle::side_by_side
+               : OverlayStyle::flow;
+  }
+  for (const OverlayStyle style :
+       {OverlayStyle::flow, OverlayStyle::side_by_side, OverlayStyle::difference}) {
+    if (name == toString(style)) return style;
+  }
+  throw std::invalid_argument("overlay_style is '" + name +
+                              "'; expected auto, flow, side_by_side or difference");
+}
+
 ReferenceMode referenceModeFrom(const std::string& name) {
   if (name == "previous") return ReferenceMode::previous;
   if (name == "keyframe") return ReferenceMode::keyframe;

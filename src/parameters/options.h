@@ -2,6 +2,7 @@
 
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/overlay.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/parameters.h"
 
@@ -20,6 +21,10 @@ PipelineOptions pipelineOptions(const Parameters& parameters);
 
 /// The same for a sequence, with what decides the reference.
 SequenceOptions sequenceOptions(const Parameters& parameters);
+
+/// The overlay_style, "auto" decided by the reference mode: another view of a fixed reference has
+/// moved too far for strokes. Throws std::invalid_argument for a name that is no style.
+OverlayStyle overlayStyleFrom(const Parameters& parameters);
 
 /// Throws std::invalid_argument for a name that is no mode.
 ReferenceMode referenceModeFrom(const std::string& name);

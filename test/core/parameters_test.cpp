@@ -52,6 +52,17 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.alignment.points, core.alignment.points);
 }
 
+TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {
+  Parameters parameters;
+  EXPECT_EQ(overlayStyleFrom(parameters), OverlayStyle::flow);
+  parameters.reference_mode = "fixed";
+  EXPECT_EQ(overlayStyleFrom(parameters), OverlayStyle::side_by_side);
+  parameters.overlay_style = "difference";
+  EXPECT_EQ(overlayStyleFrom(parameters), OverlayStyle::difference);
+  parameters.overlay_style = "curtain";
+  EXPECT_THROW(overlayStyleFrom(parameters), std::invalid_argument);
+}
+
 TEST(Parameters, ChooseTheDescriptor) {
   Parameters parameters;
   EXPECT_EQ(pipelineOptions(parameters).orb.descriptor, DescriptorKind::orb);
