@@ -3,6 +3,7 @@ find_package(catkin REQUIRED COMPONENTS
   cv_bridge
   diagnostic_updater
   dynamic_reconfigure
+  geometry_msgs
   image_transport
   message_generation
   nodelet
@@ -12,6 +13,7 @@ find_package(catkin REQUIRED COMPONENTS
   sensor_msgs
   std_msgs
   std_srvs
+  tf2_ros
 )
 add_message_files(FILES
   Correspondences.msg
@@ -20,20 +22,25 @@ add_message_files(FILES
   MatchStatistics.msg
   StageStatistics.msg
 )
-add_service_files(FILES MatchPair.srv)
+add_service_files(FILES MatchPair.srv SaveMosaic.srv)
 generate_messages(DEPENDENCIES sensor_msgs std_msgs)
-generate_dynamic_reconfigure_options(cfg/Ktgp.cfg)
-# The table that Ktgp.cfg reads: a changed row makes its output anew.
-add_custom_command(APPEND
-  OUTPUT ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_INCLUDE_DESTINATION}/KtgpConfig.h
-  DEPENDS ${PROJECT_SOURCE_DIR}/src/parameters/table.def)
+generate_dynamic_reconfigure_options(cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
+# The tables that these read: a changed row makes their output anew.
+foreach(pair Ktgp=table Mosaic=mosaic Stabilizer=stabilizer)
+  string(REPLACE "=" ";" pair ${pair})
+  list(GET pair 0 config)
+  list(GET pair 1 table)
+  add_custom_command(APPEND
+    OUTPUT ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_INCLUDE_DESTINATION}/${config}Config.h
+    DEPENDS ${PROJECT_SOURCE_DIR}/src/parameters/${table}.def ${PROJECT_SOURCE_DIR}/cfg/ktgp_table.py)
+endforeach()
 
 catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ktgp_orb_core ktgp_orb_messages ktgp_orb_nodelets
   CATKIN_DEPENDS
-    cv_bridge diagnostic_updater dynamic_reconfigure image_transport message_runtime nodelet
-    pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs
+    cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
+    nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros
   DEPENDS EIGEN3 OpenCV
 )
 

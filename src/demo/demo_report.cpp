@@ -1,9 +1,10 @@
-// Watches the demo: one refreshed line while it runs; then a table, a video and a picture.
+// Watches the demo: one refreshed line while it runs; then a table, two videos and two pictures.
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/SaveMosaic.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
@@ -16,14 +17,16 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
-#include <opencv2/videoio.hpp>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "cli/video_file.h"
+#include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/table.h"
 #include "ktgp_orb/evaluation.h"
@@ -95,13 +98,35 @@ double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& 
   return count > 0.0 ? std::sqrt(sum / count) : 0.0;
 }
 
+/// Root mean square distance in the map of where the frame's corners are put from where they are, px
+/// of the map. `found`, `truth`: map -> frame.
+double positionError(const Eigen::Matrix3d& found, const Eigen::Matrix3d& truth) {
+  double sum = 0.0;
+  for (const double x : {0.0, kImageWidth - 1.0}) {
+    for (const double y : {0.0, kImageHeight - 1.0}) {
+      const Eigen::Vector3d corner(x, y, 1.0);
+      sum += ((found.inverse() * corner).hnormalized() - (truth.inverse() * corner).hnormalized())
+                 .squaredNorm();
+    }
+  }
+  return std::sqrt(sum / 4.0);
+}
+
 class Report {
  public:
   Report(const std::string& bag, const std::string& folder)
-      : truth_(bag), bag_(bag), folder_(folder), terminal_(isatty(STDOUT_FILENO) != 0) {
+      : truth_(bag),
+        bag_(bag),
+        folder_(folder),
+        terminal_(isatty(STDOUT_FILENO) != 0),
+        video_(folder + "/matches.mp4", kFrameRate),
+        steady_video_(folder + "/stabilized.mp4", kFrameRate) {
     ros::NodeHandle node;
     matches_ = node.subscribe("/camera/matcher/match", 50, &Report::onMatch, this);
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
+    steady_ = node.subscribe("/camera/stabilizer/image", 10, &Report::onSteady, this);
+    places_ = node.subscribe("/camera/mosaic/homography", 50, &Report::onPlace, this);
+    save_ = node.serviceClient<SaveMosaic>("/camera/mosaic/save");
   }
 
   /// Until the last frame is in, or nothing has come for a while.
@@ -128,13 +153,33 @@ class Report {
     const std::string text = table_.text(truth_.frames());
     std::fputs(text.c_str(), stdout);
     std::ofstream(folder_ + "/summary.txt") << text;
-    video_.release();
     drawPicture();
-    std::printf("\nvideo    %s\npicture  %s\n", videoPath().c_str(), picturePath().c_str());
+    std::printf("\npicture  %s\n", picturePath().c_str());
+    video_.close();
+    steady_video_.close();
+    std::printf("video    %s/matches.mp4\nvideo    %s/stabilized.mp4\n", folder_.c_str(),
+                folder_.c_str());
+    saveMosaic();
   }
 
  private:
-  std::string videoPath() const { return folder_ + "/matches.mp4"; }
+  void saveMosaic() {
+    SaveMosaic save;
+    save.request.file = std::filesystem::absolute(folder_ + "/mosaic.png").string();
+    if (!save_.call(save) || !save.response.success) {
+      throw std::runtime_error("the mosaic is not saved: " + save.response.message);
+    }
+    std::printf("mosaic   %s", save.request.file.c_str());
+    if (last_place_) {
+      const Eigen::Matrix3d truth =
+          truth_.between(last_place_->reference_stamp, last_place_->header.stamp);
+      std::printf(", after %.1f s off by %.2f px (RMS)",
+                  (last_place_->header.stamp - last_place_->reference_stamp).toSec(),
+                  positionError(matrix(*last_place_), truth));
+    }
+    std::printf("\n");
+  }
+
   std::string picturePath() const { return folder_ + "/stages.png"; }
 
   void onMatch(const MatchConstPtr& match) {
@@ -164,17 +209,17 @@ class Report {
   void onOverlay(const sensor_msgs::ImageConstPtr& message) {
     const cv::Mat picture(static_cast<int>(message->height), static_cast<int>(message->width),
                           CV_8UC3, const_cast<std::uint8_t*>(message->data.data()), message->step);
-    if (!video_.isOpened()) openVideo(picture.size());
     video_.write(picture);
   }
 
-  void openVideo(const cv::Size& size) {
-    constexpr double kRate = 30.0;
-    for (const char* codec : {"avc1", "mp4v"}) {
-      const int code = cv::VideoWriter::fourcc(codec[0], codec[1], codec[2], codec[3]);
-      if (video_.open(videoPath(), cv::CAP_FFMPEG, code, kRate, size)) return;
-    }
-    throw std::runtime_error("OpenCV cannot write an mp4 video: " + videoPath());
+  void onSteady(const sensor_msgs::ImageConstPtr& message) {
+    steady_video_.write(cv::Mat(static_cast<int>(message->height), static_cast<int>(message->width),
+                                CV_8UC3, const_cast<std::uint8_t*>(message->data.data()),
+                                message->step));
+  }
+
+  void onPlace(const HomographyStampedConstPtr& message) {
+    if (message->status == HomographyStamped::STATUS_OK) last_place_ = message;
   }
 
   /// The stages of one pair of frames of the bag, matched here with the default options.
@@ -207,9 +252,14 @@ class Report {
   bool terminal_;
   bool finished_ = false;
   ResultTable table_;
-  cv::VideoWriter video_;
+  tools::VideoFile video_;
+  tools::VideoFile steady_video_;
+  HomographyStampedConstPtr last_place_;
   ros::Subscriber matches_;
   ros::Subscriber overlays_;
+  ros::Subscriber steady_;
+  ros::Subscriber places_;
+  ros::ServiceClient save_;
 };
 
 }  // namespace

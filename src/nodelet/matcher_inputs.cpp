@@ -31,11 +31,13 @@ void MatcherNodelet::subscribe() {
   input_silence_begins_ = true;
   monitor_.setListening(true);
   subscribeCameraInfo();
+  target_.listen(true);
 }
 
 void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
   camera_info_sub_.shutdown();
+  target_.listen(false);
   subscribed_ = listening_ = false;
   input_silence_begins_ = true;
   newest_.clear();

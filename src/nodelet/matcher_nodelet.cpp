@@ -72,6 +72,7 @@ void MatcherNodelet::stop() {
   match_pub_.shutdown();
   statistics_pub_.shutdown();
   overlay_pub_.shutdown();
+  target_.shutdown();
   diagnostics_.reset();
 }
 
@@ -166,6 +167,7 @@ void MatcherNodelet::advertise() {
   accumulated_pub_ = advertise("accumulated_homography", HomographyStamped());
   match_pub_ = advertise("match", Match());
   statistics_pub_ = advertise("statistics", MatchStatistics());
+  target_.advertise(private_node_, camera_info_topic_, [this] { connectionsChanged(); });
   overlay_pub_ =
       private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
   advertised_ = true;
@@ -219,8 +221,12 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
     wanted.number = configured_ ? configuration.number : 0;
     configuration = wanted;
   });
-  const Lock lock(connect_mutex_);
-  if (advertised_) subscribeCameraInfo();
+  {
+    const Lock lock(connect_mutex_);
+    target_.configure(config);
+    if (advertised_) subscribeCameraInfo();
+  }
+  connectionsChanged();  // a transform may be wanted, which nobody subscribes to
 }
 
 // Only this function writes configuration_, and only from the first queue, one call at a time:
@@ -236,7 +242,8 @@ void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
 bool MatcherNodelet::anySubscriber() const {
   return correspondences_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0 ||
          accumulated_pub_.getNumSubscribers() > 0 || match_pub_.getNumSubscribers() > 0 ||
-         statistics_pub_.getNumSubscribers() > 0 || overlay_pub_.getNumSubscribers() > 0;
+         statistics_pub_.getNumSubscribers() > 0 || overlay_pub_.getNumSubscribers() > 0 ||
+         target_.isWanted();
 }
 
 void MatcherNodelet::work() {
@@ -302,6 +309,7 @@ void MatcherNodelet::publish(const FrameMessages& messages) {
   homography_pub_.publish(messages.homography);
   if (messages.accumulated_homography) accumulated_pub_.publish(messages.accumulated_homography);
   if (match_pub_.getNumSubscribers() > 0) match_pub_.publish(toMatch(messages));
+  target_.publish(messages);
   statistics_pub_.publish(messages.statistics);  // last: whoever has it has the others
 }
 

@@ -26,6 +26,7 @@
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
 #include "nodelet/sequence_numbers.h"
+#include "nodelet/target_publisher.h"
 
 namespace ktgp_orb {
 
@@ -134,6 +135,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   ros::Publisher match_pub_;
   ros::Publisher statistics_pub_;
   image_transport::Publisher overlay_pub_;
+  TargetPublisher target_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer watch_timer_;
   ros::WallTimer report_timer_;

@@ -18,7 +18,8 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size"};
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
-/// `low` and `high` hold the type the parameter was declared with.
+}  // namespace
+
 void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, const boost::any& low,
                     const boost::any& high) {
   std::ostringstream given;
@@ -48,18 +49,8 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
   }
 }
 
-}  // namespace
-
 void requireParametersInRange(const ros::NodeHandle& node) {
-  for (const auto& description : KtgpConfig::__getParamDescriptions__()) {
-    XmlRpc::XmlRpcValue value;
-    if (!node.getParam(description->name, value)) continue;
-    boost::any low;
-    boost::any high;
-    description->getValue(KtgpConfig::__getMin__(), low);
-    description->getValue(KtgpConfig::__getMax__(), high);
-    requireInRange(node.resolveName(description->name), value, low, high);
-  }
+  requireAllInRange<KtgpConfig>(node);
   std::string mode;
   if (node.getParam("reference_mode", mode)) referenceModeFrom(mode);
 }

@@ -18,6 +18,7 @@
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
 #include "tools/bag_pipeline.h"
+#include "tools/bag_views.h"
 #include "tools/bag_writer.h"
 
 namespace ktgp_orb {
@@ -29,6 +30,7 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  ViewOptions views;
   bool force = false;
   Parameters parameters;
 };
@@ -73,6 +75,7 @@ class Run {
         matcher_(configuration),
         pipeline_(configuration, fixedReference(configuration), threads),
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic())),
+        views_(arguments.views),
         progress_(source_->total()) {
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -88,6 +91,7 @@ class Run {
     }
     while (!waiting_.empty()) finishOldest();
     writer_.close();
+    views_.close();
     if (tools::interrupted()) return tools::kExitInterrupted;
     return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
@@ -97,6 +101,7 @@ class Run {
   /// Why the first of them was.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
+  std::string viewReport() const { return views_.report(); }
   std::string damage() const { return source_->damage(); }
 
  private:
@@ -135,12 +140,14 @@ class Run {
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
     writer_.write(messages, recorded.received);
+    views_.add(recorded.image, *messages.homography);
   }
 
   std::unique_ptr<ImageSource> source_;
   MessageMatcher matcher_;
   FramePipeline pipeline_;
   MatchWriter writer_;
+  BagViews views_;
   Progress progress_;
   RateLimiter rate_limiter_;
   std::uint64_t skipped_ = 0;
@@ -171,6 +178,9 @@ void checkFiles(Arguments& arguments) {
   plan.read(arguments.parameters.mask_image);
   plan.write(arguments.out);
   plan.write(arguments.csv);
+  plan.write(arguments.views.stabilized);
+  plan.write(arguments.views.mosaic);
+  plan.write(arguments.views.mosaic_poses);
 }
 
 int matchBag(Arguments& arguments) {
@@ -186,7 +196,8 @@ int matchBag(Arguments& arguments) {
   const int code = run.run();
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.images()
             << " images of " << run.topic() << " matched, " << run.refused()
-            << " of them refused; results in " << arguments.out << '\n';
+            << " of them refused; results in " << arguments.out << '\n'
+            << run.viewReport();
   if (run.refused() > 0) {
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
               << " images could not be used, the first because: " << run.refusal() << '\n';
@@ -196,6 +207,42 @@ int matchBag(Arguments& arguments) {
               << "\nWhat could be read is matched; 'rosbag reindex' may repair the bag.\n";
   }
   return code;
+}
+
+void addViewArguments(CLI::App& app, ViewOptions& views) {
+  const char* const group = "To look at";
+  app.add_option("--stabilize", views.stabilized, "write a steady video (mp4) of the images")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_option("--stabilizer_strength", views.stabilizer.strength,
+                 "quicker motion is shake and is taken out [s]")
+      ->check(tools::numberIn("[0.01, 10]"))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames that are waited for")
+      ->check(CLI::Range(0, 60))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
+                 "share of width and height cut off at each border")
+      ->check(tools::numberIn("[0.01, 0.4]"))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--mosaic", views.mosaic, "write one picture (png) of all that was seen")
+      ->type_name("FILE")
+      ->group(group);
+  app.add_option("--mosaic_keyframes", views.map.keyframes,
+                 "place frames by keyframes; false: by the homographies alone")
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels, "it grows no further")
+      ->check(tools::numberIn("[1, 1000]"))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--mosaic_poses", views.mosaic_poses,
+                 "write a table with the map -> frame homography of every image; needs --mosaic")
+      ->type_name("FILE")
+      ->group(group);
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
@@ -211,6 +258,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "namespace of the output topics; without it: matcher beside the image topic");
   app.add_option("--csv", arguments.csv, "write a table with a line for every image")
       ->type_name("FILE");
+  addViewArguments(app, arguments.views);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
 }

@@ -60,6 +60,16 @@ def check_each(cases, check):
         raise AssertionError('\n'.join(failures))
 
 
+def warm_up(camera, recorder):
+    """Sends frames until the recorder has something: then every nodelet on the way is connected
+    (those of one manager share their connections, so these say nothing)."""
+    def answered():
+        camera.send(image_message(view(100, 100), camera.next_stamp()))
+        time.sleep(0.1)
+        return recorder.messages()
+    wait_until(answered, recorder.topic + ' has a message')
+
+
 class Recorder:
     """Keeps every message of a topic."""
 

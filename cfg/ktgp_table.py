@@ -1,0 +1,52 @@
+"""Makes dynamic_reconfigure's parameters from a table in src/parameters; a unit stands in brackets
+at the end of a description.
+
+scripts/update_documents writes the tables in README.md and doc, and the arguments of the launch
+files, from what comes of it."""
+
+import json
+import os
+import re
+
+from dynamic_reconfigure.parameter_generator_catkin import (ParameterGenerator, bool_t, double_t,
+                                                            int_t, str_t)
+
+TABLES = os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'src',
+                      'parameters')
+
+
+def rows(table):
+    """(kind, name, arguments) of each row of the table."""
+    with open(os.path.join(TABLES, table), encoding='utf-8') as file:
+        for line in file:
+            row = re.match(r'KTGP_(\w+)\((\w+)(?:, (.*))?\)$', line.strip())
+            if row:
+                kind, name, arguments = row.groups()
+                yield kind, name, json.loads('[%s]' % (arguments or ''))
+
+
+def choices(gen, text):
+    """An enumeration from "value: what it means; value: what it means"."""
+    entries = [entry.strip().split(': ', 1) for entry in text.split(';')]
+    return gen.enum([gen.const(value, str_t, value, meaning) for value, meaning in entries],
+                    'Choices')
+
+
+def generate(table, name):
+    gen = ParameterGenerator()
+    group = gen
+    for kind, parameter, arguments in rows(table):
+        if kind == 'GROUP':
+            group = gen if parameter == 'method' else gen.add_group(parameter)
+        elif kind in ('INT', 'DOUBLE'):
+            default, low, high, _, unit, text = arguments
+            group.add(parameter, int_t if kind == 'INT' else double_t, 0,
+                      '%s [%s]' % (text, unit) if unit else text, default, low, high)
+        elif kind == 'BOOL':
+            group.add(parameter, bool_t, 0, arguments[1], arguments[0])
+        elif kind == 'STRING':
+            group.add(parameter, str_t, 0, arguments[1], arguments[0])
+        elif kind == 'CHOICE':
+            group.add(parameter, str_t, 0, arguments[1], arguments[0],
+                      edit_method=choices(gen, arguments[2]))
+    return gen.generate('ktgp_orb', 'ktgp_orb', name)

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "cli/output_file.h"
+
+namespace ktgp_orb::tools {
+
+/// An mp4 video that has its name only when it is complete.
+class VideoFile {
+ public:
+  /// `rate`: frames per second. Throws FileError where nothing can be written there.
+  VideoFile(const std::string& path, double rate);
+  ~VideoFile();
+
+  /// A frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
+  /// Throws FileError where this machine's OpenCV has nothing that writes mp4.
+  void write(const cv::Mat& frame);
+  /// Throws FileError, also where no frame was written.
+  void close();
+
+ private:
+  struct Writer;
+
+  void open(const cv::Size& size);
+
+  std::string path_;
+  double rate_;
+  OutputFile file_;
+  std::unique_ptr<Writer> writer_;
+};
+
+}  // namespace ktgp_orb::tools

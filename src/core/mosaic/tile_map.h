@@ -1,0 +1,52 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <map>
+#include <opencv2/core.hpp>
+#include <utility>
+
+namespace ktgp_orb {
+
+/// A picture without borders, in square tiles that exist where something was drawn: memory grows
+/// with the covered area.
+class TileMap {
+ public:
+  static constexpr int kTileSize = 256;  ///< px
+
+  /// `max_tiles`: it grows no further than that.
+  explicit TileMap(std::size_t max_tiles) : max_tiles_(max_tiles) {}
+
+  void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }
+
+  /// Draws a frame (CV_8UC3) where `to_map` puts it, blended with what is there: a pixel counts the
+  /// more the farther it is from the border of its frame, so that no seam shows. False where not
+  /// all of it had room.
+  bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
+
+  /// Bounds of what was drawn, px of the map; empty at first.
+  const cv::Rect& area() const { return area_; }
+  std::size_t tiles() const { return tiles_.size(); }
+  /// The area as CV_8UC4, alpha 0 where nothing was drawn; `scale` in (0, 1] makes it smaller.
+  cv::Mat image(double scale) const;
+  void clear();
+
+ private:
+  struct Tile {
+    cv::Mat colour;  // CV_8UC3
+    cv::Mat weight;  // CV_16UC1; 0: nothing was drawn
+  };
+  using Place = std::pair<int, int>;  // column, row
+
+  bool drawTile(const Place& place, const cv::Mat& frame, const Eigen::Matrix3d& to_map);
+  void setFeather(const cv::Size& size);
+
+  std::size_t max_tiles_;
+  std::map<Place, Tile> tiles_;
+  cv::Rect area_;
+  cv::Mat feather_;  // CV_8UC1, weight of each pixel of a frame
+  cv::Mat patch_;
+  cv::Mat patch_weight_;
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,218 @@
+#include "ktgp_orb/stabilizer.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "core/homography/checks.h"
+#include "core/homography/solver.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kReach = 3.0;         // standard deviations of the weights that are looked at
+constexpr std::size_t kMaxPath = 600;  // frames
+constexpr double kFadingTime = 0.5;    // s
+
+void requireInRange(const char* name, double value, double low, double high) {
+  if (value >= low && value <= high) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                              "; expected a value in [" + std::to_string(low) + ", " +
+                              std::to_string(high) + "]");
+}
+
+double seconds(std::int64_t nanoseconds) {
+  return 1e-9 * static_cast<double>(nanoseconds);
+}
+
+/// As it is while small; never more than 1, where it goes smoothly.
+double saturated(double share) {
+  constexpr double kLinear = 0.5;
+  if (share <= kLinear) return share;
+  return kLinear + (1.0 - kLinear) * std::tanh((share - kLinear) / (1.0 - kLinear));
+}
+
+/// A weighted line through values over time, at time zero; a mean where all are of one time.
+class LineAtZero {
+ public:
+  void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
+    weight_ += weight;
+    time_ += weight * time;
+    square_ += weight * time * time;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      sum_[i] += weight * points[i];
+      product_[i] += weight * time * points[i];
+    }
+  }
+
+  std::array<Eigen::Vector2d, 4> value() const {
+    const double spread = weight_ * square_ - time_ * time_;
+    const bool line = spread > 1e-9 * weight_ * square_;
+    std::array<Eigen::Vector2d, 4> values;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      values[i] = line ? Eigen::Vector2d((square_ * sum_[i] - time_ * product_[i]) / spread)
+                       : Eigen::Vector2d(sum_[i] / weight_);
+    }
+    return values;
+  }
+
+ private:
+  double weight_ = 0.0;
+  double time_ = 0.0;
+  double square_ = 0.0;
+  std::array<Eigen::Vector2d, 4> sum_{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
+                                      Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  std::array<Eigen::Vector2d, 4> product_ = sum_;
+};
+
+/// By how much of its margin the view of the frame through `correction` leaves the crop, at worst.
+double shareOfMargin(const Eigen::Matrix3d& correction,
+                     const std::array<Eigen::Vector2d, 4>& corners, double crop) {
+  const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
+  const Eigen::Vector2d half = (corners[2] - corners[0]).cwiseAbs() * 0.5;
+  const Eigen::Matrix3d back = correction.inverse();
+  double worst = 0.0;
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Vector2d seen = centre + (1.0 - 2.0 * crop) * (corner - centre);
+    const Eigen::Vector3d p = back * seen.homogeneous();
+    if (p.z() * back.determinant() <= 0.0) return 1e9;
+    const Eigen::Vector2d outward = (p.hnormalized() - centre).cwiseAbs() -  //
+                                    (seen - centre).cwiseAbs();
+    worst = std::max(worst, outward.cwiseQuotient(2.0 * crop * half).maxCoeff());
+  }
+  return worst;
+}
+
+}  // namespace
+
+Stabilizer::Stabilizer(const StabilizerOptions& options) : path_(kMaxPath) {
+  setOptions(options);
+  reset();
+}
+
+void Stabilizer::setOptions(const StabilizerOptions& options) {
+  requireInRange("strength", options.strength, 0.01, 10.0);
+  requireInRange("lag", options.lag, 0, 60);
+  requireInRange("max_crop", options.max_crop, 0.01, 0.4);
+  options_ = options;
+}
+
+void Stabilizer::reset() {
+  path_.clear();
+  waiting_.clear();
+  correction_.fill(Eigen::Vector2d::Zero());
+  fading_ = correction_;
+  size_ = {};
+}
+
+void Stabilizer::add(std::int64_t stamp, std::int64_t reference_stamp,
+                     const std::optional<Eigen::Matrix3d>& homography, const cv::Size& size,
+                     std::vector<SteadyFrame>& ready) {
+  if (size != size_) {
+    flush(ready);
+    reset();
+    size_ = size;
+  }
+  const bool known = path_.between(reference_stamp, reference_stamp).has_value();
+  const bool connected = homography && known;
+  if (!connected) flush(ready);
+  path_.add(stamp, reference_stamp, homography);
+  if (!connected) {
+    fading_ = correction_;
+    fading_since_ = stamp;
+  }
+  waiting_.push_back({stamp, !connected});
+  while (waiting_.size() > static_cast<std::size_t>(options_.lag)) finishOldest(ready);
+}
+
+void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
+  while (!waiting_.empty()) finishOldest(ready);
+}
+
+/// Where the corners of the frame would be if the camera moved smoothly. `to_newest`: from the
+/// frame to the newest one of the path.
+Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
+                                         const Eigen::Matrix3d& to_newest) const {
+  const Corners corners = imageCorners(size_, {});
+  LineAtZero line;
+  line.add(0.0, 1.0, corners);
+  for (const FramePath::Step& step : path_.steps()) {
+    const double time = seconds(step.stamp - stamp) / options_.strength;
+    if (step.stamp == stamp || std::abs(time) > kReach) continue;
+    // Where this frame's corners are in that one.
+    const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
+    if (!keepsPlaneInView(there / there(2, 2), corners)) continue;
+    Corners seen;
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+      seen[i] = (there * corners[i].homogeneous()).hnormalized();
+    }
+    line.add(time, std::exp(-0.5 * time * time), seen);
+  }
+  return line.value();
+}
+
+/// The homography that moves the corners as wanted, or less, so that nothing beyond the border
+/// shows.
+Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
+  const Corners corners = imageCorners(size_, {});
+  const double area = static_cast<double>(size_.area());
+  double share = 1.0;
+  Eigen::Matrix3d correction = Eigen::Matrix3d::Identity();
+  for (int trial = 0; trial < 20; ++trial) {
+    Corners moved;
+    for (std::size_t i = 0; i < corners.size(); ++i) moved[i] = corners[i] + share * wanted[i];
+    double used = 1e9;
+    if (solveFourPoints(corners, moved, 1e-3 * area, 1e-3 * area, correction)) {
+      used = shareOfMargin(correction, corners, options_.max_crop);
+    }
+    const double allowed = trial == 0 ? saturated(used) : 1.0;
+    if (used <= allowed) {
+      for (std::size_t i = 0; i < corners.size(); ++i) correction_[i] = share * wanted[i];
+      return correction;
+    }
+    share *= trial == 0 ? allowed / used : std::min(1.0 / used, 0.98);
+  }
+  correction_.fill(Eigen::Vector2d::Zero());
+  return Eigen::Matrix3d::Identity();
+}
+
+void Stabilizer::finishOldest(std::vector<SteadyFrame>& ready) {
+  const Waiting frame = waiting_.front();
+  waiting_.pop_front();
+  SteadyFrame steady;
+  steady.stamp = frame.stamp;
+  steady.starts_anew = frame.starts_anew;
+  const Corners corners = imageCorners(size_, {});
+  const auto to_newest = path_.between(frame.stamp, path_.steps().back().stamp);
+  Corners wanted = smoothed(frame.stamp, *to_newest);
+  const double fade = std::exp(-std::max(0.0, seconds(frame.stamp - fading_since_)) / kFadingTime);
+  for (std::size_t i = 0; i < corners.size(); ++i) wanted[i] += fade * fading_[i] - corners[i];
+
+  const Eigen::Matrix3d correction = limited(wanted);
+  const double zoom = 1.0 / (1.0 - 2.0 * options_.max_crop);
+  const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
+  Eigen::Matrix3d crop;
+  crop << zoom, 0.0, (1.0 - zoom) * centre.x(), 0.0, zoom, (1.0 - zoom) * centre.y(), 0.0, 0.0, 1.0;
+  steady.warp = crop * correction;
+  steady.warp /= steady.warp(2, 2);
+  ready.push_back(steady);
+}
+
+double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size) {
+  if (steps.size() < 2) return 0.0;
+  const auto corners = imageCorners(size, {});
+  double sum = 0.0;
+  for (std::size_t i = 1; i < steps.size(); ++i) {
+    for (const Eigen::Vector2d& corner : corners) {
+      const Eigen::Vector2d before = (steps[i - 1] * corner.homogeneous()).hnormalized();
+      const Eigen::Vector2d now = (steps[i] * corner.homogeneous()).hnormalized();
+      sum += (now - before).squaredNorm();
+    }
+  }
+  return sum / static_cast<double>(corners.size() * (steps.size() - 1));
+}
+
+}  // namespace ktgp_orb

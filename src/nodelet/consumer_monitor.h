@@ -1,0 +1,61 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+
+namespace ktgp_orb {
+
+/// Counts what a nodelet gets and gives, and reports it to diagnostics. All functions may be called
+/// from any thread.
+class ConsumerMonitor {
+ public:
+  void setTopics(const std::string& image, const std::string& homography);
+  void setListening(bool listening);
+
+  void imageArrived();
+  void homographyArrived(bool found);
+  void dropped(std::size_t count);
+  void refused(const std::string& reason);
+  /// A frame was worked on.
+  void done(double milliseconds);
+  /// Something that people should know; empty: all is well.
+  void setWarning(const std::string& warning);
+  /// Shown as it is.
+  void setValue(const std::string& name, const std::string& value);
+
+  std::uint64_t images() const;
+
+  /// Call once a second, before the reports.
+  void tick();
+  void report(diagnostic_updater::DiagnosticStatusWrapper& report);
+
+ private:
+  struct Counts {
+    std::uint64_t images = 0;
+    std::uint64_t homographies = 0;
+    std::uint64_t found = 0;
+    std::uint64_t dropped = 0;
+    std::uint64_t refused = 0;
+    std::uint64_t done = 0;
+    double milliseconds = 0.0;
+  };
+
+  mutable std::mutex mutex_;
+  std::string image_topic_;
+  std::string homography_topic_;
+  bool listening_ = false;
+  int silent_images_ = 0;  // s
+  int silent_homographies_ = 0;
+  Counts total_;
+  Counts before_;  // as of the last tick
+  Counts last_;    // in the last period
+  std::string refusal_;
+  std::string warning_;
+  std::map<std::string, std::string> values_;
+};
+
+}  // namespace ktgp_orb

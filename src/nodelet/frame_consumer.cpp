@@ -1,0 +1,194 @@
+#include "nodelet/frame_consumer.h"
+
+#include <image_transport/camera_common.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+#include "messages/image_conversion.h"
+
+namespace ktgp_orb {
+namespace {
+
+using Lock = std::lock_guard<std::mutex>;
+
+constexpr std::uint32_t kHomographies = 100;  // each is a link of a chain: none should be lost
+constexpr std::chrono::seconds kRepeatRefusal{5};
+
+}  // namespace
+
+FrameConsumer::~FrameConsumer() = default;
+
+// First of all the callbacks end: a disabled queue takes no more of them, and stopping its spinner
+// waits for the one that runs. What they use goes only then.
+void FrameConsumer::stop() {
+  for (Queue* queue : {&queue_, &data_queue_}) {
+    queue->callbacks.disable();
+    queue->spinner.stop();
+  }
+  inbox_.close();
+  if (worker_.joinable()) worker_.join();
+  timer_.stop();
+  {
+    const Lock lock(connect_mutex_);
+    advertised_ = false;
+    if (subscribed_) unsubscribe();
+  }
+  diagnostics_.reset();
+}
+
+void FrameConsumer::onInit() {
+  try {
+    start();
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
+    throw;
+  }
+}
+
+void FrameConsumer::start() {
+  node_ = getNodeHandle();
+  node_.setCallbackQueue(&queue_.callbacks);
+  data_node_ = getNodeHandle();
+  data_node_.setCallbackQueue(&data_queue_.callbacks);
+  private_node_ = privateNode(queue_);
+  transport_hints_ = std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(),
+                                                                       private_node_);
+  queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 5)));
+  image_topic_ = node_.resolveName("image");
+  homography_topic_ = node_.resolveName("homography");
+  info_topic_ = node_.resolveName(image_transport::getCameraInfoTopic(image_topic_));
+  requireTransport(node_, transport_hints_->getTransport());
+  monitor_.setTopics(image_topic_, homography_topic_);
+  transport_ = std::make_unique<image_transport::ImageTransport>(data_node_);
+  configure();
+  worker_ = std::thread(&FrameConsumer::run, this);
+  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
+  diagnostics_->setHardwareID(image_topic_);
+  diagnostics_->add("frames", &monitor_, &ConsumerMonitor::report);
+  {
+    // Locked until all are there, so that an early subscriber does not find half of them.
+    const Lock lock(connect_mutex_);
+    advertise([this] { connectionsChanged(); });
+    advertised_ = true;
+  }
+  timer_ =
+      node_.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { tick(); });
+  for (Queue* queue : {&queue_, &data_queue_}) queue->spinner.start();
+  connectionsChanged();
+  NODELET_INFO("takes images on %s (transport %s) and homographies on %s", image_topic_.c_str(),
+               transport_hints_->getTransport().c_str(), homography_topic_.c_str());
+}
+
+ros::NodeHandle FrameConsumer::privateNode(Queue& queue) const {
+  ros::NodeHandle node = getPrivateNodeHandle();
+  node.setCallbackQueue(&queue.callbacks);
+  return node;
+}
+
+void FrameConsumer::connectionsChanged() {
+  const Lock lock(connect_mutex_);
+  if (!advertised_) return;
+  const bool wanted = isWanted();
+  if (wanted && !subscribed_) subscribe();
+  if (!wanted && subscribed_) unsubscribe();
+}
+
+void FrameConsumer::subscribe() {
+  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // and deliver everything twice.
+  image_sub_ = transport_->subscribe(
+      "image", queue_size_,
+      [this](const sensor_msgs::ImageConstPtr& image) {
+        if (last_image_.lock() == image) return;
+        last_image_ = image;
+        monitor_.imageArrived();
+        if (inbox_.put(image)) monitor_.dropped(1);
+      },
+      ros::VoidPtr(), *transport_hints_);
+  homography_sub_ = data_node_.subscribe<HomographyStamped>(
+      "homography", kHomographies, [this](const HomographyStampedConstPtr& message) {
+        if (last_homography_.lock() == message) return;
+        last_homography_ = message;
+        if (message->rectified && !std::exchange(said_rectified_, true)) {
+          NODELET_WARN(
+              "the homographies on %s are of rectified images: they fit %s only if its "
+              "images are those",
+              homography_topic_.c_str(), image_topic_.c_str());
+        }
+        monitor_.homographyArrived(message->status == HomographyStamped::STATUS_OK);
+        inbox_.put(message);
+      });
+  if (needsCameraInfo()) {
+    info_sub_ = data_node_.subscribe<sensor_msgs::CameraInfo>(
+        info_topic_, queue_size_,
+        [this](const sensor_msgs::CameraInfoConstPtr& info) { inbox_.put(info); });
+  }
+  subscribed_ = true;
+  monitor_.setListening(true);
+}
+
+void FrameConsumer::unsubscribe() {
+  image_sub_.shutdown();
+  homography_sub_.shutdown();
+  info_sub_.shutdown();
+  subscribed_ = false;
+  inbox_.clear();
+  restart_ = true;
+  monitor_.setListening(false);
+}
+
+void FrameConsumer::tick() {
+  monitor_.tick();
+  watch();
+  diagnostics_->force_update();
+}
+
+void FrameConsumer::run() {
+  while (auto content = inbox_.take()) {
+    try {
+      if (restart_.exchange(false)) restart();
+      work(*content);
+    } catch (const RefusedImage& error) {
+      refuse(error.what());
+    } catch (const std::exception& error) {  // out of memory and the like: the next may work
+      refuse(std::string("frame lost: ") + error.what());
+    }
+  }
+}
+
+void FrameConsumer::refuse(const std::string& reason) {
+  monitor_.refused(reason);
+  const auto now = std::chrono::steady_clock::now();
+  if (now - last_refusal_ < kRepeatRefusal) return;
+  last_refusal_ = now;
+  NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
+}
+
+std::int64_t stampOf(const ros::Time& time) {
+  return static_cast<std::int64_t>(time.toNSec());
+}
+
+ros::Time timeOf(std::int64_t nanoseconds) {
+  ros::Time time;
+  time.fromNSec(static_cast<std::uint64_t>(nanoseconds));
+  return time;
+}
+
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
+  if (message.status != HomographyStamped::STATUS_OK) return std::nullopt;
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
+}
+
+void requireTransport(const ros::NodeHandle& node, const std::string& transport) {
+  const auto names = image_transport::ImageTransport(node).getLoadableTransports();
+  if (std::find(names.begin(), names.end(), "image_transport/" + transport) != names.end()) return;
+  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
+                              transport +
+                              "_image_transport brings it (on ROS Noetic: apt install "
+                              "ros-noetic-" +
+                              transport + "-image-transport)");
+}
+
+}  // namespace ktgp_orb

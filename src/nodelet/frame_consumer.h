@@ -1,0 +1,119 @@
+#pragma once
+
+#include <diagnostic_updater/diagnostic_updater.h>
+#include <image_transport/image_transport.h>
+#include <ktgp_orb/HomographyStamped.h>
+#include <nodelet/nodelet.h>
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+
+#include <Eigen/Core>
+#include <atomic>
+#include <boost/thread/recursive_mutex.hpp>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "nodelet/consumer_monitor.h"
+#include "nodelet/frame_inbox.h"
+
+namespace ktgp_orb {
+
+/// What nodelets have in common that take images and the matcher's homographies: they subscribe
+/// while they have subscribers, callbacks only store, one worker thread does the work, and they can
+/// be unloaded at any moment. As with the matcher, callbacks run in queues and threads of their
+/// own, not in the manager's.
+///
+/// A derived class calls stop() first of all in its destructor.
+class FrameConsumer : public nodelet::Nodelet {
+ public:
+  ~FrameConsumer() override;
+
+ protected:
+  /// A callback queue with its thread.
+  struct Queue {
+    ros::CallbackQueue callbacks;
+    ros::AsyncSpinner spinner{1, &callbacks};
+  };
+
+  /// Reads the parameters, and makes what the worker needs. Throws where they cannot be used.
+  virtual void configure() = 0;
+  /// Advertises all outputs; `changed` is for their connections.
+  virtual void advertise(const std::function<void()>& changed) = 0;
+  /// Whether anybody wants an output.
+  virtual bool isWanted() const = 0;
+  /// Ends publishers, services and the parameter server; callbacks have ended.
+  virtual void shutdown() = 0;
+  /// The worker's turn: what has arrived since the last one.
+  virtual void work(FrameInbox::Content& content) = 0;
+  /// The worker's turn: nobody listened for a while.
+  virtual void restart() = 0;
+  /// Whether the camera_info of the image is needed.
+  virtual bool needsCameraInfo() const { return false; }
+  /// Once a second, in the queue's thread.
+  virtual void watch() {}
+
+  void stop();
+  /// Subscribes or unsubscribes as is wanted now.
+  void connectionsChanged();
+  ros::NodeHandle privateNode(Queue& queue) const;
+  /// Drawing of the next turn without waiting for a message.
+  void wake() { inbox_.wake(); }
+  /// Names it in diagnostics and, not too often, in the log.
+  void refuse(const std::string& reason);
+
+  Queue queue_;       // connections, parameters, the watch
+  Queue data_queue_;  // images, homographies
+  ConsumerMonitor monitor_;
+  boost::recursive_mutex reconfigure_mutex_;
+
+ private:
+  void onInit() override;
+  void start();
+  void subscribe();
+  void unsubscribe();
+  void tick();
+  void run();
+
+  ros::NodeHandle node_;
+  ros::NodeHandle data_node_;
+  ros::NodeHandle private_node_;
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<image_transport::TransportHints> transport_hints_;
+  std::string image_topic_;
+  std::string homography_topic_;
+  std::string info_topic_;
+  std::uint32_t queue_size_ = 5;
+  ros::WallTimer timer_;
+  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
+
+  std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
+  bool advertised_ = false;
+  bool subscribed_ = false;
+  image_transport::Subscriber image_sub_;
+  ros::Subscriber homography_sub_;
+  ros::Subscriber info_sub_;
+
+  boost::weak_ptr<const sensor_msgs::Image> last_image_;      // the data queue's own
+  boost::weak_ptr<const HomographyStamped> last_homography_;  // the same
+  bool said_rectified_ = false;                               // the same
+  std::chrono::steady_clock::time_point last_refusal_;        // the worker's own
+  std::atomic<bool> restart_{false};
+  FrameInbox inbox_;
+  std::thread worker_;
+};
+
+/// Nanoseconds, as the core has it.
+std::int64_t stampOf(const ros::Time& time);
+ros::Time timeOf(std::int64_t nanoseconds);
+/// The homography of the message; nothing where none was found.
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
+
+/// Throws std::invalid_argument, saying what would help, for an image transport that is not there.
+void requireTransport(const ros::NodeHandle& node, const std::string& transport);
+
+}  // namespace ktgp_orb

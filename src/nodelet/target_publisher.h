@@ -1,0 +1,63 @@
+#pragma once
+
+#include <ktgp_orb/KtgpConfig.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "messages/message_conversion.h"
+
+namespace ktgp_orb {
+
+/// In fixed mode: where the reference, a flat target, is in the image and before the camera.
+///
+/// Publishes ~target_outline; with target_width and the camera_info of the image also ~target_pose,
+/// and with target_frame the transform from the image's frame to it. Callbacks and the worker may
+/// run at the same time.
+class TargetPublisher {
+ public:
+  /// `node`: private; its queue gets the connections and the camera_info. `changed`: called when a
+  /// subscriber comes or goes.
+  void advertise(ros::NodeHandle& node, const std::string& info_topic,
+                 const std::function<void()>& changed);
+  void configure(const KtgpConfig& config);
+  /// Somebody wants to know.
+  bool isWanted() const;
+  /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
+  /// configure(), by one thread at a time.
+  void listen(bool listening);
+  /// After the messages of a frame.
+  void publish(const FrameMessages& messages);
+  void shutdown();
+
+ private:
+  struct Settings {
+    bool fixed = false;
+    double width = 0.0;  // m; 0: not known
+    std::string frame;
+  };
+
+  Settings settings() const;
+  void updateSubscription();
+  void publishOutline(const FrameMessages& messages);
+  void publishPose(const FrameMessages& messages, const Settings& settings);
+
+  ros::NodeHandle node_;
+  std::string info_topic_;
+  ros::Publisher outline_pub_;
+  ros::Publisher pose_pub_;
+  ros::Subscriber info_sub_;
+  bool listening_ = false;
+  std::unique_ptr<tf2_ros::TransformBroadcaster> broadcaster_;
+
+  mutable std::mutex mutex_;  // guards settings_ and info_
+  Settings settings_;
+  sensor_msgs::CameraInfoConstPtr info_;
+};
+
+}  // namespace ktgp_orb

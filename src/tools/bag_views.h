@@ -1,0 +1,75 @@
+#pragma once
+
+#include <ktgp_orb/HomographyStamped.h>
+#include <sensor_msgs/Image.h>
+
+#include <cstdint>
+#include <map>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/video_file.h"
+#include "ktgp_orb/mosaic.h"
+#include "ktgp_orb/stabilizer.h"
+
+namespace ktgp_orb {
+
+/// What is made to be looked at; empty names: nothing.
+struct ViewOptions {
+  std::string stabilized;    ///< mp4
+  std::string mosaic;        ///< png
+  std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
+  StabilizerOptions stabilizer;
+  MosaicOptions map;
+};
+
+/// Writes the steady video and the mosaic of a bag's images: the offline twin of the nodelets, with
+/// the same code.
+class BagViews {
+ public:
+  explicit BagViews(const ViewOptions& options);
+
+  /// The next image, with its homography. Throws RefusedImage and FileError.
+  void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
+  /// Completes the files. Throws FileError.
+  void close();
+  /// What became of it, in lines for people; empty where nothing was asked for.
+  std::string report() const;
+
+ private:
+  void stabilize(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography,
+                 const std::optional<Eigen::Matrix3d>& step);
+  void writeReady();
+
+  ViewOptions options_;
+  Stabilizer stabilizer_;
+  std::optional<tools::VideoFile> video_;
+  std::map<std::int64_t, cv::Mat> waiting_;        // frames whose place is not known yet
+  std::map<std::int64_t, Eigen::Matrix3d> steps_;  // frame before -> frame
+  std::vector<SteadyFrame> ready_;
+  std::optional<SteadyFrame> last_steady_;
+  std::vector<Eigen::Matrix3d> before_;  // steps between neighbouring frames of the newest path
+  std::vector<Eigen::Matrix3d> after_;
+  struct Shake {
+    double sum = 0.0;
+    double count = 0.0;
+    void add(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size);
+    double mean() const { return count > 0.0 ? sum / count : 0.0; }
+  };
+  Shake shake_before_;
+  Shake shake_after_;
+  double warp_milliseconds_ = 0.0;
+  std::size_t frames_ = 0;
+  std::int64_t last_stamp_ = -1;
+  cv::Size size_;
+
+  Mosaic mosaic_;
+  std::size_t placed_ = 0;
+  std::size_t lost_ = 0;
+  double place_milliseconds_ = 0.0;
+  std::string poses_;
+};
+
+}  // namespace ktgp_orb

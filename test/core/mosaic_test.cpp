@@ -1,0 +1,247 @@
+// The mosaic against the picture that the camera was moved over.
+#include "ktgp_orb/mosaic.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(320, 240);
+constexpr std::int64_t kPeriod = 33'000'000;  // ns
+
+/// A colour picture with corners at several scales everywhere.
+cv::Mat world(int seed, const cv::Size& size = {1600, 1200}) {
+  cv::RNG random(static_cast<std::uint64_t>(seed));
+  cv::Mat sum = cv::Mat::zeros(size, CV_32FC3);
+  for (const int cell : {6, 12, 24, 48}) {
+    cv::Mat blocks(size.height / cell + 1, size.width / cell + 1, CV_32FC3);
+    random.fill(blocks, cv::RNG::UNIFORM, 0.0, 62.0);
+    cv::Mat enlarged;
+    cv::resize(blocks, enlarged, {}, cell, cell, cv::INTER_NEAREST);
+    sum += enlarged(cv::Rect({0, 0}, size));
+  }
+  cv::GaussianBlur(sum, sum, {}, 1.0);
+  cv::Mat picture;
+  sum.convertTo(picture, CV_8UC3);
+  return picture;
+}
+
+/// World -> frame: the upper left corner at (x, y), turned about it.
+Eigen::Matrix3d viewAt(double x, double y, double angle = 0.0) {
+  Eigen::Matrix3d h;
+  h << std::cos(angle), std::sin(angle), 0.0, -std::sin(angle), std::cos(angle), 0.0, 0.0, 0.0, 1.0;
+  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+  shift(0, 2) = -x;
+  shift(1, 2) = -y;
+  return h * shift;
+}
+
+cv::Mat see(const cv::Mat& world, const Eigen::Matrix3d& view) {
+  cv::Mat homography;
+  cv::eigen2cv(view, homography);
+  cv::Mat frame;
+  cv::warpPerspective(world, frame, homography, kSize, cv::INTER_LINEAR);
+  return frame;
+}
+
+/// A flight over a world, the first frame of which lies at (400, 300).
+class Flight {
+ public:
+  explicit Flight(const MosaicOptions& options, const cv::Mat& picture = world(1))
+      : mosaic(options), world_(picture) {}
+
+  /// `error`: of the homography that is handed on.
+  Placement go(const Eigen::Matrix3d& view,
+               const Eigen::Matrix3d& error = Eigen::Matrix3d::Identity()) {
+    std::optional<Eigen::Matrix3d> h;
+    if (view_) h = error * view * view_->inverse();
+    return goBy(view, h);
+  }
+  Placement goLost(const Eigen::Matrix3d& view) { return goBy(view, std::nullopt); }
+  void flyOver(const cv::Mat& picture) { world_ = picture; }
+
+  /// Root mean square distance in the map of where the corners are from where they should be, px.
+  double error() const {
+    const Eigen::Matrix3d truth = first_ * view_->inverse();
+    double sum = 0.0;
+    for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(319, 0),
+                                     Eigen::Vector2d(319, 239), Eigen::Vector2d(0, 239)}) {
+      const Eigen::Vector2d found = (mosaic.pose()->inverse() * p.homogeneous()).hnormalized();
+      sum += (found - (truth * p.homogeneous()).hnormalized()).squaredNorm();
+    }
+    return std::sqrt(sum / 4.0);
+  }
+
+  Mosaic mosaic;
+
+ private:
+  Placement goBy(const Eigen::Matrix3d& view, const std::optional<Eigen::Matrix3d>& h) {
+    mosaic.follow(stamp_, stamp_ - kPeriod, h);
+    const Placement placement = mosaic.place(stamp_, see(world_, view));
+    if (placement == Placement::new_map) first_ = view;
+    view_ = view;
+    stamp_ += kPeriod;
+    return placement;
+  }
+
+  cv::Mat world_;
+  std::int64_t stamp_ = kPeriod;
+  std::optional<Eigen::Matrix3d> view_;
+  Eigen::Matrix3d first_ = Eigen::Matrix3d::Identity();
+};
+
+MosaicOptions byPath() {
+  MosaicOptions options;
+  options.keyframes = false;
+  return options;
+}
+
+TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
+  Flight flight(byPath());
+  const cv::Mat picture = world(1);
+  EXPECT_EQ(flight.go(viewAt(400, 300)), Placement::new_map);
+  for (int i = 1; i <= 30; ++i) {
+    EXPECT_EQ(flight.go(viewAt(400 + 12 * i, 300 + 7 * i, 0.01 * i)), Placement::drawn);
+  }
+  const cv::Mat map = flight.mosaic.image();
+  const cv::Rect area = flight.mosaic.area();
+  ASSERT_EQ(map.type(), CV_8UC4);
+  ASSERT_EQ(map.size(), area.size());
+  EXPECT_GT(area.width, 600);
+  cv::Mat alpha;
+  cv::Mat colour;
+  cv::extractChannel(map, alpha, 3);
+  cv::cvtColor(map, colour, cv::COLOR_BGRA2BGR);
+  EXPECT_GT(cv::countNonZero(alpha), 3 * kSize.area() / 2);
+  // The rim mixes the last pixel with nothing.
+  cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
+  cv::Mat difference;
+  cv::absdiff(colour, picture(area + cv::Point(400, 300)), difference);
+  EXPECT_LT(cv::mean(difference, alpha)[1], 4.0);
+  EXPECT_EQ(flight.mosaic.image().size(), area.size());
+}
+
+TEST(Mosaic, BlendsSoThatNoSeamShows) {
+  const cv::Mat dark(1200, 1600, CV_8UC3, cv::Scalar::all(80));
+  const cv::Mat light(1200, 1600, CV_8UC3, cv::Scalar::all(160));
+  Flight flight(byPath(), dark);
+  flight.go(viewAt(400, 300));
+  flight.flyOver(light);
+  EXPECT_EQ(flight.go(viewAt(520, 300)), Placement::drawn);
+  const cv::Mat map = flight.mosaic.image();
+  int steepest = 0;
+  const int row = 120;
+  for (int x = 1; x < map.cols; ++x) {
+    steepest = std::max(steepest,
+                        std::abs(map.at<cv::Vec4b>(row, x)[1] - map.at<cv::Vec4b>(row, x - 1)[1]));
+  }
+  EXPECT_EQ(map.at<cv::Vec4b>(row, 60)[1], 80);
+  EXPECT_EQ(map.at<cv::Vec4b>(row, 420)[1], 160);
+  EXPECT_LE(steepest, 10) << "of a step of 80";
+}
+
+TEST(Mosaic, KeyframesFightTheDrift) {
+  // Each homography is off by a fifth of a pixel, as if the camera turned: errors that add up.
+  const auto fly = [](const MosaicOptions& options) {
+    Flight flight(options);
+    Eigen::Matrix3d error = Eigen::Matrix3d::Identity();
+    error(0, 2) = 0.2;
+    flight.go(viewAt(400, 300));
+    for (int i = 1; i <= 60; ++i) {
+      const double a = 2.0 * 3.14159265 * i / 60.0;
+      flight.go(viewAt(400 + 200 * (1 - std::cos(a)), 300 + 150 * std::sin(a)), error);
+    }
+    EXPECT_EQ(flight.mosaic.maps(), 1U);
+    return flight.error();
+  };
+  EXPECT_GT(fly(byPath()), 8.0);
+  EXPECT_LT(fly({}), 0.3);
+}
+
+TEST(Mosaic, StopsGrowingAtItsBound) {
+  MosaicOptions options = byPath();
+  options.max_megapixels = 1.0;
+  Flight flight(options, world(1, {6000, 800}));
+  flight.go(viewAt(100, 200));
+  EXPECT_FALSE(flight.mosaic.full());
+  for (int i = 1; i <= 180; ++i) flight.go(viewAt(100 + 30 * i, 200));
+  EXPECT_TRUE(flight.mosaic.full());
+  EXPECT_LE(flight.mosaic.megapixels(), 1.0);
+  EXPECT_GT(flight.mosaic.megapixels(), 0.8);
+  EXPECT_LT(flight.error(), 1e-3) << "it still knows where it is";
+}
+
+TEST(Mosaic, FindsItsPlaceAgainAfterAGap) {
+  Flight flight({});
+  flight.go(viewAt(400, 300));
+  for (int i = 1; i <= 10; ++i) flight.go(viewAt(400 + 20 * i, 300));
+  EXPECT_EQ(flight.goLost(viewAt(500, 330, 0.2)), Placement::drawn);
+  EXPECT_LT(flight.error(), 0.3);
+  EXPECT_EQ(flight.mosaic.maps(), 1U);
+}
+
+TEST(Mosaic, BeginsANewMapWhereNothingLeadsOn) {
+  MosaicOptions options;
+  options.patience = 0.2;
+  Flight flight(options);
+  flight.go(viewAt(400, 300));
+  for (int i = 1; i <= 10; ++i) flight.go(viewAt(400 + 20 * i, 300));
+  flight.flyOver(world(2));
+  int lost = 0;
+  Placement placement = flight.goLost(viewAt(400, 300));
+  while (placement == Placement::lost && lost < 100) {
+    EXPECT_FALSE(flight.mosaic.pose());
+    ++lost;
+    placement = flight.goLost(viewAt(400, 300));
+  }
+  EXPECT_EQ(placement, Placement::new_map);
+  EXPECT_NEAR(lost, 0.2 / 0.033, 2);
+  EXPECT_EQ(flight.mosaic.maps(), 2U);
+  EXPECT_EQ(flight.mosaic.area().size(), kSize) << "nothing of the old map is left";
+}
+
+TEST(Mosaic, PictureIsBoundedAndShowsWhereTheCameraIs) {
+  const cv::Mat grey(1200, 1600, CV_8UC3, cv::Scalar::all(120));
+  Flight flight(byPath(), grey);
+  EXPECT_TRUE(flight.mosaic.picture(400).empty());
+  flight.go(viewAt(400, 300));
+  for (int i = 1; i <= 20; ++i) flight.go(viewAt(400 + 30 * i, 300));
+  const cv::Mat picture = flight.mosaic.picture(400);
+  EXPECT_EQ(picture.cols, 400);
+  cv::Mat white;
+  cv::inRange(picture, cv::Scalar::all(180), cv::Scalar::all(255), white);
+  const cv::Rect outline = cv::boundingRect(white);
+  const double scale = 400.0 / flight.mosaic.area().width;
+  EXPECT_NEAR(outline.x, 600 * scale, 3);
+  EXPECT_NEAR(outline.br().x, 400, 3);
+  EXPECT_NEAR(outline.height, 240 * scale, 3);
+}
+
+TEST(Mosaic, DrawsOnlyWhatMoved) {
+  Flight flight(byPath());
+  flight.go(viewAt(400, 300));
+  EXPECT_EQ(flight.go(viewAt(403, 300)), Placement::seen);
+  EXPECT_EQ(flight.go(viewAt(406, 300)), Placement::seen);
+  EXPECT_EQ(flight.go(viewAt(412, 300)), Placement::drawn);
+}
+
+TEST(Mosaic, RefusesOptionsAndImagesOfNoUse) {
+  MosaicOptions options;
+  options.max_megapixels = 0.0;
+  EXPECT_THROW(Mosaic{options}, std::invalid_argument);
+  options = {};
+  options.keyframe_overlap = 1.0;
+  EXPECT_THROW(Mosaic{options}, std::invalid_argument);
+  Mosaic mosaic;
+  EXPECT_THROW(mosaic.place(1, cv::Mat::zeros(kSize, CV_16UC1)), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

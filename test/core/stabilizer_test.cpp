@@ -1,0 +1,216 @@
+// The steady picture against the camera's true path: shake goes, the path stays, no border shows.
+#include "ktgp_orb/stabilizer.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+constexpr std::int64_t kPeriod = 33'000'000;  // ns
+
+using Path = std::vector<Eigen::Matrix3d>;  // world -> frame
+
+/// A camera that pans, turns and sways slowly, with `shake` px of random jitter on top.
+Path flight(int frames, double shake, double pan = 4.0) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> jitter(0.0, 1.0);
+  Path path;
+  for (int i = 0; i < frames; ++i) {
+    const double t = i / 30.0;
+    const double angle = 0.1 * std::sin(0.8 * t) + shake * 0.002 * jitter(random);
+    Eigen::Matrix3d h;
+    h << std::cos(angle), -std::sin(angle), pan * i + shake * jitter(random), std::sin(angle),
+        std::cos(angle), 30.0 * std::sin(1.1 * t) + shake * jitter(random), 0.0, 1e-5 * std::sin(t),
+        1.0;
+    path.push_back(h);
+  }
+  return path;
+}
+
+Eigen::Matrix3d step(const Path& path, std::size_t i) {
+  const Eigen::Matrix3d h = path[i] * path[i - 1].inverse();
+  return h / h(2, 2);
+}
+
+std::vector<SteadyFrame> stabilized(const Path& path, const StabilizerOptions& options) {
+  Stabilizer stabilizer(options);
+  std::vector<SteadyFrame> ready;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const std::optional<Eigen::Matrix3d> h =
+        i == 0 ? std::nullopt : std::make_optional(step(path, i));
+    const auto stamp = static_cast<std::int64_t>(i) * kPeriod;
+    stabilizer.add(stamp, stamp - kPeriod, h, kSize, ready);
+    EXPECT_EQ(ready.size(), i + 1 > static_cast<std::size_t>(options.lag)
+                                ? i + 1 - static_cast<std::size_t>(options.lag)
+                                : 0U);
+  }
+  stabilizer.flush(ready);
+  return ready;
+}
+
+/// Shake of the path as the steady picture shows it, from frame `first` on.
+double shakeAfter(const Path& path, const std::vector<SteadyFrame>& steady, std::size_t first) {
+  std::vector<Eigen::Matrix3d> steps;
+  for (std::size_t i = first; i < path.size(); ++i) {
+    steps.emplace_back(steady[i].warp * step(path, i) * steady[i - 1].warp.inverse());
+  }
+  return shakeOf(steps, kSize);
+}
+
+double shakeBefore(const Path& path, std::size_t first) {
+  std::vector<Eigen::Matrix3d> steps;
+  for (std::size_t i = first; i < path.size(); ++i) steps.push_back(step(path, i));
+  return shakeOf(steps, kSize);
+}
+
+/// Farthest that the picture shows beyond the border of the frame, px; negative: it stays inside.
+double beyondBorder(const Eigen::Matrix3d& warp) {
+  double worst = -1e9;
+  for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(639, 0),
+                                   Eigen::Vector2d(639, 479), Eigen::Vector2d(0, 479)}) {
+    const Eigen::Vector2d q = (warp.inverse() * p.homogeneous()).hnormalized();
+    worst = std::max({worst, -q.x(), -q.y(), q.x() - 639.0, q.y() - 479.0});
+  }
+  return worst;
+}
+
+Eigen::Vector2d centre(const Eigen::Matrix3d& warp) {
+  return (warp * Eigen::Vector3d(319.5, 239.5, 1.0)).hnormalized();
+}
+
+TEST(Stabilizer, TakesTheShakeOut) {
+  const Path path = flight(200, 3.0);
+  const double before = shakeBefore(path, 30);
+  StabilizerOptions options;
+  const auto causal = stabilized(path, options);
+  ASSERT_EQ(causal.size(), path.size());
+  EXPECT_LT(shakeAfter(path, causal, 30), 0.08 * before);
+  options.lag = 15;
+  EXPECT_LT(shakeAfter(path, stabilized(path, options), 30), 0.01 * before);
+}
+
+TEST(Stabilizer, FollowsAnEvenMotionWithoutDelayAndAddsNothing) {
+  Path path;
+  for (int i = 0; i < 60; ++i) {
+    path.push_back(Eigen::Matrix3d::Identity());
+    path.back()(0, 2) = 7.0 * i;
+  }
+  for (const SteadyFrame& frame : stabilized(path, {})) {
+    EXPECT_LT((centre(frame.warp) - Eigen::Vector2d(319.5, 239.5)).norm(), 1e-6);
+    EXPECT_NEAR(frame.warp(0, 0), 1.0 / 0.8, 1e-9) << "crops a tenth at each border";
+  }
+}
+
+TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {
+  for (const double shake : {3.0, 30.0, 200.0}) {
+    for (const double max_crop : {0.02, 0.1, 0.3}) {
+      StabilizerOptions options;
+      options.max_crop = max_crop;
+      options.lag = 5;
+      for (const SteadyFrame& frame : stabilized(flight(120, shake), options)) {
+        ASSERT_LT(beyondBorder(frame.warp), 1e-6) << shake << ' ' << max_crop;
+      }
+    }
+  }
+}
+
+TEST(Stabilizer, StartsAnewGentlyWithoutAHomography) {
+  const Path path = flight(120, 4.0);
+  Stabilizer stabilizer;
+  std::vector<SteadyFrame> ready;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const bool lost = i == 0 || i == 60 || i == 61;
+    const auto stamp = static_cast<std::int64_t>(i) * kPeriod;
+    stabilizer.add(stamp, stamp - kPeriod, lost ? std::nullopt : std::make_optional(step(path, i)),
+                   kSize, ready);
+  }
+  ASSERT_EQ(ready.size(), path.size());
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    EXPECT_EQ(ready[i].starts_anew, i == 0 || i == 60 || i == 61) << i;
+  }
+  // The correction of the frame before is kept at first, and fades out: no jump of the view.
+  const Eigen::Vector2d before = centre(ready[59].warp);
+  ASSERT_GT((before - Eigen::Vector2d(319.5, 239.5)).norm(), 1.0) << "nothing to jump from";
+  EXPECT_LT((centre(ready[60].warp) - before).norm(), 0.2);
+}
+
+TEST(Stabilizer, GivesEachFrameOnceWhateverTheLag) {
+  const Path path = flight(50, 2.0);
+  StabilizerOptions options;
+  options.lag = 12;
+  Stabilizer stabilizer(options);
+  std::vector<SteadyFrame> ready;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    const auto stamp = static_cast<std::int64_t>(i) * kPeriod;
+    const bool lost = i % 20 == 0;
+    stabilizer.add(stamp, stamp - kPeriod, lost ? std::nullopt : std::make_optional(step(path, i)),
+                   kSize, ready);
+    if (lost && i > 0) {
+      EXPECT_GE(ready.size(), i) << "nothing of the old path waits";
+    }
+  }
+  stabilizer.flush(ready);
+  ASSERT_EQ(ready.size(), path.size());
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    EXPECT_EQ(ready[i].stamp, static_cast<std::int64_t>(i) * kPeriod);
+  }
+}
+
+TEST(Stabilizer, GivesTheSameWithAKeyframeAsReference) {
+  const Path path = flight(80, 3.0, 0.5);
+  const auto expected = stabilized(path, {});
+  Stabilizer stabilizer;
+  std::vector<SteadyFrame> ready;
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    std::optional<Eigen::Matrix3d> h;
+    const std::size_t keyframe = i == 0 ? 0 : (i - 1) / 25 * 25;
+    if (i > 0) h = path[i] * path[keyframe].inverse();
+    stabilizer.add(static_cast<std::int64_t>(i) * kPeriod,
+                   static_cast<std::int64_t>(keyframe) * kPeriod, h, kSize, ready);
+  }
+  ASSERT_EQ(ready.size(), expected.size());
+  for (std::size_t i = 0; i < ready.size(); ++i) {
+    EXPECT_TRUE(ready[i].warp.isApprox(expected[i].warp, 1e-9)) << i;
+  }
+}
+
+TEST(Stabilizer, AnotherSizeStartsAnew) {
+  Stabilizer stabilizer;
+  std::vector<SteadyFrame> ready;
+  stabilizer.add(1, 0, std::nullopt, kSize, ready);
+  stabilizer.add(2, 1, Eigen::Matrix3d::Identity(), {320, 240}, ready);
+  ASSERT_EQ(ready.size(), 2U);
+  EXPECT_TRUE(ready[1].starts_anew);
+}
+
+TEST(Stabilizer, RefusesOptionsOutOfRange) {
+  StabilizerOptions options;
+  options.max_crop = 0.5;
+  EXPECT_THROW(Stabilizer{options}, std::invalid_argument);
+  options = {};
+  options.lag = -1;
+  EXPECT_THROW(Stabilizer{options}, std::invalid_argument);
+  options = {};
+  options.strength = std::nan("");
+  EXPECT_THROW(Stabilizer{options}, std::invalid_argument);
+}
+
+TEST(Shake, IsTheMeanSquareOfTheSecondDifference) {
+  const auto shift = [](double x) {
+    Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+    h(0, 2) = x;
+    return h;
+  };
+  EXPECT_DOUBLE_EQ(shakeOf({shift(3.0), shift(5.0), shift(5.0)}, kSize), 2.0);
+  EXPECT_EQ(shakeOf({shift(3.0)}, kSize), 0.0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

@@ -1,0 +1,98 @@
+#!/usr/bin/python3
+"""The mosaic against the picture that the camera is moved over."""
+
+import os
+import sys
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.srv import SaveMosaic
+from ktgp_testing import Camera, Recorder, image_message, texture, view, wait_until, warm_up
+from sensor_msgs.msg import Image
+from std_srvs.srv import Trigger
+
+START = (100, 100)
+CORNERS = np.array([[0, 0, 1], [639, 0, 1], [639, 479, 1], [0, 479, 1]], float).T
+
+
+def rms_error(message, x, y):
+    """Of the frame's corners in the map, whose first frame was at START; px."""
+    found = np.linalg.inv(np.array(message.homography).reshape(3, 3)) @ CORNERS
+    truth = CORNERS + np.array([[x - START[0]], [y - START[1]], [0]])
+    return np.sqrt(np.mean(np.sum((found[:2] / found[2] - truth[:2]) ** 2, 0)))
+
+
+class MosaicTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.camera = Camera()
+        rospy.wait_for_service('/camera/mosaic/save', 120.0)
+        cls.save = rospy.ServiceProxy('/camera/mosaic/save', SaveMosaic)
+        cls.reset = rospy.ServiceProxy('/camera/mosaic/reset', Trigger)
+
+    def setUp(self):
+        self.poses = Recorder('/camera/mosaic/homography', HomographyStamped)
+        self.addCleanup(self.poses.close)
+        wait_until(self.poses.publishers, 'it runs')
+        warm_up(self.camera, self.poses)
+
+    def send(self, x, y):
+        stamp = self.camera.next_stamp()
+        self.camera.send(image_message(view(x, y), stamp))
+        return self.poses.wait_for(stamp)
+
+    def begin(self):
+        self.assertTrue(self.reset().success)
+        first = self.send(*START)
+        self.assertEqual(first.status, HomographyStamped.STATUS_OK)
+        return first
+
+    def test_is_the_picture_that_the_camera_was_moved_over(self):
+        pictures = Recorder('/camera/mosaic/mosaic', Image)
+        self.addCleanup(pictures.close)
+        wait_until(pictures.publishers, 'the mosaic is connected')
+        first = self.begin()
+        for i in range(1, 25):
+            message = self.send(START[0] + 20 * i, START[1] + 10 * i)
+            self.assertEqual(message.status, HomographyStamped.STATUS_OK)
+            self.assertEqual(message.reference_stamp, first.header.stamp)
+        self.assertLess(rms_error(message, START[0] + 480, START[1] + 240), 0.3)
+        wait_until(pictures.messages, 'a picture is published')
+        self.assertEqual(pictures.messages()[0].encoding, 'bgr8')
+
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, 'map.png')
+            response = self.save(file)
+            self.assertTrue(response.success, response.message)
+            saved = cv2.imread(file, cv2.IMREAD_UNCHANGED)
+            self.assertEqual(os.listdir(folder), ['map.png'])
+        self.assertEqual(saved.shape, (response.height, response.width, 4))
+        self.assertLess(abs(response.width - 1120), 6)
+        self.assertLess(abs(response.height - 720), 6)
+        height, width = min(saved.shape[0], 718), min(saved.shape[1], 1118)
+        truth = texture()[START[1]:START[1] + height, START[0]:START[0] + width].astype(int)
+        seen = cv2.erode(saved[:height, :width, 3], np.ones((9, 9))) > 0
+        difference = np.abs(saved[:height, :width, 1].astype(int) - truth)[seen]
+        self.assertGreater(seen.mean(), 0.5)
+        self.assertLess(difference.mean(), 12.0)
+
+    def test_refuses_files_of_no_use(self):
+        self.begin()
+        for file in ('', 'map.png', '/tmp/map.jpg', '/no/such/folder/map.png'):
+            response = self.save(file)
+            self.assertFalse(response.success)
+            self.assertTrue(response.message)
+
+    def test_nothing_is_subscribed_without_subscribers(self):
+        self.poses.close()
+        self.camera.wait_for_no_subscriber()
+
+
+if __name__ == '__main__':
+    rospy.init_node('mosaic_test')
+    rostest.rosrun('ktgp_orb', 'mosaic_test', MosaicTest, sys.argv)

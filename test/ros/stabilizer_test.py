@@ -1,0 +1,102 @@
+#!/usr/bin/python3
+"""The stabilizer against a camera whose shake is known."""
+
+import sys
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from ktgp_testing import Camera, Recorder, image_message, view, wait_until, warm_up
+from sensor_msgs.msg import CameraInfo, Image
+
+FRAMES = 40
+
+
+def pixels(message):
+    channels = 3 if message.encoding == 'rgb8' else 1
+    return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, channels)
+
+
+def motions(pictures):
+    """Shift from each picture to the next, px."""
+    grey = [np.float32(picture[40:-40, 40:-40, 0]) for picture in pictures]
+    window = cv2.createHanningWindow(grey[0].shape[::-1], cv2.CV_32F)
+    return np.array([cv2.phaseCorrelate(a, b, window)[0] for a, b in zip(grey, grey[1:])])
+
+
+def shake(shifts):
+    return np.mean(np.sum(np.diff(shifts, axis=0) ** 2, axis=1))
+
+
+class StabilizerTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.camera = Camera()
+        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=10)
+
+    def setUp(self):
+        self.images = Recorder('/camera/stabilizer/image', Image)
+        self.infos = Recorder('/camera/stabilizer/camera_info', CameraInfo)
+        self.addCleanup(self.images.close)
+        self.addCleanup(self.infos.close)
+        wait_until(lambda: self.images.publishers() and self.infos.publishers(), 'it runs')
+        warm_up(self.camera, self.images)
+        wait_until(lambda: self.info.get_num_connections() == 1, 'camera_info is subscribed')
+
+    def send(self, picture, encoding='mono8'):
+        """Sends an image and returns the steady one."""
+        stamp = self.camera.next_stamp()
+        info = CameraInfo()
+        info.header.stamp = stamp
+        info.K[0] = 500.0
+        self.info.publish(info)
+        self.camera.send(image_message(picture, stamp, encoding))
+        return self.images.wait_for(stamp)
+
+    def test_shake_goes_and_the_picture_stays(self):
+        random = np.random.RandomState(1)
+        jitter = np.rint(random.normal(0.0, 3.0, (FRAMES, 2))).astype(int)
+        positions = [(200 + 4 * i + jitter[i][0], 200 + 2 * i + jitter[i][1])
+                     for i in range(FRAMES)]
+        given, steady = [], []
+        for x, y in positions:
+            given.append(view(x, y)[:, :, np.newaxis])
+            steady.append(pixels(self.send(view(x, y))))
+        skip = 15  # frames until it knows the path
+        before, after = motions(given[skip:]), motions(steady[skip:])
+        zoom = 1.25
+        self.assertGreater(shake(before), 20.0)
+        self.assertLess(shake(after) / zoom ** 2, 0.15 * shake(before))
+        # The camera's own motion is still there, zoomed.
+        np.testing.assert_allclose(after.mean(0), zoom * np.array([-4.0, -2.0]), atol=1.5)
+        # And it is the scene that is shown: sharp, not black.
+        self.assertGreater(steady[-1].std(), 0.6 * given[-1].std())
+
+    def test_header_encoding_and_camera_info_are_the_inputs(self):
+        picture = np.dstack([view(300, 300)] * 3)
+        message = self.send(picture, 'rgb8')
+        self.assertEqual(message.encoding, 'rgb8')
+        self.assertEqual((message.width, message.height, message.step), (640, 480, 1920))
+        self.assertEqual(message.header.frame_id, 'camera')
+        info = self.infos.wait_for(message.header.stamp)
+        self.assertEqual(info.K[0], 500.0)
+
+    def test_goes_on_after_frames_without_homography(self):
+        self.send(view(300, 300))
+        self.send(view(304, 300))
+        self.send(np.full((480, 640), 90, np.uint8))
+        self.send(view(308, 300))
+        self.send(np.full((240, 320), 90, np.uint8))
+        self.assertEqual(self.send(view(312, 300)).width, 640)
+
+    def test_nothing_is_subscribed_without_subscribers(self):
+        self.images.close()
+        self.infos.close()
+        self.camera.wait_for_no_subscriber()
+
+
+if __name__ == '__main__':
+    rospy.init_node('stabilizer_test')
+    rostest.rosrun('ktgp_orb', 'stabilizer_test', StabilizerTest, sys.argv)

@@ -1,0 +1,76 @@
+#!/usr/bin/python3
+"""Where a flat target is, against a camera that looks at it straight and moves sideways."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from geometry_msgs.msg import PolygonStamped, PoseWithCovarianceStamped
+from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from sensor_msgs.msg import CameraInfo
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+METRE = 0.64 / 640  # m a px of the reference
+FOCAL = 500.0  # px
+
+
+class TargetTest(unittest.TestCase):
+    def test_outline_pose_and_transform(self):
+        camera = Camera()
+        info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=10, latch=True)
+        outlines = Recorder('/camera/matcher/target_outline', PolygonStamped)
+        poses = Recorder('/camera/matcher/target_pose', PoseWithCovarianceStamped)
+        transforms = Recorder('/tf', TFMessage)
+        wait_until(lambda: outlines.publishers() and poses.publishers() and
+                   transforms.publishers(), 'it runs')
+        camera.wait_for_subscriber()
+        calibration = CameraInfo(width=640, height=480)
+        calibration.K = calibration.R = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
+        info.publish(calibration)
+
+        rospy.wait_for_service('/camera/matcher/set_reference', 120.0)
+        self.assertTrue(rospy.ServiceProxy('/camera/matcher/set_reference', Trigger)().success)
+        reference = camera.send(image_message(view(400, 300), camera.next_stamp()))
+        self.assertEqual(len(outlines.wait_for(reference).polygon.points), 4)
+
+        def pose_of(x, y):
+            """Sends until the calibration is in."""
+            while True:
+                stamp = camera.send(image_message(view(x, y), camera.next_stamp()))
+                outlines.wait_for(stamp)
+                if poses.messages():
+                    return stamp, poses.wait_for(stamp)
+
+        stamp, message = pose_of(430, 280)
+        corners = [(p.x, p.y) for p in outlines.wait_for(stamp).polygon.points]
+        np.testing.assert_allclose(corners, [(-30, 20), (609, 20), (609, 499), (-30, 499)],
+                                   atol=0.3)
+        position = message.pose.pose.position
+        np.testing.assert_allclose([position.x, position.y, position.z],
+                                   [-30 * METRE, 20 * METRE, FOCAL * METRE], atol=0.003)
+        self.assertGreater(abs(message.pose.pose.orientation.w), 0.9999)
+        covariance = np.array(message.pose.covariance).reshape(6, 6)
+        self.assertGreater(np.linalg.eigvalsh(covariance).min(), 0.0)
+        self.assertLess(np.sqrt(covariance.diagonal().max()), 0.01)
+
+        def transform():
+            for tf in transforms.messages():
+                for one in tf.transforms:
+                    if one.header.stamp == stamp:
+                        return one
+        wait_until(transform, 'the transform is broadcast')
+        self.assertEqual(transform().header.frame_id, 'camera')
+        self.assertEqual(transform().child_frame_id, 'target')
+        self.assertEqual(transform().transform.translation, type(transform().transform.translation)(
+            position.x, position.y, position.z))
+
+        lost = camera.send(image_message(np.full((480, 640), 90, np.uint8), camera.next_stamp()))
+        self.assertEqual(len(outlines.wait_for(lost).polygon.points), 0)
+
+
+if __name__ == '__main__':
+    rospy.init_node('target_test')
+    rostest.rosrun('ktgp_orb', 'target_test', TargetTest, sys.argv)
