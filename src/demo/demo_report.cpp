@@ -98,8 +98,8 @@ double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& 
   return count > 0.0 ? std::sqrt(sum / count) : 0.0;
 }
 
-/// Root mean square distance in the map of where the frame's corners are put from where they are, px
-/// of the map. `found`, `truth`: map -> frame.
+/// Root mean square distance in the map of where the frame's corners are put from where they are,
+/// px of the map. `found`, `truth`: map -> frame.
 double positionError(const Eigen::Matrix3d& found, const Eigen::Matrix3d& truth) {
   double sum = 0.0;
   for (const double x : {0.0, kImageWidth - 1.0}) {

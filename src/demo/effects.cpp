@@ -27,12 +27,12 @@ void changeLight(double t, cv::Mat& image) {
 }
 
 /// The mean over an exposure of `seconds` around `t`.
-cv::Mat expose(const cv::Mat& map, double t, double seconds) {
+cv::Mat expose(const cv::Mat& map, double t, double seconds, double shake) {
   constexpr int kInstants = 15;
   cv::Mat sum(kImageHeight, kImageWidth, CV_32FC3, cv::Scalar::all(0.0));
   for (int i = 0; i < kInstants; ++i) {
     const double offset = ((i + 0.5) / kInstants - 0.5) * seconds;
-    cv::accumulate(render(map, imageFromMap(t + offset)), sum);
+    cv::accumulate(render(map, imageFromMap(t + offset, shake)), sum);
   }
   cv::Mat image;
   sum.convertTo(image, CV_8U, 1.0 / kInstants);
@@ -76,12 +76,12 @@ const char* toString(Segment segment) {
   return "unknown";
 }
 
-cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed) {
+cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed, double shake) {
   constexpr double kLongExposure = 0.7 / kFrameRate;  // s
   const double t = frame / kFrameRate;
   const Segment segment = segmentOf(frame, frames);
-  if (segment == Segment::blur) return expose(map, t, kLongExposure);
-  cv::Mat image = render(map, imageFromMap(t));
+  if (segment == Segment::blur) return expose(map, t, kLongExposure, shake);
+  cv::Mat image = render(map, imageFromMap(t, shake));
   if (segment == Segment::lighting) changeLight(t, image);
   if (segment == Segment::noise) addNoise(seed + static_cast<std::uint64_t>(frame), image);
   return image;

@@ -16,7 +16,8 @@ Segment segmentOf(int frame, int frames);
 const char* toString(Segment segment);
 
 /// Frame `frame` of the flight as the camera delivers it, 8-bit BGR. The homography of the middle
-/// of the exposure is the truth.
-cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed);
+/// of the exposure is the truth. `shake`: see imageFromMap.
+cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed,
+                    double shake = 0.0);
 
 }  // namespace ktgp_orb::demo

@@ -26,18 +26,30 @@ Eigen::Vector2d groundTrack(double t) {
           0.5 * kMapSize + 700.0 * std::sin(turn) + 40.0 * std::sin(1.7 * t)};
 }
 
+/// A hand's tremble: root mean square 1, another one for each axis.
+double tremble(double t, int axis) {
+  constexpr double kFrequencies[] = {3.1, 5.3, 7.9, 11.7};  // 1/s
+  double sum = 0.0;
+  for (const double frequency : kFrequencies) {
+    sum += std::sin(2.0 * kPi * (frequency + 0.37 * axis) * t + 1.7 * frequency * (axis + 1));
+  }
+  return sum / std::sqrt(0.5 * 4.0);
+}
+
 }  // namespace
 
-Eigen::Matrix3d imageFromMap(double seconds) {
+Eigen::Matrix3d imageFromMap(double seconds, double shake) {
   const double t = seconds;
   const double height = 600.0 + 130.0 * std::sin(0.9 * t);  // px of the map
   const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
   const double pitch = 10.0 * std::sin(0.8 * t + 1.0) * kDegree;
   const double roll = 8.0 * std::sin(1.1 * t) * kDegree;
-  const Eigen::Matrix3d rotation = (Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
-                                    Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitY()) *
-                                    Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()))
-                                       .toRotationMatrix();
+  const double angle = shake / kFocalLength;  // rad for so many px
+  const Eigen::Matrix3d rotation =
+      (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
+       Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *
+       Eigen::AngleAxisd(yaw + angle * tremble(t, 2), Eigen::Vector3d::UnitZ()))
+          .toRotationMatrix();
   // The camera looks along +z onto the plane z = 0 from z = -height.
   Eigen::Vector3d position;
   position << groundTrack(t), -height;

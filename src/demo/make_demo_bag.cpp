@@ -63,9 +63,9 @@ sensor_msgs::CameraInfo cameraInfo(int frame) {
 }
 
 /// The true homography from the frame before to `frame`.
-HomographyStamped truth(int frame) {
-  const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate);
-  const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate);
+HomographyStamped truth(int frame, double shake) {
+  const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate, shake);
+  const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate, shake);
   const Eigen::Matrix3d h = current * previous.inverse();
   HomographyStamped message;
   message.header = headerOf(frame);
@@ -75,17 +75,18 @@ HomographyStamped truth(int frame) {
   return message;
 }
 
-void writeFrame(const cv::Mat& picture, int frame, int frames, rosbag::Bag& bag) {
+void writeFrame(const cv::Mat& picture, int frame, int frames, double shake, rosbag::Bag& bag) {
   const ros::Time stamp = headerOf(frame).stamp;
   bag.write("/camera/camera_info", stamp, cameraInfo(frame));
-  if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame));
+  if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame, shake));
   std_msgs::String segment;
   segment.data = toString(segmentOf(frame, frames));
   bag.write("/camera/segment", stamp, segment);
   bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
 }
 
-void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, rosbag::Bag& bag) {
+void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shake,
+                 rosbag::Bag& bag) {
   const bool show_progress = isatty(STDERR_FILENO) != 0;
   constexpr int kBatch = 16;  // frames drawn in parallel
   std::vector<cv::Mat> pictures(kBatch);
@@ -93,25 +94,25 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, rosbag::Bag
     const int count = std::min(kBatch, frames - first);
     cv::parallel_for_(cv::Range(0, count), [&](const cv::Range& range) {
       for (int i = range.start; i < range.end; ++i) {
-        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed);
+        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed, shake);
       }
     });
     for (int i = 0; i < count; ++i) {
-      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, bag);
+      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, shake, bag);
     }
     if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, frames);
   }
   if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
-void writeBag(const std::string& path, int frames, std::uint64_t seed) {
+void writeBag(const std::string& path, int frames, std::uint64_t seed, double shake) {
   const cv::Mat map = drawMap(seed);
   tools::OutputFile file(path);
   // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
   // is left to the end of the process.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
-    writeFrames(map, frames, seed, *bag);
+    writeFrames(map, frames, seed, shake, *bag);
     bag->close();
   } catch (const rosbag::BagException& error) {
     static_cast<void>(bag.release());
@@ -135,13 +136,17 @@ int run(int argc, char** argv) {
       ->check(tools::numberIn("[0.2, 600]"))
       ->capture_default_str();
   app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
+  double shake = 0.0;
+  app.add_option("--shake", shake, "how far the camera trembles, root mean square [px]")
+      ->check(tools::numberIn("[0, 50]"))
+      ->capture_default_str();
   bool force = false;
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   tools::OutputPlan(force).write(path);
   tools::stopWhenInterrupted();
-  writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed);
+  writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed, shake);
   return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 

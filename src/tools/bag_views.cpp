@@ -18,6 +18,24 @@ std::int64_t nanoseconds(const ros::Time& time) {
   return static_cast<std::int64_t>(time.toNSec());
 }
 
+/// "sec.nsec"
+std::string text(const ros::Time& time) {
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%u.%09u", time.sec, time.nsec);
+  return buffer;
+}
+
+/// ",h00,h01,...,h22" and the end of the line.
+std::string text(const Eigen::Matrix3d& h) {
+  std::string row;
+  char buffer[32];
+  for (int i = 0; i < 9; ++i) {
+    std::snprintf(buffer, sizeof buffer, ",%.17g", h(i / 3, i % 3));
+    row += buffer;
+  }
+  return row + '\n';
+}
+
 class Stopwatch {
  public:
   double milliseconds() const {
@@ -58,16 +76,8 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
   if (options_.mosaic_poses.empty()) return;
-  char row[64];
-  std::snprintf(row, sizeof row, "%u.%09u,%s,%zu", image->header.stamp.sec,
-                image->header.stamp.nsec, toString(placement), mosaic_.maps());
-  poses_ += row;
-  const Eigen::Matrix3d pose = mosaic_.pose().value_or(Eigen::Matrix3d::Zero());
-  for (int i = 0; i < 9; ++i) {
-    std::snprintf(row, sizeof row, ",%.17g", pose(i / 3, i % 3));
-    poses_ += row;
-  }
-  poses_ += '\n';
+  poses_ += text(image->header.stamp) + ',' + toString(placement) + ',' +
+            std::to_string(mosaic_.maps()) + text(mosaic_.pose().value_or(Eigen::Matrix3d::Zero()));
 }
 
 void BagViews::stabilize(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& message,
@@ -95,6 +105,11 @@ void BagViews::writeReady() {
     warp_milliseconds_ += watch.milliseconds();
     ++frames_;
     video_->write(picture);
+    if (!options_.warps.empty()) {
+      ros::Time stamp;
+      stamp.fromNSec(static_cast<std::uint64_t>(steady.stamp));
+      warps_ += text(stamp) + (steady.starts_anew ? ",1" : ",0") + text(steady.warp);
+    }
 
     const auto step = steps_.find(steady.stamp);
     const bool follows = step != steps_.end() && last_steady_ && !steady.starts_anew;
@@ -121,6 +136,10 @@ void BagViews::close() {
     shake_before_.add(before_, size_);
     shake_after_.add(after_, size_);
     video_->close();
+    if (!options_.warps.empty()) {
+      tools::writeText(options_.warps,
+                       "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_);
+    }
   }
   if (!options_.mosaic.empty()) tools::writeImage(options_.mosaic, mosaic_.image());
   if (!options_.mosaic_poses.empty()) {

@@ -19,6 +19,7 @@ namespace ktgp_orb {
 /// What is made to be looked at; empty names: nothing.
 struct ViewOptions {
   std::string stabilized;    ///< mp4
+  std::string warps;         ///< csv: the frame -> steady picture homography of each frame
   std::string mosaic;        ///< png
   std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
   StabilizerOptions stabilizer;
@@ -70,6 +71,7 @@ class BagViews {
   std::size_t lost_ = 0;
   double place_milliseconds_ = 0.0;
   std::string poses_;
+  std::string warps_;
 };
 
 }  // namespace ktgp_orb

@@ -179,6 +179,7 @@ void checkFiles(Arguments& arguments) {
   plan.write(arguments.out);
   plan.write(arguments.csv);
   plan.write(arguments.views.stabilized);
+  plan.write(arguments.views.warps);
   plan.write(arguments.views.mosaic);
   plan.write(arguments.views.mosaic_poses);
 }
@@ -227,6 +228,11 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
                  "share of width and height cut off at each border")
       ->check(tools::numberIn("[0.01, 0.4]"))
       ->capture_default_str()
+      ->group(group);
+  app.add_option("--stabilizer_warps", views.warps,
+                 "write a table with the image -> steady image homography of every image; needs "
+                 "--stabilize")
+      ->type_name("FILE")
       ->group(group);
   app.add_option("--mosaic", views.mosaic, "write one picture (png) of all that was seen")
       ->type_name("FILE")

@@ -62,9 +62,9 @@ std::optional<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     const auto& [share, keyframe] = candidates[i];
     if (chained && share < kLeastOverlap) break;
     const Eigen::Matrix3d guess = expected * keyframe->from_map.inverse();
-    matcher_.match(
-        keyframe->features, features,
-        chained ? std::make_optional<Eigen::Matrix3d>(guess / guess(2, 2)) : std::nullopt, result_);
+    MatchHints hints;
+    if (chained) hints.prediction = guess / guess(2, 2);
+    matcher_.match(keyframe->features, features, hints, result_);
     if (result_.status != Status::ok || result_.inliers < kLeastInliers) continue;
     return Eigen::Matrix3d(result_.homography * keyframe->from_map);
   }
