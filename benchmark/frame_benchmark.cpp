@@ -10,6 +10,12 @@
 //   KT KTG KTGP  matches after the stages, of the last frame
 //   fall_backs   frames whose search within the radius (px, 0: the whole image) failed
 //
+// The rows of `preset` are our chain alone, with its alignment and as presets; one thread:
+//
+//   ms           median CPU time of a frame
+//   ktgp_ms      of KTGP alone, on frames that alternate with these
+//   matches      final ones of the last frame
+//
 // The frames are two of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
 
 #include <benchmark/benchmark.h>
@@ -35,6 +41,7 @@ using ktgp_orb::Correspondence;
 using ktgp_orb::Features;
 using ktgp_orb::GmsOptions;
 using ktgp_orb::Level;
+using ktgp_orb::SequenceOptions;
 using ktgp_orb::bench::milliseconds;
 
 std::vector<cv::Mat> readFrames() {
@@ -56,10 +63,18 @@ GmsOptions gmsOptions(bool turned) {
   return options;
 }
 
+SequenceOptions optionsOf(bool turned, double radius, int threads) {
+  SequenceOptions options;
+  options.orb.threads = threads;
+  options.matcher.knn.threads = threads;
+  options.matcher.knn.search_radius = radius;
+  options.matcher.gms = gmsOptions(turned);
+  return options;
+}
+
 class OurChain {
  public:
-  OurChain(bool turned, double radius, int threads)
-      : matcher_(optionsOf(turned, radius, threads)) {}
+  explicit OurChain(const SequenceOptions& options) : matcher_(options) {}
 
   void process(const cv::Mat& image) {
     match_ = &matcher_.match(image, 0.033 * static_cast<double>(frames_++));
@@ -70,16 +85,9 @@ class OurChain {
   }
   double fallBacks() const { return static_cast<double>(match_->fall_backs); }
 
- private:
-  static ktgp_orb::SequenceOptions optionsOf(bool turned, double radius, int threads) {
-    ktgp_orb::SequenceOptions options;
-    options.orb.threads = threads;
-    options.matcher.knn.threads = threads;
-    options.matcher.knn.search_radius = radius;
-    options.matcher.gms = gmsOptions(turned);
-    return options;
-  }
+  std::size_t matches() const { return match_->match.inliers; }
 
+ private:
   ktgp_orb::SequenceMatcher matcher_;
   const ktgp_orb::SequenceMatch* match_ = nullptr;
   std::size_t frames_ = 0;
@@ -166,7 +174,7 @@ void frame(benchmark::State& state) {
   const auto threads = static_cast<int>(state.range(2));
   const bool one_thread = threads == 1;
   cv::setNumThreads(threads);
-  OurChain ours(turned, radius, threads);
+  OurChain ours(optionsOf(turned, radius, threads));
   OpencvChain opencv(turned);
   for (std::size_t i = 0; i < 4; ++i) ours.process(frames[i % 2]);  // buffers grow
   opencv.process(frames[1], one_thread);
@@ -191,6 +199,63 @@ void frame(benchmark::State& state) {
   state.counters["KTGP"] = ours.surviving(Level::ktgp);
   state.counters["fall_backs"] = ours.fallBacks();
 }
+
+SequenceOptions presetOf(const ktgp_orb::MatcherOptions& matcher) {
+  SequenceOptions options;
+  options.matcher = matcher;
+  return options;
+}
+
+SequenceOptions ktgpAlone() {
+  SequenceOptions options = presetOf({});
+  options.matcher.alignment.enabled = false;
+  return options;
+}
+
+SequenceOptions robustWithTeblid() {
+  SequenceOptions options = presetOf(ktgp_orb::MatcherOptions::robust());
+  options.orb.descriptor = ktgp_orb::DescriptorKind::teblid;
+  return options;
+}
+
+void preset(benchmark::State& state, const SequenceOptions& options) {
+  const std::vector<cv::Mat> frames = readFrames();
+  if (frames.empty()) {
+    state.SkipWithError("KTGP_ORB_DATA is not set or holds no oxford/leuven");
+    return;
+  }
+  OurChain chain(options);
+  OurChain ktgp(ktgpAlone());
+  std::vector<double> times;
+  std::vector<double> ktgp_times;
+  std::size_t i = 0;
+  const auto timed = [&](OurChain& one) {
+    const double start = milliseconds(true);
+    one.process(frames[i % 2]);
+    return milliseconds(true) - start;
+  };
+  for (; i < 4; ++i) {  // buffers grow
+    timed(chain);
+    timed(ktgp);
+  }
+  for (auto _ : state) {
+    times.push_back(timed(chain));
+    state.PauseTiming();
+    ktgp_times.push_back(timed(ktgp));
+    ++i;
+    state.ResumeTiming();
+  }
+  state.counters["ms"] = ktgp_orb::evaluation::median(times);
+  state.counters["ktgp_ms"] = ktgp_orb::evaluation::median(ktgp_times);
+  state.counters["matches"] = static_cast<double>(chain.matches());
+}
+
+BENCHMARK_CAPTURE(preset, ktgp_alone, ktgpAlone())->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(preset, ktgp, presetOf(ktgp_orb::MatcherOptions::ktgp()))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(preset, robust, presetOf(ktgp_orb::MatcherOptions::robust()))
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(preset, robust_teblid, robustWithTeblid())->Unit(benchmark::kMillisecond);
 
 BENCHMARK(frame)
     ->ArgNames({"rotation_and_scale", "radius", "threads"})

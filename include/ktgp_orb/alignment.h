@@ -69,8 +69,8 @@ struct AlignmentResult {
 /// 2004), whatever the gain and bias. Where H changes the scale by more than 1.5 the smaller image
 /// is compared with the pyramid level of the larger that is nearest in scale. H is then estimated
 /// again from the aligned points by maximum likelihood with a scale of at least a pixel: no scene
-/// is exactly a plane, and whoever believes the hundredths fits the part of it that has most
-/// points.
+/// is exactly a plane, and whoever believes the hundredths fits the part that has most points. The
+/// old H stays where they scatter as keypoints do (beyond a third of their variance).
 ///
 /// The answer is the same for every instruction set.
 class Alignment {

@@ -62,7 +62,7 @@ HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference
                               const ProsacOptions& options) {
   ProsacResult result;
   ProsacHomography(options).estimate(pairs, reference_size, result);
-  return {result.status == Status::ok, result.homography, result.mask};
+  return {result.status == Status::ok, result.homography, result.mask, result.covariance};
 }
 
 /// Cost of a model, smaller is better. MSAC: squared error, but never more than the threshold's.

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,8 @@ struct HomographyEstimate {
   bool found = false;
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();  ///< reference to target
   std::vector<std::uint8_t> mask;  ///< 1 where the reprojection error of it is below the threshold
+  /// Of its first eight entries (see ProsacResult), where the estimator says so.
+  std::optional<Covariance8> covariance{};
 };
 
 /// Threshold, budget, confidence and seed are `options` for all of them.

@@ -62,9 +62,9 @@ std::optional<Estimator> wantedEstimator(const Arguments& arguments) {
 
 /// Ours and OpenCV's.
 std::vector<Method> knownMethods(const Arguments& arguments) {
-  const MatcherOptions& options = arguments.pipeline.matcher;
+  const PipelineOptions& options = arguments.pipeline;
   std::vector<Method> methods = allMethods(options, wantedEstimator(arguments));
-  for (Method& peer : peerMethods(options.prosac, wantedEstimator(arguments))) {
+  for (Method& peer : peerMethods(options.matcher.prosac, wantedEstimator(arguments))) {
     methods.push_back(std::move(peer));
   }
   return methods;

@@ -182,6 +182,7 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
                 estimateHomography(estimator, pairs, reference.image_size, options);
             m.estimated = true;
             if (model.found) m.homography = model.homography;
+            m.covariance = model.covariance;
             std::size_t i = 0;
             const auto is_outlier = [&](const Correspondence&) {
               return !model.found || model.mask[i++] == 0;
@@ -195,9 +196,35 @@ Step align(const AlignmentOptions& options) {
   auto result = std::make_shared<AlignmentResult>();
   return {"align", [alignment, result](const Scene& scene, Matching& m) {
             if (!m.homography) return;
-            alignment->align(scene.reference, scene.target, m.matches, *m.homography,
-                             Covariance8::Identity(), *result);
+            // Where none is known, any is better determined than a deviation of 1 of every entry.
+            const Covariance8 covariance = m.covariance.value_or(Covariance8::Identity());
+            alignment->align(scene.reference, scene.target, m.matches, *m.homography, covariance,
+                             *result);
             m.homography = result->homography;
+          }};
+}
+
+Step extract(const OrbOptions& options) {
+  OrbOptions with_images = options;
+  with_images.images = ImageKeeping::share;
+  auto extractor = std::make_shared<OrbExtractor>(with_images);
+  return {"extract", [extractor](const Scene& scene, Matching& m) {
+            m.own.emplace();
+            extractor->extract(scene.reference_image, m.own->reference);
+            extractor->extract(scene.target_image, m.own->target);
+          }};
+}
+
+Step matcher(const MatcherOptions& options) {
+  auto chain = std::make_shared<KtgpMatcher>(options);
+  auto result = std::make_shared<MatchResult>();
+  return {"matcher", [chain, result](const Scene& scene, Matching& m) {
+            chain->match(m.own ? m.own->reference : scene.reference,
+                         m.own ? m.own->target : scene.target, *result);
+            result->surviving(Level::ktgp, m.matches);
+            m.matches.insert(m.matches.end(), result->guided.begin(), result->guided.end());
+            m.estimated = true;
+            if (result->status == Status::ok) m.homography = result->homography;
           }};
 }
 

@@ -10,6 +10,8 @@
 #include "ktgp_orb/alignment.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
 
 namespace ktgp_orb::tools {
 
@@ -34,6 +36,7 @@ struct Matching {
   std::optional<OwnFeatures> own{};
   bool estimated = false;                       ///< a step has looked for a homography
   std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, where it found one
+  std::optional<Covariance8> covariance{};      ///< of it, where the estimator gives one
 };
 
 /// One stage of a method. May keep buffers: a step serves one thread.
@@ -74,5 +77,11 @@ Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 Step homography(Estimator estimator, const ProsacOptions& options);
 /// Aligns matches by the images and corrects the homography by them; both stay where it cannot.
 Step align(const AlignmentOptions& options);
+
+// All at once.
+/// Features of the method's own.
+Step extract(const OrbOptions& options);
+/// KtgpMatcher from end to end: its homography and final matches.
+Step matcher(const MatcherOptions& options);
 
 }  // namespace ktgp_orb::tools

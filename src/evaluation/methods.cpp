@@ -3,8 +3,28 @@
 #include <chrono>
 
 namespace ktgp_orb::tools {
+namespace {
 
-std::vector<Method> allMethods(const MatcherOptions& options, std::optional<Estimator> estimator) {
+/// The preset with the threads, the budget, the seed and the alignment of `options`.
+MatcherOptions robust(const MatcherOptions& options) {
+  MatcherOptions preset = MatcherOptions::robust();
+  preset.knn = options.knn;
+  preset.prosac = options.prosac;
+  preset.guided.radius = options.guided.radius;
+  preset.alignment = options.alignment;
+  return preset;
+}
+
+OrbOptions withTeblid(OrbOptions options) {
+  options.descriptor = DescriptorKind::teblid;
+  return options;
+}
+
+}  // namespace
+
+std::vector<Method> allMethods(const PipelineOptions& pipeline,
+                               std::optional<Estimator> estimator) {
+  const MatcherOptions& options = pipeline.matcher;
   GmsOptions rotating = options.gms;
   rotating.rotation = rotating.scale = true;
   const double t_w = options.ratio_threshold;
@@ -30,7 +50,7 @@ std::vector<Method> allMethods(const MatcherOptions& options, std::optional<Esti
        {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac)}},
       {"KTGP+ALIGN",
        "KTGP, sub-pixel alignment",
-       {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac), align({})}},
+       {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac), align(options.alignment)}},
       {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
       {"KTGP-RS",
        "KTGP with rotation and scale",
@@ -40,7 +60,11 @@ std::vector<Method> allMethods(const MatcherOptions& options, std::optional<Esti
        {mutualNearest(options.knn), model(Estimator::prosac)}},
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
-       {mutualNearest(options.knn), model(Estimator::prosac), align({})}},
+       {mutualNearest(options.knn), model(Estimator::prosac), align(options.alignment)}},
+      {"ROBUST", "the preset: MUTUAL, a guided round, alignment", {matcher(robust(options))}},
+      {"ROBUST-TEBLID",
+       "the same over TEBLID descriptors",
+       {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(options.gms)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},

@@ -18,9 +18,9 @@ struct Method {
 };
 
 /// All methods over our features, with the thresholds of `options`. With `estimator`, every method
-/// that ends in a homography uses that one. What the literature leaves open is said in
-/// doc/method.md.
-std::vector<Method> allMethods(const MatcherOptions& options,
+/// that ends in a homography uses that one, but for the presets, which are the matcher as it is.
+/// What the literature leaves open is said in doc/method.md.
+std::vector<Method> allMethods(const PipelineOptions& options,
                                std::optional<Estimator> estimator = std::nullopt);
 
 /// Time and result of one step.

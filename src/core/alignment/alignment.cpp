@@ -79,6 +79,20 @@ double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<Aligned
   return sum;
 }
 
+/// Mean square over the pairs that agree with H of how far they lie off it, px^2; 0 without any.
+double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vector2d>& reference,
+               const std::vector<Eigen::Vector2d>& target) {
+  double sum = 0.0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    const double error = reprojectionError(homography, reference[i], target[i]);
+    if (!(error < kNear)) continue;
+    sum += error * error;
+    ++count;
+  }
+  return count == 0 ? 0.0 : sum / static_cast<double>(count);
+}
+
 /// The largest deviation at a corner, in the image where it is smaller, px.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
@@ -205,7 +219,7 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
 }
 
 /// It can be the view of a plane, the images agree better with it, most of the keypoints still do,
-/// and it is better determined.
+/// the points gained by being aligned, and it is better determined.
 bool Alignment::Impl::isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
                                const Covariance8& covariance, const AlignmentResult& before) const {
   // Of the keypoints that agreed. ORB's coarse ones lie off to one side by up to a pixel, so that
@@ -218,6 +232,13 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const Eigen::Matr
   }
   if (static_cast<double>(supporters(homography)) <
       kShare * static_cast<double>(supporters(before.homography))) {
+    return false;
+  }
+  // Where a scene is far from a plane its points scatter about H however exact they are, and the
+  // aligned ones are fewer than the keypoints: they have to be worth that.
+  constexpr double kWorth = 1.0 / 3.0;  // of the keypoints' variance
+  if (scatter(homography, aligned_reference, aligned_target) >
+      kWorth * scatter(before.homography, reference_points, target_points)) {
     return false;
   }
   return uncertainty(homography, covariance, reference_size) <=
