@@ -1,0 +1,87 @@
+// Motion statistics over any keypoints, beyond the border or not numbers at all.
+#include <stdexcept>
+
+#include "dense_gms.h"
+#include "input.h"
+#include "instruction_sets.h"
+
+namespace ktgp_orb::fuzz {
+namespace {
+
+bool isWithin(const Features& features) {
+  for (const cv::KeyPoint& k : features.keypoints) {
+    const bool within = k.pt.x >= 0.0F && k.pt.y >= 0.0F &&
+                        k.pt.x < static_cast<float>(features.image_size.width) &&
+                        k.pt.y < static_cast<float>(features.image_size.height);
+    if (!within) return false;
+  }
+  return true;
+}
+
+std::vector<Correspondence> correspondences(Input& in, const Features& reference,
+                                            const Features& target) {
+  std::vector<Correspondence> all;
+  if (reference.empty() || target.empty()) return all;
+  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
+  const bool in_order = in.ConsumeBool();
+  const bool wrong = in.ConsumeIntegralInRange(0, 31) == 0;
+  for (std::size_t t = 0; t < target.size(); ++t) {
+    const auto r = in_order ? t % reference.size() : random() % reference.size();
+    all.push_back({static_cast<std::int32_t>(r), static_cast<std::int32_t>(t), 10, 20,
+                   random() % 8 == 0 ? Level::knn : Level::kt, false});
+  }
+  if (wrong) all.back().reference_index = in.ConsumeIntegral<std::int32_t>();
+  return all;
+}
+
+void run(Input& in) {
+  const GmsOptions options = matcherOptions(in).gms;
+  const Features reference = features(in, 300);
+  const Features target = features(in, 300);
+  const auto before = correspondences(in, reference, target);
+  auto after = before;
+  GmsFilter filter(options);
+  const GmsResult result = filter.filter(reference, target, after);
+  std::size_t part = 0, kept = 0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    part += before[i].level == Level::kt ? 1 : 0;
+    kept += after[i].level == Level::ktg ? 1 : 0;
+    require(after[i].level == before[i].level ||
+                (before[i].level == Level::kt && after[i].level == Level::ktg),
+            "levels are raised from kt to ktg alone");
+  }
+  require(kept == result.kept, "as many as it says");
+  require(part == result.kept + result.outside_grid + result.not_best_pair + result.low_support,
+          "each is in exactly one count");
+  test::forEachInstructionSet([&] {
+    auto again = before;
+    GmsFilter(options).filter(reference, target, again);
+    for (std::size_t i = 0; i < again.size(); ++i) {
+      require(again[i].level == after[i].level, "the same answer with every instruction set");
+    }
+  });
+  if (!options.enabled || !isWithin(reference) || !isWithin(target)) return;
+  std::vector<Correspondence> taking_part;
+  for (const Correspondence& c : before) {
+    if (c.level == Level::kt) taking_part.push_back(c);
+  }
+  test::DenseGms dense(options);
+  const auto mask = dense.mask(reference, target, taking_part);
+  std::size_t next = 0;
+  for (std::size_t i = 0; i < after.size(); ++i) {
+    if (before[i].level != Level::kt) continue;
+    require((after[i].level == Level::ktg) == (mask[next++] == 1), "equal to the dense tables");
+  }
+}
+
+}  // namespace
+}  // namespace ktgp_orb::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
+  ktgp_orb::fuzz::Input in(bytes, size);
+  try {
+    ktgp_orb::fuzz::run(in);
+  } catch (const std::invalid_argument&) {  // an index outside its frame
+  }
+  return 0;
+}

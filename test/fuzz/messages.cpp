@@ -1,0 +1,79 @@
+// Image messages with any fields: converted as they say or refused.
+#include <boost/make_shared.hpp>
+
+#include "input.h"
+#include "messages/image_conversion.h"
+#include "messages/message_matcher.h"
+
+namespace ktgp_orb::fuzz {
+namespace {
+
+sensor_msgs::ImagePtr message(Input& in) {
+  static const char* const kEncodings[] = {
+      "mono8",        "8UC1",         "mono16",       "16UC1",        "bgr8",        "8UC3",
+      "rgb8",         "bgra8",        "rgba8",        "bgr16",        "rgb16",       "bgra16",
+      "rgba16",       "16UC3",        "16UC4",        "yuv422",       "bayer_rggb8", "bayer_bggr8",
+      "bayer_gbrg8",  "bayer_grbg8",  "bayer_rggb16", "bayer_bggr16", "8UC2",        "32FC1",
+      "bayer_gbrg16", "bayer_grbg16", "32SC1",        "64FC1",        "8UC4",        ""};
+  const auto image = boost::make_shared<sensor_msgs::Image>();
+  image->header.stamp =
+      ros::Time(in.ConsumeIntegral<std::uint16_t>(), in.ConsumeIntegralInRange(0U, 999999999U));
+  image->encoding = in.ConsumeIntegralInRange(0, 15) == 0 ? in.ConsumeRandomLengthString(20)
+                                                          : in.PickValueInArray(kEncodings);
+  image->is_bigendian = in.ConsumeIntegralInRange(0, 2);
+  image->width = in.ConsumeIntegralInRange(0U, 150U);
+  image->height = in.ConsumeIntegralInRange(0U, 120U);
+  image->step =
+      image->width * in.ConsumeIntegralInRange(0U, 9U) + in.ConsumeIntegralInRange(0U, 5U);
+  std::size_t data = std::size_t{image->step} * image->height;
+  switch (in.ConsumeIntegralInRange(0, 15)) {
+    case 0:
+      image->width = in.ConsumeIntegral<std::uint32_t>();
+      break;
+    case 1:
+      image->height = in.ConsumeIntegral<std::uint32_t>();
+      break;
+    case 2:
+      image->step = in.ConsumeIntegral<std::uint32_t>();
+      break;
+    case 3:
+      data = in.ConsumeIntegralInRange<std::size_t>(0, data + 100);
+      break;
+    default:
+      break;
+  }
+  const cv::Mat pixels = fuzz::image(in, {static_cast<int>(data), 1});
+  image->data.assign(pixels.datastart, pixels.datastart + data);
+  return image;
+}
+
+void run(Input& in) {
+  Parameters parameters;
+  parameters.features = 300;
+  static MessageMatcher matcher(configurationFrom(parameters, 0));
+  matcher.reset();
+  for (int i = 0; i < 2; ++i) {
+    const sensor_msgs::ImagePtr image = message(in);
+    const auto before = image->data;
+    try {
+      const cv::Mat grey = greyImage(image);
+      require(grey.type() == CV_8UC1 && grey.cols == static_cast<int>(image->width) &&
+                  grey.rows == static_cast<int>(image->height),
+              "grey of the size it says");
+      const FrameMessages messages = matcher.process(image);
+      require(messages.statistics && messages.homography, "an answer for each image");
+    } catch (const RefusedImage& error) {
+      require(error.what()[0] != '\0', "a refusal says why");
+    }
+    require(before == image->data, "nothing is written into a message");
+  }
+}
+
+}  // namespace
+}  // namespace ktgp_orb::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
+  ktgp_orb::fuzz::Input in(bytes, size);
+  ktgp_orb::fuzz::run(in);
+  return 0;
+}

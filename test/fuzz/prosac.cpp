@@ -1,0 +1,72 @@
+// The estimator over any pairs of points: random, on a line, doubled, related, huge, not finite.
+#include <Eigen/LU>
+#include <optional>
+#include <stdexcept>
+
+#include "invariants.h"
+
+namespace ktgp_orb::fuzz {
+namespace {
+
+PointPairs pointPairs(Input& in) {
+  PointPairs pairs;
+  const int count = in.ConsumeIntegralInRange(0, 120);
+  const int kind = in.ConsumeIntegralInRange(0, 4);
+  const double noise = in.ConsumeFloatingPointInRange(0.0, 8.0);
+  const unsigned outliers = in.ConsumeIntegralInRange(0U, 100U);
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 8; ++i) {
+    const double unit = i % 3 == 2 ? 100.0 : (i >= 6 ? 1e-3 : 0.5);
+    h(i / 3, i % 3) += anyDouble(in, -unit, unit);
+  }
+  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
+  const auto uniform = [&](double size) {
+    return size * static_cast<double>(random() % 65536) / 65536.0;
+  };
+  for (int i = 0; i < count; ++i) {
+    Eigen::Vector2d x(uniform(640.0), uniform(480.0));
+    if (kind == 1) x.y() = 0.3 * x.x() + 5.0;                        // on a line
+    if (kind == 2) x = Eigen::Vector2d(random() % 3, random() % 3);  // doubled
+    if (kind == 3) x = {anyDouble(in, -1e4, 1e4), anyDouble(in, -1e4, 1e4)};
+    Eigen::Vector2d y = (h * x.homogeneous()).hnormalized();
+    y += Eigen::Vector2d(uniform(noise), uniform(noise));
+    if (random() % 100 < outliers) y = {uniform(640.0), uniform(480.0)};
+    if (kind == 4 && i % 2 == 1) y = pairs.target.back();  // many to one
+    pairs.reference.push_back(x);
+    pairs.target.push_back(y);
+    pairs.quality.push_back(uniform(1.0));
+  }
+  return pairs;
+}
+
+void run(Input& in) {
+  ProsacOptions options = matcherOptions(in).prosac;
+  options.confidence = in.ConsumeFloatingPointInRange(0.01, 0.9999);
+  const cv::Size size = in.ConsumeBool() ? cv::Size(640, 480) : cv::Size();
+  const PointPairs pairs = pointPairs(in);
+  std::optional<Eigen::Matrix3d> initial;
+  if (in.ConsumeBool()) {
+    initial = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 9; ++i) (*initial)(i / 3, i % 3) += anyDouble(in, -1.0, 1.0);
+  }
+  ProsacHomography prosac(options);
+  ProsacResult result, again;
+  prosac.estimate(pairs, size, initial, result);
+  requireSound(result, pairs, options.max_error);
+  prosac.estimate(pairs, size, initial, again);
+  require(result.status == again.status && result.homography == again.homography &&
+              result.mask == again.mask,
+          "the same answer twice");
+}
+
+}  // namespace
+}  // namespace ktgp_orb::fuzz
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
+  ktgp_orb::fuzz::Input in(bytes, size);
+  try {
+    ktgp_orb::fuzz::run(in);
+  } catch (const std::invalid_argument&) {  // values that are not finite
+  }
+  return 0;
+}
