@@ -1,7 +1,7 @@
-// The same input gives the same result on every machine: what is recorded here came from x86-64,
-// and is checked on whatever runs the test, arm64 under emulation for example. The stages that
-// count and compare whole numbers must give the same bits; the homography goes through libraries
-// that round differently where the processor fuses a multiplication with an addition.
+// The same input gives the same result on every x86-64 machine: what is recorded here came from
+// one. On another processor the test says where results part (on arm64 under emulation: at the
+// keypoints). The homography goes through libraries that round differently where a processor fuses
+// a multiplication with an addition.
 
 #include <gtest/gtest.h>
 
