@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   extractor.extract(cv::imread(argv[2], cv::IMREAD_GRAYSCALE), target);
   matcher.match(reference, target, result);
 
-  std::cout << ktgp_orb::toString(result.status) << ", " << result.prosac.inliers << " inliers\n"
-            << result.prosac.homography << '\n';
+  std::cout << ktgp_orb::toString(result.status) << ", " << result.inliers << " inliers\n"
+            << result.homography << '\n';
   return result.status == ktgp_orb::Status::ok ? 0 : 1;
 }

@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
     const ktgp_orb::SequenceMatch& frame = matcher.match(grey, i / rate);
     if (!frame.reference) std::cout << ktgp_orb::toString(frame.no_reference) << '\n';
     if (!frame.accumulated) continue;  // the first frame, or nothing to be recognised
-    std::cout << frame.match.prosac.inliers << " inliers; from the first frame to this one:\n"
+    std::cout << frame.match.inliers << " inliers; from the first frame to this one:\n"
               << frame.accumulated->homography << '\n';
   }
 }
