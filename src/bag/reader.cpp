@@ -58,7 +58,7 @@ bag::BagFile openFile(const std::string& path) {
 
 template <typename Message>
 boost::shared_ptr<Message> deserialised(bag::View bytes) {
-  const auto message = boost::make_shared<Message>();
+  auto message = boost::make_shared<Message>();
   // ROS has no stream of constant data; nothing writes into this one.
   ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes.data),
                                      static_cast<std::uint32_t>(bytes.size));

@@ -1,8 +1,10 @@
 #include "ktgp_orb/alignment.h"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
@@ -91,6 +93,24 @@ double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vecto
     ++count;
   }
   return count == 0 ? 0.0 : sum / static_cast<double>(count);
+}
+
+/// How many times fewer the independent points are than `points` (>= 1), which are put in order of
+/// x: patches that overlap see the same noise. It is the variance of the mean of values that
+/// correlate as their patches overlap, over that of independent ones.
+double sharedPatches(std::vector<Eigen::Vector2d>& points) {
+  constexpr double kSide = kPatchSide;
+  std::sort(points.begin(), points.end(), [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return std::tie(a.x(), a.y()) < std::tie(b.x(), b.y());
+  });
+  double shared = 0.0;
+  for (auto a = points.begin(); a != points.end(); ++a) {
+    for (auto b = a + 1; b != points.end() && b->x() - a->x() < kSide; ++b) {
+      const double down = std::abs(b->y() - a->y());
+      if (down < kSide) shared += (1.0 - (b->x() - a->x()) / kSide) * (1.0 - down / kSide);
+    }
+  }
+  return 1.0 + 2.0 * shared / static_cast<double>(points.size());
 }
 
 /// The largest deviation at a corner, in the image where it is smaller, px.
@@ -213,7 +233,7 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
     return;
   }
   result.homography = homography;
-  result.covariance = covariance;
+  result.covariance = covariance * sharedPatches(aligned_reference);
   result.rmse_after = rmse(homography, result.points);
   result.status = AlignmentStatus::ok;
 }

@@ -37,9 +37,10 @@ class CellGrid {
     const int right = column(x + radius);
     const int last = row(y + radius);
     for (int r = row(y - radius); r <= last; ++r) {
-      const auto first = static_cast<std::size_t>(r * columns_ + left);
-      const auto end = static_cast<std::size_t>(r * columns_ + right) + 1;
-      visit(start_[first], start_[end]);
+      const int first = r * columns_ + left;
+      const int last_cell = r * columns_ + right;
+      visit(start_[static_cast<std::size_t>(first)],
+            start_[static_cast<std::size_t>(last_cell) + 1]);
     }
   }
 
