@@ -17,13 +17,13 @@ struct StageLook {
 /// By Level, from knn to ktgp. Colours of Okabe & Ito, "Color Universal Design" (2008), which
 /// differ for all kinds of colour vision; grey for what is only background.
 inline const StageLook& lookOf(Level level) {
-  static const std::array<StageLook, 4> kLooks{{
+  static const std::array<StageLook, 4> looks{{
       {{150, 150, 150}, "- ratio"},
       {{233, 180, 86}, "- GMS"},
       {{167, 121, 204}, "- PROSAC"},
       {{66, 228, 240}, "final"},
   }};
-  return kLooks[std::min<std::size_t>(static_cast<std::size_t>(level), kLooks.size() - 1)];
+  return looks[std::min<std::size_t>(static_cast<std::size_t>(level), looks.size() - 1)];
 }
 
 inline const cv::Scalar kWhite(255, 255, 255);
