@@ -26,7 +26,7 @@ Eigen::Matrix3d carriedOn(const Eigen::Matrix3d& motion, double ratio) {
 
 std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
                                                         const Frame& next) const {
-  const std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
+  std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   if (!last || !motion_) return last;
   constexpr double kLongest = 3.0;  // of what was seen for one interval no more is known
   const double interval = nanoseconds(stamp_, next.stamp);
@@ -51,7 +51,7 @@ void MotionPredictor::advance(const Frame& frame, const Frame& reference,
     restartAt(frame);
     return;
   }
-  const std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
+  std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   motion_.reset();
   if (last) motion_ = result.homography * last->inverse();
   duration_ = frame.stamp - stamp_;
