@@ -88,11 +88,8 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   std::copy(info.R.begin(), info.R.end(), calibration.rotation.val);
   const bool has_rotation = cv::norm(calibration.rotation) > 0.0;
   if (!has_rotation) calibration.rotation = cv::Matx33d::eye();
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) {
-      calibration.rectified_camera(row, column) = info.P[std::size_t(4 * row + column)];
-    }
-  }
+  const cv::Matx34d projection(info.P.data());
+  calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
   if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
   shrink(info, calibration.camera);
   shrink(info, calibration.rectified_camera);
