@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/orb/vector_angle.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -67,7 +69,7 @@ float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
                              const cv::Point2f& point) {
   const Moments sum =
       kernels.moments(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
-  return cv::fastAtan2(static_cast<float>(sum.y), static_cast<float>(sum.x));
+  return vectorAngle(static_cast<float>(sum.y), static_cast<float>(sum.x));
 }
 
 }  // namespace ktgp_orb
