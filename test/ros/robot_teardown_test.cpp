@@ -1,138 +1,206 @@
-// Unloading in the middle of everything: parameters (fast, and slow ones that read a large file),
-// services, pairs to match, images, and subscribers that come and go. Nothing may crash, hang or
-// leave behind what was not set.
+// Unloading in the middle of everything: parameters (fast ones, and slow ones that read files),
+// services, pairs to match, images, masks, references, calibrations, and subscribers that come and
+// go. Nothing may crash, hang or leave behind what was not set.
 
-#include <dynamic_reconfigure/Reconfigure.h>
+#include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
-#include <unistd.h>
 
-#include <opencv2/imgcodecs.hpp>
+#include <algorithm>
+#include <array>
 #include <random>
+#include <set>
 
-#include "robot_testing.h"
+#include "robot_churn.h"
 
 namespace ktgp_orb {
 namespace {
 
 using test::Camera;
+using test::Change;
+using test::Churn;
+using test::PictureFile;
 using test::Recorder;
+using test::sleepMilliseconds;
 
 int cycles = 300;
 constexpr int kSlowEvery = 10;  // cycles; in such a one a reference image of 48 megapixels is set
 
-const std::string kMatcher = "/camera/matcher/";
+const std::string kMatcher = "/camera/matcher";
+const cv::Size kSize(320, 240);
 
-/// Runs a function again and again in a thread of its own.
-class Churn {
+cv::Mat noise(const cv::Size& size) {
+  cv::Mat pixels(size, CV_8U);
+  cv::randu(pixels, 0, 256);
+  return pixels;
+}
+
+/// The files that parameters name.
+struct Files {
+  PictureFile large{"large", noise({8000, 6000})};
+  PictureFile reference{"reference", test::texture(kSize)};
+  PictureFile mask{"mask", cv::Mat(kSize, CV_8U, cv::Scalar(255))};
+};
+
+/// One group of parameters at a time, as a user who drags sliders and picks files.
+void changeParameters(const Files& files, int i) {
+  const bool odd = i % 2 == 1;
+  Change change;
+  switch (i / 2 % 5) {
+    case 0:
+      change.set("T_w", odd ? 0.6 : 0.7);
+      break;
+    case 1:
+      change.set("rectify", odd).set("max_rate", odd ? 50.0 : 0.0);
+      break;
+    case 2:
+      change.set("mask_image", odd ? files.mask.path() : "");
+      break;
+    case 3:
+      change.set("roi", std::string(odd ? "20 20 250 200" : ""));
+      break;
+    default:
+      change.set("reference_mode", std::string(odd ? "fixed" : "previous"))
+          .set("reference_image", odd ? files.reference.path() : "");
+  }
+  change.send(kMatcher);
+  sleepMilliseconds(i % 30);
+}
+
+/// Sends what comes beside the images: every third one is of no use.
+class SideInputs {
  public:
-  explicit Churn(std::function<void(int)> act)
-      : thread_([this, act = std::move(act)] {
-          for (int i = 0; running_; ++i) act(i);
-        }) {}
-  ~Churn() {
-    running_ = false;
-    thread_.join();
+  SideInputs()
+      : mask_(node_.advertise<sensor_msgs::Image>(kMatcher + "/mask", 1, true)),
+        reference_(node_.advertise<sensor_msgs::Image>(kMatcher + "/reference", 1)),
+        info_(node_.advertise<sensor_msgs::CameraInfo>("/camera/camera_info", 5)) {}
+
+  void send(int i) {
+    switch (i % 3) {
+      case 0:
+        mask_.publish(boost::make_shared<sensor_msgs::Image>());  // none
+        reference_.publish(boost::make_shared<sensor_msgs::Image>());
+        break;
+      case 1:
+        mask_.publish(white_);
+        reference_.publish(view_.image(i, ros::Time(1)));
+        break;
+      default:
+        mask_.publish(unusable());
+        reference_.publish(unusable());
+    }
+    info_.publish(calibration(i));
+    sleepMilliseconds(i % 20);
   }
 
  private:
-  std::atomic<bool> running_{true};
-  std::thread thread_;
+  static sensor_msgs::ImagePtr unusable() {
+    auto image = boost::make_shared<sensor_msgs::Image>();
+    image->width = image->height = 9;
+    image->encoding = "nonsense";
+    return image;
+  }
+  static sensor_msgs::ImagePtr white() {
+    auto image = test::View(kSize).image(0, ros::Time(1));
+    std::fill(image->data.begin(), image->data.end(), 255);
+    return image;
+  }
+  sensor_msgs::CameraInfoPtr calibration(int i) const {
+    auto info = boost::make_shared<sensor_msgs::CameraInfo>();
+    info->width = static_cast<std::uint32_t>(kSize.width);
+    info->height = static_cast<std::uint32_t>(kSize.height);
+    info->distortion_model = i % 7 == 0 ? "unheard_of" : "plumb_bob";
+    info->D = {-0.1 - 0.01 * (i % 5), 0.0, 0.0, 0.0, 0.0};  // the lens changes, too
+    info->K = {250.0, 0.0, 160.0, 0.0, 250.0, 120.0, 0.0, 0.0, 1.0};
+    info->R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+    info->P = {250.0, 0.0, 160.0, 0.0, 0.0, 250.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0};
+    return info;
+  }
+
+  const test::View view_{kSize};
+  const sensor_msgs::ImageConstPtr white_ = white();
+  ros::NodeHandle node_;
+  ros::Publisher mask_;
+  ros::Publisher reference_;
+  ros::Publisher info_;
 };
 
-void setParameters(const std::function<void(dynamic_reconfigure::Config&)>& fill) {
-  dynamic_reconfigure::Reconfigure call;
-  fill(call.request.config);
-  // False where the matcher has just gone; that is what is wanted.
-  ros::service::call(kMatcher + "set_parameters", call);
-}
-
-void setThreshold(int i) {
-  setParameters([i](dynamic_reconfigure::Config& config) {
-    config.doubles.emplace_back();
-    config.doubles.back().name = "T_w";
-    config.doubles.back().value = i % 2 == 0 ? 0.6 : 0.7;
-  });
-  std::this_thread::sleep_for(std::chrono::milliseconds(i % 30));
-}
-
-void setReferenceImage(const std::string& path) {
-  setParameters([&path](dynamic_reconfigure::Config& config) {
-    config.strs.emplace_back();
-    config.strs.back().name = "reference_image";
-    config.strs.back().value = path;
-  });
-}
-
 void callTriggers(int i) {
-  static const char* const names[] = {"reset", "set_reference", "pause", "resume"};
+  static const std::array<const char*, 4> names{"/reset", "/set_reference", "/pause", "/resume"};
   std_srvs::Trigger call;
-  ros::service::call(kMatcher + names[i % 4], call);
+  ros::service::call(kMatcher + names[static_cast<std::size_t>(i) % names.size()], call);
 }
 
 void matchPair(const sensor_msgs::Image& image) {
   MatchPair call;
   call.request.reference = call.request.target = image;
-  ros::service::call(kMatcher + "match_pair", call);
+  ros::service::call(kMatcher + "/match_pair", call);
 }
 
-/// The values that a reference_image may have; anything else is garbage.
-void expectNoGarbage(const std::string& large_image) {
-  std::string value;
-  if (!ros::param::get(kMatcher + "reference_image", value)) return;
-  ASSERT_TRUE(value.empty() || value == large_image) << "reference_image is '" << value << "'";
+void subscribeForAMoment(int i) {
+  Recorder<MatchStatistics> statistics(kMatcher + "/statistics");
+  Recorder<HomographyStamped> homographies(kMatcher + "/homography");
+  Recorder<sensor_msgs::Image> overlay(kMatcher + "/matches_image");
+  sleepMilliseconds(5 + i % 20);
+}
+
+/// The parameter server holds nothing but what was set.
+void expectNoGarbage(const Files& files) {
+  const std::map<std::string, std::set<std::string>> texts = {
+      {"reference_image", {"", files.large.path(), files.reference.path()}},
+      {"mask_image", {"", files.mask.path()}},
+      {"roi", {"", "20 20 250 200"}},
+      {"reference_mode", {"previous", "fixed"}}};
+  for (const auto& [name, values] : texts) {
+    std::string value;
+    if (!ros::param::get(kMatcher + "/" + name, value)) continue;
+    ASSERT_EQ(values.count(value), 1U) << name << " is '" << value << "'";
+  }
   double t_w = 0.66;
-  ros::param::get(kMatcher + "T_w", t_w);
+  ros::param::get(kMatcher + "/T_w", t_w);
   ASSERT_TRUE(t_w == 0.6 || t_w == 0.7 || t_w == 0.66) << "T_w is " << t_w;
 }
 
-std::string writeLargeImage() {
-  const std::string path = "/tmp/ktgp_orb_large_" + std::to_string(getpid()) + ".png";
-  cv::Mat pixels(6000, 8000, CV_8U);
-  cv::randu(pixels, 0, 256);
-  cv::imwrite(path, pixels, {cv::IMWRITE_PNG_COMPRESSION, 1});
-  return path;
-}
-
 TEST(Teardown, UnloadingInTheMiddleOfEverything) {
-  const std::string large_image = writeLargeImage();
-  const test::View view({320, 240});
-  Camera camera("/camera/image_raw", {320, 240}, 100.0);
+  const Files files;
+  const test::View view(kSize);
+  Camera camera("/camera/image_raw", kSize, 100.0);
   camera.start();
   nodelet::Loader loader(false);
   std::mt19937 random(3);
   {
-    const Churn parameters(setThreshold);
+    SideInputs inputs;
+    const Churn parameters([&files](int i) { changeParameters(files, i); });
     const Churn triggers(callTriggers);
     const Churn pairs([&view](int i) { matchPair(*view.image(i, ros::Time(1))); });
-    const Churn subscribers([](int i) {
-      Recorder<MatchStatistics> statistics(kMatcher + "statistics");
-      Recorder<sensor_msgs::Image> overlay(kMatcher + "matches_image");
-      std::this_thread::sleep_for(std::chrono::milliseconds(5 + i % 20));
-    });
+    const Churn sides([&inputs](int i) { inputs.send(i); });
+    const Churn subscribers(subscribeForAMoment);
     for (int cycle = 0; cycle < cycles; ++cycle) {
       ASSERT_TRUE(test::loadMatcher(loader, "/camera")) << "cycle " << cycle;
       std::thread slow;
-      if (cycle % kSlowEvery == 0) slow = std::thread(setReferenceImage, large_image);
+      if (cycle % kSlowEvery == 0) {
+        slow = std::thread(
+            [&files] { Change().set("reference_image", files.large.path()).send(kMatcher); });
+      }
       // No wait for anything: the unloading comes at any moment.
-      std::this_thread::sleep_for(std::chrono::milliseconds(
-          std::uniform_int_distribution<int>(0, slow.joinable() ? 300 : 60)(random)));
-      ASSERT_TRUE(loader.unload("/camera/matcher")) << "cycle " << cycle;
+      sleepMilliseconds(std::uniform_int_distribution<int>(0, slow.joinable() ? 300 : 60)(random));
+      ASSERT_TRUE(loader.unload(kMatcher)) << "cycle " << cycle;
       if (slow.joinable()) slow.join();
-      ASSERT_NO_FATAL_FAILURE(expectNoGarbage(large_image)) << "cycle " << cycle;
-      ros::param::set(kMatcher + "reference_image", "");
+      ASSERT_NO_FATAL_FAILURE(expectNoGarbage(files)) << "cycle " << cycle;
+      ros::param::set(kMatcher + "/reference_image", "");
     }
   }
   // After all that it still does its work.
-  Recorder<MatchStatistics> statistics(kMatcher + "statistics");
+  ros::param::del(kMatcher);
+  Recorder<MatchStatistics> statistics(kMatcher + "/statistics");
   ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
   EXPECT_TRUE(test::waitUntil([&] {
     const auto& messages = statistics.messages();
     return !messages.empty() && messages.back()->status == MatchStatistics::STATUS_OK;
   }));
   loader.clear();
-  unlink(large_image.c_str());
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 # The nodelet on a robot. The C++ tests load it into their own process.
-foreach(name robot_loading robot_overload robot_reconfigure robot_stream robot_teardown)
+foreach(name robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
+    robot_views_teardown)
   add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.cpp)
   target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
   target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}

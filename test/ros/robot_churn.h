@@ -1,0 +1,84 @@
+#pragma once
+
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <functional>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "robot_testing.h"
+
+/// What the tests share that unload a nodelet in the middle of everything.
+namespace ktgp_orb::test {
+
+/// Runs a function again and again in a thread of its own.
+class Churn {
+ public:
+  explicit Churn(std::function<void(int)> act)
+      : thread_([this, act = std::move(act)] {
+          for (int i = 0; running_; ++i) act(i);
+        }) {}
+  ~Churn() {
+    running_ = false;
+    thread_.join();
+  }
+
+ private:
+  std::atomic<bool> running_{true};
+  std::thread thread_;
+};
+
+/// A message to dynamic_reconfigure.
+class Change {
+ public:
+  Change& set(const std::string& name, double value) { return add(config_.doubles, name, value); }
+  Change& set(const std::string& name, int value) { return add(config_.ints, name, value); }
+  Change& set(const std::string& name, bool value) { return add(config_.bools, name, value); }
+  Change& set(const std::string& name, const std::string& value) {
+    return add(config_.strs, name, value);
+  }
+  /// False where the nodelet has just gone.
+  bool send(const std::string& nodelet) const {
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config = config_;
+    return ros::service::call(nodelet + "/set_parameters", call);
+  }
+
+ private:
+  template <typename Parameters, typename Value>
+  Change& add(Parameters& parameters, const std::string& name, const Value& value) {
+    parameters.emplace_back();
+    parameters.back().name = name;
+    parameters.back().value = value;
+    return *this;
+  }
+
+  dynamic_reconfigure::Config config_;
+};
+
+/// A picture in a file of its own, which goes with it.
+class PictureFile {
+ public:
+  PictureFile(const std::string& name, const cv::Mat& pixels)
+      : path_("/tmp/ktgp_orb_" + name + "_" + std::to_string(getpid()) + ".png") {
+    cv::imwrite(path_, pixels, {cv::IMWRITE_PNG_COMPRESSION, 1});
+  }
+  ~PictureFile() { unlink(path_.c_str()); }
+  PictureFile(const PictureFile&) = delete;
+  PictureFile& operator=(const PictureFile&) = delete;
+
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+inline void sleepMilliseconds(int milliseconds) {
+  std::this_thread::sleep_for(std::chrono::milliseconds(milliseconds));
+}
+
+}  // namespace ktgp_orb::test
