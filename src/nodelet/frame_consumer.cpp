@@ -3,10 +3,10 @@
 #include <image_transport/camera_common.h>
 
 #include <algorithm>
-#include <stdexcept>
 #include <utility>
 
 #include "messages/image_conversion.h"
+#include "nodelet/image_input.h"
 
 namespace ktgp_orb {
 namespace {
@@ -20,13 +20,9 @@ constexpr std::chrono::seconds kRepeatRefusal{5};
 
 FrameConsumer::~FrameConsumer() = default;
 
-// First of all the callbacks end: a disabled queue takes no more of them, and stopping its spinner
-// waits for the one that runs. What they use goes only then.
+// First of all the callbacks end.
 void FrameConsumer::stop() {
-  for (Queue* queue : {&queue_, &data_queue_}) {
-    queue->callbacks.disable();
-    queue->spinner.stop();
-  }
+  for (CallbackThread* queue : {&queue_, &data_queue_}) queue->stop();
   inbox_.close();
   if (worker_.joinable()) worker_.join();
   timer_.stop();
@@ -62,6 +58,7 @@ void FrameConsumer::start() {
   requireTransport(node_, transport_hints_->getTransport());
   monitor_.setTopics(image_topic_, homography_topic_);
   transport_ = std::make_unique<image_transport::ImageTransport>(data_node_);
+  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
   configure();
   worker_ = std::thread(&FrameConsumer::run, this);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
@@ -70,21 +67,29 @@ void FrameConsumer::start() {
   {
     // Locked until all are there, so that an early subscriber does not find half of them.
     const Lock lock(connect_mutex_);
-    advertise([this] { connectionsChanged(); });
+    advertise();
     advertised_ = true;
   }
   timer_ =
       node_.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { tick(); });
-  for (Queue* queue : {&queue_, &data_queue_}) queue->spinner.start();
+  for (CallbackThread* queue : {&queue_, &data_queue_}) queue->start();
   connectionsChanged();
   NODELET_INFO("takes images on %s (transport %s) and homographies on %s", image_topic_.c_str(),
                transport_hints_->getTransport().c_str(), homography_topic_.c_str());
 }
 
-ros::NodeHandle FrameConsumer::privateNode(Queue& queue) const {
+ros::NodeHandle FrameConsumer::privateNode(CallbackThread& queue) const {
   ros::NodeHandle node = getPrivateNodeHandle();
   node.setCallbackQueue(&queue.callbacks);
   return node;
+}
+
+image_transport::Publisher FrameConsumer::advertiseImage(const std::string& topic,
+                                                         std::uint32_t queue_size) {
+  const auto changed = [this](const image_transport::SingleSubscriberPublisher&) {
+    connectionsChanged();
+  };
+  return private_transport_->advertise(topic, queue_size, changed, changed);
 }
 
 void FrameConsumer::connectionsChanged() {
@@ -179,16 +184,6 @@ ros::Time timeOf(std::int64_t nanoseconds) {
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
   if (message.status != HomographyStamped::STATUS_OK) return std::nullopt;
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
-}
-
-void requireTransport(const ros::NodeHandle& node, const std::string& transport) {
-  const auto names = image_transport::ImageTransport(node).getLoadableTransports();
-  if (std::find(names.begin(), names.end(), "image_transport/" + transport) != names.end()) return;
-  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
-                              transport +
-                              "_image_transport brings it (on ROS Noetic: apt install "
-                              "ros-noetic-" +
-                              transport + "-image-transport)");
 }
 
 }  // namespace ktgp_orb

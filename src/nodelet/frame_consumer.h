@@ -1,10 +1,10 @@
 #pragma once
 
 #include <diagnostic_updater/diagnostic_updater.h>
+#include <dynamic_reconfigure/server.h>
 #include <image_transport/image_transport.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <nodelet/nodelet.h>
-#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 
@@ -18,8 +18,10 @@
 #include <string>
 #include <thread>
 
+#include "nodelet/callback_thread.h"
 #include "nodelet/consumer_monitor.h"
 #include "nodelet/frame_inbox.h"
+#include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 
@@ -34,16 +36,10 @@ class FrameConsumer : public nodelet::Nodelet {
   ~FrameConsumer() override;
 
  protected:
-  /// A callback queue with its thread.
-  struct Queue {
-    ros::CallbackQueue callbacks;
-    ros::AsyncSpinner spinner{1, &callbacks};
-  };
-
   /// Reads the parameters, and makes what the worker needs. Throws where they cannot be used.
   virtual void configure() = 0;
-  /// Advertises all outputs; `changed` is for their connections.
-  virtual void advertise(const std::function<void()>& changed) = 0;
+  /// Advertises all outputs.
+  virtual void advertise() = 0;
   /// Whether anybody wants an output.
   virtual bool isWanted() const = 0;
   /// Ends publishers, services and the parameter server; callbacks have ended.
@@ -60,16 +56,33 @@ class FrameConsumer : public nodelet::Nodelet {
   void stop();
   /// Subscribes or unsubscribes as is wanted now.
   void connectionsChanged();
-  ros::NodeHandle privateNode(Queue& queue) const;
+  ros::NodeHandle privateNode(CallbackThread& queue) const;
+  /// An output below the private name, whose connections decide what is subscribed.
+  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size);
+  template <typename Message>
+  ros::Publisher advertiseData(const std::string& topic, std::uint32_t queue_size) {
+    const auto changed = [this](const ros::SingleSubscriberPublisher&) { connectionsChanged(); };
+    return private_node_.advertise<Message>(topic, queue_size, changed, changed);
+  }
+  /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
+  /// the start are out of their range.
+  template <typename Config>
+  std::unique_ptr<dynamic_reconfigure::Server<Config>> serveParameters(
+      const std::function<void(const Config&)>& changed) {
+    requireAllInRange<Config>(private_node_);
+    auto server =
+        std::make_unique<dynamic_reconfigure::Server<Config>>(reconfigure_mutex_, private_node_);
+    server->setCallback([changed](Config& config, std::uint32_t /*level*/) { changed(config); });
+    return server;
+  }
   /// Drawing of the next turn without waiting for a message.
   void wake() { inbox_.wake(); }
   /// Names it in diagnostics and, not too often, in the log.
   void refuse(const std::string& reason);
 
-  Queue queue_;       // connections, parameters, the watch
-  Queue data_queue_;  // images, homographies
+  CallbackThread queue_;       // connections, parameters, the watch
+  CallbackThread data_queue_;  // images, homographies
   ConsumerMonitor monitor_;
-  boost::recursive_mutex reconfigure_mutex_;
 
  private:
   void onInit() override;
@@ -79,10 +92,12 @@ class FrameConsumer : public nodelet::Nodelet {
   void tick();
   void run();
 
+  boost::recursive_mutex reconfigure_mutex_;
   ros::NodeHandle node_;
   ros::NodeHandle data_node_;
   ros::NodeHandle private_node_;
-  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<image_transport::ImageTransport> transport_;          // of the input
+  std::unique_ptr<image_transport::ImageTransport> private_transport_;  // of the outputs
   std::unique_ptr<image_transport::TransportHints> transport_hints_;
   std::string image_topic_;
   std::string homography_topic_;
@@ -112,8 +127,5 @@ std::int64_t stampOf(const ros::Time& time);
 ros::Time timeOf(std::int64_t nanoseconds);
 /// The homography of the message; nothing where none was found.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
-
-/// Throws std::invalid_argument, saying what would help, for an image transport that is not there.
-void requireTransport(const ros::NodeHandle& node, const std::string& transport);
 
 }  // namespace ktgp_orb

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "messages/image_conversion.h"
+#include "nodelet/image_input.h"
 #include "nodelet/parameters.h"
 
 namespace ktgp_orb {
@@ -45,13 +46,11 @@ MatcherNodelet::~MatcherNodelet() {
   stop();
 }
 
-// First of all the callbacks end: a disabled queue takes no more of them, and stopping its spinner
-// waits for the one that runs. What they use goes only then; a dynamic_reconfigure server that is
-// destroyed in the middle of a callback takes the manager down.
+// First of all the callbacks end: a dynamic_reconfigure server that is destroyed in the middle of
+// one takes the manager down.
 void MatcherNodelet::stop() {
-  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
-    queue->callbacks.disable();
-    queue->spinner.stop();
+  for (CallbackThread* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
+    queue->stop();
   }
   newest_.close();
   if (worker_.joinable()) worker_.join();
@@ -98,7 +97,7 @@ void MatcherNodelet::start() {
   queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 1)));
   image_topic_ = node_.resolveName("image");
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
-  requireTransport();
+  requireTransport(node_, transport_hints_->getTransport());
   requireParametersInRange(private_node_);
   for (const std::string& name : unknownParameters(private_node_)) {
     NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
@@ -118,8 +117,8 @@ void MatcherNodelet::start() {
   advertiseServices();
   subscribeSideInputs();
   startTimers();
-  for (Queue* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
-    queue->spinner.start();
+  for (CallbackThread* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
+    queue->start();
   }
   NODELET_INFO("matches images on %s (transport %s) while %s/* has subscribers",
                image_topic_.c_str(), transport_hints_->getTransport().c_str(),
@@ -134,18 +133,6 @@ void MatcherNodelet::startTimers() {
                                            [this](const ros::WallTimerEvent&) { watchInput(); });
   report_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
                                             [this](const ros::WallTimerEvent&) { report(); });
-}
-
-void MatcherNodelet::requireTransport() const {
-  const auto names = image_transport::ImageTransport(node_).getLoadableTransports();
-  const std::string& transport = transport_hints_->getTransport();
-  const std::string wanted = "image_transport/" + transport;
-  if (std::find(names.begin(), names.end(), wanted) != names.end()) return;
-  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
-                              transport +
-                              "_image_transport brings it (on ROS Noetic: apt install "
-                              "ros-noetic-" +
-                              transport + "-image-transport)");
 }
 
 void MatcherNodelet::advertise() {

@@ -5,7 +5,6 @@
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchPair.h>
 #include <nodelet/nodelet.h>
-#include <ros/callback_queue.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
@@ -22,6 +21,7 @@
 
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
+#include "nodelet/callback_thread.h"
 #include "nodelet/input_watch.h"
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
@@ -35,11 +35,9 @@ namespace ktgp_orb {
 /// Threads: callbacks only store (the newest image, a configuration, a request); one worker thread
 /// takes the newest image, applies what was stored before it, matches and publishes.
 ///
-/// The callbacks run in queues and threads of its own, not in the manager's. A manager's thread
-/// that is in a callback keeps the nodelet alive: then it is that thread that destroys it, after
-/// the unloading has returned and with the nodelet's other callback queue already gone. What may
-/// take long (a reference image is read from a file, the master does not answer) has queues of its
-/// own, so that neither images nor services wait for it.
+/// The callbacks run in queues and threads of its own, not in the manager's. What may take long (a
+/// reference image is read from a file, the master does not answer) has queues of its own, so that
+/// neither images nor services wait for it.
 ///
 /// The member functions are in three files: matcher_inputs.cpp has what comes in on topics,
 /// matcher_services.cpp the services, matcher_nodelet.cpp the rest.
@@ -52,7 +50,6 @@ class MatcherNodelet : public nodelet::Nodelet {
   void onInit() override;
   void start();
   void stop();
-  void requireTransport() const;
   void advertise();
   void startReconfigure();
   void startTimers();
@@ -113,17 +110,11 @@ class MatcherNodelet : public nodelet::Nodelet {
   bool resumeRequested(Trigger::Request& request, Trigger::Response& response);
   std::string whyNoReferenceCanBeSet();
 
-  /// A callback queue with its thread.
-  struct Queue {
-    ros::CallbackQueue callbacks;
-    ros::AsyncSpinner spinner{1, &callbacks};
-  };
-
   // ROS side
-  Queue queue_;          // connections, parameters, ~mask, ~reference, camera_info
-  Queue image_queue_;    // images
-  Queue service_queue_;  // services that only store a request: never waits
-  Queue slow_queue_;     // ~match_pair, diagnostics and the watch, which ask the master
+  CallbackThread queue_;          // connections, parameters, ~mask, ~reference, camera_info
+  CallbackThread image_queue_;    // images
+  CallbackThread service_queue_;  // services that only store a request: never waits
+  CallbackThread slow_queue_;     // ~match_pair, diagnostics and the watch, which ask the master
   ros::NodeHandle node_;
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;

@@ -1,4 +1,3 @@
-#include <dynamic_reconfigure/server.h>
 #include <ktgp_orb/MosaicConfig.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <std_srvs/Trigger.h>
@@ -15,7 +14,6 @@
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
 #include "nodelet/frame_consumer.h"
-#include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 namespace {
@@ -59,15 +57,14 @@ void writePicture(const std::string& file, const cv::Mat& picture) {
 class MosaicNodelet : public FrameConsumer {
  public:
   ~MosaicNodelet() override {
-    service_queue_.callbacks.disable();
-    service_queue_.spinner.stop();
+    service_queue_.stop();
     stop();
     shutdown();
   }
 
  private:
   void configure() override;
-  void advertise(const std::function<void()>& changed) override;
+  void advertise() override;
   bool isWanted() const override {
     return !lazy_ || mosaic_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0;
   }
@@ -81,13 +78,11 @@ class MosaicNodelet : public FrameConsumer {
   bool save(SaveMosaic::Request& request, SaveMosaic::Response& response);
   bool reset(Trigger::Request& request, Trigger::Response& response);
 
-  Queue service_queue_;  // saving takes a while
-  std::unique_ptr<image_transport::ImageTransport> transport_;
+  CallbackThread service_queue_;  // saving takes a while
   image_transport::Publisher mosaic_pub_;
   ros::Publisher homography_pub_;
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<dynamic_reconfigure::Server<MosaicConfig>> server_;
-  bool configured_ = false;
   std::atomic<bool> lazy_{true};
   std::atomic<bool> reset_{false};
 
@@ -107,33 +102,24 @@ class MosaicNodelet : public FrameConsumer {
 };
 
 void MosaicNodelet::configure() {
-  requireAllInRange<MosaicConfig>(getPrivateNodeHandle());
-  server_ = std::make_unique<dynamic_reconfigure::Server<MosaicConfig>>(reconfigure_mutex_,
-                                                                        privateNode(queue_));
-  server_->setCallback([this](MosaicConfig& config, std::uint32_t /*level*/) {
+  server_ = serveParameters<MosaicConfig>([this](const MosaicConfig& config) {
     {
       const Lock lock(config_mutex_);
       config_ = config;
       config_changed_ = true;
     }
     lazy_ = config.lazy;
-    if (std::exchange(configured_, true)) connectionsChanged();
+    connectionsChanged();
   });
 }
 
-void MosaicNodelet::advertise(const std::function<void()>& changed) {
-  ros::NodeHandle node = privateNode(queue_);
-  transport_ = std::make_unique<image_transport::ImageTransport>(node);
-  const auto image_changed = [changed](const image_transport::SingleSubscriberPublisher&) {
-    changed();
-  };
-  const auto pose_changed = [changed](const ros::SingleSubscriberPublisher&) { changed(); };
-  mosaic_pub_ = transport_->advertise("mosaic", 1, image_changed, image_changed);
-  homography_pub_ = node.advertise<HomographyStamped>("homography", 10, pose_changed, pose_changed);
+void MosaicNodelet::advertise() {
+  mosaic_pub_ = advertiseImage("mosaic", 1);
+  homography_pub_ = advertiseData<HomographyStamped>("homography", 10);
   ros::NodeHandle service_node = privateNode(service_queue_);
   services_.push_back(service_node.advertiseService("save", &MosaicNodelet::save, this));
   services_.push_back(service_node.advertiseService("reset", &MosaicNodelet::reset, this));
-  service_queue_.spinner.start();
+  service_queue_.start();
 }
 
 void MosaicNodelet::shutdown() {

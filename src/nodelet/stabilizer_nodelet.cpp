@@ -1,4 +1,3 @@
-#include <dynamic_reconfigure/server.h>
 #include <ktgp_orb/StabilizerConfig.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -14,7 +13,6 @@
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "nodelet/frame_consumer.h"
-#include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 namespace {
@@ -62,7 +60,7 @@ class StabilizerNodelet : public FrameConsumer {
 
  private:
   void configure() override;
-  void advertise(const std::function<void()>& changed) override;
+  void advertise() override;
   bool isWanted() const override {
     return image_pub_.getNumSubscribers() > 0 || info_pub_.getNumSubscribers() > 0;
   }
@@ -74,7 +72,6 @@ class StabilizerNodelet : public FrameConsumer {
   void publishDue();
   void publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image);
 
-  std::unique_ptr<image_transport::ImageTransport> transport_;
   image_transport::Publisher image_pub_;
   ros::Publisher info_pub_;
   std::unique_ptr<dynamic_reconfigure::Server<StabilizerConfig>> server_;
@@ -94,24 +91,15 @@ class StabilizerNodelet : public FrameConsumer {
 };
 
 void StabilizerNodelet::configure() {
-  requireAllInRange<StabilizerConfig>(getPrivateNodeHandle());
-  server_ = std::make_unique<dynamic_reconfigure::Server<StabilizerConfig>>(reconfigure_mutex_,
-                                                                            privateNode(queue_));
-  server_->setCallback([this](StabilizerConfig& config, std::uint32_t /*level*/) {
+  server_ = serveParameters<StabilizerConfig>([this](const StabilizerConfig& config) {
     const Lock lock(mutex_);
     options_ = optionsFrom(config);
   });
 }
 
-void StabilizerNodelet::advertise(const std::function<void()>& changed) {
-  ros::NodeHandle node = privateNode(queue_);
-  transport_ = std::make_unique<image_transport::ImageTransport>(node);
-  const auto image_changed = [changed](const image_transport::SingleSubscriberPublisher&) {
-    changed();
-  };
-  const auto info_changed = [changed](const ros::SingleSubscriberPublisher&) { changed(); };
-  image_pub_ = transport_->advertise("image", 2, image_changed, image_changed);
-  info_pub_ = node.advertise<sensor_msgs::CameraInfo>("camera_info", 2, info_changed, info_changed);
+void StabilizerNodelet::advertise() {
+  image_pub_ = advertiseImage("image", 2);
+  info_pub_ = advertiseData<sensor_msgs::CameraInfo>("camera_info", 2);
 }
 
 void StabilizerNodelet::shutdown() {

@@ -70,6 +70,19 @@ def warm_up(camera, recorder):
     wait_until(answered, recorder.topic + ' has a message')
 
 
+def wait_for_matcher(camera, *recorders):
+    """Waits until the matcher is connected to its camera and to those who want its results."""
+    camera.wait_for_subscriber()
+    for recorder in recorders:
+        wait_until(lambda recorder=recorder: recorder.publishers() == 1,
+                   recorder.topic + ' is connected')
+
+
+def translation(message):
+    """Of a message with a homography, px."""
+    return message.homography[2], message.homography[5]
+
+
 class Recorder:
     """Keeps every message of a topic."""
 

@@ -19,7 +19,8 @@ from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, texture, view, wait_until
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, translation, view,
+                          wait_for_matcher, wait_until)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -30,10 +31,6 @@ OK = MatchStatistics.STATUS_OK
 WIDTH, HEIGHT = 640, 480
 STEP = 8  # px that the camera moves right from frame to frame
 TEXT = texture(seed=2)[:HEIGHT, :400]  # burned into the left of every image
-
-
-def translation(message):
-    return message.homography[2], message.homography[5]
 
 
 class InputsTest(unittest.TestCase):
@@ -49,9 +46,7 @@ class InputsTest(unittest.TestCase):
         cls.mask = rospy.Publisher('/camera/matcher/mask', Image, queue_size=1, latch=True)
         cls.reference = rospy.Publisher('/camera/matcher/reference', Image, queue_size=1)
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5)
-        cls.camera.wait_for_subscriber()
-        for recorder in (cls.statistics, cls.homographies, cls.correspondences):
-            wait_until(lambda recorder=recorder: recorder.publishers() == 1, 'it is connected')
+        wait_for_matcher(cls.camera, cls.statistics, cls.homographies, cls.correspondences)
         for publisher in (cls.mask, cls.reference):
             wait_until(lambda publisher=publisher: publisher.get_num_connections() == 1,
                        'the matcher listens to ' + publisher.name)

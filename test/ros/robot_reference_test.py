@@ -13,7 +13,8 @@ import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation, view,
+                          wait_for_matcher)
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
@@ -22,10 +23,6 @@ OK = MatchStatistics.STATUS_OK
 NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
-
-
-def translation(message):
-    return message.homography[2], message.homography[5]
 
 
 class ReferenceTest(unittest.TestCase):
@@ -37,9 +34,8 @@ class ReferenceTest(unittest.TestCase):
         cls.accumulated = Recorder('/camera/matcher/accumulated_homography', HomographyStamped)
         cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
         cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
-        for recorder in (cls.statistics, cls.homographies, cls.accumulated, cls.correspondences):
-            wait_until(lambda recorder=recorder: recorder.publishers() == 1, 'it is connected')
+        wait_for_matcher(cls.camera, cls.statistics, cls.homographies, cls.accumulated,
+                         cls.correspondences)
 
     def setUp(self):
         self.client.update_configuration(DEFAULTS)

@@ -7,7 +7,8 @@ import unittest
 import rospy
 import rostest
 from ktgp_orb.msg import HomographyStamped, MatchStatistics
-from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait_until
+from ktgp_testing import (Camera, Recorder, check_each, image_message, view, wait_for_matcher,
+                          wait_until)
 from std_srvs.srv import Trigger
 
 OK = MatchStatistics.STATUS_OK
@@ -33,9 +34,7 @@ class TimeTest(unittest.TestCase):
         camera = Camera()
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        camera.wait_for_subscriber()
-        wait_until(lambda: homographies.publishers() == 1, 'the homographies are connected')
-        wait_until(lambda: statistics.publishers() == 1, 'the statistics are connected')
+        wait_for_matcher(camera, homographies, statistics)
         reset = rospy.ServiceProxy('/camera/matcher/reset', Trigger)
 
         def check(name):

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <ros/node_handle.h>
+
+#include <string>
+
+namespace ktgp_orb {
+
+/// Throws std::invalid_argument, saying what would help, for an image transport that is not there.
+void requireTransport(const ros::NodeHandle& node, const std::string& transport);
+
+}  // namespace ktgp_orb
