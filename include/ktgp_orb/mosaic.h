@@ -24,6 +24,9 @@ struct MosaicOptions {
   double keyframe_overlap = 0.6;
   /// Share of the width that the view must move before a frame is drawn, 0..1.
   double min_motion = 0.03;
+  /// Whether a frame is brought to the brightness of what it overlaps of the map, by one factor: a
+  /// camera whose exposure changes, or a cloud, leaves no steps then.
+  bool gain = true;
   /// s: a frame that nothing leads to is looked for in the map for as long, then a new map begins.
   double patience = 1.0;
   OrbOptions orb;

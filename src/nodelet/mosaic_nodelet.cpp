@@ -30,6 +30,7 @@ MosaicOptions optionsFrom(const MosaicConfig& config) {
   options.keyframes = config.keyframes;
   options.keyframe_overlap = config.keyframe_overlap;
   options.min_motion = config.min_motion;
+  options.gain = config.gain;
   options.patience = config.patience;
   options.orb.max_features = config.features;
   return options;

@@ -66,6 +66,8 @@ class Flight {
   }
   Placement goLost(const Eigen::Matrix3d& view) { return goBy(view, std::nullopt); }
   void flyOver(const cv::Mat& picture) { world_ = picture; }
+  /// Of the frames to come, times what is there.
+  void setExposure(double exposure) { exposure_ = exposure; }
 
   /// Root mean square distance in the map of where the corners are from where they should be, px.
   double error() const {
@@ -84,7 +86,7 @@ class Flight {
  private:
   Placement goBy(const Eigen::Matrix3d& view, const std::optional<Eigen::Matrix3d>& h) {
     mosaic.follow(stamp_, stamp_ - kPeriod, h);
-    const Placement placement = mosaic.place(stamp_, see(world_, view));
+    const Placement placement = mosaic.place(stamp_, see(world_, view) * exposure_);
     if (placement == Placement::new_map) first_ = view;
     view_ = view;
     stamp_ += kPeriod;
@@ -92,6 +94,7 @@ class Flight {
   }
 
   cv::Mat world_;
+  double exposure_ = 1.0;
   std::int64_t stamp_ = kPeriod;
   std::optional<Eigen::Matrix3d> view_;
   Eigen::Matrix3d first_ = Eigen::Matrix3d::Identity();
@@ -131,7 +134,9 @@ TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
 TEST(Mosaic, BlendsSoThatNoSeamShows) {
   const cv::Mat dark(1200, 1600, CV_8UC3, cv::Scalar::all(80));
   const cv::Mat light(1200, 1600, CV_8UC3, cv::Scalar::all(160));
-  Flight flight(byPath(), dark);
+  MosaicOptions options = byPath();
+  options.gain = false;
+  Flight flight(options, dark);
   flight.go(viewAt(400, 300));
   flight.flyOver(light);
   EXPECT_EQ(flight.go(viewAt(520, 300)), Placement::drawn);
@@ -145,6 +150,33 @@ TEST(Mosaic, BlendsSoThatNoSeamShows) {
   EXPECT_EQ(map.at<cv::Vec4b>(row, 60)[1], 80);
   EXPECT_EQ(map.at<cv::Vec4b>(row, 420)[1], 160);
   EXPECT_LE(steepest, 10) << "of a step of 80";
+}
+
+/// Mean difference from the world, grey values, after a flight on which frames grow darker and
+/// darker, and bright again on the way back.
+double errorOfARamp(const MosaicOptions& options) {
+  const cv::Mat picture = world(1);
+  Flight flight(options, picture);
+  for (int i = 0; i <= 60; ++i) {
+    const int step = i <= 40 ? i : 80 - i;
+    flight.setExposure(1.0 - 0.012 * step);
+    flight.go(viewAt(400 + 15 * step, 300 + 5 * i));
+  }
+  cv::Mat alpha;
+  cv::Mat colour;
+  cv::extractChannel(flight.mosaic.image(), alpha, 3);
+  cv::cvtColor(flight.mosaic.image(), colour, cv::COLOR_BGRA2BGR);
+  cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
+  const cv::Mat truth = picture(flight.mosaic.area() + cv::Point(400, 300));
+  const cv::Scalar difference = cv::mean(colour, alpha) - cv::mean(truth, alpha);
+  return difference[1];
+}
+
+TEST(Mosaic, KeepsItsBrightnessWhenTheExposureChanges) {
+  MosaicOptions options = byPath();
+  EXPECT_NEAR(errorOfARamp(options), 0.0, 2.0) << "of about 120";
+  options.gain = false;
+  EXPECT_LT(errorOfARamp(options), -20.0) << "else the test shows nothing";
 }
 
 TEST(Mosaic, KeyframesFightTheDrift) {

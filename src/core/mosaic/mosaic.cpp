@@ -112,6 +112,7 @@ struct Mosaic::Impl {
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
+  cv::Mat exposed;  // colour as bright as the map
 
   struct Placed {
     std::int64_t stamp = 0;
@@ -141,7 +142,11 @@ struct Mosaic::Impl {
 
   void draw() {
     drawn = *pose;
-    is_full = !tiles.draw(colour, normalised(pose->inverse())) || is_full;
+    const Eigen::Matrix3d to_map = normalised(pose->inverse());
+    if (options.gain) {
+      colour.convertTo(exposed, CV_8UC3, tiles.gain(colour, to_map));
+    }
+    is_full = !tiles.draw(options.gain ? exposed : colour, to_map) || is_full;
   }
 
   Features find() {

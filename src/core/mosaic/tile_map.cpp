@@ -14,6 +14,13 @@ namespace {
 // What is there counts as this many frames at most: newer ones soon show, noise averages out.
 constexpr int kMaxWeight = 3 * 255;
 
+// Pixels that the gain is measured at; those at the ends of the range may be cut off.
+constexpr int kGainStep = 8;  // px
+constexpr int kLeastGainSamples = 100;
+constexpr int kDark = 8;
+constexpr int kBright = 247;
+constexpr double kLargestGain = 4.0;
+
 int tileOf(double coordinate) {
   return static_cast<int>(std::floor(coordinate / TileMap::kTileSize));
 }
@@ -28,6 +35,15 @@ cv::Rect boundsOf(const cv::Size& size, const Eigen::Matrix3d& to_map) {
   const Eigen::Vector2d high = box.max().array().ceil() + 1.0;
   return {cv::Point(static_cast<int>(low.x()), static_cast<int>(low.y())),
           cv::Point(static_cast<int>(high.x()), static_cast<int>(high.y()))};
+}
+
+bool isExposed(const cv::Vec3b& pixel) {
+  return std::all_of(pixel.val, pixel.val + 3,
+                     [](int value) { return value >= kDark && value <= kBright; });
+}
+
+int sumOf(const cv::Vec3b& pixel) {
+  return pixel[0] + pixel[1] + pixel[2];
 }
 
 void blendRow(const std::uint8_t* colour, const std::uint8_t* weight, int count,
@@ -58,6 +74,34 @@ void TileMap::setFeather(const cv::Size& size) {
       feather_.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>(std::max(1.0, 255.0 * share));
     }
   }
+}
+
+const cv::Vec3b* TileMap::at(const Eigen::Vector2d& p) const {
+  const Place place(tileOf(p.x()), tileOf(p.y()));
+  const auto found = tiles_.find(place);
+  if (found == tiles_.end()) return nullptr;
+  const int x = static_cast<int>(std::floor(p.x())) - place.first * kTileSize;
+  const int y = static_cast<int>(std::floor(p.y())) - place.second * kTileSize;
+  if (found->second.weight.at<std::uint16_t>(y, x) == 0) return nullptr;
+  return found->second.colour.ptr<cv::Vec3b>(y, x);
+}
+
+double TileMap::gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const {
+  double of_map = 0.0;
+  double of_frame = 0.0;
+  int samples = 0;
+  for (int y = kGainStep / 2; y < frame.rows; y += kGainStep) {
+    for (int x = kGainStep / 2; x < frame.cols; x += kGainStep) {
+      const auto& pixel = frame.at<cv::Vec3b>(y, x);
+      const cv::Vec3b* drawn = at((to_map * Eigen::Vector3d(x, y, 1.0)).hnormalized());
+      if (drawn == nullptr || !isExposed(pixel) || !isExposed(*drawn)) continue;
+      of_map += sumOf(*drawn);
+      of_frame += sumOf(pixel);
+      ++samples;
+    }
+  }
+  if (samples < kLeastGainSamples) return 1.0;
+  return std::clamp(of_map / of_frame, 1.0 / kLargestGain, kLargestGain);
 }
 
 bool TileMap::draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map) {

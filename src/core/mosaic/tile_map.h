@@ -24,6 +24,10 @@ class TileMap {
   /// all of it had room.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
+  /// By how much a frame is darker than what it overlaps of the map: the factor that makes both
+  /// equally bright. 1 where they overlap too little to tell.
+  double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
+
   /// Bounds of what was drawn, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
@@ -38,6 +42,8 @@ class TileMap {
   };
   using Place = std::pair<int, int>;  // column, row
 
+  /// The pixel of the map at `p`; null where nothing was drawn.
+  const cv::Vec3b* at(const Eigen::Vector2d& p) const;
   bool drawTile(const Place& place, const cv::Mat& frame, const Eigen::Matrix3d& to_map);
   void setFeather(const cv::Size& size);
 
