@@ -9,6 +9,15 @@ namespace {
 
 constexpr int kSecondsBeforeWarning = 5;
 constexpr int kSecondsBetweenWarnings = 30;
+const char* const kImage = "sensor_msgs/Image";
+const char* const kCompressed = "sensor_msgs/CompressedImage";
+
+/// Type of a topic that somebody publishes; empty: nobody does.
+std::string typeOf(const ros::master::V_TopicInfo& topics, const std::string& name) {
+  const auto found = std::find_if(topics.begin(), topics.end(),
+                                  [&name](const auto& topic) { return topic.name == name; });
+  return found == topics.end() ? "" : found->datatype;
+}
 
 }  // namespace
 
@@ -16,21 +25,35 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   silent_seconds_ = arrived == arrived_before_ ? silent_seconds_ + 1 : 0;
   arrived_before_ = arrived;
   if (!subscribed) {
-    return silent_seconds_ == kSecondsBeforeWarning ? warningWithoutSubscription() : "";
+    // For want of subscribers, but a wrong topic name should show all the same.
+    return silent_seconds_ == kSecondsBeforeWarning ? trouble() : "";
   }
   if (silent_seconds_ % kSecondsBetweenWarnings != kSecondsBeforeWarning) return "";
+  const std::string reason = trouble();
   return "no image on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
-         std::to_string(publishers) + " publishers, transport " + transport_ + ")";
+         std::to_string(publishers) + " publishers, transport " + transport_ + ")" +
+         (reason.empty() ? "" : ": " + reason);
 }
 
-// Not subscribed for want of subscribers, but a wrong topic name should show all the same.
-std::string InputWatch::warningWithoutSubscription() const {
+std::string InputWatch::trouble() const {
   ros::master::V_TopicInfo topics;
   if (!ros::master::getTopics(topics)) return "";
-  const bool published = std::any_of(topics.begin(), topics.end(), [&](const auto& topic) {
-    return topic.name == topic_ || topic.name == topic_ + "/" + transport_;
-  });
-  return published ? "" : "nobody publishes " + topic_ + ": is the topic name right?";
+  const std::string wanted = transport_ == "raw" ? topic_ : topic_ + "/" + transport_;
+  const std::string type = typeOf(topics, wanted);
+  if (!type.empty()) {
+    if (transport_ != "raw" || type == kImage) return "";
+    const std::string problem = wanted + " is of type " + type + "; expected " + kImage;
+    if (type != kCompressed) return problem;
+    return problem + ", or the topic without its last part and that as image_transport";
+  }
+  const std::string problem = "nobody publishes " + wanted + ": is the topic name right?";
+  for (const std::string other : {"raw", "compressed"}) {
+    const std::string name = other == "raw" ? topic_ : topic_ + "/" + other;
+    if (name != wanted && !typeOf(topics, name).empty()) {
+      return problem + " There is " + name + ", for image_transport " + other;
+    }
+  }
+  return problem;
 }
 
 }  // namespace ktgp_orb

@@ -19,7 +19,8 @@ class InputWatch {
   void restart() { silent_seconds_ = 0; }
 
  private:
-  std::string warningWithoutSubscription() const;
+  /// What the master knows that keeps images away; empty: nothing.
+  std::string trouble() const;
 
   std::string topic_;
   std::string transport_;

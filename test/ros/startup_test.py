@@ -12,13 +12,20 @@ import rostest
 from ktgp_orb.msg import MatchStatistics
 from ktgp_testing import Recorder, check_each, wait_until
 from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import CompressedImage
 
 
 def output_of_node(*parameters, until):
-    """Runs a second matcher until it has said all of `until`; what it said. What it says is read
-    from its own output: on /rosout it is lost before the subscription is connected."""
+    """Runs a second matcher until it has said all of `until`; what it said."""
+    return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
+                            namespaces=['/other'])
+
+
+def output_of_launch(*arguments, until, namespaces):
+    """What is said is read from the output itself: on /rosout it is lost before the subscription is
+    connected."""
     process = subprocess.Popen(
-        ['roslaunch', 'ktgp_orb', 'matcher.launch', 'namespace:=other'] + list(parameters),
+        ['roslaunch', 'ktgp_orb'] + list(arguments),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
     lines = []
 
@@ -35,7 +42,8 @@ def output_of_node(*parameters, until):
         process.wait()
         reader.join()
         process.stdout.close()
-        rospy.delete_param('/other')  # else the next one has these parameters too
+        for namespace in namespaces:
+            rospy.delete_param(namespace)  # else the next one has these parameters too
     return ''.join(lines)
 
 
@@ -53,6 +61,21 @@ class StartupTest(unittest.TestCase):
         # Nobody wants its results, so it subscribes to nothing: it asks the master.
         expected = 'nobody publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
+
+    def test_compressed_images_on_the_wrong_topic_are_named_with_the_way_out(self):
+        topics = ('/left/picture', '/right/picture/compressed')
+        publishers = [rospy.Publisher(topic, CompressedImage, queue_size=1) for topic in topics]
+        expected = (
+            '/left/picture is of type sensor_msgs/CompressedImage; expected sensor_msgs/Image, or '
+            'the topic without its last part and that as image_transport',
+            'nobody publishes /right/picture: is the topic name right? There is '
+            '/right/picture/compressed, for image_transport compressed')
+        output = output_of_launch('multi_camera.launch', 'cameras:=left right', 'image:=picture',
+                                  until=expected, namespaces=['/left', '/right'])
+        for text in expected:
+            self.assertIn(text, output)
+        for publisher in publishers:
+            publisher.unregister()
 
     def test_a_threshold_out_of_range_is_refused_with_its_range(self):
         words = {
