@@ -1,5 +1,6 @@
 // What happens to single images on their way through the nodelet.
 
+#include <diagnostic_msgs/DiagnosticArray.h>
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
@@ -185,6 +186,76 @@ TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
     ASSERT_GE(order.size(), 2U);
     EXPECT_EQ(order[order.size() - 2], std::make_pair('s', stamp));
   }
+}
+
+/// A callback queue that does something first of all, in the thread that publishes.
+class Tap : public ros::CallbackQueueInterface {
+ public:
+  explicit Tap(std::function<void()> act) : act_(std::move(act)) {}
+
+  void addCallback(const ros::CallbackInterfacePtr& /*callback*/, std::uint64_t /*id*/) override {
+    act_();
+  }
+  void removeByID(std::uint64_t /*id*/) override {}
+
+  template <typename Message>
+  ros::Subscriber subscribe(const std::string& topic) {
+    auto options = ros::SubscribeOptions::create<Message>(
+        topic, 0, [](const boost::shared_ptr<const Message>&) {}, ros::VoidPtr(), this);
+    return ros::NodeHandle().subscribe(options);
+  }
+
+ private:
+  std::function<void()> act_;
+};
+
+/// A value of the last report that has it.
+std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
+                            const std::string& key) {
+  std::string found;
+  for (const auto& report : reports.messages()) {
+    for (const auto& status : report->status) {
+      for (const auto& value : status.values) {
+        if (value.key == key) found = value.value;
+      }
+    }
+  }
+  return found;
+}
+
+// While the data of a frame go out, the next one comes: the matcher is always behind.
+TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
+  std::mutex mutex;
+  std::string order;  // s: statistics, o: overlay
+  const auto note = [&](char what) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    order += what;
+  };
+  const auto contains = [&](const std::string& wanted) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    return order.find(wanted) != std::string::npos || order.size() > 2000;
+  };
+  std::atomic<bool> behind{true};
+  Tap data([&] {
+    note('s');
+    if (!behind) return;
+    publisher_.publish(sensor_msgs::ImageConstPtr(view()));
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it arrives
+  });
+  Tap pictures([&] { note('o'); });
+  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
+  const ros::Subscriber statistics = data.subscribe<MatchStatistics>(kMatcher + "statistics");
+  const ros::Subscriber overlay =
+      pictures.subscribe<sensor_msgs::Image>(kMatcher + "matches_image");
+  load();
+  ASSERT_TRUE(waitUntil(
+      [&] { return overlay.getNumPublishers() > 0 && statistics.getNumPublishers() > 0; }));
+  publisher_.publish(sensor_msgs::ImageConstPtr(view()));
+  EXPECT_TRUE(waitUntil([&] { return contains("sss"); }));
+  EXPECT_TRUE(waitUntil([&] { return contains("ssso"); })) << "one a second is drawn all the same";
+  EXPECT_TRUE(waitUntil([&] { return diagnosticValue(reports, "overlays skipped") > "0"; }));
+  behind = false;
+  EXPECT_LE(order.size(), 2000U) << "none is skipped, or none is drawn";
 }
 
 TEST_F(Stream, OpencvKeepsTheThreadsOfTheOtherNodelets) {
