@@ -105,8 +105,14 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
   if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
-void writeBag(const std::string& path, int frames, std::uint64_t seed, double shake) {
-  const cv::Mat map = drawMap(seed);
+/// What lies below the camera halfway, as a picture: a flat target to look for.
+void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake) {
+  const int halfway = frames / 2;
+  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, shake)));
+}
+
+void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
+              double shake) {
   tools::OutputFile file(path);
   // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
   // is left to the end of the process.
@@ -140,13 +146,22 @@ int run(int argc, char** argv) {
   app.add_option("--shake", shake, "how far the camera trembles, root mean square [px]")
       ->check(tools::numberIn("[0, 50]"))
       ->capture_default_str();
+  std::string target;
+  app.add_option("--target", target,
+                 "also write what the camera sees halfway (frame number: half of all) as an image, "
+                 "to be a reference_image");
   bool force = false;
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  tools::OutputPlan(force).write(path);
+  tools::OutputPlan plan(force);
+  plan.write(path);
+  plan.write(target);
   tools::stopWhenInterrupted();
-  writeBag(path, static_cast<int>(std::lround(seconds * kFrameRate)), seed, shake);
+  const int frames = static_cast<int>(std::lround(seconds * kFrameRate));
+  const cv::Mat map = drawMap(seed);
+  if (!target.empty()) writeTarget(target, map, frames, shake);
+  writeBag(path, map, frames, seed, shake);
   return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 
