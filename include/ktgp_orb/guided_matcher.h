@@ -19,6 +19,7 @@ struct GuidedOptions {
 
 /// Matches keypoints again where a homography says that they are: among those within a few px the
 /// right one need not be the nearest of the whole frame, only of these. Linear in the keypoints.
+/// How near they are is computed in single precision.
 class GuidedMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -1,11 +1,12 @@
 #include "ktgp_orb/guided_matcher.h"
 
+#include <algorithm>
 #include <cstdint>
-#include <cstring>
+#include <limits>
 
 #include "core/homography/checks.h"
 #include "core/homography/refiner.h"
-#include "core/util/cell_grid.h"
+#include "core/knn/near_table.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
@@ -14,61 +15,22 @@ namespace {
 
 constexpr int kNoDistance = 256;
 
-/// Bits set in each byte of `x`.
-std::uint64_t byteCounts(std::uint64_t x) {
-  x -= x >> 1 & 0x5555555555555555U;
-  x = (x & 0x3333333333333333U) + (x >> 2 & 0x3333333333333333U);
-  return (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0fU;
-}
-
-/// Processors of the baseline have no instruction that counts bits; the four words share the last
-/// steps.
-int hammingDistance(const std::uint8_t* a, const std::uint8_t* b) {
-  std::uint64_t sum = 0;
-  for (int i = 0; i < kDescriptorBytes; i += 8) {
-    std::uint64_t x = 0;
-    std::uint64_t y = 0;
-    std::memcpy(&x, a + i, 8);
-    std::memcpy(&y, b + i, 8);
-    sum += byteCounts(x ^ y);
-  }
-  const std::uint64_t pairs = (sum & 0x00ff00ff00ff00ffU) + (sum >> 8 & 0x00ff00ff00ff00ffU);
-  return static_cast<int>(pairs * 0x0001000100010001U >> 48);
-}
-
-/// The nearest descriptor so far, and how near the next is.
-struct Nearest {
-  std::int32_t index = -1;
-  std::int32_t distance = kNoDistance + 1;
-  std::int32_t second = kNoDistance + 1;
-
-  void offer(std::int32_t candidate, std::int32_t d) {
-    const bool nearer = d < distance || (d == distance && candidate < index);
-    if (nearer) {
-      second = distance;
-      distance = d;
-      index = candidate;
-    } else if (d < second) {
-      second = d;
-    }
-  }
-};
-
 }  // namespace
 
 struct GuidedMatcher::Impl {
-  void findNearest(const Features& reference, const Features& target, const Eigen::Matrix3d& h);
-  void offerNear(const Features& reference, std::int32_t index, const Features& target,
-                 const Eigen::Vector2d& place);
+  void placeReference(const Features& reference, const Eigen::Matrix3d& h);
+  void findNearest(const Features& reference, const Features& target);
 
   GuidedOptions options;
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
   bool estimate(const cv::Size& reference_size, double threshold, Eigen::Matrix3d& homography,
                 Covariance8& covariance);
 
-  CellGrid grid;
-  std::vector<Nearest> of_reference;  // the nearest of the target
-  std::vector<Nearest> of_target;     // the nearest of the reference
+  NearKernel kernel = bestNearKernel();
+  std::vector<cv::Point2f> places;           // where the homography puts the reference's keypoints
+  NearTable table;                           // these
+  std::vector<NearKeys> of_target;           // the nearest two of the reference
+  std::vector<std::int32_t> nearest_target;  // the key of the nearest, for each column of the table
   HomographyRefiner refiner;
   std::vector<Correspondence> matches;
   std::vector<Eigen::Vector2d> reference_points;  // of these
@@ -94,50 +56,49 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
                           const Eigen::Matrix3d& homography, std::vector<Correspondence>& matches) {
   requireValid(reference, "reference");
   requireValid(target, "target");
+  requireCountable(reference, "reference");
+  requireCountable(target, "target");
   matches.clear();
   Impl& impl = *impl_;
-  impl.findNearest(reference, target, homography);
+  impl.placeReference(reference, homography);
+  impl.findNearest(reference, target);
   for (std::size_t t = 0; t < target.size(); ++t) {
-    const Nearest& nearest = impl.of_target[t];
-    if (nearest.index < 0 || nearest.distance > impl.options.max_distance) continue;
+    const NearKeys& keys = impl.of_target[t];
+    const int distance = keys.best >> kNearIndexBits;
+    if (keys.best == kNoNearKey || distance > impl.options.max_distance) continue;
+    const std::int32_t nearest = keys.best & kNearIndexMask;
     const auto index = static_cast<std::int32_t>(t);
-    if (impl.of_reference[static_cast<std::size_t>(nearest.index)].index != index) continue;
-    matches.push_back({nearest.index, index, nearest.distance,
-                       std::min(nearest.second, kNoDistance), Level::guided});
+    if ((impl.nearest_target[impl.table.column(nearest)] & kNearIndexMask) != index) continue;
+    matches.push_back({nearest, index, distance,
+                       std::min(keys.second >> kNearIndexBits, kNoDistance), Level::guided});
   }
 }
 
-void GuidedMatcher::Impl::findNearest(const Features& reference, const Features& target,
-                                      const Eigen::Matrix3d& h) {
-  of_reference.assign(reference.size(), Nearest());
-  of_target.assign(target.size(), Nearest());
-  if (target.empty()) return;
-  grid.build(
-      target.size(), [&](std::size_t i) { return target.keypoints[i].pt; }, target.image_size,
-      options.radius);
+void GuidedMatcher::Impl::placeReference(const Features& reference, const Eigen::Matrix3d& h) {
   constexpr double kFar = 1e6;  // px
+  constexpr float kNowhere = std::numeric_limits<float>::quiet_NaN();
+  places.resize(reference.size());
   for (std::size_t i = 0; i < reference.size(); ++i) {
     const Eigen::Vector2d x = position(reference, static_cast<std::int32_t>(i));
     const Eigen::Vector3d p = h * Eigen::Vector3d(x.x(), x.y(), 1.0);
-    if (!(p.z() > 0.0)) continue;
     const Eigen::Vector2d place = p.head<2>() / p.z();
     // Written so that what is not finite is left out.
-    if (place.cwiseAbs().maxCoeff() < kFar) {
-      offerNear(reference, static_cast<std::int32_t>(i), target, place);
-    }
+    const bool seen = p.z() > 0.0 && place.cwiseAbs().maxCoeff() < kFar;
+    places[i].x = seen ? static_cast<float>(place.x()) : kNowhere;
+    places[i].y = seen ? static_cast<float>(place.y()) : kNowhere;
   }
 }
 
-void GuidedMatcher::Impl::offerNear(const Features& reference, std::int32_t index,
-                                    const Features& target, const Eigen::Vector2d& place) {
-  const double radius2 = options.radius * options.radius;
-  const std::uint8_t* descriptor = reference.descriptors.ptr(index);
-  grid.visitNear(place.x(), place.y(), options.radius, [&](std::int32_t candidate) {
-    if ((place - position(target, candidate)).squaredNorm() > radius2) return;
-    const int distance = hammingDistance(descriptor, target.descriptors.ptr(candidate));
-    of_reference[static_cast<std::size_t>(index)].offer(candidate, distance);
-    of_target[static_cast<std::size_t>(candidate)].offer(index, distance);
-  });
+void GuidedMatcher::Impl::findNearest(const Features& reference, const Features& target) {
+  table.build(
+      reference, [&](std::size_t i) { return places[i]; }, target.image_size, options.radius);
+  nearest_target.assign(table.columns(), kNoNearKey);
+  of_target.resize(target.size());
+  for (std::size_t t = 0; t < target.size(); ++t) {
+    const auto index = static_cast<std::int32_t>(t);
+    of_target[t] = table.search(kernel, target.descriptors.ptr(index), imagePoint(target, index),
+                                options.radius, index, nearest_target.data());
+  }
 }
 
 bool GuidedMatcher::refine(const Features& reference, const Features& target,

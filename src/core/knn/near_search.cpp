@@ -3,10 +3,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <cmath>
-#include <cstring>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -20,16 +18,7 @@ namespace {
 
 constexpr int kQueriesPerChunk = 64;   // what a thread takes at a time
 constexpr double kCellsPerRadius = 2;  // small cells: fewer candidates in vain; large: longer runs
-constexpr std::size_t kMaxRuns = 8;    // more rows of cells than a query meets, but for rounding
-constexpr std::int32_t kIndexMask = kMaxNearFeatures - 1;
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
-
-void requireCountable(const Features& features, const char* name) {
-  if (features.size() <= static_cast<std::size_t>(kMaxNearFeatures)) return;
-  throw std::invalid_argument(std::string(name) + " has " + std::to_string(features.size()) +
-                              " keypoints; a search radius takes up to " +
-                              std::to_string(kMaxNearFeatures));
-}
 
 /// Target to reference, positive depth in the middle of the target.
 Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction, const cv::Size& target) {
@@ -46,7 +35,7 @@ Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction, const cv::Size& tar
 Correspondence fromKeys(const NearKeys& keys, std::int32_t number) {
   Correspondence c{-1, number, kFarthest, kFarthest, Level::knn, false};
   if (keys.best == kNoNearKey) return c;
-  c.reference_index = keys.best & kIndexMask;
+  c.reference_index = keys.best & kNearIndexMask;
   c.distance = keys.best >> kNearIndexBits;
   c.second_distance = keys.second == kNoNearKey ? std::max(c.distance, kUnrelatedDistance)
                                                 : keys.second >> kNearIndexBits;
@@ -67,11 +56,15 @@ void NearSearch::match(const Features& reference, const Features& target,
   requireCountable(reference, "reference");
   requireCountable(target, "target");
   correspondences.clear();
-  const bool kept = std::exchange(keep_reference_, false) && count_ == reference.size();
-  if (!kept) count_ = 0;
+  const bool kept = std::exchange(keep_reference_, false) && table_.size() == reference.size();
+  if (!kept) table_.clear();
   if (reference.empty() || target.empty()) return;
   placeQueries(target, prediction);
-  if (!kept) layOut(reference);
+  if (!kept) {
+    table_.build(
+        reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
+        radius_ / kCellsPerRadius);
+  }
   correspondences.resize(target.size());
   const int chunks = ceilDivide(static_cast<int>(target.size()), kQueriesPerChunk);
   if (!mutual) {
@@ -82,36 +75,12 @@ void NearSearch::match(const Features& reference, const Features& target,
   std::atomic<int> next_chunk{0};
   pool_.parallelFor(pool_.threads(), [&](int thread) {
     auto& nearest = nearest_queries_[static_cast<std::size_t>(thread)];
-    nearest.assign(stride_, kNoNearKey);
+    nearest.assign(table_.columns(), kNoNearKey);
     for (int chunk = next_chunk++; chunk < chunks; chunk = next_chunk++) {
       searchChunk(target, chunk, nearest.data(), correspondences.data());
     }
   });
   markMutual(correspondences);
-}
-
-void NearSearch::layOut(const Features& reference) {
-  count_ = reference.size();
-  stride_ = ceilDivide(count_, std::size_t{kMaxNearLanes}) * kMaxNearLanes + kMaxNearLanes;
-  cells_.build(
-      count_, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
-      radius_ / kCellsPerRadius);
-  words_.resize(stride_ * kDescriptorWords);
-  x_.resize(stride_);
-  y_.resize(stride_);
-  index_.resize(stride_);
-  position_.resize(count_);
-  for (std::size_t i = 0; i < count_; ++i) {
-    const std::int32_t index = cells_.order()[i];
-    const cv::Point2f& p = imagePoint(reference, index);
-    x_[i] = p.x;
-    y_[i] = p.y;
-    index_[i] = index;
-    position_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(i);
-    std::uint32_t words[kDescriptorWords];
-    std::memcpy(words, reference.descriptors.ptr(index), kDescriptorBytes);
-    for (std::size_t w = 0; w < kDescriptorWords; ++w) words_[w * stride_ + i] = words[w];
-  }
 }
 
 void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& prediction) {
@@ -143,46 +112,20 @@ void NearSearch::searchChunk(const Features& target, int chunk, std::int32_t* ne
 Correspondence NearSearch::search(const std::uint8_t* descriptor, std::int32_t number,
                                   std::int32_t* nearest_queries) const {
   const cv::Point2f& place = places_[static_cast<std::size_t>(number)];
-  // A little more, so that rounding leaves nobody out who passes the test in single precision.
-  const double reach = radius_ + 1e-3 + 1e-6 * (std::abs(place.x) + std::abs(place.y));
-  std::array<NearRun, kMaxRuns> runs;
-  std::size_t run_count = 0;
-  cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
-    if (begin == end) return;
-    if (run_count == kMaxRuns) {
-      runs.back().end = end;  // what lies between is too far away and does no harm
-    } else {
-      runs[run_count++] = {begin, end};
-    }
-  });
-  const auto radius = static_cast<float>(radius_);
-  const NearQuery query{descriptor,
-                        place.x,
-                        place.y,
-                        radius * radius,
-                        number,
-                        runs.data(),
-                        static_cast<int>(run_count)};
-  const auto kernel = nearest_queries != nullptr ? kernel_.search_both_ways : kernel_.search;
-  return fromKeys(kernel(candidates(), query, nearest_queries), number);
+  return fromKeys(table_.search(kernel_, descriptor, place, radius_, number, nearest_queries),
+                  number);
 }
 
 void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {
   auto& nearest = nearest_queries_.front();
   for (std::size_t thread = 1; thread < nearest_queries_.size(); ++thread) {
     const auto& other = nearest_queries_[thread];
-    for (std::size_t i = 0; i < count_; ++i) nearest[i] = std::min(nearest[i], other[i]);
+    for (std::size_t i = 0; i < table_.size(); ++i) nearest[i] = std::min(nearest[i], other[i]);
   }
   for (Correspondence& c : correspondences) {
     if (c.reference_index < 0) continue;
-    const auto at =
-        static_cast<std::size_t>(position_[static_cast<std::size_t>(c.reference_index)]);
-    c.mutual = (nearest[at] & kIndexMask) == c.target_index;
+    c.mutual = (nearest[table_.column(c.reference_index)] & kNearIndexMask) == c.target_index;
   }
-}
-
-NearCandidates NearSearch::candidates() const {
-  return {words_.data(), static_cast<std::ptrdiff_t>(stride_), x_.data(), y_.data(), index_.data()};
 }
 
 }  // namespace ktgp_orb

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/knn/near_kernel.h"
+#include "core/knn/near_table.h"
 #include "core/util/cell_grid.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
@@ -27,31 +28,21 @@ class NearSearch {
 
   /// See KnnMatcher::keepReference.
   void keepReference() { keep_reference_ = true; }
-  void forgetReference() { count_ = 0; }
+  void forgetReference() { table_.clear(); }
 
  private:
-  void layOut(const Features& reference);
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
                    Correspondence* correspondences) const;
   Correspondence search(const std::uint8_t* descriptor, std::int32_t number,
                         std::int32_t* nearest_queries) const;
   void markMutual(std::vector<Correspondence>& correspondences);
-  NearCandidates candidates() const;
 
   NearKernel kernel_;
   double radius_;
   ThreadPool& pool_;
   bool keep_reference_ = false;
-  // The reference.
-  std::size_t count_ = 0;
-  CellGrid cells_;
-  std::size_t stride_ = 0;
-  std::vector<std::uint32_t> words_;
-  std::vector<float> x_;
-  std::vector<float> y_;
-  std::vector<std::int32_t> position_;  // in cells_.order(), of each keypoint
-  std::vector<std::int32_t> index_;     // cells_.order(), and room to read beyond
+  NearTable table_;  // the reference
   // The target.
   CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // where each keypoint is predicted to come from

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <string>
+#include <vector>
+
+#include "core/knn/near_kernel.h"
+#include "core/util/cell_grid.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb {
+
+/// Throws std::invalid_argument naming `name` where the keys of near_kernel.h cannot count the
+/// keypoints.
+void requireCountable(const Features& features, const std::string& name);
+
+constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
+
+/// The candidates of the search by place: descriptors sorted by where they are, so that those of a
+/// query lie in few runs, and laid out as the kernels read them. Keeps its buffers.
+class NearTable {
+ public:
+  /// `place(i)`: of keypoint i, px; what is not finite is near nothing. `image`, `side`: see
+  /// CellGrid::build; a search meets few runs where `side` is a half to the whole of its radius.
+  template <typename Place>
+  void build(const Features& features, const Place& place, const cv::Size& image, double side) {
+    cells_.build(features.size(), place, image, side);
+    layOut(features);
+    for (std::size_t i = 0; i < size(); ++i) {
+      const cv::Point2f p = place(static_cast<std::size_t>(index_[i]));
+      x_[i] = p.x;
+      y_[i] = p.y;
+    }
+  }
+  void clear() { position_.clear(); }
+  std::size_t size() const { return position_.size(); }
+
+  /// The best two candidates within `radius` of `place` for the query of that `number`. Unless
+  /// null, `nearest_queries` has columns() keys, kNoNearKey at first (see NearKernel).
+  NearKeys search(const NearKernel& kernel, const std::uint8_t* descriptor,
+                  const cv::Point2f& place, double radius, std::int32_t number,
+                  std::int32_t* nearest_queries) const;
+
+  std::size_t columns() const { return stride_; }
+  /// The column of keypoint `index`.
+  std::size_t column(std::int32_t index) const {
+    return static_cast<std::size_t>(position_[static_cast<std::size_t>(index)]);
+  }
+
+ private:
+  void layOut(const Features& features);
+
+  CellGrid cells_;
+  std::size_t stride_ = 0;  // size(), and room to read beyond
+  std::vector<std::uint32_t> words_;
+  std::vector<float> x_;
+  std::vector<float> y_;
+  std::vector<std::int32_t> index_;     // of the keypoint in each column
+  std::vector<std::int32_t> position_;  // the column of each keypoint
+};
+
+}  // namespace ktgp_orb
