@@ -5,7 +5,8 @@ HEADER = ["method", "AUC 1 px %", "AUC 3 px %", "AUC 5 px %", "AUC 10 px %", "me
           "wrong %", "ZNCC", "ms"]
 
 EXPLANATION = (
-    "AUC: area under the curve of the mean corner error of the homography up to 1, 3, 5, 10 px. "
+    "AUC: area under the curve of the mean corner error of the homography up to 1, 3, 5, 10 px, "
+    "by the trapezoid rule. "
     "Median: of the corner error, over all pairs. Found: pairs with a homography that the method "
     "calls good. Wrong: those of them that are more than 20 px off. ZNCC: correlation of the two "
     "images laid over each other, mean of the pairs found; it needs no ground truth. ms: the whole "

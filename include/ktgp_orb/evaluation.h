@@ -67,6 +67,9 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
 
 /// Area under the curve "share of pairs with a corner error of at most x" for x from 0 to
 /// `threshold`, over `threshold`: 1 when every error is zero. An infinite error is a failed pair.
+/// By the literature's rule, that of SuperGlue's pose_auc (Sarlin et al., CVPR 2020) and LoFTR: the
+/// sorted errors are joined by straight lines from (0, 0) on, level behind the last below
+/// `threshold`. The steps themselves enclose up to half a pair less of n, 3.3 % of 15.
 double areaUnderCurve(const std::vector<double>& errors, double threshold);
 
 /// Counts of Mikolajczyk's repeatability.

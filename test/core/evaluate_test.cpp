@@ -375,7 +375,7 @@ TEST(Summary, AveragesOverPairsBySetAndOverAll) {
   EXPECT_EQ(s[0].pairs, 2u);
   EXPECT_DOUBLE_EQ(s[0].matches, 1.0);
   EXPECT_DOUBLE_EQ(s[0].descriptor_distance.mean, 20.0) << "a pair without matches has no distance";
-  EXPECT_DOUBLE_EQ(s[0].accuracy->auc[3], 0.45);
+  EXPECT_DOUBLE_EQ(s[0].accuracy->auc[3], 0.475);
   EXPECT_EQ(s[1].pairs, 1u) << "the broken pair does not count";
   EXPECT_EQ(s[2].set, "all");
   EXPECT_DOUBLE_EQ(s[2].matches, 2.0);

@@ -127,10 +127,19 @@ double cornerError(const Eigen::Matrix3d& estimated, const Eigen::Matrix3d& trut
 }
 
 double areaUnderCurve(const std::vector<double>& errors, double threshold) {
-  // The curve is a staircase: an error e contributes a step from e to the threshold.
-  double area = 0.0;
-  for (double e : errors) area += std::max(0.0, 1.0 - e / threshold);
-  return errors.empty() ? 0.0 : area / static_cast<double>(errors.size());
+  std::vector<double> sorted(errors);
+  std::sort(sorted.begin(), sorted.end());
+  double area = 0.0;   // in pairs x px
+  double share = 0.0;  // pairs up to `last`
+  double last = 0.0;
+  for (const double error : sorted) {
+    if (error >= threshold) break;
+    area += (share + 0.5) * (error - last);  // the mean of the shares at both ends
+    share += 1.0;
+    last = error;
+  }
+  area += share * (threshold - last);
+  return errors.empty() ? 0.0 : area / (static_cast<double>(errors.size()) * threshold);
 }
 
 }  // namespace ktgp_orb::evaluation
