@@ -31,8 +31,9 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
 
-  /// The paper's chain, its homography aligned: the defaults.
-  static MatcherOptions ktgp() { return {}; }
+  /// The paper's chain, its homography aligned, with the T_w of these descriptors; of orb: the
+  /// defaults.
+  static MatcherOptions ktgp(DescriptorKind descriptor = DescriptorKind::orb);
   /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
   /// GMS, PROSAC, a guided round, alignment.
   static MatcherOptions robust();

@@ -4,11 +4,16 @@
 #include <vector>
 
 #include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
 
 namespace ktgp_orb {
 
-/// The paper's ratio threshold T_w.
+/// The paper's ratio threshold T_w, of ORB's descriptors.
 constexpr double kDefaultRatioThreshold = 0.66;
+
+/// T_w for a kind of descriptors, whose distances spread in their own way: the paper's for orb; 0.8
+/// for teblid, where as large a share of the matches is right (doc/tuning.md).
+double ratioThreshold(DescriptorKind kind);
 
 /// Threshold filtering (TF, Eq. 3): raises every correspondence with W = d1/d2 < `threshold`,
 /// strictly, from Level::knn to Level::kt and returns how many those are. With `mutual` only those

@@ -45,9 +45,19 @@ struct Given {
 
   /// Throws std::invalid_argument.
   void applyTo(Parameters& parameters) const {
-    if (!preset.empty()) readPreset(preset, parameters);
-    if (!file.empty()) readParameterFile(file, parameters);
-    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
+    const std::string usual = parameters.descriptor;
+    std::set<std::string> names;
+    if (!preset.empty()) names.merge(readPreset(preset, parameters));
+    if (!file.empty()) names.merge(readParameterFile(file, parameters));
+    for (const auto& [name, text] : values) {
+      setParameter(*findParameter(name), text, parameters);
+      names.insert(name);
+    }
+    if (names.count("T_w") == 0) {
+      parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
+    }
+    const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
+    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
   }
 };
 

@@ -26,11 +26,12 @@ YAML::Node parametersIn(YAML::Node node) {
   return node;
 }
 
-void readYaml(const std::string& text, Parameters& parameters) {
+std::set<std::string> readYaml(const std::string& text, Parameters& parameters) {
   // Of the node, but not of what it computes: read once, at its start.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(YAML::Load(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
+  std::set<std::string> names;
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
     // Maps are groups of dynamic_reconfigure or belong to plugins.
@@ -39,12 +40,15 @@ void readYaml(const std::string& text, Parameters& parameters) {
     if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
     setParameter(*row, entry.second.Scalar(), parameters);
+    names.insert(name);
   }
+  return names;
 }
 
-void readNamed(const std::string& name, const std::string& text, Parameters& parameters) {
+std::set<std::string> readNamed(const std::string& name, const std::string& text,
+                                Parameters& parameters) {
   try {
-    readYaml(text, parameters);
+    return readYaml(text, parameters);
   } catch (const YAML::Exception& error) {
     throw std::invalid_argument(name + ": " + error.what());
   } catch (const std::invalid_argument& error) {
@@ -54,20 +58,20 @@ void readNamed(const std::string& name, const std::string& text, Parameters& par
 
 }  // namespace
 
-void readParameterFile(const std::string& file, Parameters& parameters) {
+std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters) {
   std::ifstream in(file);
   std::ostringstream text;
   text << in.rdbuf();
   if (!in) throw std::invalid_argument(file + ": cannot be read");
-  readNamed(file, text.str(), parameters);
+  return readNamed(file, text.str(), parameters);
 }
 
-void readPreset(const std::string& name, Parameters& parameters) {
+std::set<std::string> readPreset(const std::string& name, Parameters& parameters) {
   const auto preset = presets().find(name);
   if (preset == presets().end()) {
     throw std::invalid_argument("preset is " + name + "; expected " + namesOfPresets());
   }
-  readNamed("preset " + name, preset->second, parameters);
+  return readNamed("preset " + name, preset->second, parameters);
 }
 
 std::string namesOfPresets() {

@@ -73,6 +73,12 @@ void MatchResult::clear(const MatcherOptions& options) {
   clearRefinement(*this);
 }
 
+MatcherOptions MatcherOptions::ktgp(DescriptorKind descriptor) {
+  MatcherOptions options;
+  options.ratio_threshold = ratioThreshold(descriptor);
+  return options;
+}
+
 MatcherOptions MatcherOptions::robust() {
   MatcherOptions options;
   options.mutual = true;

@@ -99,6 +99,7 @@ void MatcherNodelet::start() {
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
   requireTransport(node_, transport_hints_->getTransport());
   requireParametersInRange(private_node_);
+  completeRatioThreshold(private_node_);
   for (const std::string& name : unknownParameters(private_node_)) {
     NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
   }
@@ -174,7 +175,13 @@ void MatcherNodelet::startReconfigure() {
 
 void MatcherNodelet::reconfigured(KtgpConfig& config) {
   try {
+    const bool described_anew = !configured_ || config.descriptor != config_.descriptor;
+    if (configured_ && config.T_w == config_.T_w) {
+      config.T_w = followDescriptor(config.T_w, config_.descriptor, config.descriptor);
+    }
     configureFrom(config);
+    const std::string note = noteOnRatioThreshold(config.T_w, config.descriptor);
+    if (described_anew && !note.empty()) NODELET_WARN("%s", note.c_str());
     config_ = config;
     configured_ = true;
     monitor_.setParameterError("");

@@ -55,6 +55,13 @@ void requireParametersInRange(const ros::NodeHandle& node) {
   if (node.getParam("reference_mode", mode)) referenceModeFrom(mode);
 }
 
+void completeRatioThreshold(const ros::NodeHandle& node) {
+  const Parameters usual;
+  std::string descriptor;
+  if (node.hasParam("T_w") || !node.getParam("descriptor", descriptor)) return;
+  node.setParam("T_w", followDescriptor(usual.T_w, usual.descriptor, descriptor));
+}
+
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node) {
   std::set<std::string> known(std::begin(kStaticParameters), std::end(kStaticParameters));
   for (const auto& description : KtgpConfig::__getParamDescriptions__()) {

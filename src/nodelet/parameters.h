@@ -31,6 +31,9 @@ void requireAllInRange(const ros::NodeHandle& node) {
 /// The same for the matcher, and the choices of the strings.
 void requireParametersInRange(const ros::NodeHandle& node);
 
+/// Sets T_w to that of the descriptor where `node` was started with a descriptor and without T_w.
+void completeRatioThreshold(const ros::NodeHandle& node);
+
 /// Parameters of the matcher below `node` that nothing reads, misspelt ones for example.
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node);
 

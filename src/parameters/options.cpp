@@ -1,9 +1,14 @@
 #include "parameters/options.h"
 
+#include <sstream>
 #include <stdexcept>
 
 namespace ktgp_orb {
 namespace {
+
+DescriptorKind descriptorFrom(const std::string& name) {
+  return name == "teblid" ? DescriptorKind::teblid : DescriptorKind::orb;
+}
 
 OrbOptions orbOptions(const Parameters& p) {
   OrbOptions orb;
@@ -12,7 +17,7 @@ OrbOptions orbOptions(const Parameters& p) {
   orb.levels = p.levels;
   orb.fast_threshold = p.fast_threshold;
   orb.extractor = p.extractor == "opencv" ? ExtractorKind::opencv : ExtractorKind::native;
-  orb.descriptor = p.descriptor == "teblid" ? DescriptorKind::teblid : DescriptorKind::orb;
+  orb.descriptor = descriptorFrom(p.descriptor);
   orb.distribution =
       p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
   orb.keypoints_per_cell = p.keypoints_per_cell;
@@ -60,6 +65,22 @@ SequenceOptions sequenceOptions(const Parameters& parameters) {
   sequence.reference.min_overlap = parameters.keyframe_min_overlap;
   sequence.reference.min_inliers = parameters.keyframe_min_inliers;
   return sequence;
+}
+
+double followDescriptor(double T_w, const std::string& from, const std::string& to) {
+  return T_w == ratioThreshold(descriptorFrom(from)) ? ratioThreshold(descriptorFrom(to)) : T_w;
+}
+
+std::string noteOnRatioThreshold(double T_w, const std::string& descriptor) {
+  const DescriptorKind kind = descriptorFrom(descriptor);
+  for (const DescriptorKind other : {DescriptorKind::orb, DescriptorKind::teblid}) {
+    if (other == kind || T_w != ratioThreshold(other)) continue;
+    std::ostringstream note;
+    note << "T_w is " << T_w << ", as " << toString(other) << " descriptors want it; for "
+         << toString(kind) << " " << ratioThreshold(kind) << " was measured (doc/tuning.md)";
+    return note.str();
+  }
+  return {};
 }
 
 OverlayStyle overlayStyleFrom(const Parameters& parameters) {

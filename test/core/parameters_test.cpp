@@ -52,6 +52,23 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.alignment.points, core.alignment.points);
 }
 
+TEST(Parameters, RatioThresholdGoesWithTheDescriptorUnlessItIsSet) {
+  EXPECT_EQ(MatcherOptions::ktgp().ratio_threshold, 0.66);
+  EXPECT_EQ(MatcherOptions::ktgp(DescriptorKind::teblid).ratio_threshold, 0.8);
+  EXPECT_EQ(followDescriptor(0.66, "orb", "teblid"), 0.8);
+  EXPECT_EQ(followDescriptor(0.8, "teblid", "orb"), 0.66);
+  EXPECT_EQ(followDescriptor(0.66, "orb", "orb"), 0.66);
+  for (const double set : {0.7, 0.8, 1.0}) EXPECT_EQ(followDescriptor(set, "orb", "teblid"), set);
+}
+
+TEST(Parameters, SayWhereTheRatioThresholdIsAnotherDescriptors) {
+  EXPECT_EQ(noteOnRatioThreshold(0.66, "orb"), "");
+  EXPECT_EQ(noteOnRatioThreshold(0.8, "teblid"), "");
+  EXPECT_EQ(noteOnRatioThreshold(1.0, "teblid"), "");
+  EXPECT_EQ(noteOnRatioThreshold(0.66, "teblid"),
+            "T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured (doc/tuning.md)");
+}
+
 TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {
   Parameters parameters;
   EXPECT_EQ(overlayStyleFrom(parameters), OverlayStyle::flow);

@@ -29,6 +29,7 @@ void expectEqual(const std::string& name, const MatcherOptions& core) {
 TEST(Presets, AreThoseOfTheCore) {
   expectEqual("ktgp", MatcherOptions::ktgp());
   expectEqual("robust", MatcherOptions::robust());
+  expectEqual("teblid", MatcherOptions::ktgp(DescriptorKind::teblid));
 }
 
 }  // namespace

@@ -15,13 +15,13 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage
 
 
-def output_of_node(*parameters, until):
-    """Runs a second matcher until it has said all of `until`; what it said."""
+def output_of_node(*parameters, until, look=lambda: None):
+    """Runs a second matcher until it has said all of `until`, then looks; what it said."""
     return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
-                            namespaces=['/other'])
+                            namespaces=['/other'], look=look)
 
 
-def output_of_launch(*arguments, until, namespaces):
+def output_of_launch(*arguments, until, namespaces, look=lambda: None):
     """What is said is read from the output itself: on /rosout it is lost before the subscription is
     connected."""
     process = subprocess.Popen(
@@ -37,6 +37,7 @@ def output_of_launch(*arguments, until, namespaces):
     try:
         wait_until(lambda: not reader.is_alive() or all(u in ''.join(lines) for u in until),
                    'the second matcher ends or says %s' % (until,))
+        look()
     finally:
         process.terminate()
         process.wait()
@@ -90,6 +91,21 @@ class StartupTest(unittest.TestCase):
             for text in expected:
                 self.assertIn(text, output)
         check_each(words, check)
+
+    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
+        def ratio_threshold(*parameters, until=()):
+            found = []
+
+            def look():
+                wait_until(lambda: rospy.has_param('/other/matcher/max_drop_ratio'),
+                           'the second matcher writes its parameters')
+                found.append(rospy.get_param('/other/matcher/T_w'))
+            output_of_node(*parameters, until=until, look=look)
+            return found[0]
+        self.assertEqual(ratio_threshold('descriptor:=teblid'), 0.8)
+        self.assertEqual(ratio_threshold('preset:=robust', 'descriptor:=teblid'), 1.0)
+        note = 'T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured'
+        self.assertEqual(ratio_threshold('descriptor:=teblid', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):
         expected = ("image transport 'no_such_transport' is not installed",

@@ -187,6 +187,22 @@ class KtgpMatch(ToolCase):
         self.assertIs(self.options("--gms_scale", "true")["gms_scale"], True)
         self.assertEqual(self.options("--preset", "ktgp"), self.options())
 
+    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
+        self.assertEqual(self.options("--descriptor", "teblid")["T_w"], 0.8)
+        self.assertEqual(self.options("--preset", "teblid")["T_w"], 0.8)
+        self.assertEqual(self.options("--descriptor", "orb")["T_w"], 0.66)
+        self.assertEqual(self.options("--descriptor", "teblid", "--T_w", "0.7")["T_w"], 0.7)
+        robust = self.options("--preset", "robust", "--descriptor", "teblid")
+        self.assertEqual(robust["T_w"], 1.0)
+        (self.folder / "t.yaml").write_text("descriptor: teblid\n")
+        self.assertEqual(self.options("--params", "t.yaml")["T_w"], 0.8)
+        for arguments in (("--descriptor", "teblid", "--T_w", "0.66"),
+                          ("--descriptor", "teblid", "--preset", "ktgp")):
+            run = self.match("a.pgm", "b.pgm", "--json", "out.json", *arguments)
+            self.assertIn("for teblid 0.8 was measured", run.stderr)
+            out = json.loads((self.folder / "out.json").read_text())
+            self.assertEqual(out["options"]["T_w"], 0.66, arguments)
+
     def test_what_a_parameter_file_has_wrong_is_named(self):
         for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "(0, 1]"),
                                ("T_w: .nan\n", "(0, 1]"), ("T_w: [1]\n", "T_w"),

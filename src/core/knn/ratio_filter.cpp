@@ -4,6 +4,10 @@
 
 namespace ktgp_orb {
 
+double ratioThreshold(DescriptorKind kind) {
+  return kind == DescriptorKind::teblid ? 0.8 : kDefaultRatioThreshold;
+}
+
 std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences,
                           bool mutual) {
   if (!(threshold > 0.0 && threshold <= 1.0)) {
