@@ -67,16 +67,17 @@ SequenceOptions sequenceOptions(const Parameters& parameters) {
   return sequence;
 }
 
-double followDescriptor(double T_w, const std::string& from, const std::string& to) {
-  return T_w == ratioThreshold(descriptorFrom(from)) ? ratioThreshold(descriptorFrom(to)) : T_w;
+double followDescriptor(double threshold, const std::string& from, const std::string& to) {
+  return threshold == ratioThreshold(descriptorFrom(from)) ? ratioThreshold(descriptorFrom(to))
+                                                           : threshold;
 }
 
-std::string noteOnRatioThreshold(double T_w, const std::string& descriptor) {
+std::string noteOnRatioThreshold(double threshold, const std::string& descriptor) {
   const DescriptorKind kind = descriptorFrom(descriptor);
   for (const DescriptorKind other : {DescriptorKind::orb, DescriptorKind::teblid}) {
-    if (other == kind || T_w != ratioThreshold(other)) continue;
+    if (other == kind || threshold != ratioThreshold(other)) continue;
     std::ostringstream note;
-    note << "T_w is " << T_w << ", as " << toString(other) << " descriptors want it; for "
+    note << "T_w is " << threshold << ", as " << toString(other) << " descriptors want it; for "
          << toString(kind) << " " << ratioThreshold(kind) << " was measured (doc/tuning.md)";
     return note.str();
   }

@@ -22,12 +22,13 @@ PipelineOptions pipelineOptions(const Parameters& parameters);
 /// The same for a sequence, with what decides the reference.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
-/// What T_w is where nobody sets it and the descriptor goes from one kind to another: the new
-/// kind's own (see ratioThreshold) where it was the old kind's own, else as it is.
-double followDescriptor(double T_w, const std::string& from, const std::string& to);
+/// What `threshold` (T_w) is where nobody sets it and the descriptor goes from one kind to another:
+/// the new kind's own (see ratioThreshold) where it was the old kind's own, else as it is.
+double followDescriptor(double threshold, const std::string& from, const std::string& to);
 
-/// A line for the user where T_w is the own one of another kind than `descriptor`; else empty.
-std::string noteOnRatioThreshold(double T_w, const std::string& descriptor);
+/// A line for the user where `threshold` (T_w) is the own one of another kind than `descriptor`;
+/// else empty.
+std::string noteOnRatioThreshold(double threshold, const std::string& descriptor);
 
 /// The overlay_style, "auto" decided by the reference mode: another view of a fixed reference has
 /// moved too far for strokes. Throws std::invalid_argument for a name that is no style.
