@@ -73,6 +73,8 @@ struct AlignmentResult {
 /// old H stays where they scatter as keypoints do (beyond a third of their variance).
 ///
 /// The answer is the same for every instruction set.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class Alignment {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -20,6 +20,8 @@ struct GuidedOptions {
 /// Matches keypoints again where a homography says that they are: among those within a few px the
 /// right one need not be the nearest of the whole frame, only of these. Linear in the keypoints.
 /// How near they are is computed in single precision.
+///
+/// An instance belongs to one thread at a time; several instances may run side by side.
 class GuidedMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

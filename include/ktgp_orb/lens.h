@@ -27,6 +27,8 @@ struct LensCalibration {
 
 /// Takes the distortion of a lens out, so that straight lines are straight and a plane is seen
 /// through a homography.
+///
+/// Nothing changes in it once it is made: several threads may use one instance.
 class Lens {
  public:
   /// Throws std::invalid_argument for focal lengths that are not above zero, another number of
