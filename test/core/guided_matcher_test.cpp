@@ -51,7 +51,7 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
   };
   const int rows = static_cast<int>(reference.size());
   const int columns = static_cast<int>(target.size());
-  const auto bestReference = [&](int t) {
+  const auto best_reference = [&](int t) {
     int best = -1;
     for (int r = 0; r < rows; ++r) {
       if (near(r, t) &&
@@ -61,7 +61,7 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
     }
     return best;
   };
-  const auto bestTarget = [&](int r) {
+  const auto best_target = [&](int r) {
     int best = -1;
     for (int t = 0; t < columns; ++t) {
       if (near(r, t) &&
@@ -73,8 +73,8 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
   };
   std::vector<Correspondence> matches;
   for (int t = 0; t < columns; ++t) {
-    const int r = bestReference(t);
-    if (r < 0 || bestTarget(r) != t) continue;
+    const int r = best_reference(t);
+    if (r < 0 || best_target(r) != t) continue;
     const int d = distance(reference, r, target, t);
     if (d > options.max_distance) continue;
     int second = 256;
