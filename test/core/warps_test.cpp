@@ -439,10 +439,12 @@ TEST(Accuracy, ByHand) {
                      scored(25.0, true, std::nullopt), scored(kNone, false, std::nullopt)})
           .front();
   ASSERT_TRUE(s.accuracy);
-  EXPECT_DOUBLE_EQ(s.accuracy->auc[0], 0.5 / 4);                  // 1 px
-  EXPECT_DOUBLE_EQ(s.accuracy->auc[1], (5.0 / 6 + 1.0 / 3) / 4);  // 3 px
-  EXPECT_DOUBLE_EQ(s.accuracy->auc[2], (0.9 + 0.6) / 4);          // 5 px
-  EXPECT_DOUBLE_EQ(s.accuracy->auc[3], (0.95 + 0.8) / 4);         // 10 px
+  // Shares 0 at 0 px, 1/4 at 0.5 and 1/2 at 2, joined by straight lines: 0.0625 below the first,
+  // 0.5625 below the second.
+  EXPECT_DOUBLE_EQ(s.accuracy->auc[0], 0.0625 + 0.25 * 0.5);               // 1 px
+  EXPECT_DOUBLE_EQ(s.accuracy->auc[1], (0.0625 + 0.5625 + 0.5 * 1) / 3);   // 3 px
+  EXPECT_DOUBLE_EQ(s.accuracy->auc[2], (0.0625 + 0.5625 + 0.5 * 3) / 5);   // 5 px
+  EXPECT_DOUBLE_EQ(s.accuracy->auc[3], (0.0625 + 0.5625 + 0.5 * 8) / 10);  // 10 px
   EXPECT_DOUBLE_EQ(s.accuracy->median_corner_error, 0.5 * (2.0 + 25.0));
   EXPECT_DOUBLE_EQ(s.accuracy->found, 0.75);
   EXPECT_DOUBLE_EQ(s.accuracy->wrong, 1.0 / 3);
