@@ -42,16 +42,18 @@ std::string InputWatch::trouble() const {
   const std::string type = typeOf(topics, wanted);
   if (!type.empty()) {
     if (transport_ != "raw" || type == kImage) return "";
-    const std::string problem = wanted + " is of type " + type + "; expected " + kImage;
-    if (type != kCompressed) return problem;
-    return problem + ", or the topic without its last part and that as image_transport";
+    std::string problem = wanted + " is of type " + type + "; expected " + kImage;
+    if (type == kCompressed) {
+      problem += ", or the topic without its last part and that as image_transport";
+    }
+    return problem;
   }
-  const std::string problem = "nobody publishes " + wanted + ": is the topic name right?";
+  std::string problem = "nobody publishes " + wanted + ": is the topic name right?";
   for (const std::string other : {"raw", "compressed"}) {
     const std::string name = other == "raw" ? topic_ : topic_ + "/" + other;
-    if (name != wanted && !typeOf(topics, name).empty()) {
-      return problem + " There is " + name + ", for image_transport " + other;
-    }
+    if (name == wanted || typeOf(topics, name).empty()) continue;
+    problem.append(" There is ").append(name).append(", for image_transport ").append(other);
+    break;
   }
   return problem;
 }
