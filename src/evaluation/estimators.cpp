@@ -12,9 +12,8 @@
 #include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
 
-#define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 4))
-// OpenCV 4.5.1's MAGSAC++ crashes on four to seven points; 4.6 does not.
-#define KTGP_ORB_LEAST_FOR_MAGSAC (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR < 6 ? 8 : 4)
+// OpenCV 4.5.1's MAGSAC++ crashes on few or coincident points; 4.6's does not.
+#define KTGP_ORB_HAVE_USAC (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))
 
 namespace ktgp_orb::tools {
 namespace {
@@ -199,7 +198,6 @@ HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pai
     case Estimator::usac:
       return withOpenCv(cv::USAC_DEFAULT, pairs, options);
     case Estimator::magsac:
-      if (pairs.size() < KTGP_ORB_LEAST_FOR_MAGSAC) break;
       return withOpenCv(cv::USAC_MAGSAC, pairs, options);
 #else
     case Estimator::usac:

@@ -17,9 +17,8 @@ enum class Estimator {
   msac,    ///< Torr & Zisserman 2000: truncated squared error instead of a count
   mlesac,  ///< Torr & Zisserman 2000: likelihood of a Gaussian and a uniform mixture
   prosac,  ///< Chum & Matas 2005, the core's
-  usac,    ///< Raguram et al. 2013, OpenCV's USAC_DEFAULT; needs OpenCV 4.5
-  magsac,  ///< Barath et al. 2020 (MAGSAC++), OpenCV's USAC_MAGSAC; needs OpenCV 4.5, and
-           ///< before 4.6 eight points
+  usac,    ///< Raguram et al. 2013, OpenCV's USAC_DEFAULT; needs OpenCV 4.6
+  magsac,  ///< Barath et al. 2020 (MAGSAC++), OpenCV's USAC_MAGSAC; needs OpenCV 4.6
 };
 
 /// All that this build has, by their names on the command line.

@@ -106,7 +106,7 @@ Method peer(const std::string& name, const std::string& description, std::vector
   const auto is_here = [&](const auto& entry) { return entry.second == estimator; };
   if (steps.empty()) return {name, description, {}, "it needs 4.4"};
   if (std::none_of(estimators().begin(), estimators().end(), is_here)) {
-    return {name, description, {}, "its estimator needs 4.5"};
+    return {name, description, {}, "its estimator needs 4.6"};
   }
   steps.push_back(homography(estimator, options));
   return {name, description, std::move(steps)};
