@@ -33,8 +33,11 @@ class MatchMessageTest(unittest.TestCase):
     def test_holds_what_the_topics_carry(self):
         self.matches.wait_for(self.camera.send_view())
         for _ in range(3):
+            sent = rospy.get_time()
             stamp = self.camera.send_view()
             match = self.matches.wait_for(stamp)
+            ready = stamp.to_sec() + 1e-3 * match.statistics.latency_milliseconds
+            self.assertTrue(sent <= ready <= rospy.get_time(), 'sent %f, ready %f' % (sent, ready))
             self.assertEqual(match.statistics.status, MatchStatistics.STATUS_OK)
             self.assertGreater(len(match.correspondences.reference_x), 200)
             for name, recorder in self.parts.items():

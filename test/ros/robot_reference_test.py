@@ -19,7 +19,7 @@ from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation,
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
-            'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False}
+            'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
 OK = MatchStatistics.STATUS_OK
 NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
@@ -144,6 +144,9 @@ class ReferenceTest(unittest.TestCase):
             self.check_translation(self.homographies.wait_for(s.header.stamp), 200 - x, 0)
         self.call('reset')
         self.assertEqual(self.send(200).status, NO_REFERENCE)
+        self.call('set_reference')
+        self.call('reset')  # takes the wish back, too
+        self.assertEqual(self.send(200).status, NO_REFERENCE)
 
     def test_set_reference_waits_for_a_usable_frame(self):
         self.client.update_configuration({'reference_mode': 'fixed'})
@@ -201,6 +204,7 @@ class ReferenceTest(unittest.TestCase):
 
     def test_match_pair_leaves_the_stream_alone(self):
         match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        self.client.update_configuration({'roi': '0 0 300 480'})  # the camera's, not the pair's
         before = self.pan(2)[-1]
         reference = image_message(view(400, 300), rospy.Time(5))
         target = image_message(view(410, 320), rospy.Time(6))
@@ -210,6 +214,7 @@ class ReferenceTest(unittest.TestCase):
         self.assertEqual(answer.homography.reference_stamp, rospy.Time(5))
         self.assertEqual(answer.homography.header.stamp, rospy.Time(6))
         self.check_translation(answer.homography, -10, -20)
+        self.assertGreater(max(answer.correspondences.reference_x), 400)
         self.assertEqual(len(answer.correspondences.level), answer.statistics.stages[1].output)
         self.assertEqual(self.send(140).reference_stamp, before.header.stamp)
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_testing import Camera, Recorder, image_message, view, wait_until, warm_up
 from sensor_msgs.msg import CameraInfo, Image
 
@@ -41,6 +42,8 @@ class StabilizerTest(unittest.TestCase):
         self.infos = Recorder('/camera/stabilizer/camera_info', CameraInfo)
         self.addCleanup(self.images.close)
         self.addCleanup(self.infos.close)
+        self.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        self.addCleanup(self.diagnostics.close)
         wait_until(lambda: self.images.publishers() and self.infos.publishers(), 'it runs')
         warm_up(self.camera, self.images)
         wait_until(lambda: self.info.get_num_connections() == 1, 'camera_info is subscribed')
@@ -83,6 +86,26 @@ class StabilizerTest(unittest.TestCase):
         info = self.infos.wait_for(message.header.stamp)
         self.assertEqual(info.K[0], 500.0)
 
+    def counts(self):
+        """Homographies that the stabilizer says it had, and how many of these were found."""
+        values = [{value.key: value.value for value in status.values}
+                  for array in self.diagnostics.messages() for status in array.status
+                  if status.name.endswith('stabilizer: frames')]
+        return [(int(v['homographies']), int(v['homographies found'])) for v in values]
+
+    def test_homographies_are_counted_by_whether_they_were_found(self):
+        flat = np.full((480, 640), 90, np.uint8)
+        for _ in range(3):
+            self.send(flat)
+        wait_until(self.counts, 'the stabilizer reports')
+        before = self.counts()[-1][1]
+        for i in range(20):
+            self.send(view(300 + 4 * i, 300))
+        # The first is matched to the flat image.
+        wait_until(lambda: self.counts()[-1][1] >= before + 19, '19 homographies are found')
+        had, found = self.counts()[-1]
+        self.assertGreaterEqual(had - found, 3)
+
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
         self.send(view(304, 300))
@@ -95,6 +118,11 @@ class StabilizerTest(unittest.TestCase):
         self.images.close()
         self.infos.close()
         self.camera.wait_for_no_subscriber()
+        for topic, kind in (('image', Image), ('camera_info', CameraInfo)):
+            alone = Recorder('/camera/stabilizer/' + topic, kind)
+            self.camera.wait_for_subscriber()
+            alone.close()
+            self.camera.wait_for_no_subscriber()
 
 
 if __name__ == '__main__':

@@ -28,7 +28,9 @@ class TargetTest(unittest.TestCase):
                    transforms.publishers(), 'it runs')
         camera.wait_for_subscriber()
         calibration = CameraInfo(width=640, height=480)
-        calibration.K = calibration.R = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
+        # K of the distorted image, which is not what is looked at: P counts.
+        calibration.K = [3 * FOCAL, 0, 100, 0, 3 * FOCAL, 100, 0, 0, 1]
+        calibration.P = [FOCAL, 0, 319.5, 0, 0, FOCAL, 239.5, 0, 0, 0, 1, 0]
         info.publish(calibration)
 
         rospy.wait_for_service('/camera/matcher/set_reference', 120.0)
@@ -66,6 +68,13 @@ class TargetTest(unittest.TestCase):
         self.assertEqual(transform().child_frame_id, 'target')
         self.assertEqual(transform().transform.translation, type(transform().transform.translation)(
             position.x, position.y, position.z))
+
+        # Without P, K: a lens of twice the focal length sees the same from twice as far.
+        calibration.K = [2 * FOCAL, 0, 319.5, 0, 2 * FOCAL, 239.5, 0, 0, 1]
+        calibration.P = [0.0] * 12
+        info.publish(calibration)
+        wait_until(lambda: abs(pose_of(430, 280)[1].pose.pose.position.z -
+                               2 * FOCAL * METRE) < 0.006, 'K counts where P is zero')
 
         lost = camera.send(image_message(np.full((480, 640), 90, np.uint8), camera.next_stamp()))
         self.assertEqual(len(outlines.wait_for(lost).polygon.points), 0)
