@@ -47,7 +47,8 @@ class FrameInbox {
   std::optional<Content> take() {
     std::unique_lock<std::mutex> lock(mutex_);
     ready_.wait(lock, [this] {
-      return closed_ || woken_ || !content_.images.empty() || !content_.homographies.empty();
+      return closed_ || woken_ || !content_.images.empty() || !content_.homographies.empty() ||
+             !content_.infos.empty();
     });
     if (closed_) return std::nullopt;
     woken_ = false;

@@ -68,6 +68,7 @@ class StabilizerNodelet : public FrameConsumer {
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override;
+  void take(const sensor_msgs::CameraInfoConstPtr& info);
   void follow(const HomographyStamped& message);
   void publishDue();
   void publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image);
@@ -86,6 +87,7 @@ class StabilizerNodelet : public FrameConsumer {
   std::uint64_t restarts_ = 0;
   ByStamp<sensor_msgs::ImageConstPtr> images_{kImages};
   ByStamp<sensor_msgs::CameraInfoConstPtr> infos_{kImages};
+  ByStamp<bool> without_info_{kImages};  // frames that went out before their camera_info came
   std::vector<SteadyFrame> ready_;
   std::deque<SteadyFrame> due_;  // whose image may still come
 };
@@ -112,6 +114,7 @@ void StabilizerNodelet::restart() {
   stabilizer_.reset();
   images_.clear();
   infos_.clear();
+  without_info_.clear();
   due_.clear();
   size_ = {};
 }
@@ -123,7 +126,7 @@ void StabilizerNodelet::work(FrameInbox::Content& content) {
     images_.setMost(kImages + static_cast<std::size_t>(options_.lag));
     infos_.setMost(kImages + static_cast<std::size_t>(options_.lag));
   }
-  for (const auto& info : content.infos) infos_.put(info->header.stamp, info);
+  for (const auto& info : content.infos) take(info);
   for (const auto& image : content.images) {
     images_.put(image->header.stamp, image);
     newest_ = image->header.stamp;
@@ -131,6 +134,16 @@ void StabilizerNodelet::work(FrameInbox::Content& content) {
   }
   for (const auto& homography : content.homographies) follow(*homography);
   publishDue();
+}
+
+// It has a connection of its own, and drivers publish it after the image: that may be long out.
+void StabilizerNodelet::take(const sensor_msgs::CameraInfoConstPtr& info) {
+  const ros::Time stamp = info->header.stamp;
+  if (without_info_.take(stamp)) {
+    info_pub_.publish(*info);
+  } else {
+    infos_.put(stamp, info);
+  }
 }
 
 void StabilizerNodelet::follow(const HomographyStamped& message) {
@@ -166,7 +179,12 @@ void StabilizerNodelet::publishDue() {
 }
 
 void StabilizerNodelet::publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image) {
-  if (const auto info = infos_.take(image->header.stamp)) info_pub_.publish(*info);
+  const ros::Time stamp = image->header.stamp;
+  if (const auto info = infos_.take(stamp)) {
+    info_pub_.publish(*info);
+  } else {
+    without_info_.put(stamp, true);
+  }
   if (image_pub_.getNumSubscribers() == 0) return;
   const auto start = std::chrono::steady_clock::now();
   try {
