@@ -49,7 +49,7 @@ void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshol
                  std::vector<cv::KeyPoint>& corners) {
   const int columns = image.cols - 2 * kEdgeMargin;
   ScoreRows scores(image, threshold, kernels, scratch);
-  scratch.maxima.resize(columns);
+  scratch.maxima.resize(static_cast<std::size_t>(columns) + 3);
   scores.compute(first_row - 1);
   scores.compute(first_row);
   for (int y = first_row; y < last_row; ++y) {

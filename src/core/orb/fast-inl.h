@@ -16,33 +16,33 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::ScalableTag<std::uint8_t>;
 using ByteVector = hn::Vec<Bytes>;
 
-struct Least {
-  HWY_INLINE ByteVector operator()(ByteVector a, ByteVector b) const { return hn::Min(a, b); }
-};
-struct Greatest {
-  HWY_INLINE ByteVector operator()(ByteVector a, ByteVector b) const { return hn::Max(a, b); }
-};
-
-// With Inner = Least, Outer = Greatest: the largest grey value that some arc of nine neighbours
-// reaches everywhere; swapped: the smallest that some arc stays below.
+// The largest grey value that some arc of nine neighbours reaches everywhere.
 //
 // The arcs that start at an even neighbour and at the one after it share the eight in between:
-// best(inner(eight, first), inner(eight, last)) = inner(eight, best(first, last)).
-template <class Inner, class Outer>
-HWY_INLINE ByteVector bestArc(const ByteVector (&p)[16], Inner inner, Outer outer) {
+// max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
+HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
+  ByteVector ends[8];
   ByteVector two[8];
-  for (int i = 0; i < 8; ++i) two[i] = inner(p[2 * i + 1], p[(2 * i + 2) % 16]);
-  ByteVector four[8];
-  for (int i = 0; i < 8; ++i) four[i] = inner(two[i], two[(i + 1) % 8]);
-  ByteVector nine[8];
   for (int i = 0; i < 8; ++i) {
-    const ByteVector eight = inner(four[i], four[(i + 2) % 8]);
-    nine[i] = inner(eight, outer(p[2 * i], p[(2 * i + 9) % 16]));
+    ends[i] = hn::Max(p[2 * i], p[(2 * i + 9) % 16]);
+    two[i] = hn::Min(p[2 * i + 1], p[(2 * i + 2) % 16]);
   }
+  ByteVector four[8];
+  for (int i = 0; i < 8; ++i) four[i] = hn::Min(two[i], two[(i + 1) % 8]);
+  ByteVector nine[8];
+  for (int i = 0; i < 8; ++i) nine[i] = hn::Min(hn::Min(four[i], four[(i + 2) % 8]), ends[i]);
   for (int step = 4; step > 0; step /= 2) {
-    for (int i = 0; i < step; ++i) nine[i] = outer(nine[i], nine[i + step]);
+    for (int i = 0; i < step; ++i) nine[i] = hn::Max(nine[i], nine[i + step]);
   }
   return nine[0];
+}
+
+// Where a pixel cannot have a dark arc: of a dark arc of nine, the first and the last lie opposite
+// each other. The others cannot have a bright one: that has one of every two that lie opposite.
+HWY_INLINE hn::Mask<Bytes> canOnlyBeBright(const ByteVector (&p)[16], ByteVector centre) {
+  ByteVector least = hn::Max(p[0], p[8]);
+  for (int i = 1; i < 8; ++i) least = hn::Min(least, hn::Max(p[i], p[i + 8]));
+  return least > centre;
 }
 
 // Any arc of nine contains two neighbouring points of the compass; without such a pair that
@@ -66,9 +66,11 @@ HWY_INLINE ByteVector cornerScores(const std::uint8_t* pixel, const std::ptrdiff
   for (int i = 0; i < 16; ++i) {
     if (i % 4 != 0) p[i] = hn::LoadU(d, pixel + circle[i]);
   }
-  const auto brighter = hn::SaturatedSub(bestArc(p, Least(), Greatest()), centre);
-  const auto darker = hn::SaturatedSub(centre, bestArc(p, Greatest(), Least()));
-  const auto contrast = hn::Max(brighter, darker);
+  // One search for either kind of arc: with all bits of a pixel and of its circle inverted, a dark
+  // arc is a bright one.
+  const auto inversion = hn::Not(hn::VecFromMask(d, canOnlyBeBright(p, centre)));
+  for (ByteVector& neighbour : p) neighbour = hn::Xor(neighbour, inversion);
+  const auto contrast = hn::SaturatedSub(brightestArc(p), hn::Xor(centre, inversion));
   return hn::IfThenElseZero(contrast > threshold, hn::SaturatedSub(contrast, hn::Set(d, 1)));
 }
 
@@ -106,9 +108,14 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    for (; bits != 0; bits &= bits - 1) {
-      maxima[found++] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits));
-    }
+    const auto take = [&] {  // writes also where there is none, so as not to branch
+      constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
+      maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));
+      found += static_cast<int>(bits != 0);
+      bits &= bits - 1;
+    };
+    for (int i = 0; i < 3; ++i) take();  // seldom more
+    while (bits != 0) take();
   }
   return found;
 }

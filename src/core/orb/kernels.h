@@ -56,7 +56,7 @@ struct OrbKernels {
 
   /// Non-maximum suppression: writes the indices of the scores in `row` that exceed all eight
   /// neighbours to `maxima`, ascending, and returns their number. The rows hold `count` scores and
-  /// are readable one before and 64 beyond; `maxima` has room for `count`.
+  /// are readable one before and 64 beyond; `maxima` has room for `count` + 3.
   int (*local_maxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
                       int count, std::int32_t* maxima);
 
@@ -67,7 +67,8 @@ struct OrbKernels {
   Moments (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
 
   /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours
-  /// on either side. May read 64 bytes beyond and write 64 values beyond out[count - 1].
+  /// on either side. May read 80 bytes beyond and write 64 values beyond out[count - 1]; every 64
+  /// values are in an order of the set's own, which its blur_across_rows undoes.
   void (*blur_along_row)(const std::uint8_t* pixel, int count, float* out);
   /// Gaussian blur across 2 * kBlurRadius + 1 such rows, from the top down, to the nearest integer.
   /// May read 64 values beyond and write 64 bytes beyond out[count - 1].

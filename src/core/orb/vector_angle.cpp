@@ -21,6 +21,14 @@ float arcTangent(float ratio) {
   return (((kP7 * square + kP5) * square + kP3) * square + kP1) * ratio;
 }
 
+// `whole` - angle where wanted, else the angle, which is not negative. Without a branch: of the
+// angles of keypoints nothing can be foretold.
+float reflected(float angle, float whole, bool wanted) {
+  const float sign[] = {1.f, -1.f};
+  const float base[] = {0.f, whole};
+  return base[static_cast<int>(wanted)] + sign[static_cast<int>(wanted)] * angle;
+}
+
 }  // namespace
 
 float vectorAngle(float y, float x) {
@@ -30,10 +38,8 @@ float vectorAngle(float y, float x) {
   // The addend keeps the null vector from dividing by zero and changes no other.
   const float ratio =
       std::min(width, height) / (std::max(width, height) + static_cast<float>(DBL_EPSILON));
-  float angle = is_flat ? arcTangent(ratio) : 90.f - arcTangent(ratio);
-  if (x < 0) angle = 180.f - angle;
-  if (y < 0) angle = 360.f - angle;
-  return angle;
+  const float angle = reflected(arcTangent(ratio), 90.f, !is_flat);
+  return reflected(reflected(angle, 180.f, x < 0), 360.f, y < 0);
 }
 
 }  // namespace ktgp_orb
