@@ -14,7 +14,12 @@ namespace {
 
 /// The map that holds the parameters.
 YAML::Node parametersIn(YAML::Node node) {
-  while (node.IsMap()) {
+  constexpr int kDeepest = 16;  // of a map that holds itself there is no end
+  for (int depth = 0; node.IsMap(); ++depth) {
+    if (depth > kDeepest) {
+      throw std::invalid_argument(
+          "its maps go too deep; expected `name: value` lines in one or two");
+    }
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
     } else if (node.size() == 1 && node.begin()->second.IsMap()) {  // below a namespace

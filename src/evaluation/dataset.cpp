@@ -6,6 +6,7 @@
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
+#include <system_error>
 
 #include "cli/files.h"
 
@@ -16,6 +17,16 @@ namespace fs = std::filesystem;
 
 constexpr int kImagesPerSet = 6;
 constexpr std::array<const char*, 5> kImageEndings{".ppm", ".pgm", ".png", ".jpg", ".jpeg"};
+
+// Both are false for a name that no file can have, too: too long a one, for example.
+bool isThere(const fs::path& path) {
+  std::error_code none;
+  return fs::exists(path, none);
+}
+bool isFolder(const fs::path& path) {
+  std::error_code none;
+  return fs::is_directory(path, none);
+}
 
 /// How a kind of data set names its files.
 struct Layout {
@@ -35,20 +46,20 @@ constexpr Layout kHpatches{"", "H_1_", ""};
 fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
   const std::string stem = layout.image_prefix + std::to_string(k);
   for (const char* ending : kImageEndings) {
-    if (fs::exists(folder / (stem + ending))) return folder / (stem + ending);
+    if (isThere(folder / (stem + ending))) return folder / (stem + ending);
   }
   return folder / (stem + ".ppm");
 }
 
 bool isLaidOutAs(const Layout& layout, const fs::path& folder) {
-  return fs::exists(imageFile(folder, layout, 1)) || fs::exists(folder / layout.homography(2));
+  return isThere(imageFile(folder, layout, 1)) || isThere(folder / layout.homography(2));
 }
 
 /// Adds the pair, or says which of its files is missing or broken.
 void addPair(ImagePair pair, const std::string& homography_file, Dataset& dataset) {
   try {
     for (const std::string& image : {pair.reference, pair.target}) {
-      if (!fs::exists(image)) throw FileError(image, "is missing");
+      if (!isThere(image)) throw FileError(image, "is missing");
     }
     pair.homography = readHomography(homography_file);
     dataset.pairs.push_back(std::move(pair));
@@ -121,11 +132,11 @@ void addList(const fs::path& file, Dataset& dataset) {
 
 /// The picture at `path`, or all of the folder `path` in the order of their names.
 std::vector<std::string> pictures(const std::string& path, Dataset& dataset) {
-  if (!fs::exists(path)) {
+  if (!isThere(path)) {
     dataset.problems.push_back(path + ": is missing");
     return {};
   }
-  if (!fs::is_directory(path)) return {path};
+  if (!isFolder(path)) return {path};
   std::vector<std::string> found;
   for (const auto& entry : fs::directory_iterator(path)) {
     const std::string ending = entry.path().extension().string();
@@ -141,7 +152,7 @@ std::vector<std::string> pictures(const std::string& path, Dataset& dataset) {
 }  // namespace
 
 void addPairs(const std::string& path, Dataset& dataset) {
-  if (!fs::is_directory(path)) {
+  if (!isFolder(path)) {
     addList(path, dataset);
   } else if (!addFolder(path, dataset)) {
     addSubfolders(path, dataset);

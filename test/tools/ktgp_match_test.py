@@ -207,7 +207,9 @@ class KtgpMatch(ToolCase):
         for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "(0, 1]"),
                                ("T_w: .nan\n", "(0, 1]"), ("T_w: [1]\n", "T_w"),
                                ("features: 10.5\n", "whole number"), ("T_w: {\n", "bad.yaml"),
-                               ("extractor: slow\n", "opencv"), ("", "name: value")):
+                               ("extractor: slow\n", "opencv"), ("", "name: value"),
+                               ("&a {b: *a}\n", "too deep"),  # a map that holds itself
+                               ("&a {dictitems: *a}\n", "too deep")):
             (self.folder / "bad.yaml").write_text(text)
             run = self.match("a.pgm", "b.pgm", "--params", "bad.yaml")
             self.assertEqual(run.returncode, 2, text)
