@@ -1,9 +1,9 @@
 // All stages over features as a message would hold them, of two frames that may show the same.
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 #include <stdexcept>
 
-#include "instruction_sets.h"
 #include "invariants.h"
+#include "one_instruction_set.h"
 
 namespace ktgp_orb::fuzz {
 namespace {
@@ -20,39 +20,53 @@ Features moved(Input& in, const Features& reference) {
       in.ConsumeFloatingPointInRange(-300.0, 300.0), scale * std::sin(angle),
       scale * std::cos(angle), in.ConsumeFloatingPointInRange(-300.0, 300.0), tilt, 0.0, 1.0;
   const unsigned noise = in.ConsumeIntegralInRange(0U, 30U);
-  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
+  Random random(in.ConsumeIntegral<std::uint16_t>());
   for (std::size_t i = 0; i < target.size(); ++i) {
     const cv::Point2f& p = reference.keypoints[i].pt;
     const Eigen::Vector2d q = (h * Eigen::Vector3d(p.x, p.y, 1.0)).hnormalized();
     target.keypoints[i].pt = {static_cast<float>(q.x()), static_cast<float>(q.y())};
-    for (unsigned f = random() % (noise + 1); f > 0; --f) {
-      target.descriptors.at<std::uint8_t>(static_cast<int>(i), static_cast<int>(random() % 32)) ^=
-          static_cast<std::uint8_t>(1U << random() % 8);
-    }
+    flipBits(target.descriptors.ptr(static_cast<int>(i)), random.below(noise + 1), random);
   }
   return target;
 }
 
+MatchHints matchHints(Input& in) {
+  MatchHints hints;
+  if (in.ConsumeBool()) {
+    hints.prediction = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 9; ++i) {
+      const double unit = i % 3 == 2 && i < 8 ? 50.0 : (i < 6 ? 0.3 : 1e-3);
+      (*hints.prediction)(i / 3, i % 3) += anyDouble(in, -unit, unit);
+    }
+  }
+  hints.whole_image = in.ConsumeIntegralInRange(0, 7) == 0;
+  return hints;
+}
+
 void run(Input& in) {
   const MatcherOptions options = matcherOptions(in);
-  const Features reference = features(in, 150);
-  const Features target = in.ConsumeBool() ? moved(in, reference) : features(in, 150);
-  std::optional<Eigen::Matrix3d> initial;
-  if (in.ConsumeBool()) {
-    initial = Eigen::Matrix3d::Identity();
-    for (int i = 0; i < 9; ++i)
-      (*initial)(i / 3, i % 3) += in.ConsumeFloatingPointInRange(-1.0, 1.0);
+  Features reference = features(in, 250);
+  if (in.ConsumeIntegralInRange(0, 7) == 0) {
+    reference.image_size = {in.ConsumeIntegralInRange(24, 150), in.ConsumeIntegralInRange(24, 150)};
+    reference.images = pyramid(in, reference.image_size);
   }
+  const Features target = in.ConsumeIntegralInRange(0, 3) != 0 ? moved(in, reference)  //
+                                                               : features(in, 250);
+  MatchHints hints = matchHints(in);
+  // Not made anew: the answer does not depend on what was in them.
+  static MatchResult result, again;
   KtgpMatcher matcher(options);
-  MatchResult result, again;
-  matcher.match(reference, target, initial, result);
+  matcher.match(reference, target, hints, result);
   requireSound(result, reference, target, options);
-  matcher.match(reference, target, initial, again);
-  requireEqual(result, again, "the same answer twice");
-  test::forEachInstructionSet([&] {
-    KtgpMatcher(options).match(reference, target, initial, again);
+  if (in.ConsumeIntegralInRange(0, 3) == 0) {
+    hints.same_reference = in.ConsumeBool();
+    matcher.match(reference, target, hints, again);
+    requireEqual(result, again, "the same answer twice");
+  } else {
+    const OneInstructionSet one(in);
+    KtgpMatcher(options).match(reference, target, hints, again);
     requireEqual(result, again, "the same answer with every instruction set");
-  });
+  }
 }
 
 }  // namespace

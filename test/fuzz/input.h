@@ -4,15 +4,19 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <limits>
-#include <random>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
+#include "core/util/random.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 
@@ -29,6 +33,14 @@ inline void require(bool holds, const char* what) {
   std::abort();
 }
 
+/// Changes some bits of a descriptor.
+inline void flipBits(std::uint8_t* descriptor, unsigned count, Random& random) {
+  for (; count > 0; --count) {
+    const std::uint32_t bit = random.below(8 * kDescriptorBytes);
+    descriptor[bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
+  }
+}
+
 /// Any double, but ordinary ones as often as odd ones.
 inline double anyDouble(Input& in, double low, double high) {
   constexpr double kOdd[] = {0.0,
@@ -42,39 +54,69 @@ inline double anyDouble(Input& in, double low, double high) {
   return in.ConsumeFloatingPointInRange(low, high);
 }
 
+/// Mostly few, at times up to `most`: small inputs find most and cost least.
+inline int few(Input& in, int most) {
+  const int eighth = in.ConsumeIntegralInRange(0, 7);
+  return in.ConsumeIntegralInRange(0, eighth == 0 ? most : most / (eighth < 3 ? 4 : 16));
+}
+
+/// Mostly one.
+inline int threads(Input& in) {
+  return in.ConsumeIntegralInRange(0, 63) == 0 ? 2 : 1;
+}
+
 /// A picture with corners: random blocks, flat parts and the bytes that are left.
 inline cv::Mat image(Input& in, const cv::Size& size, int stride_beyond = 0) {
   cv::Mat wide(size.height, size.width + stride_beyond, CV_8U);
-  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
+  Random random(in.ConsumeIntegral<std::uint16_t>());
   const int block = in.ConsumeIntegralInRange(1, 24);
-  const int contrast = in.ConsumeIntegralInRange(0, 255);
-  std::vector<std::uint8_t> values(1024);
-  for (auto& value : values) value = static_cast<std::uint8_t>(random() % 256 * contrast / 255);
-  const auto extra = in.ConsumeBytes<std::uint8_t>(in.ConsumeIntegralInRange(0, 512));
-  std::copy(extra.begin(), extra.end(), values.begin());
+  const unsigned contrast = in.ConsumeIntegral<std::uint8_t>();
+  std::array<std::uint8_t, 1024> values;
+  for (auto& value : values) value = static_cast<std::uint8_t>(random.below(contrast + 1));
+  const int given = in.ConsumeIntegralInRange(0, 512);
+  in.ConsumeData(values.data(), static_cast<std::size_t>(given));
   for (int y = 0; y < wide.rows; ++y) {
-    for (int x = 0; x < wide.cols; ++x) {
-      wide.at<std::uint8_t>(y, x) =
-          values[static_cast<std::size_t>(x / block + 37 * (y / block)) % values.size()];
+    std::uint8_t* row = wide.ptr(y);
+    if (y % block != 0) {
+      std::copy_n(wide.ptr(y - 1), wide.cols, row);
+      continue;
+    }
+    auto value = static_cast<std::size_t>(37 * (y / block));
+    for (int x = 0; x < wide.cols; x += block) {
+      std::fill_n(row + x, std::min(block, wide.cols - x), values[value++ % values.size()]);
     }
   }
   return wide.colRange(0, size.width);
 }
 
+/// A picture and what a pyramid has of it, each level in memory of its own without room to spare.
+inline std::vector<cv::Mat> pyramid(Input& in, const cv::Size& size) {
+  std::vector<cv::Mat> levels{image(in, size)};
+  const int count = in.ConsumeIntegralInRange(1, 8);
+  double scale = 1.0;
+  while (static_cast<int>(levels.size()) < count) {
+    scale /= 1.2;
+    const cv::Size smaller(std::max(1, static_cast<int>(size.width * scale)),
+                           std::max(1, static_cast<int>(size.height * scale)));
+    levels.emplace_back();
+    cv::resize(levels[0], levels.back(), smaller, 0.0, 0.0, cv::INTER_LINEAR);
+  }
+  return levels;
+}
+
 /// Rows of 32 bytes, many of them nearly or quite equal.
 inline cv::Mat descriptors(Input& in, int rows) {
   cv::Mat all(rows, kDescriptorBytes, CV_8U);
-  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
+  Random random(in.ConsumeIntegral<std::uint16_t>());
   const unsigned kinds = in.ConsumeIntegralInRange(1U, 300U);
   const unsigned flips = in.ConsumeIntegralInRange(0U, 40U);
   for (int i = 0; i < rows; ++i) {
-    std::minstd_rand kind(random() % kinds + 1);
-    for (int b = 0; b < kDescriptorBytes; ++b)
-      all.at<std::uint8_t>(i, b) = static_cast<std::uint8_t>(kind() >> 8);
-    for (unsigned f = random() % (flips + 1); f > 0; --f) {
-      all.at<std::uint8_t>(i, static_cast<int>(random() % 32)) ^=
-          static_cast<std::uint8_t>(1U << random() % 8);
+    Random kind(random.below(kinds));
+    for (int b = 0; b < kDescriptorBytes; b += 8) {
+      const std::uint64_t bits = kind.next();
+      std::memcpy(all.ptr(i) + b, &bits, sizeof(bits));
     }
+    flipBits(all.ptr(i), random.below(flips + 1), random);
   }
   return all;
 }
@@ -96,25 +138,25 @@ inline float coordinate(Input& in, int size) {
   }
 }
 
-/// Keypoints that follow a homography, or none; as a deserialised message would hold them.
+/// Features as a deserialised message would hold them: anywhere, or one by one as the bytes say.
 inline Features features(Input& in, int most) {
   Features out;
   out.image_size = {in.ConsumeIntegralInRange(1, 2000), in.ConsumeIntegralInRange(1, 2000)};
-  const int count = in.ConsumeIntegralInRange(0, most);
+  const int count = few(in, most);
   const bool listed = in.ConsumeBool();
-  std::minstd_rand random(in.ConsumeIntegral<std::uint16_t>() + 1U);
-  for (int i = 0; i < count; ++i) {
-    cv::KeyPoint keypoint;
-    keypoint.pt = listed ? cv::Point2f(coordinate(in, out.image_size.width),
-                                       coordinate(in, out.image_size.height))
-                         : cv::Point2f(static_cast<float>(random() % 16384) / 16384.0F *
-                                           static_cast<float>(out.image_size.width),
-                                       static_cast<float>(random() % 16384) / 16384.0F *
-                                           static_cast<float>(out.image_size.height));
-    keypoint.octave = listed ? in.ConsumeIntegralInRange(-2, 20) : static_cast<int>(random() % 8);
-    keypoint.angle = static_cast<float>(random() % 360);
-    keypoint.size = 31.0F * static_cast<float>(std::pow(1.2, random() % 8));
-    out.keypoints.push_back(keypoint);
+  Random random(in.ConsumeIntegral<std::uint16_t>());
+  const auto anywhere = [&](int size) {
+    return static_cast<float>(random.below(16384)) / 16384.0F * static_cast<float>(size);
+  };
+  out.keypoints.resize(static_cast<std::size_t>(count));
+  for (cv::KeyPoint& keypoint : out.keypoints) {
+    keypoint.pt.x = listed ? coordinate(in, out.image_size.width) : anywhere(out.image_size.width);
+    keypoint.pt.y =
+        listed ? coordinate(in, out.image_size.height) : anywhere(out.image_size.height);
+    keypoint.octave =
+        listed ? in.ConsumeIntegralInRange(-2, 20) : static_cast<int>(random.below(8));
+    keypoint.angle = static_cast<float>(random.below(360));
+    keypoint.size = 31.0F * static_cast<float>(1U + random.below(4));
   }
   out.descriptors = descriptors(in, count);
   return out;
@@ -122,16 +164,18 @@ inline Features features(Input& in, int most) {
 
 inline MatcherOptions matcherOptions(Input& in) {
   MatcherOptions options = in.ConsumeBool() ? MatcherOptions::ktgp() : MatcherOptions::robust();
+  options.knn.threads = threads(in);
+  options.knn.search_radius = in.ConsumeBool() ? in.ConsumeFloatingPointInRange(1.0, 300.0) : 0.0;
   options.ratio_threshold = in.ConsumeFloatingPointInRange(0.05, 1.0);
   options.mutual = in.ConsumeBool();
   options.gms.enabled = in.ConsumeBool();
   options.gms.threshold = in.ConsumeFloatingPointInRange(0.0, 8.0);
   options.gms.rotation = in.ConsumeBool();
   options.gms.scale = in.ConsumeBool();
-  options.gms.grid_columns = in.ConsumeIntegralInRange(1, 40);
-  options.gms.grid_rows = in.ConsumeIntegralInRange(1, 40);
+  options.gms.grid_columns = 1 + few(in, 100);
+  options.gms.grid_rows = 1 + few(in, 100);
   options.prosac.max_error = in.ConsumeFloatingPointInRange(0.1, 20.0);
-  options.prosac.max_iterations = in.ConsumeIntegralInRange(1, 300);
+  options.prosac.max_iterations = 1 + few(in, 600);
   options.prosac.seed = in.ConsumeIntegral<std::uint8_t>();
   options.guided.enabled = in.ConsumeBool();
   options.guided.radius = in.ConsumeFloatingPointInRange(0.1, 100.0);
@@ -141,20 +185,21 @@ inline MatcherOptions matcherOptions(Input& in) {
   return options;
 }
 
-/// Bytes as a file that no disk sees.
+/// Bytes as a file that no disk sees; one at a time.
 class MemoryFile {
  public:
-  MemoryFile(const void* bytes, std::size_t size) : descriptor_(memfd_create("fuzz", 0)) {
-    require(descriptor_ >= 0, "memfd_create");
-    require(write(descriptor_, bytes, size) == static_cast<ssize_t>(size), "write");
+  MemoryFile(const void* bytes, std::size_t size) {
+    require(ftruncate(descriptor(), 0) == 0, "ftruncate");
+    require(pwrite(descriptor(), bytes, size, 0) == static_cast<ssize_t>(size), "pwrite");
   }
-  ~MemoryFile() { close(descriptor_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor_); }
+  std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor()); }
 
  private:
-  int descriptor_;
+  static int descriptor() {
+    static const int file = memfd_create("fuzz", 0);
+    require(file >= 0, "memfd_create");
+    return file;
+  }
 };
 
 }  // namespace ktgp_orb::fuzz

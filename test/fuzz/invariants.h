@@ -27,10 +27,17 @@ inline void requireSound(const MatchResult& result, const Features& reference,
                          const Features& target, const MatcherOptions& options) {
   const auto& all = result.correspondences;
   require(all.empty() || all.size() == target.size(), "one correspondence a target feature");
-  PointPairs pairs;
+  std::size_t neighbours = 0;
+  static PointPairs pairs;
+  pairs.clear();
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Correspondence& c = all[i];
     require(c.target_index == static_cast<std::int32_t>(i), "in target order");
+    if (c.reference_index == -1) {  // nothing near where it was looked for
+      require(result.search == Search::near && c.level == Level::knn, "no match, no level");
+      continue;
+    }
+    ++neighbours;
     require(
         c.reference_index >= 0 && static_cast<std::size_t>(c.reference_index) < reference.size(),
         "reference indices in range");
@@ -43,7 +50,7 @@ inline void requireSound(const MatchResult& result, const Features& reference,
     pairs.target.emplace_back(target.keypoints[i].pt.x, target.keypoints[i].pt.y);
   }
   const auto& stages = result.stages;
-  require(stages[0].output == all.size(), "knn keeps all");
+  require(stages[0].output == neighbours, "knn keeps all that have a neighbour");
   for (std::size_t s = 1; s < stages.size(); ++s) {
     require(stages[s].input == stages[s - 1].output, "a stage begins where the one before ended");
     require(stages[s].output <= stages[s].input, "levels are nested");

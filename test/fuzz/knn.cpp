@@ -1,4 +1,10 @@
-// Nearest neighbours, one way and both ways, against a plain search.
+// Nearest neighbours, in the whole image and near predicted places, one way and both ways, against
+// a plain search.
+#include <Eigen/LU>
+
+#include <stdexcept>
+
+#include "core/knn/near_search.h"
 #include "core/knn/search.h"
 #include "input.h"
 #include "instruction_sets.h"
@@ -6,19 +12,30 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
-int hamming(const cv::Mat& a, int i, const cv::Mat& b, int j) {
-  return static_cast<int>(cv::norm(a.row(i), b.row(j), cv::NORM_HAMMING));
+int hamming(const std::uint8_t* a, const std::uint8_t* b) {
+  int distance = 0;
+  for (int i = 0; i < kDescriptorBytes; i += 8) {
+    std::uint64_t x = 0, y = 0;
+    std::memcpy(&x, a + i, sizeof(x));
+    std::memcpy(&y, b + i, sizeof(y));
+    distance += __builtin_popcountll(x ^ y);
+  }
+  return distance;
 }
 
-std::vector<Correspondence> plain(const cv::Mat& reference, const cv::Mat& target) {
+/// `isAllowed(r, t)`: whether reference r may be matched to target t.
+template <typename IsAllowed>
+std::vector<Correspondence> plain(const Features& reference, const Features& target,
+                                  const IsAllowed& isAllowed) {
+  constexpr int kNone = 1000;
   std::vector<Correspondence> found;
-  if (reference.rows == 0) return found;
-  std::vector<int> best(static_cast<std::size_t>(reference.rows), 1000);
-  std::vector<int> nearest(best.size(), -1);
-  for (int t = 0; t < target.rows; ++t) {
-    Correspondence c{-1, t, 1000, 1000, Level::knn, false};
-    for (int r = 0; r < reference.rows; ++r) {
-      const int distance = hamming(reference, r, target, t);
+  std::vector<int> best(reference.size(), kNone);
+  std::vector<int> nearest(reference.size(), -1);
+  for (int t = 0; t < static_cast<int>(target.size()); ++t) {
+    Correspondence c{-1, t, kNone, kNone, Level::knn, false};
+    for (int r = 0; r < static_cast<int>(reference.size()); ++r) {
+      if (!isAllowed(r, t)) continue;
+      const int distance = hamming(reference.descriptors.ptr(r), target.descriptors.ptr(t));
       const auto of = static_cast<std::size_t>(r);
       if (distance < best[of]) {
         best[of] = distance;
@@ -32,11 +49,50 @@ std::vector<Correspondence> plain(const cv::Mat& reference, const cv::Mat& targe
         c.second_distance = distance;
       }
     }
-    if (reference.rows == 1) c.second_distance = 0;
     found.push_back(c);
   }
   for (Correspondence& c : found) {
+    if (c.reference_index < 0) continue;
     c.mutual = nearest[static_cast<std::size_t>(c.reference_index)] == c.target_index;
+  }
+  return found;
+}
+
+std::vector<Correspondence> plain(const Features& reference, const Features& target) {
+  if (reference.empty()) return {};
+  auto found = plain(reference, target, [](int, int) { return true; });
+  for (Correspondence& c : found) {
+    if (reference.size() == 1) c.second_distance = 0;
+  }
+  return found;
+}
+
+std::vector<Correspondence> plainNear(const Features& reference, const Features& target,
+                                      const Eigen::Matrix3d& prediction, double radius) {
+  if (reference.empty()) return {};
+  Eigen::Matrix3d back = prediction.inverse();
+  const Eigen::Vector3d middle(0.5 * target.image_size.width, 0.5 * target.image_size.height, 1.0);
+  if (back.row(2).dot(middle) < 0.0) back = -back;  // the image is in front of the camera
+  std::vector<cv::Point2f> places;
+  for (const cv::KeyPoint& keypoint : target.keypoints) {
+    const Eigen::Vector3d p = back * Eigen::Vector3d(keypoint.pt.x, keypoint.pt.y, 1.0);
+    places.emplace_back(std::numeric_limits<float>::quiet_NaN(), 0.0F);
+    if (!(p.z() > 0.0)) continue;
+    places.back() = {static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z())};
+  }
+  const auto squared_radius = static_cast<float>(radius) * static_cast<float>(radius);
+  auto found = plain(reference, target, [&](int r, int t) {
+    const cv::Point2f& p = reference.keypoints[static_cast<std::size_t>(r)].pt;
+    const cv::Point2f& place = places[static_cast<std::size_t>(t)];
+    const float dx = p.x - place.x;
+    const float dy = p.y - place.y;
+    const float xx = dx * dx;
+    const float yy = dy * dy;
+    return xx + yy <= squared_radius;
+  });
+  for (Correspondence& c : found) {
+    if (c.reference_index < 0) c.distance = c.second_distance = 256;
+    if (c.second_distance > 256) c.second_distance = std::max(c.distance, kUnrelatedDistance);
   }
   return found;
 }
@@ -53,18 +109,46 @@ void requireEqual(const std::vector<Correspondence>& a, const std::vector<Corres
   }
 }
 
-void run(Input& in) {
-  const cv::Mat reference = descriptors(in, in.ConsumeIntegralInRange(0, 150));
-  const cv::Mat target = descriptors(in, in.ConsumeIntegralInRange(0, 100));
-  const int threads = in.ConsumeIntegralInRange(1, 2);
+template <typename Kernel>
+const Kernel& any(Input& in, const std::vector<const Kernel*>& kernels) {
+  return *kernels[in.ConsumeIntegralInRange<std::size_t>(0, kernels.size() - 1)];
+}
+
+void searchAll(Input& in, const Features& reference, const Features& target) {
+  static const auto kernels = test::everyKernels(&bestKnnKernel, portableKnnKernel());
   const auto expected = plain(reference, target);
   std::vector<Correspondence> found;
-  for (const KnnKernel* kernel : test::everyKernels(&bestKnnKernel, portableKnnKernel())) {
-    KnnSearch search(*kernel, threads);
-    search.match(reference, target, found);
-    requireEqual(found, expected, false);
-    search.matchMutual(reference, target, found);
-    requireEqual(found, expected, true);
+  KnnSearch search(any(in, kernels), threads(in));
+  search.match(reference.descriptors, target.descriptors, found);
+  requireEqual(found, expected, false);
+  search.matchMutual(reference.descriptors, target.descriptors, found);
+  requireEqual(found, expected, true);
+}
+
+void searchNear(Input& in, const Features& reference, const Features& target) {
+  static const auto kernels = test::everyKernels(&bestNearKernel, portableNearKernel());
+  const bool any_radius = in.ConsumeIntegralInRange(0, 15) == 0;  // small ones make many cells
+  const double radius = any_radius ? in.ConsumeFloatingPointInRange(0.01, 5000.0)
+                                   : in.ConsumeFloatingPointInRange(20.0, 500.0);
+  Eigen::Matrix3d prediction = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 9; ++i) {
+    const double unit = i % 3 == 2 && i < 8 ? 50.0 : (i < 6 ? 0.3 : 1e-3);
+    prediction(i / 3, i % 3) += anyDouble(in, -unit, unit);
+  }
+  ThreadPool pool(threads(in));
+  NearSearch search(any(in, kernels), radius, pool);
+  std::vector<Correspondence> found;
+  search.match(reference, target, prediction, true, found);
+  requireEqual(found, plainNear(reference, target, prediction, radius), true);
+}
+
+void run(Input& in) {
+  const Features reference = features(in, 200);
+  const Features target = features(in, 150);
+  if (in.ConsumeBool()) {
+    searchAll(in, reference, target);
+  } else {
+    searchNear(in, reference, target);
   }
 }
 
@@ -73,6 +157,9 @@ void run(Input& in) {
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
   ktgp_orb::fuzz::Input in(bytes, size);
-  ktgp_orb::fuzz::run(in);
+  try {
+    ktgp_orb::fuzz::run(in);
+  } catch (const std::invalid_argument&) {  // a prediction that cannot be inverted
+  }
   return 0;
 }

@@ -1,4 +1,6 @@
 // Image messages with any fields: converted as they say or refused.
+#include <sensor_msgs/image_encodings.h>
+
 #include <boost/make_shared.hpp>
 
 #include "input.h"
@@ -7,6 +9,17 @@
 
 namespace ktgp_orb::fuzz {
 namespace {
+
+/// Mostly what the encoding says.
+std::uint32_t bytesPerPixel(Input& in, const std::string& encoding) {
+  if (in.ConsumeIntegralInRange(0, 7) == 0) return in.ConsumeIntegralInRange(0U, 9U);
+  try {
+    return static_cast<std::uint32_t>(sensor_msgs::image_encodings::bitDepth(encoding) *
+                                      sensor_msgs::image_encodings::numChannels(encoding) / 8);
+  } catch (const std::runtime_error&) {
+    return 1;
+  }
+}
 
 sensor_msgs::ImagePtr message(Input& in) {
   static const char* const kEncodings[] = {
@@ -21,10 +34,13 @@ sensor_msgs::ImagePtr message(Input& in) {
   image->encoding = in.ConsumeIntegralInRange(0, 15) == 0 ? in.ConsumeRandomLengthString(20)
                                                           : in.PickValueInArray(kEncodings);
   image->is_bigendian = in.ConsumeIntegralInRange(0, 2);
-  image->width = in.ConsumeIntegralInRange(0U, 150U);
-  image->height = in.ConsumeIntegralInRange(0U, 120U);
+  const bool has_corners = in.ConsumeIntegralInRange(0, 3) == 0;
+  image->width =
+      has_corners ? in.ConsumeIntegralInRange(60U, 90U) : in.ConsumeIntegralInRange(0U, 40U);
+  image->height =
+      has_corners ? in.ConsumeIntegralInRange(60U, 90U) : in.ConsumeIntegralInRange(0U, 40U);
   image->step =
-      image->width * in.ConsumeIntegralInRange(0U, 9U) + in.ConsumeIntegralInRange(0U, 5U);
+      image->width * bytesPerPixel(in, image->encoding) + in.ConsumeIntegralInRange(0U, 5U);
   std::size_t data = std::size_t{image->step} * image->height;
   switch (in.ConsumeIntegralInRange(0, 15)) {
     case 0:
@@ -48,9 +64,11 @@ sensor_msgs::ImagePtr message(Input& in) {
 }
 
 void run(Input& in) {
-  Parameters parameters;
-  parameters.features = 300;
-  static MessageMatcher matcher(configurationFrom(parameters, 0));
+  static MessageMatcher matcher = [] {
+    Parameters parameters;
+    parameters.features = 100;
+    return MessageMatcher(configurationFrom(parameters, 0));
+  }();
   matcher.reset();
   for (int i = 0; i < 2; ++i) {
     const sensor_msgs::ImagePtr image = message(in);

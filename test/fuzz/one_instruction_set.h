@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "input.h"
+#include "instruction_sets.h"
+
+namespace ktgp_orb::fuzz {
+
+#ifdef KTGP_ORB_HAVE_HIGHWAY
+
+/// While it lives, run-time dispatch takes one of this processor's instruction sets, which the
+/// input chooses, for the only one: the inputs together try them all. They are listed once, since
+/// a virtual processor takes its time to say what it can do.
+class OneInstructionSet {
+ public:
+  explicit OneInstructionSet(Input& in) {
+    const std::vector<std::int64_t>& all = each();
+    use(all[in.ConsumeIntegralInRange<std::size_t>(0, all.size() - 1)]);
+  }
+  ~OneInstructionSet() {
+    std::int64_t all = 0;
+    for (const std::int64_t target : each()) all |= target;
+    use(all);
+  }
+  OneInstructionSet(const OneInstructionSet&) = delete;
+  OneInstructionSet& operator=(const OneInstructionSet&) = delete;
+
+ private:
+  static const std::vector<std::int64_t>& each() {
+    static const std::vector<std::int64_t> all = [] {
+      std::vector<std::int64_t> targets;
+      for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
+        targets.push_back(left & -left);
+      }
+      return targets;
+    }();
+    return all;
+  }
+  static void use(std::int64_t targets) {
+    hwy::SetSupportedTargetsForTest(targets);
+    hwy::GetChosenTarget().Update(targets);
+  }
+};
+
+#else
+
+class OneInstructionSet {
+ public:
+  explicit OneInstructionSet(Input& /*in*/) {}
+};
+
+#endif
+
+}  // namespace ktgp_orb::fuzz
