@@ -277,5 +277,17 @@ TEST(TeblidExtraction, IsNeverMatchedWithOrb) {
   EXPECT_EQ(result.descriptor, DescriptorKind::teblid);
 }
 
+// 16 levels of half the size each: keypoints of the last one are never found, but its scale is
+// made.
+TEST(TeblidScale, BoundsKeepTheirSignHoweverLargeTheKeypoint) {
+  for (const float size : {31.0F, 31.0F * 32768.0F}) {
+    const TeblidScale scale(size, 64);
+    for (int bit = 0; bit < kTeblidBits; ++bit) {
+      EXPECT_EQ(scale.bound[teblidPlace(bit)] > 0, kTeblidTable.threshold[bit] >= 0.0F)
+          << "bit " << bit << " of a keypoint of " << size << " px";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace ktgp_orb

@@ -1,6 +1,7 @@
 // TEBLID far from the border in plain C++.
 #include "core/orb/teblid_kernel.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace ktgp_orb {
@@ -32,18 +33,21 @@ void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
 }  // namespace
 
 TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row), corners{} {
-  int area[kTeblidRadii + 1] = {};
+  float area[kTeblidRadii + 1] = {};
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
     const int r = static_cast<int>(size / kTeblidPatch * static_cast<float>(radius) + kHalf);
     const std::ptrdiff_t above = static_cast<std::ptrdiff_t>(-r) * stride;
     const std::ptrdiff_t below = static_cast<std::ptrdiff_t>(r + 1) * stride;
     corners[radius] = {above - r, above + r + 1, below - r, below + r + 1};
-    area[radius] = (2 * r + 1) * (2 * r + 1);
+    const auto side = static_cast<float>(2 * r + 1);
+    area[radius] = side * side;
   }
   for (int bit = 0; bit < kTeblidBits; ++bit) {
-    const auto pixels = static_cast<float>(area[kTeblidTable.radius[bit]]);
-    bound[teblidPlace(bit)] =
-        static_cast<std::int32_t>(std::floor(kTeblidTable.threshold[bit] * pixels)) + 1;
+    // The highest levels of an image too small for keypoints there have boxes beyond any image.
+    constexpr float kMost = 1 << 30;
+    const float difference =
+        std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);
+    bound[teblidPlace(bit)] = static_cast<std::int32_t>(std::clamp(difference, -kMost, kMost)) + 1;
   }
 }
 
