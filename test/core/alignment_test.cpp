@@ -4,10 +4,13 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
+#include <cstdint>
 #include <random>
 #include <stdexcept>
+#include <vector>
 
 #include "alignment_scene.h"
+#include "core/alignment/spread.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb {
@@ -260,6 +263,15 @@ TEST(Alignment, TakesNoMoreThanTheWantedPointsAndSpreadsThem) {
     ++quarter[(p.reference.x() > 320 ? 1 : 0) + (p.reference.y() > 240 ? 2 : 0)];
   }
   for (const int count : quarter) EXPECT_GE(count, 6);
+}
+
+TEST(PointSpread, PointsLessThanFourPixelsApartCountOnce) {
+  const std::vector<Eigen::Vector2d> points{{10, 10}, {13.9, 10}, {14, 10}, {10, 14}, {12, 12}};
+  std::vector<std::uint32_t> chosen;
+  PointSpread().choose(points, cv::Size(100, 100), 1, chosen);
+  EXPECT_EQ(chosen, std::vector<std::uint32_t>{0});
+  PointSpread().choose(points, cv::Size(60, 60), 4, chosen);  // one cell is 30 px wide
+  EXPECT_EQ(chosen, (std::vector<std::uint32_t>{0, 2, 3}));
 }
 
 TEST(Alignment, SaysWhereItHasNoImages) {

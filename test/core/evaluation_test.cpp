@@ -246,6 +246,7 @@ TEST(Repeatability, PairsOneToOneAndTheBestFirst) {
   const Features a = featuresAt({{100, 100}, {104, 100}});
   const Features b = featuresAt({{104, 100}});
   EXPECT_EQ(detectorRepeatability(a, b, Eigen::Matrix3d::Identity()).repeated, 1u);
+  EXPECT_EQ(detectorRepeatability(b, a, Eigen::Matrix3d::Identity()).repeated, 1u);
 }
 
 /// Two unit discs at distance d: their common area, in closed form.
@@ -278,6 +279,16 @@ TEST(Repeatability, OverlapFollowsScaleAndShape) {
   const Features disc = featuresAt({{200, 100}}, 31.F);
   EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.51).repeated, 1u);
   EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.49).repeated, 0u);
+  // Turned, it overlaps the disc as much.
+  for (const double angle : {0.4, 0.8, 2.0}) {
+    Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
+    turned.topLeftCorner<2, 2>() =
+        Eigen::Rotation2Dd(angle).toRotationMatrix() * wide.topLeftCorner<2, 2>();
+    turned.topRightCorner<2, 1>() = Eigen::Vector2d(200.0, 100.0) -
+                                    turned.topLeftCorner<2, 2>() * Eigen::Vector2d(100.0, 100.0);
+    EXPECT_EQ(detectorRepeatability(a, disc, turned, 0.51).repeated, 1u) << angle;
+    EXPECT_EQ(detectorRepeatability(a, disc, turned, 0.49).repeated, 0u) << angle;
+  }
 }
 
 TEST(Repeatability, OfNothingIsZero) {

@@ -195,6 +195,37 @@ TEST(KtgpMatcher, RefusesBadOptionsAndMalformedFeatures) {
   MatchResult result;
   EXPECT_THROW(matcher.match(broken, frames.target, result), std::invalid_argument);
   EXPECT_THROW(matcher.match(frames.reference, broken, result), std::invalid_argument);
+  Features other = frames.target;
+  other.descriptor = DescriptorKind::teblid;
+  EXPECT_THROW(matcher.match(frames.reference, other, result), std::invalid_argument);
+}
+
+TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
+  MatcherOptions options;
+  options.guided.enabled = true;
+  const Frames frames = makeFrames(500, 0, 8);
+  MatchResult result;
+  KtgpMatcher(options).match(frames.reference, frames.target, result);
+  ASSERT_EQ(result.status, Status::ok);
+  options.guided.enabled = false;
+  result.clear(options);
+  EXPECT_EQ(result.status, Status::no_reference);
+  EXPECT_TRUE(result.correspondences.empty());
+  EXPECT_TRUE(result.guided.empty());
+  EXPECT_EQ(result.gms.kept, 0u);
+  EXPECT_EQ(result.prosac.status, Status::no_model);
+  EXPECT_TRUE(result.prosac.mask.empty());
+  EXPECT_EQ(result.prosac.inliers, 0u);
+  EXPECT_EQ(result.prosac.distinct_inliers, 0u);
+  EXPECT_EQ(result.inliers, 0u);
+  EXPECT_EQ(result.rmse, 0.0);
+  EXPECT_TRUE(result.homography.isZero() && result.prosac.homography.isZero());
+  EXPECT_TRUE(result.covariance.isZero() && result.prosac.covariance.isZero());
+  for (const StageResult& stage : result.stages) EXPECT_EQ(stage.input + stage.output, 0u);
+  for (const StageResult& stage : result.refinements) EXPECT_EQ(stage.input + stage.output, 0u);
+  EXPECT_STREQ(result.refinements[0].name, "");
+  EXPECT_STREQ(result.refinements[1].name, "align");
+  EXPECT_EQ(result.milliseconds(), 0.0);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "alignment_scene.h"
 #include "ktgp_orb/evaluation.h"
@@ -44,6 +45,16 @@ double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
   return evaluation::cornerError(homography, pair.truth, pair.reference.image_size);
 }
 
+/// Over the inliers and the guided matches, by the final homography.
+double rmseOf(const MatchResult& result, const Pair& pair) {
+  std::vector<Correspondence> matches;
+  result.surviving(Level::ktgp, matches);
+  matches.insert(matches.end(), result.guided.begin(), result.guided.end());
+  return evaluation::summarize(evaluation::reprojectionErrors(result.homography, pair.reference,
+                                                              pair.target, matches))
+      .rms;
+}
+
 TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlone) {
   const Pair pair = warpedPair(test::turn(4.0, 1.03));
   MatcherOptions without;
@@ -59,6 +70,8 @@ TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlon
   EXPECT_LT(errorOf(aligned.homography, pair), 0.05);
   EXPECT_LT(errorOf(aligned.homography, pair), 0.5 * errorOf(plain.homography, pair));
   EXPECT_LT(aligned.alignment.rmse_after, aligned.alignment.rmse_before);
+  EXPECT_NEAR(plain.rmse, plain.prosac.rmse, 1e-9);
+  EXPECT_NEAR(aligned.rmse, rmseOf(aligned, pair), 1e-9);
   for (std::size_t i = 0; i < plain.stages.size(); ++i) {
     EXPECT_EQ(aligned.stages[i].output, plain.stages[i].output);
   }
@@ -104,6 +117,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
                                                            pair.target, result.guided)) {
     EXPECT_LT(error, options.prosac.max_error);
   }
+  EXPECT_NEAR(result.rmse, rmseOf(result, pair), 1e-9);
 }
 
 TEST(MatcherRefinement, TheRobustPresetFindsWhatTheMotionStatisticsLose) {

@@ -138,6 +138,28 @@ TEST(Parameters, NamesAreUniqueAndEveryOneReadsBack) {
   EXPECT_EQ(findParameter("T_W"), nullptr);
 }
 
+TEST(Parameters, NumbersReadBackToTheLastBit) {
+  const ParameterRow& row = *findParameter("T_w");
+  for (const double value : {0.66, 1.0 / 3.0, 0.1 + 0.2, std::nextafter(0.5, 1.0)}) {
+    Parameters p;
+    p.T_w = value;
+    const std::string text = valueText(row, p);
+    p.T_w = 0.9;
+    setParameter(row, text, p);
+    EXPECT_EQ(p.T_w, value) << text;
+  }
+  Parameters p;
+  p.T_w = 0.66;
+  EXPECT_EQ(valueText(row, p), "0.66");
+}
+
+TEST(Parameters, NoPipelineIsMadeOfWhatIsNoChoice) {
+  Parameters p;
+  EXPECT_NO_THROW(pipelineOptions(p));
+  p.extractor = "slow";
+  EXPECT_THROW(pipelineOptions(p), std::invalid_argument);
+}
+
 TEST(Parameters, TextThatIsNoValueIsRefused) {
   Parameters p;
   const auto refuses = [&](const char* name, const char* text) {

@@ -145,6 +145,14 @@ TEST(ProsacStopping, MaximalityTakesTheCheapestBeginning) {
   EXPECT_NEAR(stopping.samplesNeeded(), expected, 1e-9 * expected);
 }
 
+TEST(ProsacStopping, TheWholeOrderIsABeginningToo) {
+  ProsacStopping stopping;
+  stopping.reset(4, 20, 0.01, 0.995);  // no shorter one is looked at
+  stopping.update(std::vector<std::uint8_t>(20, 1));
+  EXPECT_EQ(stopping.terminationLength(), 20u);
+  EXPECT_EQ(stopping.samplesNeeded(), 1.0);
+}
+
 TEST(ProsacStopping, TakesTheSampleSizeIntoAccount) {
   const std::vector<std::uint8_t> half = [] {
     std::vector<std::uint8_t> inlier(1000, 0);

@@ -7,12 +7,15 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <set>
 
 #include "allocation_counter.h"
 #include "core/sequence/homography_chain.h"
+#include "core/sequence/motion_predictor.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {
@@ -80,6 +83,22 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
     EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
     expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
   }
+}
+
+TEST(SequenceMatcher, TheTimeOfExtractionIsInMilliseconds) {
+  OrbExtractor extractor;
+  Frame frame;
+  frame.image = view(0);
+  double share = 0.0;  // of what the call takes: nearly all, unless it is interrupted each time
+  for (int i = 0; i < 20; ++i) {
+    const auto start = std::chrono::steady_clock::now();
+    extractFeatures(extractor, frame);
+    const std::chrono::duration<double, std::milli> whole =
+        std::chrono::steady_clock::now() - start;
+    EXPECT_LE(frame.extraction_milliseconds, whole.count());
+    share = std::max(share, frame.extraction_milliseconds / whole.count());
+  }
+  EXPECT_GT(share, 0.5);
 }
 
 // The reference has descriptors of the old kind: they are found anew.
@@ -446,6 +465,32 @@ TEST(HomographyChain, CovarianceIsTheSpreadOfTheProducts) {
       EXPECT_NEAR(expected.covariance(i, j) / scale, spread(i, j) / scale, 0.05) << i << ' ' << j;
     }
   }
+}
+
+TEST(MotionPredictor, CarriesTheMotionOnForTheTimeToTheNextFrame) {
+  const auto predicted = [](std::int64_t from, std::int64_t to, std::int64_t next_stamp) {
+    Frame reference;
+    Frame frame;
+    Frame next;
+    reference.stamp = from;
+    frame.stamp = to;
+    next.stamp = next_stamp;
+    MatchResult result;
+    result.status = Status::ok;
+    result.homography = Eigen::Matrix3d::Identity();
+    result.homography.topRightCorner<2, 1>() = Eigen::Vector2d(2.0, 1.0);
+    MotionPredictor predictor;
+    predictor.restartAt(reference);
+    predictor.advance(frame, reference, result);
+    return predictor.predict(frame, next).value_or(Eigen::Matrix3d::Zero());
+  };
+  expectTranslation(predicted(0, 100, 200), 2.0, 1.0, 1e-9);
+  expectTranslation(predicted(0, 100, 150), 1.0, 0.5, 1e-9);
+  expectTranslation(predicted(0, 100, 5000), 6.0, 3.0, 1e-9);  // three times at most
+  expectTranslation(predicted(0, 100, 90), 0.0, 0.0, 1e-9);
+  // Without a clock the next frame is as far as the last one.
+  expectTranslation(predicted(7, 7, 7), 2.0, 1.0, 1e-9);
+  expectTranslation(predicted(7, 7, 8), 2.0, 1.0, 1e-9);
 }
 
 TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {

@@ -10,7 +10,9 @@ import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until, warm_up
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import HomographyStamped
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until, warm_up
 from sensor_msgs.msg import CameraInfo, Image
 
 FRAMES = 40
@@ -122,6 +124,24 @@ class StabilizerTest(unittest.TestCase):
         self.assertIsNone(self.infos.with_stamp(stamp))
         self.send_info(stamp)
         self.assertEqual(self.infos.wait_for(stamp).K[0], 500.0)
+
+    def test_waits_for_as_many_later_frames_as_asked(self):
+        client = Client('/camera/stabilizer', timeout=TIMEOUT)
+        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        self.addCleanup(homographies.close)
+        wait_until(homographies.publishers, 'the homography is connected')
+        self.addCleanup(client.update_configuration, {'lag': 0})
+        client.update_configuration({'lag': 3})
+        wait_until(self.counts, 'the stabilizer reports')
+        before = self.counts()[-1][0]
+        stamps = []
+        for i in range(8):
+            stamps.append(self.camera.send(
+                image_message(view(300 + 4 * i, 300), self.camera.next_stamp())))
+            homographies.wait_for(stamps[-1])
+        self.images.wait_for(stamps[4])
+        wait_until(lambda: self.counts()[-1][0] >= before + 8, 'all homographies are in')
+        self.assertEqual(max(image.header.stamp for image in self.images.messages()), stamps[4])
 
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
