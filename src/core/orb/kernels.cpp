@@ -148,7 +148,7 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
 const OrbKernels& portableOrbKernels() {
   static constexpr OrbKernels kPortable{"portable",     resizeRow, mixRows, fastScores,
                                         localMaxima,    harris,    moments, blurAlongRow,
-                                        blurAcrossRows, describe};
+                                        blurAcrossRows, describe,  describe};
   return kPortable;
 }
 

@@ -30,7 +30,11 @@ const OrbKernels* kernels() {
                    moments,
                    blurAlongRow,
                    blurAcrossRows,
+                   describe,
                    describe};
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2
+    set.describe_by_gathers = describeByGathers;
+#endif
 #if !HWY_NATIVE_FMA
     set.blur_along_row = portableOrbKernels().blur_along_row;
     set.blur_across_rows = portableOrbKernels().blur_across_rows;

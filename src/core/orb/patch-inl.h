@@ -2,6 +2,8 @@
 // descriptor. No include guard: kernels_highway.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
+#include <cstring>
+
 #include "core/orb/kernels_common.h"
 #include "core/orb/patch_tables.h"
 #include "core/orb/pattern.h"
@@ -80,34 +82,47 @@ Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   return result;
 }
 
-// Byte offsets of the pattern's points after rotation. The order of the roundings is part of the
-// definition: each product, their sum, then to the nearest pixel.
-HWY_INLINE void rotatePattern(float cosine, float sine, std::int32_t stride,
-                              std::int32_t* HWY_RESTRICT offsets) {
-  const hn::ScalableTag<float> d;
-  const hn::RebindToSigned<decltype(d)> di;
-  const auto c = hn::Set(d, cosine);
-  const auto s = hn::Set(d, sine);
-  const auto rounder = hn::Set(d, kRounder);
-  const auto pitch = hn::Set(di, stride);
-  // What the rounder adds to row * stride + column, modulo 2^32.
-  const auto surplus = hn::Set(
-      di, static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1u)));
-  for (int i = 0; i < 2 * kPatternPairs; i += static_cast<int>(hn::Lanes(d))) {
+using Coordinates = hn::ScalableTag<float>;
+using Offsets = hn::RebindToSigned<Coordinates>;
+
+// The rotation of the sampling pattern in an image of some stride.
+class PatternRotation {
+ public:
+  HWY_INLINE PatternRotation(float cosine, float sine, std::ptrdiff_t stride)
+      : cosine_(hn::Set(Coordinates(), cosine)),
+        sine_(hn::Set(Coordinates(), sine)),
+        stride_(hn::Set(Offsets(), static_cast<std::int32_t>(stride))),
+        surplus_(hn::Set(
+            Offsets(),
+            static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1U)))) {}
+
+  // Byte offsets of the pattern's points from point `i` on. The order of the roundings is part of
+  // the definition: each product, their sum, then to the nearest pixel.
+  HWY_INLINE hn::Vec<Offsets> offsets(int i) const {
+    const Coordinates d;
+    const auto rounder = hn::Set(d, kRounder);
     const auto x = hn::Load(d, kPatternTable.x + i);
     const auto y = hn::Load(d, kPatternTable.y + i);
-    const auto column = hn::Add(hn::Sub(hn::Mul(x, c), hn::Mul(y, s)), rounder);
-    const auto row = hn::Add(hn::Add(hn::Mul(x, s), hn::Mul(y, c)), rounder);
-    const auto offset = hn::BitCast(di, row) * pitch + hn::BitCast(di, column) - surplus;
-    hn::Store(offset, di, offsets + i);
+    const auto column = hn::Add(hn::Sub(hn::Mul(x, cosine_), hn::Mul(y, sine_)), rounder);
+    const auto row = hn::Add(hn::Add(hn::Mul(x, sine_), hn::Mul(y, cosine_)), rounder);
+    return hn::BitCast(Offsets(), row) * stride_ + hn::BitCast(Offsets(), column) - surplus_;
   }
-}
 
-// The pixels are read one by one: gather instructions are slower, where there are any.
+ private:
+  hn::Vec<Coordinates> cosine_;
+  hn::Vec<Coordinates> sine_;
+  hn::Vec<Offsets> stride_;
+  hn::Vec<Offsets> surplus_;  // what the rounder adds to row * stride + column, modulo 2^32
+};
+
+// The pixels are read one by one.
 void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
               std::uint8_t* descriptor) {
   alignas(64) std::int32_t offsets[2 * kPatternPairs];
-  rotatePattern(cosine, sine, static_cast<std::int32_t>(stride), offsets);
+  const PatternRotation rotation(cosine, sine, stride);
+  for (int i = 0; i < 2 * kPatternPairs; i += static_cast<int>(hn::Lanes(Offsets()))) {
+    hn::Store(rotation.offsets(i), Offsets(), offsets + i);
+  }
   const std::int32_t* first = offsets;
   const std::int32_t* second = offsets + kPatternPairs;
   for (int byte = 0; byte < kPatternPairs / 8; ++byte, first += 8, second += 8) {
@@ -118,6 +133,25 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
     descriptor[byte] = static_cast<std::uint8_t>(bits);
   }
 }
+
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2  // others have no such instruction
+HWY_INLINE hn::Vec<Offsets> gatherPixels(const std::uint8_t* pixel, hn::Vec<Offsets> offsets) {
+  const auto* base = reinterpret_cast<const std::int32_t*>(pixel);
+  return hn::And(hn::GatherOffset(Offsets(), base, offsets), hn::Set(Offsets(), 0xFF));
+}
+
+void describeByGathers(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+                       std::uint8_t* descriptor) {
+  const PatternRotation rotation(cosine, sine, stride);
+  for (int i = 0; i < kPatternPairs; i += static_cast<int>(hn::Lanes(Offsets()))) {
+    const auto first = gatherPixels(pixel, rotation.offsets(i));
+    const auto second = gatherPixels(pixel, rotation.offsets(kPatternPairs + i));
+    std::uint8_t bits[8];
+    const std::size_t bytes = hn::StoreMaskBits(Offsets(), hn::Lt(first, second), bits);
+    std::memcpy(descriptor + i / 8, bits, bytes);
+  }
+}
+#endif
 
 }  // namespace
 }  // namespace HWY_NAMESPACE

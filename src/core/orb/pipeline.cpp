@@ -1,9 +1,12 @@
 #include "core/orb/pipeline.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <opencv2/features2d.hpp>
+#include <utility>
 
+#include "core/orb/describe_choice.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
 
@@ -37,6 +40,7 @@ void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
 OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
     : options_(options),
       kernels_(kernels),
+      describe_(fasterDescribe(kernels)),
       pool_(options.threads),
       pyramid_(options.max_features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels),
@@ -71,7 +75,7 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   pool_.parallelFor(ceilDivide(count, kKeypointsPerTask), [&](int task) {
     const int begin = task * kKeypointsPerTask;
     const int end = std::min(count, begin + kKeypointsPerTask);
-    for (int i = begin; i < end; ++i) orientAndDescribe(i, features);
+    orientAndDescribe(begin, end, features);
   });
   if (options_.images != ImageKeeping::none) {
     pyramid_.handOut(options_.images == ImageKeeping::copy, features.images);
@@ -114,7 +118,8 @@ void OrbPipeline::detectAndBlur(Band& band) {
 void OrbPipeline::collectCorners(int level) {
   std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
   keypoints.clear();
-  for (int i = levels_[level].first_band; i < levels_[level].last_band; ++i) {
+  std::swap(keypoints, bands_[levels_[level].first_band].corners);
+  for (int i = levels_[level].first_band + 1; i < levels_[level].last_band; ++i) {
     keypoints.insert(keypoints.end(), bands_[i].corners.begin(), bands_[i].corners.end());
   }
   cv::KeyPointsFilter::runByPixelsMask(keypoints, pyramid_.levels()[level].mask);
@@ -159,20 +164,38 @@ void OrbPipeline::gather(Features& features) {
   resizeDescriptors(static_cast<int>(features.size()), options_.max_features, features.descriptors);
 }
 
-void OrbPipeline::orientAndDescribe(int index, Features& features) {
-  cv::KeyPoint& keypoint = features.keypoints[index];
-  const PyramidLevel& level = pyramid_.levels()[keypoint.octave];
-  keypoint.angle = intensityCentroidAngle(level.image, kernels_, keypoint.pt);
+// First all directions, then all descriptors: one keypoint's direction is a long chain of
+// operations, each of which waits for the one before, so a processor should have those of others
+// beside it.
+void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
+  std::array<cv::Point2f, kKeypointsPerTask> directions;
+  for (int i = begin; i < end; ++i) {
+    cv::KeyPoint& keypoint = features.keypoints[i];
+    orient(keypoint);
+    const float angle = keypoint.angle * static_cast<float>(kPi / 180.);
+    directions[i - begin] = cv::Point2f(std::cos(angle), std::sin(angle));
+  }
+  for (int i = begin; i < end; ++i) {
+    describe(features.keypoints[i], directions[i - begin], features.descriptors.ptr(i));
+  }
+}
+
+void OrbPipeline::orient(cv::KeyPoint& keypoint) {
+  keypoint.angle =
+      intensityCentroidAngle(pyramid_.levels()[keypoint.octave].image, kernels_, keypoint.pt);
+}
+
+void OrbPipeline::describe(cv::KeyPoint& keypoint, const cv::Point2f& direction,
+                           std::uint8_t* descriptor) {
+  const cv::Point2f place = keypoint.pt;
+  keypoint.pt *= pyramid_.levels()[keypoint.octave].scale;
   if (teblid_) {
-    keypoint.pt *= level.scale;
-    teblid_->describe(keypoint, features.descriptors.ptr(index));
+    teblid_->describe(keypoint, descriptor);
     return;
   }
   const cv::Mat& blurred = levels_[keypoint.octave].blurred;
-  const float angle = keypoint.angle * static_cast<float>(kPi / 180.);
-  kernels_.describe(pixelAt(blurred, keypoint.pt), static_cast<std::ptrdiff_t>(blurred.step),
-                    std::cos(angle), std::sin(angle), features.descriptors.ptr(index));
-  keypoint.pt *= level.scale;
+  describe_(pixelAt(blurred, place), static_cast<std::ptrdiff_t>(blurred.step), direction.x,
+            direction.y, descriptor);
 }
 
 }  // namespace ktgp_orb

@@ -47,10 +47,13 @@ class OrbPipeline {
   void chooseUniform();
   void collectCorners(int level);
   void gather(Features& features);
-  void orientAndDescribe(int index, Features& features);
+  void orientAndDescribe(int begin, int end, Features& features);
+  void orient(cv::KeyPoint& keypoint);
+  void describe(cv::KeyPoint& keypoint, const cv::Point2f& direction, std::uint8_t* descriptor);
 
   OrbOptions options_;
   const OrbKernels& kernels_;
+  OrbKernels::Describe describe_;
   ThreadPool pool_;
   OrbPyramid pyramid_;
   std::optional<TeblidDescriber> teblid_;  // where it is not rBRIEF

@@ -29,19 +29,27 @@ void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, st
   }
 }
 
+// The products have 24 bits: their upper 16 come from one multiplication, the lower 8 (in the upper
+// half of a register's lane) from another one, and of these only what they carry matters.
 void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight, int count,
              std::uint8_t* out) {
-  const hn::ScalableTag<std::uint32_t> d32;
-  const hn::Rebind<std::uint16_t, decltype(d32)> d16;
-  const hn::Rebind<std::uint8_t, decltype(d32)> d8;
-  const auto w0 = hn::Set(d32, static_cast<std::uint32_t>(256 - weight));
-  const auto w1 = hn::Set(d32, static_cast<std::uint32_t>(weight));
-  const auto half = hn::Set(d32, 1u << 15);
-  for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d32))) {
-    const auto a = hn::PromoteTo(d32, hn::LoadU(d16, above + x));
-    const auto b = hn::PromoteTo(d32, hn::LoadU(d16, below + x));
-    const auto sum = hn::ShiftRight<16>(a * w0 + b * w1 + half);
-    hn::StoreU(hn::U8FromU32(sum), d8, out + x);
+  // A row alone is mixed with itself, so that either weight fits 8 bits.
+  if (weight == 0) below = above;
+  if (weight == 256) above = below;
+  if (above == below) weight = 1;
+  const hn::ScalableTag<std::uint16_t> d;
+  const hn::RebindToSigned<decltype(d)> d_signed;
+  const hn::Rebind<std::uint8_t, decltype(d)> d8;
+  const auto w0 = hn::Set(d, static_cast<std::uint16_t>((256 - weight) << 8));
+  const auto w1 = hn::Set(d, static_cast<std::uint16_t>(weight << 8));
+  const auto half = hn::Set(d, 128);
+  for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d))) {
+    const auto a = hn::LoadU(d, above + x);
+    const auto b = hn::LoadU(d, below + x);
+    const auto carry = hn::ShiftRight<15>(hn::AverageRound(a * w0, b * w1));
+    const auto sum = hn::MulHigh(a, w0) + hn::MulHigh(b, w1) + half + carry;
+    const auto mixed = hn::BitCast(d_signed, hn::ShiftRight<8>(sum));
+    hn::StoreU(hn::DemoteTo(d8, mixed), d8, out + x);
   }
 }
 
