@@ -5,7 +5,10 @@
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <malloc.h>
+#include <netinet/in.h>
+#include <ros/xmlrpc_manager.h>
 #include <std_srvs/Trigger.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -37,12 +40,34 @@ int entries(const char* folder) {
   return static_cast<int>(std::distance(begin(all), end(all)));
 }
 
+/// Either end of a connection; 0 of what is none.
+int port(int descriptor, decltype(getpeername)* end) {
+  sockaddr_in address{};
+  socklen_t size = sizeof(address);
+  if (end(descriptor, reinterpret_cast<sockaddr*>(&address), &size) != 0) return 0;
+  return address.sin_family == AF_INET ? ntohs(address.sin_port) : 0;
+}
+
+/// Without those of XML-RPC calls, to the master and from this process to itself: roscpp keeps as
+/// many as there ever were calls at the same time, which a busy machine decides.
+int descriptors() {
+  const int master = static_cast<int>(ros::master::getPort());
+  const int own = ros::XMLRPCManager::instance()->getServerPort();
+  int count = 0;
+  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
+    const int descriptor = std::stoi(entry.path().filename());
+    const int here = port(descriptor, getsockname), there = port(descriptor, getpeername);
+    count += here != own && there != own && there != master ? 1 : 0;
+  }
+  return count;
+}
+
 Held held() {
   malloc_trim(0);  // what was freed is no growth, wherever the allocator keeps it
   std::size_t size = 0, resident = 0;
   std::ifstream("/proc/self/statm") >> size >> resident;
   return {static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6,
-          entries("/proc/self/fd"), entries("/proc/self/task")};
+          descriptors(), entries("/proc/self/task")};
 }
 
 /// The number of a frame is in its stamp, so that an answer tells which it is about.
