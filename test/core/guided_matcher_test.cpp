@@ -6,6 +6,7 @@
 #include <random>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "core/knn/near_kernel.h"
 #include "instruction_sets.h"
@@ -133,6 +134,25 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
   h.setConstant(1e300);
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
+}
+
+TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
+  std::mt19937 generator(3);
+  const Features many = randomFeatures(generator, 50, {640, 480});
+  Features few = many;  // too few for a homography
+  few.keypoints.resize(3);
+  few.descriptors = many.descriptors.rowRange(0, 3).clone();
+  Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
+  shifted(0, 2) = 1.0;
+  Eigen::Matrix3d h = shifted;
+  Covariance8 covariance = Covariance8::Zero();
+  std::vector<Correspondence> added;
+  GuidedMatcher matcher;
+  EXPECT_FALSE(matcher.refine(few, few, {}, 3.0, h, covariance, added));
+  EXPECT_EQ(h, shifted);
+  EXPECT_TRUE(covariance.isZero());
+  EXPECT_TRUE(matcher.refine(many, many, {}, 3.0, h, covariance, added));
+  EXPECT_LT((h - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
 }
 
 TEST(GuidedMatcher, RefusesBadOptions) {
