@@ -64,6 +64,20 @@ TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
   }
 }
 
+// The sums are in single precision; said is 0.5 to 1.
+TEST(Alignment, NoCorrelationIsAboveOne) {
+  const auto faint = [](double grey) { return 0.2 * grey + 180.0; };
+  for (const auto& scene :
+       {planeScene(5, translation(0.0, 0.0)), planeScene(5, translation(1.0, 2.0), faint)}) {
+    const AlignmentResult result = align(scene, translation(0.0, 0.0));
+    ASSERT_GT(result.points.size(), 100u);
+    double highest = 0.0;
+    for (const AlignedPoint& p : result.points) highest = std::max(highest, p.correlation);
+    EXPECT_GT(highest, 0.98);
+    EXPECT_LE(highest, 1.0);
+  }
+}
+
 TEST(Alignment, RecoversTurnsZoomsAndTilts) {
   for (const Eigen::Matrix3d& truth :
        {turn(3.0, 1.02), turn(-30.0, 0.8), turn(170.0, 1.3), tilt()}) {

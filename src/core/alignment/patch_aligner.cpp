@@ -167,7 +167,8 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     const double gain = m.ti / tt;
     const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
     if (!(gain > 0.0) || !(variance > 0.0)) return PatchOutcome::uncorrelated;
-    correlation = gain * m.ti / variance;
+    // Of a patch of hardly any contrast the sums, in single precision, may give more than one.
+    correlation = std::min(1.0, gain * m.ti / variance);
     const double bx = (m.xi - sx * m.ti) / gain;
     const double by = (m.yi - sy * m.ti) / gain;
     Eigen::Vector2d move((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant);
