@@ -145,10 +145,12 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
   if (!(least > kLeastTexture)) return PatchOutcome::textureless;
 
   const Eigen::Vector2d corner = position.array() - kHalf;
+  constexpr double kFar = 1e6;  // of no image, and still an int
+  if (!(std::abs(corner.x()) < kFar && std::abs(corner.y()) < kFar)) return PatchOutcome::outside;
   const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
   const int top = static_cast<int>(std::floor(corner.y())) - kSlack;
-  if (!(std::abs(corner.x()) < 1e6 && std::abs(corner.y()) < 1e6) || left < kPatchBorder ||
-      top < kPatchBorder || left + kWindowSide + kPatchBorder + kSmoothSlack > level.cols ||
+  if (left < kPatchBorder || top < kPatchBorder ||
+      left + kWindowSide + kPatchBorder + kSmoothSlack > level.cols ||
       top + kWindowSide + kPatchBorder > level.rows) {
     return PatchOutcome::outside;
   }
