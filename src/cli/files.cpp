@@ -1,15 +1,25 @@
 #include "cli/files.h"
 
 #include <Eigen/LU>
+#include <filesystem>
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
+#include <system_error>
 #include <vector>
 
 #include "core/util/grey_levels.h"
 
 namespace ktgp_orb::tools {
 
+void requireRegularFile(const std::string& file) {
+  std::error_code none;  // a name that no file can have is that of none
+  const std::filesystem::file_status status = std::filesystem::status(file, none);
+  if (!std::filesystem::exists(status)) throw FileError(file, "is missing");
+  if (!std::filesystem::is_regular_file(status)) throw FileError(file, "is not a regular file");
+}
+
 cv::Mat readGrey(const std::string& file) {
+  requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
   cv::Mat image;
   try {
@@ -26,9 +36,10 @@ cv::Mat readGrey(const std::string& file) {
 Eigen::Matrix3d readHomography(const std::string& file) {
   std::ifstream in(file);
   if (!in) throw FileError(file, "cannot be opened");
+  constexpr std::size_t kCount = 9;
   std::vector<double> values;
-  for (double value = 0.0; in >> value;) values.push_back(value);
-  if (!in.eof() || values.size() != 9) {
+  for (double value = 0.0; values.size() <= kCount && in >> value;) values.push_back(value);
+  if (!in.eof() || values.size() != kCount) {
     throw FileError(file, "is not a homography; expected nine numbers, row by row");
   }
   using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;

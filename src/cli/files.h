@@ -14,12 +14,16 @@ class FileError : public std::runtime_error {
       : std::runtime_error(file + ": " + what) {}
 };
 
+/// Throws FileError where the name leads to nothing, or to what is no regular file: reading a pipe
+/// or a terminal would wait for whoever writes into it.
+void requireRegularFile(const std::string& file);
+
 /// The image as 8-bit grey, 16-bit ones stretched as the nodelet does. Throws FileError.
 cv::Mat readGrey(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the
 /// Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers that
-/// make an invertible matrix.
+/// make an invertible matrix. The file may be a pipe.
 Eigen::Matrix3d readHomography(const std::string& file);
 
 }  // namespace ktgp_orb::tools

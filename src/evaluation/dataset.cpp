@@ -58,8 +58,8 @@ bool isLaidOutAs(const Layout& layout, const fs::path& folder) {
 /// Adds the pair, or says which of its files is missing or broken.
 void addPair(ImagePair pair, const std::string& homography_file, Dataset& dataset) {
   try {
-    for (const std::string& image : {pair.reference, pair.target}) {
-      if (!isThere(image)) throw FileError(image, "is missing");
+    for (const std::string& file : {pair.reference, pair.target, homography_file}) {
+      requireRegularFile(file);
     }
     pair.homography = readHomography(homography_file);
     dataset.pairs.push_back(std::move(pair));

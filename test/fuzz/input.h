@@ -185,20 +185,37 @@ inline MatcherOptions matcherOptions(Input& in) {
   return options;
 }
 
-/// Bytes as a file that no disk sees; one at a time.
+/// Bytes as a file that no disk sees; one at a time. Its folder holds nothing else, so that what it
+/// names beside itself is not there.
 class MemoryFile {
  public:
   MemoryFile(const void* bytes, std::size_t size) {
-    require(ftruncate(descriptor(), 0) == 0, "ftruncate");
-    require(pwrite(descriptor(), bytes, size, 0) == static_cast<ssize_t>(size), "pwrite");
+    require(ftruncate(place().descriptor, 0) == 0, "ftruncate");
+    require(pwrite(place().descriptor, bytes, size, 0) == static_cast<ssize_t>(size), "pwrite");
   }
-  std::string path() const { return "/proc/self/fd/" + std::to_string(descriptor()); }
+  std::string path() const { return place().link; }
 
  private:
-  static int descriptor() {
-    static const int file = memfd_create("fuzz", 0);
-    require(file >= 0, "memfd_create");
-    return file;
+  struct Place {
+    Place() {
+      require(descriptor >= 0, "memfd_create");
+      require(mkdtemp(folder.data()) != nullptr, "mkdtemp");
+      link = folder + "/input";
+      const std::string memory = "/proc/self/fd/" + std::to_string(descriptor);
+      require(symlink(memory.c_str(), link.c_str()) == 0, "symlink");
+    }
+    ~Place() {
+      unlink(link.c_str());
+      rmdir(folder.c_str());
+    }
+    int descriptor = memfd_create("fuzz", 0);
+    std::string folder = "/tmp/ktgp_orb_fuzz_XXXXXX";
+    std::string link;
+  };
+
+  static Place& place() {
+    static Place one;
+    return one;
   }
 };
 

@@ -1,6 +1,7 @@
 """ktgp_evaluate from outside."""
 import csv
 import json
+import os
 import shutil
 import unittest
 
@@ -119,6 +120,18 @@ class KtgpEvaluate(ToolCase):
         self.assertEqual([r["pair"] for r in rows], ["1-5"], run.stderr)
         out = json.loads((self.folder / "out.json").read_text())
         self.assertEqual(len(out["problems"]), 4)
+
+    def test_a_pipe_in_a_list_holds_nothing_up(self):
+        os.mkfifo(self.folder / "data" / "pipe")
+        (self.folder / "data" / "list.txt").write_text(
+            "1-2 pipe first/img2.pgm first/H1to2p\n"
+            "1-3 first/img1.pgm pipe first/H1to3p\n"
+            "1-4 first/img1.pgm first/img4.pgm pipe\n"
+            "1-5 first/img1.pgm first/img5.pgm first/H1to5p\n")
+        run, rows = self.rows("data/list.txt", "--methods", "KTGP")
+        self.assertEqual(run.returncode, 1)
+        self.assertEqual([r["pair"] for r in rows], ["1-5"], run.stderr)
+        self.assertEqual(run.stderr.count("is not a regular file"), 3, run.stderr)
 
     def test_folder_without_its_first_image(self):
         (self.folder / "data" / "first" / "img1.pgm").unlink()
