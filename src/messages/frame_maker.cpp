@@ -97,7 +97,7 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
 }
 
 void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
-  toFrame(message, stretch_, frame);
+  toFrame(message, stretch_, memory_.take(), frame);
   frame.mask = maskOf(frame.image.size());
   frame.lens = view_.lens;
   if (frame.lens && frame.lens->calibration().image_size != frame.image.size()) {

@@ -8,6 +8,7 @@
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "messages/pixel_memory.h"
 
 namespace ktgp_orb {
 
@@ -49,6 +50,7 @@ class FrameMaker {
 
   GreyStretch stretch_;
   CameraView view_;
+  PixelMemoryPool memory_;
   cv::Mat mask_;  // of all in view_, for images of its size
 };
 

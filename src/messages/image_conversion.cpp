@@ -113,14 +113,19 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
 }  // namespace
 
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch) {
+  cv::Mat buffer;
+  return greyImage(message, stretch, buffer);
+}
+
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+                  cv::Mat& buffer) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
   try {
     cv::Mat grey = pixelsOf(*message, format);
     if (format.to_grey != kNoCode) {
-      cv::Mat converted;
-      cv::cvtColor(grey, converted, format.to_grey);
-      grey = converted;
+      cv::cvtColor(grey, buffer, format.to_grey);
+      grey = buffer;
     }
     return grey.depth() == CV_16U ? stretchTo8Bit(grey, stretch) : grey;
   } catch (const cv::Exception& error) {
@@ -130,12 +135,16 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& 
 }
 
 void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame) {
-  frame.image = greyImage(message, stretch);
+  toFrame(message, stretch, std::make_shared<PixelMemory>(), frame);
+}
+
+void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+             const std::shared_ptr<PixelMemory>& memory, Frame& frame) {
+  frame.image = greyImage(message, stretch, memory->grey);
   frame.stamp = static_cast<std::int64_t>(message->header.stamp.toNSec());
   frame.encoding = message->encoding;
-  if (frame.image.data == message->data.data()) {
-    frame.source = std::shared_ptr<const void>(message.get(), [message](const void*) {});
-  }
+  if (frame.image.data == message->data.data()) memory->message = message;
+  frame.source = memory;
 }
 
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,

@@ -8,6 +8,7 @@
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "messages/pixel_memory.h"
 
 namespace ktgp_orb {
 
@@ -23,10 +24,17 @@ class RefusedImage : public std::runtime_error {
 /// amount of data that does not fit the size, and an encoding that is neither grey, colour, yuv422
 /// nor Bayer; more data than the size needs is legal.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch = {});
+/// The same; colour and Bayer images are converted into `buffer`, in the memory it has where they
+/// fit.
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+                  cv::Mat& buffer);
 
 /// Makes `frame` the image of the message, without features. A mono8 image is held by its message,
 /// so that inside one nodelet manager no pixel is ever copied. Throws as greyImage does.
 void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame);
+/// The same, in memory that nobody else holds; the frame does from now on.
+void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+             const std::shared_ptr<PixelMemory>& memory, Frame& frame);
 
 /// A frame of the image with its features.
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,

@@ -255,18 +255,18 @@ void MatcherNodelet::work() {
 }
 
 void MatcherNodelet::applyRequests(std::uint64_t arrival) {
-  Configuration configuration;
+  std::optional<Configuration> configuration;
   Requests requests;
   {
     const Lock lock(state_mutex_);
-    configuration = configuration_;
+    if (configuration_.number != matcher_->configuration().number) configuration = configuration_;
     std::swap(requests, requests_);
     // An image from before the call is not meant.
     if (requests.fix_reference_after && arrival <= *requests.fix_reference_after) {
       std::swap(requests.fix_reference_after, requests_.fix_reference_after);
     }
   }
-  if (configuration.number != matcher_->configuration().number) matcher_->configure(configuration);
+  if (configuration) matcher_->configure(*configuration);
   if (requests.forget_reference) matcher_->forgetReference();
   if (requests.reset) matcher_->reset();
   if (requests.fix_reference_after) matcher_->fixNextFrame();
@@ -289,13 +289,18 @@ void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
 
 void MatcherNodelet::warnOfRawPoints(const FrameMessages& messages) {
   const bool raw = matcher_->configuration().rectify && !messages.homography->rectified;
+  if (!raw) {
+    warned_of_raw_points_ = false;
+    monitor_.setLensProblem("");
+    return;
+  }
   const std::string problem =
       "rectify is on, but points are in raw pixels: no camera_info of a "
       "calibrated camera and of this image size on " +
       camera_info_topic_;
-  monitor_.setLensProblem(raw ? problem : "");
-  if (raw && !warned_of_raw_points_) NODELET_WARN("%s", problem.c_str());
-  warned_of_raw_points_ = raw;
+  monitor_.setLensProblem(problem);
+  if (!warned_of_raw_points_) NODELET_WARN("%s", problem.c_str());
+  warned_of_raw_points_ = true;
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {

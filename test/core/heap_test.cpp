@@ -5,56 +5,21 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
+#include "watched_malloc.h"
 
-#if defined(__GLIBC__) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifdef KTGP_ORB_WATCHES_MALLOC
 
 namespace {
 std::atomic<std::size_t> calls{0};
 }
 
-extern "C" {
-void* __libc_malloc(std::size_t);
-void* __libc_calloc(std::size_t, std::size_t);
-void* __libc_realloc(void*, std::size_t);
-void* __libc_memalign(std::size_t, std::size_t);
-
-void* malloc(std::size_t size) {
+void ktgp_orb::test::onAllocation() {
   ++calls;
-  return __libc_malloc(size);
-}
-
-void* calloc(std::size_t count, std::size_t size) {
-  ++calls;
-  return __libc_calloc(count, size);
-}
-
-void* realloc(void* memory, std::size_t size) {
-  ++calls;
-  return __libc_realloc(memory, size);
-}
-
-void* memalign(std::size_t alignment, std::size_t size) {
-  ++calls;
-  return __libc_memalign(alignment, size);
-}
-
-void* aligned_alloc(std::size_t alignment, std::size_t size) {
-  ++calls;
-  return __libc_memalign(alignment, size);
-}
-
-int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
-  ++calls;
-  *memory = __libc_memalign(alignment, size);
-  return *memory != nullptr ? 0 : ENOMEM;
-}
 }
 
 namespace ktgp_orb {

@@ -1,5 +1,5 @@
 # The nodelet on a robot. The C++ tests load it into their own process.
-foreach(name robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
+foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
     robot_views_teardown)
   add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.cpp)
   target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
@@ -8,6 +8,9 @@ foreach(name robot_loading robot_overload robot_reconfigure robot_stream robot_t
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
+# It replaces malloc as the core's heap_test does, and names functions by their address.
+target_include_directories(robot_heap_test PRIVATE ${PROJECT_SOURCE_DIR}/test/core)
+target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 # A long run by scripts/soak, built by it alone.
 add_executable(robot_soak_test EXCLUDE_FROM_ALL robot_soak_test.cpp)
 target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
