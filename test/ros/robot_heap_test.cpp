@@ -127,7 +127,7 @@ Site siteOf(const StackCounts::Stack& stack) {
   return site;
 }
 
-constexpr int kFrames = 300;
+constexpr int kFrames = 1000;
 
 TEST(RobotHeap, IsAskedForMessagesAlone) {
   nodelet::Loader loader(false);
