@@ -291,6 +291,32 @@ TEST(Repeatability, OverlapFollowsScaleAndShape) {
   }
 }
 
+/// The overlap error of a disc that is mapped to an ellipse twice as long as wide and turned by
+/// `angle`, and another disc 40 px further along the ellipse; to 0.005.
+double errorAlongTurnedEllipse(double angle) {
+  const Eigen::Matrix2d turn = Eigen::Rotation2Dd(angle).toRotationMatrix();
+  const Eigen::Vector2d centre(200.0, 200.0);
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h.topLeftCorner<2, 2>() = turn * Eigen::Vector2d(2.0, 1.0).asDiagonal();
+  h.topRightCorner<2, 1>() = centre - h.topLeftCorner<2, 2>() * Eigen::Vector2d(100.0, 100.0);
+  const Eigen::Vector2d moved = centre + turn * Eigen::Vector2d(40.0, 0.0);
+  const Features disc = featuresAt({cv::Point2d(moved.x(), moved.y())}, 31.F);
+  double error = 0.0;
+  while (detectorRepeatability(featuresAt({{100, 100}}, 31.F), disc, h, error).repeated == 0) {
+    error += 0.005;
+  }
+  return error;
+}
+
+TEST(Repeatability, OverlapOfATurnedEllipseIsThatOfTheUnturned) {
+  const double unturned = errorAlongTurnedEllipse(0.0);
+  EXPECT_GT(unturned, 0.55);  // else the disc lies within the ellipse and tells nothing
+  EXPECT_LT(unturned, 0.95);
+  for (const double angle : {0.4, 0.8, 1.2, 2.0, 2.8}) {
+    EXPECT_NEAR(errorAlongTurnedEllipse(angle), unturned, 0.0075) << angle;
+  }
+}
+
 TEST(Repeatability, OfNothingIsZero) {
   const Features none = featuresAt({});
   const Features one = featuresAt({{5, 5}});

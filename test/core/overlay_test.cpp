@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <algorithm>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
@@ -147,6 +149,67 @@ TEST(Overlay, PanelStaysInsideAndIsLegible) {
     }
     EXPECT_GT(white, 250) << size;
     EXPECT_LT(lowest, size.height / 2) << size;
+  }
+}
+
+/// The rightmost pixel beside the headline whose grey value is from `low` to `high`, in the overlay
+/// of an image of one grey value.
+int rightEnd(const MatchResult& result, int grey, int low, int high) {
+  const cv::Size size(640, 480);
+  const cv::Mat image(size, CV_8UC1, cv::Scalar(grey));
+  const Features none;
+  cv::Mat canvas;
+  drawOverlay({image, none}, {image, none}, result, OverlayStyle::flow, canvas);
+  int right = -1;
+  for (int y = 8; y < 20; ++y) {
+    for (int x = 8; x < size.width - 8; ++x) {  // without the outline of the reference
+      const int value = canvas.at<cv::Vec3b>(y, x)[0];
+      if (value >= low && value <= high) right = std::max(right, x);
+    }
+  }
+  return right;
+}
+int textEnd(const MatchResult& result) {
+  return rightEnd(result, 0, 200, 255);
+}
+
+TEST(Overlay, PanelIsDarkBehindAllOfItsHeadline) {
+  MatchResult result;
+  result.status = Status::ok;
+  result.homography.setIdentity();
+  result.covariance = 1e-12 * Covariance8::Identity();
+  const int text = textEnd(result);
+  const int dark = rightEnd(result, 255, 0, 100);
+  EXPECT_GT(text, 150);
+  EXPECT_GT(dark, text);
+  EXPECT_LT(dark, text + 40);
+}
+
+TEST(Overlay, HeadlineSaysHowFarCornersAreOffWhereThatIsKnown) {
+  MatchResult result;
+  result.status = Status::ok;
+  result.homography.setIdentity();
+  result.covariance = 1e-12 * Covariance8::Identity();
+  const int known = textEnd(result);
+  result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  const int unknown = textEnd(result);
+  EXPECT_GT(unknown, 30);
+  EXPECT_GT(known, unknown + 60);
+}
+
+TEST(Overlay, StagesShowEachLevelInAQuarter) {
+  const Scene scene({320, 240});
+  const FrameView reference{scene.reference_image, scene.reference};
+  const FrameView target{scene.target_image, scene.target};
+  cv::Mat canvas;
+  drawStages(reference, target, scene.result, canvas);
+  for (int i = 0; i < 4; ++i) {
+    cv::Mat level;
+    drawLevel(reference, target, scene.result, static_cast<Level>(i), level);
+    const cv::Point corner(i % 2 == 0 ? 0 : canvas.cols - level.cols,
+                           i / 2 == 0 ? 0 : canvas.rows - level.rows);
+    const cv::Rect below(0, level.rows / 2, level.cols, level.rows / 2);  // the title
+    EXPECT_EQ(cv::norm(canvas(below + corner), level(below), cv::NORM_INF), 0.0) << i;
   }
 }
 
