@@ -134,6 +134,11 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
   h.setConstant(1e300);
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
+  h = -Eigen::Matrix3d::Identity();  // each onto itself, but from behind the camera
+  matcher.match(features, features, h, matches);
+  EXPECT_TRUE(matches.empty());
+  matcher.match(features, features, -h, matches);
+  EXPECT_EQ(matches.size(), features.size());
 }
 
 TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
