@@ -1,6 +1,7 @@
 #include "tools/bag_writer.h"
 
 #include <iomanip>
+#include <sstream>
 #include <stdexcept>
 
 #include "cli/files.h"
@@ -16,6 +17,14 @@ constexpr const char* kColumns =
     "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
 constexpr int kStages = 4;
 constexpr int kColumnsAfterStatus = 27;  // without the error
+
+/// Not written into the file at once: ROS changes the stream's locale for it, which writes out what
+/// is buffered, and ends the program where the disk is full.
+std::string text(const ros::Time& time) {
+  std::ostringstream out;
+  out << time;
+  return out.str();
+}
 
 }  // namespace
 
@@ -76,7 +85,7 @@ void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
   const MatchStatistics& s = *messages.statistics;
-  csv_ << s.header.stamp << ',' << s.reference_stamp << ','
+  csv_ << text(s.header.stamp) << ',' << text(s.reference_stamp) << ','
        << toString(static_cast<Status>(s.status)) << ',' << int(s.reference_changed) << ','
        << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
   for (int i = 0; i < kStages; ++i) csv_ << ',' << s.stages[i].output;
@@ -98,8 +107,8 @@ void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string
   for (std::size_t i = 0; (i = quoted.find('"', i)) != std::string::npos; i += 2) {
     quoted.insert(i, 1, '"');
   }
-  csv_ << header.stamp << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\"" << quoted
-       << "\"\n";
+  csv_ << text(header.stamp) << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\""
+       << quoted << "\"\n";
 }
 
 }  // namespace ktgp_orb
