@@ -151,6 +151,19 @@ class StabilizerTest(unittest.TestCase):
         self.send(np.full((240, 320), 90, np.uint8))
         self.assertEqual(self.send(view(312, 300)).width, 640)
 
+    def test_goes_on_after_a_homography_whose_image_never_comes(self):
+        alone = rospy.Publisher('/camera/matcher/homography', HomographyStamped, queue_size=10)
+        self.addCleanup(alone.unregister)
+        wait_until(alone.get_num_connections, 'the homography is connected')
+        self.send(view(300, 300))
+        wait_until(self.counts, 'the stabilizer reports')
+        before = self.counts()[-1][0]
+        homography = HomographyStamped()
+        homography.header.stamp = self.camera.next_stamp()
+        alone.publish(homography)
+        wait_until(lambda: self.counts()[-1][0] > before, 'it is counted')
+        self.send(view(304, 300))
+
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()
         self.infos.close()
