@@ -164,6 +164,29 @@ class StabilizerTest(unittest.TestCase):
         wait_until(lambda: self.counts()[-1][0] > before, 'it is counted')
         self.send(view(304, 300))
 
+    def report(self):
+        """What the stabilizer last said of itself: its message and its values."""
+        said = [status for array in self.diagnostics.messages() for status in array.status
+                if status.name.endswith('stabilizer: frames')]
+        return (said[-1].message, {v.key: v.value for v in said[-1].values}) if said else ('', {})
+
+    def test_starts_anew_after_nobody_looked(self):
+        # The matcher goes on, and so has a homography to the frame from before.
+        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        self.addCleanup(homographies.close)
+        self.send(view(300, 300))
+        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['starts anew'])
+        self.images.close()
+        self.infos.close()
+        wait_until(lambda: 'no subscriber' in self.report()[0], 'the stabilizer sleeps')
+        self.images = Recorder('/camera/stabilizer/image', Image)
+        self.addCleanup(self.images.close)
+        wait_until(self.images.publishers, 'the image is connected')
+        wait_until(lambda: 'no subscriber' not in self.report()[0], 'the stabilizer is awake')
+        warm_up(self.camera, self.images)
+        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
+
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()
         self.infos.close()
