@@ -4,11 +4,14 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <vector>
 
 #include "core/homography/checks.h"
+#include "core/homography/points.h"
+#include "core/homography/refinement.h"
 #include "core/homography/refiner.h"
 #include "core/homography/score.h"
 #include "synthetic_pairs.h"
@@ -193,6 +196,30 @@ TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
   EXPECT_EQ(h, before);
   target.pop_back();
   EXPECT_THROW(refiner.refine(reference, target, options, h, nullptr), std::invalid_argument);
+}
+
+// An odd number of pairs is worked on with what the pairs before left in the place after the last.
+TEST(HomographyRefinement, ForgetsThePairsOfTheCallBefore) {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h(2, 0) = -0.5;  // the horizon is at x = 2
+  PointArrays<double> points;
+  points.resize(8);
+  for (std::size_t i = 0; i < 7; ++i) {
+    const Eigen::Vector2d x(0.2 * static_cast<double>(i), i % 3 == 0 ? -0.7 : 0.3 * (i % 2));
+    points.set(i, x, project(h, x) + Eigen::Vector2d(1e-3, -1e-3));
+  }
+  points.set(7, {2.0, 0.1}, {0.0, 0.0});
+  HomographyRefinement fresh, used;
+  used.select(points, std::vector<std::uint8_t>(8, 1), 8);
+  const std::vector<std::uint8_t> first{1, 1, 1, 1, 1, 1, 1, 0};
+  ASSERT_EQ(fresh.select(points, first, 8), 7u);
+  ASSERT_EQ(used.select(points, first, 8), 7u);
+  Eigen::Matrix3d expected = h;
+  Eigen::Matrix3d found = h;
+  ASSERT_TRUE(fresh.step(0.01, expected));
+  ASSERT_TRUE(used.step(0.01, found));
+  EXPECT_EQ(found, expected);
+  EXPECT_NE(found, h);
 }
 
 TEST(HomographyChecks, SeesTheHorizonAndTheMirror) {
