@@ -146,7 +146,10 @@ class StabilizerTest(unittest.TestCase):
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
         self.send(view(304, 300))
+        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['starts anew'])
         self.send(np.full((480, 640), 90, np.uint8))
+        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
         self.send(view(308, 300))
         self.send(np.full((240, 320), 90, np.uint8))
         self.assertEqual(self.send(view(312, 300)).width, 640)
