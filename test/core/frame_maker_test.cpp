@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <boost/make_shared.hpp>
+#include <cmath>
 #include <cstdlib>
 #include <string>
 #include <utility>
@@ -120,6 +121,17 @@ TEST(Lens, IsThatOfTheCameraInfo) {
   EXPECT_EQ(c.camera(1, 1), 510.0);
   EXPECT_EQ(c.rectified_camera(0, 2), 322.0);
   EXPECT_EQ(c.distortion.size(), 5U);
+}
+
+TEST(Lens, OfASecondCameraIsTurnedAsRectificationSays) {
+  sensor_msgs::CameraInfo info = calibrated();
+  const double angle = 0.05;
+  info.R = {std::cos(angle),  0.0, std::sin(angle), 0.0, 1.0, 0.0,
+            -std::sin(angle), 0.0, std::cos(angle)};
+  const LensCalibration turned = lensFrom(info)->calibration();
+  EXPECT_EQ(turned.rotation, cv::Matx33d(info.R.data()));
+  info.R.fill(0.0);  // of one that says nothing of it
+  EXPECT_EQ(lensFrom(info)->calibration().rotation, cv::Matx33d::eye());
 }
 
 // A 400x300 part of the sensor, read out at half size: the centre (320, 240) of the sensor is

@@ -7,8 +7,10 @@ import unittest
 import numpy as np
 import rospy
 import rostest
+from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PolygonStamped, PoseWithCovarianceStamped
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from ktgp_orb.msg import MatchStatistics
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
 from sensor_msgs.msg import CameraInfo
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -78,6 +80,20 @@ class TargetTest(unittest.TestCase):
 
         lost = camera.send(image_message(np.full((480, 640), 90, np.uint8), camera.next_stamp()))
         self.assertEqual(len(outlines.wait_for(lost).polygon.points), 0)
+
+        # A reference that changes with every frame is no target.
+        statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        wait_until(statistics.publishers, 'the statistics are connected')
+        Client('/camera/matcher', timeout=TIMEOUT).update_configuration(
+            {'reference_mode': 'previous'})
+        stamps = []
+
+        def reference_is_the_frame_before():
+            stamps.append(camera.send(image_message(view(430, 280), camera.next_stamp())))
+            return statistics.wait_for(stamps[-1]).reference_stamp in stamps
+        for _ in range(3):
+            wait_until(reference_is_the_frame_before, 'the mode is previous')
+        self.assertIsNone(outlines.with_stamp(stamps[-2]))
 
 
 if __name__ == '__main__':
