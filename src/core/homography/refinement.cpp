@@ -146,8 +146,9 @@ std::size_t HomographyRefinement::select(const Points& points,
   selected_.size = n;
   // Of an odd number the last one is worked on beside its neighbour, with weight zero. What was
   // there before may lie on the horizon of the next H, and zero times infinity counts.
-  if (n < selected_.paddedSize())
+  if (n < selected_.paddedSize()) {
     selected_.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
+  }
   for (std::vector<double>* array : {&squared_, &weight_, &former_weight_}) {
     array->resize(selected_.paddedSize());
   }
