@@ -14,6 +14,7 @@
 #include "cli/matcher_cli.h"
 #include "cli/output_file.h"
 #include "cli/program.h"
+#include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"

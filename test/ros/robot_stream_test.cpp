@@ -72,7 +72,7 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
     return image;
   };
   const auto sendNumbered = [&](std::uint32_t number) {
-    return send(numbered(number)).dropped_frames;
+    return send(numbered(number)).lost_frames;
   };
   // Until the matcher has counted who publishes: with two of them the numbers would tell nothing.
   ros::WallDuration(2.5).sleep();
