@@ -213,10 +213,13 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
   level = DiagnosticStatus::ERROR;
   if (counts.arrived == 0) return "no image on " + topic_;
+  if (!mixture_.empty()) {
+    level = DiagnosticStatus::WARN;
+    return mixture_;
+  }
   if (counts.refused >= counts.arrived) return "every image is refused: " + last_error_;
   level = DiagnosticStatus::WARN;
   if (counts.refused > 0) return "images refused: " + last_error_;
-  if (!mixture_.empty()) return mixture_;
   level = levelOf(limits_.min_input_rate, rate(counts));
   if (level != DiagnosticStatus::OK) return "images arrive too slowly";
   level = levelOf(ratio(counts.dropped, counts.arrived), limits_.max_drop_ratio);

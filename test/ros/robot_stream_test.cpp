@@ -20,6 +20,29 @@ using test::waitUntil;
 
 const std::string kMatcher = "/camera/matcher/";
 
+using Reports = Recorder<diagnostic_msgs::DiagnosticArray>;
+
+/// The messages of all tasks so far.
+std::string anyMessage(Reports& reports) {
+  std::string all;
+  for (const auto& report : reports.messages()) {
+    for (const auto& status : report->status) all += status.message + "\n";
+  }
+  return all;
+}
+
+/// What the matcher last said of its input.
+std::string inputMessage(Reports& reports) {
+  std::string last;
+  for (const auto& report : reports.messages()) {
+    for (const auto& status : report->status) {
+      const std::string& name = status.name;
+      if (name.size() > 7 && name.substr(name.size() - 7) == ": input") last = status.message;
+    }
+  }
+  return last;
+}
+
 class Stream : public testing::Test {
  protected:
   void TearDown() override { loader_.clear(); }
@@ -65,6 +88,7 @@ class Stream : public testing::Test {
 };
 
 TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
+  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
   load();
   const auto numbered = [&](std::uint32_t number) {
     const sensor_msgs::ImagePtr image = view();
@@ -91,6 +115,52 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   EXPECT_EQ(sendNumbered(4000000), 4U) << "another counter";
   EXPECT_EQ(sendNumbered(0), 4U);
   EXPECT_EQ(sendNumbered(0), 4U) << "a publisher that does not count";
+  // A thinned topic is no overload, unless somebody says that its gaps count.
+  EXPECT_EQ(statistics_.messages().back()->dropped_frames, 0U);
+  const auto inputSays = [&](const std::string& words) {
+    reports.messages();
+    reports.clear();
+    return waitUntil([&] { return inputMessage(reports).find(words) != std::string::npos; });
+  };
+  EXPECT_TRUE(inputSays("images arrive"));
+  EXPECT_EQ(inputMessage(reports), "images arrive");
+  dynamic_reconfigure::Reconfigure change;
+  change.request.config.doubles.emplace_back();
+  change.request.config.doubles.back().name = "max_lost_ratio";
+  change.request.config.doubles.back().value = 0.1;
+  ASSERT_TRUE(ros::service::call(kMatcher + "set_parameters", change));
+  sendNumbered(1);
+  EXPECT_EQ(sendNumbered(41), 43U);
+  EXPECT_TRUE(inputSays("many images lost"));
+  ros::param::del(kMatcher + "max_lost_ratio");
+}
+
+// The frame is gone with the process, but not the knowledge of it.
+TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
+  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
+  const auto said = [&] {
+    return anyMessage(reports).find("the reference that ~set_reference took is lost") !=
+           std::string::npos;
+  };
+  load("fixed");
+  send(view());
+  ASSERT_TRUE(call("set_reference").success);
+  EXPECT_EQ(send(view()).status, MatchStatistics::STATUS_OK);
+  ASSERT_TRUE(waitUntil([] { return ros::param::has(kMatcher + "reference_was_set"); }));
+  EXPECT_FALSE(said());
+  loader_.clear();
+  load("fixed");
+  EXPECT_EQ(send(view()).reason, MatchStatistics::REASON_NOT_SET);
+  EXPECT_TRUE(waitUntil(said));
+  EXPECT_TRUE(call("reset").success);
+  reports.clear();
+  ASSERT_TRUE(waitUntil([&] {
+    reports.messages();
+    const bool quiet = !reports.messages().empty() && !said();
+    reports.clear();
+    return quiet;
+  }));
+  EXPECT_FALSE(ros::param::has(kMatcher + "reference_was_set"));
 }
 
 TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
