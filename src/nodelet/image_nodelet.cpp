@@ -67,7 +67,7 @@ void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arriv
 }
 
 std::string ImageNodelet::watchMixture(std::uint32_t publishers) {
-  const std::string mixture = image_watch_->mixture(publishers);
+  std::string mixture = image_watch_->mixture(publishers);
   if (!mixture.empty() && !said_mixture_) NODELET_WARN("%s", mixture.c_str());
   said_mixture_ = !mixture.empty();
   return mixture;

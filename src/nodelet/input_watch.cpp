@@ -31,9 +31,11 @@ std::set<std::string> publishersOf(const std::string& topic) {
   if (!ros::master::execute("getSystemState", request, response, state, false)) return {};
   std::set<std::string> names;
   XmlRpc::XmlRpcValue& publishers = state[0];  // [[topic, [node, ...]], ...]
+  // NOLINTNEXTLINE(modernize-loop-convert): values of XML-RPC are not iterated everywhere
   for (int i = 0; i < publishers.size(); ++i) {
     if (static_cast<std::string>(publishers[i][0]) != topic) continue;
     XmlRpc::XmlRpcValue& nodes = publishers[i][1];
+    // NOLINTNEXTLINE(modernize-loop-convert)
     for (int j = 0; j < nodes.size(); ++j) names.insert(nodes[j]);
   }
   return names;

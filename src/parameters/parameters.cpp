@@ -26,9 +26,9 @@ std::vector<ParameterRow> readTable() {
 #define KTGP_GROUP(name) group = #name;
 #define KTGP_BOOL(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
 #define KTGP_INT(name, value, low, high, limits, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(limits)});
+  rows.push_back({group, #name, &Parameters::name, text, unit, Limits("[" #low ", " #high "]")});
 #define KTGP_DOUBLE(name, value, low, high, limits, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(limits)});
+  rows.push_back({group, #name, &Parameters::name, text, unit, Limits("[" #low ", " #high "]")});
 #define KTGP_STRING(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
 #define KTGP_CHOICE(name, value, text, choices) \
   rows.push_back({group, #name, &Parameters::name, text, "", {}, namesOfChoices(choices)});
