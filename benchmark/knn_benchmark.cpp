@@ -34,11 +34,11 @@
 namespace {
 
 using ktgp_orb::Correspondence;
-using ktgp_orb::KnnKernel;
-using ktgp_orb::KnnSearch;
-using ktgp_orb::NearKernel;
-using ktgp_orb::NearSearch;
 using ktgp_orb::bench::milliseconds;
+using ktgp_orb::knn::KnnKernel;
+using ktgp_orb::knn::KnnSearch;
+using ktgp_orb::knn::NearKernel;
+using ktgp_orb::knn::NearSearch;
 
 /// At least `count` ORB descriptors of an image and its enlargements.
 cv::Mat orbDescriptors(const std::string& file, int count) {
@@ -188,10 +188,10 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
 }
 
 void registerNear(const Frames& frames) {
-  const auto whole =
-      ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel());
-  for (const NearKernel* kernel :
-       ktgp_orb::test::everyKernels(ktgp_orb::bestNearKernel, ktgp_orb::portableNearKernel())) {
+  const auto whole = ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                  ktgp_orb::knn::portableKnnKernel());
+  for (const NearKernel* kernel : ktgp_orb::test::everyKernels(
+           ktgp_orb::knn::bestNearKernel, ktgp_orb::knn::portableNearKernel())) {
     const KnnKernel* same = whole.back();
     for (const KnnKernel* candidate : whole) {
       if (std::string(candidate->name) == kernel->name) same = candidate;
@@ -216,8 +216,8 @@ void registerAll(const Frames& frames) {
       for (int n : {500, 1000, 2000, 5000, 10000, 20000}) benchmark->Args({n, threads});
     }
   };
-  for (const KnnKernel* chosen :
-       ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel())) {
+  for (const KnnKernel* chosen : ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                              ktgp_orb::knn::portableKnnKernel())) {
     const KnnKernel& kernel = *chosen;
     add(kernel.name, [&frames, kernel](benchmark::State& state) {
       KnnSearch search(kernel, static_cast<int>(state.range(1)));

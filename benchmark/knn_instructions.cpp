@@ -20,6 +20,14 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestKnnKernel;
+using knn::bestNearKernel;
+using knn::KnnKernel;
+using knn::KnnSearch;
+using knn::NearSearch;
+using knn::portableKnnKernel;
+using knn::portableNearKernel;
+
 Features generated(int count, std::uint64_t seed) {
   Features features;
   features.image_size = {640, 480};

@@ -10,6 +10,8 @@
 namespace ktgp_orb {
 namespace {
 
+using util::position;
+
 /// Fills the statistics of one stage from the return value of `run`, which it times.
 template <typename Run>
 void timeStage(StageResult& stage, const char* name, std::size_t input, Run run) {

@@ -12,6 +12,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
+using util::position;
+
 /// Asks about each match once, in order.
 template <typename Predicate>
 void removeIf(Predicate predicate, std::vector<Correspondence>& matches) {

@@ -7,6 +7,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::GreyStretch;
+using util::requireInRange;
+
 /// The values of dynamic_reconfigure by the names of the table.
 Parameters parametersFrom(const KtgpConfig& config) {
   Parameters p;

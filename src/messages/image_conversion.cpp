@@ -15,6 +15,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::GreyStretch;
+using util::stretchTo8Bit;
+
 namespace encodings = sensor_msgs::image_encodings;
 
 constexpr int kNoCode = -1;

@@ -8,6 +8,8 @@
 namespace ktgp_orb {
 namespace {
 
+using util::imagePoint;
+
 // The messages' constants and the core's enumerators are one numbering.
 static_assert(int(Status::ok) == MatchStatistics::STATUS_OK, "");
 static_assert(int(Status::no_reference) == MatchStatistics::STATUS_NO_REFERENCE, "");

@@ -16,6 +16,8 @@
 namespace ktgp_orb {
 namespace {
 
+using alignment::PointSpread;
+
 using test::AlignmentScene;
 using test::planeScene;
 using test::translation;

@@ -14,6 +14,8 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestNearKernel;
+
 Features randomFeatures(std::mt19937& generator, int count, const cv::Size& size) {
   // Some lie outside: bad data is legal.
   std::uniform_real_distribution<float> x(-10.F, static_cast<float>(size.width) + 10.F);

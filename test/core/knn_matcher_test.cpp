@@ -21,7 +21,7 @@
 #include "instruction_sets.h"
 #include "test_data.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
 
 int hamming(const std::uint8_t* a, const std::uint8_t* b) {
@@ -475,4 +475,4 @@ TEST(KnnMatcher, RefusesANegativeNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -21,8 +21,10 @@
 #include "instruction_sets.h"
 #include "ktgp_orb/knn_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ThreadPool;
 
 const cv::Size kSize(640, 480);
 
@@ -354,4 +356,4 @@ TEST(NearMatching, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

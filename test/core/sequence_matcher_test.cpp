@@ -21,6 +21,10 @@
 namespace ktgp_orb {
 namespace {
 
+using sequence::chained;
+using sequence::MotionPredictor;
+using sequence::UncertainHomography;
+
 constexpr int kWidth = 320;
 constexpr int kHeight = 240;
 constexpr int kStepX = 5;  // px that the camera moves from view to view

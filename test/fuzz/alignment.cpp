@@ -9,6 +9,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 Eigen::Matrix3d homography(Input& in) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   for (int i = 0; i < 9; ++i) {

@@ -8,6 +8,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 /// The reference's features moved and shuffled, some of their bits changed.
 Features moved(Input& in, const Features& reference) {
   Features target = reference;

@@ -16,6 +16,15 @@
 namespace ktgp_orb {
 namespace {
 
+using alignment::AlignedPatch;
+using alignment::bestAlignmentKernels;
+using alignment::kPatchSide;
+using alignment::PatchAligner;
+using alignment::PatchOutcome;
+using alignment::PointSpread;
+using util::position;
+using util::requireInRange;
+
 constexpr std::size_t kFewest = 12;  // aligned points that a homography is estimated from
 constexpr double kLeastScale = 1.0;  // px of the errors: no scene is more of a plane than that
 constexpr double kNear = 3.0;        // px within which a keypoint agrees

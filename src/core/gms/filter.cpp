@@ -15,6 +15,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::imagePoint;
+using util::requireInRange;
+
 using gms::Grid;
 using gms::kNoCell;
 

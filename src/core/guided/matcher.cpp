@@ -13,6 +13,18 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestNearKernel;
+using knn::kNearIndexBits;
+using knn::kNearIndexMask;
+using knn::kNoNearKey;
+using knn::NearKernel;
+using knn::NearKeys;
+using knn::NearTable;
+using knn::requireCountable;
+using util::imagePoint;
+using util::position;
+using util::requireInRange;
+
 constexpr int kNoDistance = 256;
 
 }  // namespace

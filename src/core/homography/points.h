@@ -26,7 +26,7 @@ struct PointArrays {
   /// Makes room for n pairs, whose values are not set yet. The padding lies so far off that no
   /// homography explains it.
   void resize(std::size_t n) {
-    const std::size_t padded = ceilDivide(n, kLanes) * kLanes;
+    const std::size_t padded = util::ceilDivide(n, kLanes) * kLanes;
     size = n;
     for (std::vector<Scalar>* array : {&x, &y, &u, &v}) array->resize(padded);
     for (std::size_t i = n; i < padded; ++i) {

@@ -19,6 +19,8 @@
 namespace ktgp_orb {
 namespace {
 
+using util::requireInRange;
+
 void requireValid(const PointPairs& pairs) {
   const std::size_t n = pairs.reference.size();
   if (pairs.target.size() != n || pairs.quality.size() != n) {

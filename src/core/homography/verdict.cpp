@@ -13,6 +13,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::ceilDivide;
+using util::kPi;
+
 /// Bounds beyond which one coordinate of a point is far out.
 struct Fences {
   double low = -std::numeric_limits<double>::infinity();

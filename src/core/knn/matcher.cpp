@@ -10,6 +10,12 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestKnnKernel;
+using knn::bestNearKernel;
+using knn::KnnSearch;
+using knn::NearSearch;
+using util::requireInRange;
+
 const KnnOptions& valid(const KnnOptions& options) {
   requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
   return options;

@@ -13,8 +13,11 @@
 #include "core/util/keypoint_position.h"
 #include "ktgp_orb/knn_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ceilDivide;
+using util::ThreadPool;
 
 constexpr int kQueriesPerChunk = 64;   // what a thread takes at a time
 constexpr double kCellsPerRadius = 2;  // small cells: fewer candidates in vain; large: longer runs
@@ -128,4 +131,4 @@ void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

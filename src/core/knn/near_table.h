@@ -10,7 +10,7 @@
 #include "core/util/cell_grid.h"
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// Throws std::invalid_argument naming `name` where the keys of near_kernel.h cannot count the
 /// keypoints.
@@ -52,7 +52,7 @@ class NearTable {
  private:
   void layOut(const Features& features);
 
-  CellGrid cells_;
+  util::CellGrid cells_;
   std::size_t stride_ = 0;  // size(), and room to read beyond
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
@@ -61,4 +61,4 @@ class NearTable {
   std::vector<std::int32_t> position_;  // the column of each keypoint
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

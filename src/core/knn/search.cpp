@@ -8,8 +8,10 @@
 #include "core/util/divide.h"
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ceilDivide;
 
 // Queries that one thread takes at a time: enough to read a block from the cache many times over,
 // few enough to divide a frame evenly.
@@ -153,4 +155,4 @@ void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* co
   for (int t = first; t < end; ++t) correspondences[t].second_distance = 0;  // there is no second
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -9,7 +9,7 @@
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// The search of KnnMatcher with a kernel of choice, so that tests and benchmarks can try each.
 class KnnSearch {
@@ -29,7 +29,7 @@ class KnnSearch {
   void keepReference() { keep_reference_ = true; }
   void forgetReference() { candidates_ = 0; }
 
-  ThreadPool& pool() { return pool_; }
+  util::ThreadPool& pool() { return pool_; }
 
  private:
   /// Makes room and lays out the reference; false where there is nothing to search.
@@ -41,7 +41,7 @@ class KnnSearch {
                    NearestQueries* nearest_queries);
 
   KnnKernel kernel_;
-  ThreadPool pool_;
+  util::ThreadPool pool_;
   bool keep_reference_ = false;
   int candidates_ = 0;  // reference descriptors
   int group_count_ = 0;
@@ -49,4 +49,4 @@ class KnnSearch {
   std::vector<NearestQueries> nearest_queries_;  // one for each thread
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

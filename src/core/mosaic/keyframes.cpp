@@ -8,7 +8,7 @@
 
 #include "core/homography/checks.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 namespace {
 
 constexpr std::size_t kTriesOnPath = 2;
@@ -75,4 +75,4 @@ void Keyframes::add(Features features, const Eigen::Matrix3d& from_map) {
   keyframes_.push_back({std::move(features), from_map});
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

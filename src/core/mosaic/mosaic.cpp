@@ -18,6 +18,9 @@
 namespace ktgp_orb {
 namespace {
 
+using mosaic::Keyframes;
+using mosaic::TileMap;
+
 constexpr std::size_t kPathLength = 300;  // frames that may come while one is placed
 // A frame may look this much larger or smaller than the first one; beyond that a map of one plane
 // is no picture any more.

@@ -8,7 +8,7 @@
 
 #include "core/homography/checks.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 namespace {
 
 // What is there counts as this many frames at most: newer ones soon show, noise averages out.
@@ -184,4 +184,4 @@ void TileMap::clear() {
   area_ = {};
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

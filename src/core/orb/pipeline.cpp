@@ -10,8 +10,11 @@
 #include "core/util/constants.h"
 #include "core/util/divide.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
+
+using util::ceilDivide;
+using util::kPi;
 
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
 constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
@@ -198,4 +201,4 @@ void OrbPipeline::describe(cv::KeyPoint& keypoint, const cv::Point2f& direction,
             direction.y, descriptor);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

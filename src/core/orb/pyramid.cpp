@@ -4,7 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 // Half to even, as every rounding of a scaled length here.
@@ -90,4 +90,4 @@ void OrbPyramid::handOut(bool copy_first, std::vector<cv::Mat>& images) const {
   for (std::size_t i = 1; i < images.size(); ++i) images[i] = levels_[i].image;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

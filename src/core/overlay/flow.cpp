@@ -10,8 +10,10 @@
 #include "core/overlay/text.h"
 #include "core/util/keypoint_position.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
+
+using util::imagePoint;
 
 // Positions are drawn to a sixteenth of a pixel, or slow motion would jump.
 constexpr int kFractionBits = 4;
@@ -81,4 +83,4 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

@@ -11,7 +11,7 @@
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
 
 constexpr std::array<Level, 4> kLevels{Level::ktgp, Level::ktg, Level::kt, Level::knn};
@@ -69,4 +69,4 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Ma
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

@@ -73,7 +73,7 @@ class Prosac {
   bool sampleSupport(ProsacSampler& sampler, Estimator& estimator);
 
   int local_optimisations_ = 0;
-  Random random_{0};  // for sampleSupport()
+  util::Random random_{0};  // for sampleSupport()
   Model best_;
   float best_cost_ = kInfinity;
   std::vector<std::uint8_t> inlier_;  // of the best, in order of quality
@@ -87,7 +87,7 @@ ProsacRun Prosac<Estimator>::run(const ProsacRules& rules, const Model* initial,
                                  Estimator& estimator) {
   ProsacRun run;
   local_optimisations_ = 0;
-  random_ = Random(~rules.seed);
+  random_ = util::Random(~rules.seed);
   best_cost_ = kInfinity;
   stopping_.reset(kSampleSize, estimator.size(), rules.chance_inlier, rules.confidence);
   ProsacSampler sampler(kSampleSize, estimator.size(), rules.max_iterations, rules.seed);

@@ -4,6 +4,8 @@
 
 namespace ktgp_orb {
 
+using util::Random;
+
 void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample) {
   for (std::size_t i = first; i < sample.size(); ++i) {
     const auto drawn = sample.begin() + static_cast<std::ptrdiff_t>(i);

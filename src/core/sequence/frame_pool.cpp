@@ -1,6 +1,6 @@
 #include "core/sequence/frame_pool.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 namespace {
 
 // A sequence holds five: new, before, keyframe, fixed, and the one of its last answer. Those that a
@@ -63,4 +63,4 @@ void FramePool::releaseImages() {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -5,7 +5,7 @@
 
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Hands out frames and takes them back once nobody holds them, so that their buffers live on.
 class FramePool {
@@ -27,4 +27,4 @@ class FramePool {
   std::vector<std::shared_ptr<PooledFrame>> frames_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 namespace {
 
 using Matrix9x8 = Eigen::Matrix<double, 9, 8>;
@@ -59,4 +59,4 @@ UncertainHomography chained(const UncertainHomography& second, const UncertainHo
   return result;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 namespace {
 
 constexpr double kKeptShare = 0.5;  // of the last frame's inliers, that a frame should find again
@@ -68,4 +68,4 @@ void MotionPredictor::restartAt(const Frame& frame) {
   stamp_ = frame.stamp;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -7,7 +7,7 @@
 
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Where the next frame will be: the motion between the last two, carried on at constant velocity.
 /// Frames are told apart by their addresses: the sequence holds on to the last frame and its
@@ -39,4 +39,4 @@ class MotionPredictor {
   std::int64_t duration_ = 0;              // of this motion, ns
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

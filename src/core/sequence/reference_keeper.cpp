@@ -4,7 +4,7 @@
 #include <array>
 #include <opencv2/imgproc.hpp>
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double w = size.width;
@@ -104,4 +104,4 @@ void ReferenceKeeper::forget(NoReference reason) {
   accumulated_.reset();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

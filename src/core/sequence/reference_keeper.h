@@ -5,7 +5,7 @@
 #include "core/sequence/homography_chain.h"
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Decides which frame the next one is matched to, when to forget it, and accumulates homographies.
 class ReferenceKeeper {
@@ -58,4 +58,4 @@ class ReferenceKeeper {
 /// Share of an image of `size` that the image warped by `homography` covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -12,6 +12,10 @@
 namespace ktgp_orb {
 namespace {
 
+using sequence::FramePool;
+using sequence::MotionPredictor;
+using sequence::ReferenceKeeper;
+
 void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
