@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/refiner.h"
+#include "core/homography/estimate.h"
 #include "evaluation/warps.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"

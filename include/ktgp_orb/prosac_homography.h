@@ -48,6 +48,14 @@ enum class ProsacStop : std::uint8_t {
 /// includes this, and a program built with another -march would read the results elsewhere.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
+/// How the search went, for tests and for tuning.
+struct ProsacDiagnostics {
+  int iterations = 0;           ///< samples drawn, those from a best model's inliers as well
+  int local_optimisations = 0;  ///< times a new best model was polished
+  std::size_t growth_set_size = 0;  ///< best pairs sampled from at the end, n of PROSAC
+  ProsacStop stop = ProsacStop::not_run;
+};
+
 /// Homography, its support and how it was found. Reused from call to call for its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
@@ -56,15 +64,20 @@ struct ProsacResult {
   /// 1 where the reprojection error of `homography` is below the threshold, exactly; else 0.
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;           ///< ones in `mask`
-  std::size_t distinct_inliers = 0;  ///< inliers counted once per reference and target position
   double rmse = 0.0;                 ///< root mean square reprojection error of the inliers, px
-  int iterations = 0;                ///< samples drawn, those from a best model's inliers as well
-  int local_optimisations = 0;       ///< times a new best model was polished
-  std::size_t growth_set_size = 0;   ///< best pairs sampled from at the end, n of PROSAC
-  ProsacStop stop = ProsacStop::not_run;
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement; NaN
-  /// where H(2,2) is near zero, which takes an origin far from all points and no reference size.
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
+  /// zero, which takes an origin far from all points and no reference size. It covers the noise of
+  /// the points and the part of their errors that varies smoothly over the image (the scene is not
+  /// quite a plane, the lens bends, the shutter rolls). It cannot cover errors that are themselves
+  /// a homography, such as those of a wrong calibration.
   Covariance8 covariance = Covariance8::Zero();
+  /// The part of `covariance` that comes from the smooth errors. The next frame's homography has
+  /// much the same error.
+  Covariance8 shared_covariance = Covariance8::Zero();
+  /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
+  /// from a plane. 0 where it cannot be told from noise.
+  double plane_deviation = 0.0;
+  ProsacDiagnostics diagnostics;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");

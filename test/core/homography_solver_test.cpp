@@ -1,4 +1,4 @@
-#include "core/homography/solver.h"
+#include "core/homography/four_point.h"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/homography/checks.h"
-#include "core/homography/points.h"
-#include "core/homography/refinement.h"
-#include "core/homography/refiner.h"
+#include "core/homography/transform.h"
+#include "core/homography/point_pairs.h"
+#include "core/homography/m_estimator.h"
+#include "core/homography/estimate.h"
 #include "core/homography/score.h"
 #include "synthetic_pairs.h"
 

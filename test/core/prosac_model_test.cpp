@@ -1,6 +1,6 @@
 // Prosac<> knows no homography: here it finds a line through points, from samples of two.
 
-#include "core/prosac/prosac.h"
+#include "core/homography/prosac.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/prosac/verdict.h"
+#include "core/homography/a_contrario.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {

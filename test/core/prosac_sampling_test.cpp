@@ -6,8 +6,8 @@
 #include <cmath>
 #include <set>
 
-#include "core/prosac/sampler.h"
-#include "core/prosac/stopping.h"
+#include "core/homography/sampler.h"
+#include "core/homography/stopping.h"
 
 namespace ktgp_orb {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
-#include "core/homography/checks.h"
-#include "core/homography/refiner.h"
+#include "core/homography/transform.h"
+#include "core/homography/estimate.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/homography/checks.h"
-#include "core/homography/refiner.h"
+#include "core/homography/transform.h"
+#include "core/homography/estimate.h"
 #include "core/knn/near_table.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"

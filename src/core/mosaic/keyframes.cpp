@@ -6,7 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 
 namespace ktgp_orb::mosaic {
 namespace {

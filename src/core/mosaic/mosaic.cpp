@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 #include "core/mosaic/keyframes.h"
 #include "core/mosaic/tile_map.h"
 #include "ktgp_orb/frame_path.h"

@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 #include "core/overlay/canvas.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"

@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
 

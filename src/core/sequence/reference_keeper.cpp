@@ -1,25 +1,9 @@
 #include "core/sequence/reference_keeper.h"
 
-#include <Eigen/Geometry>
-#include <array>
-#include <opencv2/imgproc.hpp>
+#include "core/homography/transform.h"
+
 
 namespace ktgp_orb::sequence {
-
-double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
-  const double w = size.width;
-  const double h = size.height;
-  const std::array<cv::Point2f, 4> image{cv::Point2f(0.F, 0.F), cv::Point2f(float(w), 0.F),
-                                         cv::Point2f(float(w), float(h)),
-                                         cv::Point2f(0.F, float(h))};
-  std::array<cv::Point2f, 4> warped;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector3d p = homography * Eigen::Vector3d(image[i].x, image[i].y, 1.0);
-    if (p.z() <= 0.0) return 0.0;  // a corner beyond the horizon
-    warped[i] = {static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z())};
-  }
-  return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
-}
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
   if (options.mode != options_.mode) forget(NoReference::mode_changed);
@@ -56,7 +40,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
   if (result.status != Status::ok) return true;
   return result.inliers < static_cast<std::size_t>(options_.min_inliers) ||
-         overlap(result.homography, frame.features.image_size) < options_.min_overlap;
+         homography::overlap(result.homography, frame.features.image_size) < options_.min_overlap;
 }
 
 FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {

@@ -55,7 +55,4 @@ class ReferenceKeeper {
   std::optional<AccumulatedHomography> accumulated_;
 };
 
-/// Share of an image of `size` that the image warped by `homography` covers, 0..1.
-double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
-
 }  // namespace ktgp_orb::sequence

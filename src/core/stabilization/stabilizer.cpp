@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/checks.h"
-#include "core/homography/solver.h"
+#include "core/homography/transform.h"
+#include "core/homography/four_point.h"
 
 namespace ktgp_orb {
 namespace {

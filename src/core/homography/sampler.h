@@ -6,7 +6,7 @@
 
 #include "core/util/random.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// Places of different pairs in the order of quality, as many as determine a model.
 using ProsacSample = std::vector<std::size_t>;
@@ -60,4 +60,4 @@ class ProsacSampler {
   util::Random random_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -1,8 +1,8 @@
-#include "core/prosac/sampler.h"
+#include "core/homography/sampler.h"
 
 #include <algorithm>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 using util::Random;
 
@@ -56,4 +56,4 @@ void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography
