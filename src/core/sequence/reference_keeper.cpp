@@ -94,6 +94,12 @@ void ReferenceKeeper::restartAt(const FramePtr& frame) {
   accumulated_.reset();
 }
 
+void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
+  for (FramePtr* held : {&fixed_, &reference_, &previous_}) {
+    if (*held == frame) *held = fresh;
+  }
+}
+
 void ReferenceKeeper::forget(NoReference reason) {
   // What was asked for weighs more than what follows from it, and the first reason more than later
   // ones.
