@@ -171,7 +171,6 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
                                               const MatchHints& hints, MatchResult& result) {
   const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
   result.search = near ? Search::near : Search::whole;
-  if (hints.same_reference) knn.keepReference();
   std::vector<Correspondence>& found = result.correspondences;
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);

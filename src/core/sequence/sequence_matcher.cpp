@@ -81,7 +81,6 @@ struct SequenceMatcher::Impl {
   ReferenceKeeper keeper;
   MotionPredictor predictor;
   FramePool pool;
-  FramePtr laid_out;  // the reference of the matcher's last call
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
@@ -98,7 +97,6 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   KtgpMatcher new_matcher(wanted.matcher);
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
-  laid_out.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
@@ -136,12 +134,9 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
 void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, MatchResult& result) {
   MatchHints hints;
   if (isOutdated(*reference)) reference = foundAnew(reference);
-  hints.same_reference = reference == laid_out;
-  laid_out.reset();
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
-  laid_out = reference;
   if (result.search == Search::near && predictor.isPoor(result)) {
     fallBack(*reference, target, result);
   }
@@ -152,7 +147,6 @@ void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target
                                      MatchResult& result) {
   MatchHints hints;
   hints.whole_image = true;
-  hints.same_reference = true;
   matcher.match(reference.features, target.features, hints, whole_result);
   ++answer.fall_backs;
   const bool keep = result.status == Status::ok &&
@@ -195,7 +189,6 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
     predictor.advance(*frame, *reference, answer.match);
   } else {
     predictor.restartAt(*frame);
-    laid_out.reset();
     answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
@@ -220,7 +213,6 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.reference.reset();
   answer.accumulated.reset();
   predictor.forget();
-  laid_out.reset();
   pool.releaseImages();
 }
 
