@@ -50,7 +50,7 @@ const Kernel& kernelNamed(const std::string& name, const Kernel& (*best)(),
 }
 
 void run(const std::string& name, const std::string& what, int count, int calls) {
-  const Features reference = generated(count, 1);
+  Features reference = generated(count, 1);
   const Features target = generated(count, 2);
   std::vector<Correspondence> found;
   std::vector<std::vector<cv::DMatch>> matches;
