@@ -5,6 +5,14 @@
 #include <opencv2/imgproc.hpp>
 
 namespace ktgp_orb::sequence {
+namespace {
+
+// A caller may make a new lens of the same calibration for every frame.
+bool sameLens(const LensConstPtr& a, const LensConstPtr& b) {
+  return a == b || (a && b && a->calibration() == b->calibration());
+}
+
+}  // namespace
 
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double w = size.width;
@@ -49,7 +57,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
-  if (next.lens != previous_->lens) return NoReference::lens_changed;
+  if (!sameLens(next.lens, previous_->lens)) return NoReference::lens_changed;
   return NoReference::none;
 }
 
