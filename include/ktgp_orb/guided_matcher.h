@@ -12,7 +12,7 @@ namespace ktgp_orb {
 
 /// Options of guided matching.
 struct GuidedOptions {
-  bool enabled = false;   ///< not in the paper
+  bool enabled = false;   ///< false: GuidedMatcher finds nothing; not in the paper
   double radius = 5.0;    ///< how far from where H puts it a keypoint may be found, px, 0.1..100
   int max_distance = 90;  ///< Hamming distance of the descriptors at most, 0..256
 };

@@ -62,8 +62,6 @@ struct MatchHints {
   std::optional<Eigen::Matrix3d> prediction;
   /// Searches the whole image also where there is a search radius and a prediction.
   bool whole_image = false;
-  /// The reference is that of the last call, unchanged: what was laid out of it is used again.
-  bool same_reference = false;
 };
 
 /// Everything known about one pair of frames. Reused from call to call for its buffers.

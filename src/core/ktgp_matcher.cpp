@@ -171,7 +171,6 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
                                               const MatchHints& hints, MatchResult& result) {
   const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
   result.search = near ? Search::near : Search::whole;
-  if (hints.same_reference) knn.keepReference();
   std::vector<Correspondence>& found = result.correspondences;
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
@@ -186,16 +185,7 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
 
 void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
                                        MatchResult& result) {
-  if (options.gms.enabled) {
-    result.gms = gms.filter(reference, target, result.correspondences);
-    return;
-  }
-  result.gms = {};
-  for (Correspondence& c : result.correspondences) {
-    if (c.level != Level::kt) continue;
-    c.level = Level::ktg;
-    ++result.gms.kept;
-  }
+  result.gms = gms.filter(reference, target, result.correspondences);
 }
 
 void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,

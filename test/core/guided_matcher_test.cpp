@@ -91,12 +91,17 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
   return matches;
 }
 
+GuidedOptions switchedOn() {
+  GuidedOptions options;
+  options.enabled = true;
+  return options;
+}
+
 TEST(GuidedMatcher, EqualsTheDefinition) {
   std::mt19937 generator(1);
   for (const double radius : {1.0, 6.0, 25.0}) {
     for (const int count : {0, 1, 40, 300}) {
-      GuidedOptions options;
-      options.enabled = true;
+      GuidedOptions options = switchedOn();
       options.radius = radius;
       options.max_distance = 28;
       const Features reference = randomFeatures(generator, count, {160, 120});
@@ -129,7 +134,7 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
   std::mt19937 generator(2);
   const Features features = randomFeatures(generator, 50, {160, 120});
   std::vector<Correspondence> matches;
-  GuidedMatcher matcher;
+  GuidedMatcher matcher(switchedOn());
   Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
@@ -154,12 +159,30 @@ TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
   Eigen::Matrix3d h = shifted;
   Covariance8 covariance = Covariance8::Zero();
   std::vector<Correspondence> added;
-  GuidedMatcher matcher;
+  GuidedMatcher matcher(switchedOn());
   EXPECT_FALSE(matcher.refine(few, few, {}, 3.0, h, covariance, added));
   EXPECT_EQ(h, shifted);
   EXPECT_TRUE(covariance.isZero());
   EXPECT_TRUE(matcher.refine(many, many, {}, 3.0, h, covariance, added));
   EXPECT_LT((h - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
+  std::mt19937 generator(4);
+  const Features features = randomFeatures(generator, 50, {640, 480});
+  Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
+  shifted(0, 2) = 1.0;
+  Eigen::Matrix3d h = shifted;
+  Covariance8 covariance = Covariance8::Zero();
+  std::vector<Correspondence> matches(3);
+  GuidedMatcher matcher;
+  matcher.match(features, features, h, matches);
+  EXPECT_TRUE(matches.empty());
+  matches.resize(3);
+  EXPECT_FALSE(matcher.refine(features, features, {}, 3.0, h, covariance, matches));
+  EXPECT_TRUE(matches.empty());
+  EXPECT_EQ(h, shifted);
+  EXPECT_TRUE(covariance.isZero());
 }
 
 TEST(GuidedMatcher, RefusesBadOptions) {

@@ -61,7 +61,6 @@ void run(Input& in) {
   matcher.match(reference, target, hints, result);
   requireSound(result, reference, target, options);
   if (in.ConsumeIntegralInRange(0, 3) == 0) {
-    hints.same_reference = in.ConsumeBool();
     matcher.match(reference, target, hints, again);
     requireEqual(result, again, "the same answer twice");
   } else {

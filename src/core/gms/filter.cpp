@@ -108,6 +108,17 @@ struct Winner {
   Votes votes;
 };
 
+/// What the filter does where it is switched off.
+GmsResult passAll(std::vector<Correspondence>& correspondences) {
+  GmsResult result;
+  for (Correspondence& c : correspondences) {
+    if (c.level != Level::kt) continue;
+    c.level = Level::ktg;
+    ++result.kept;
+  }
+  return result;
+}
+
 }  // namespace
 
 struct GmsFilter::Impl {
@@ -293,6 +304,7 @@ const GmsOptions& GmsFilter::options() const {
 
 GmsResult GmsFilter::filter(const Features& reference, const Features& target,
                             std::vector<Correspondence>& correspondences) {
+  if (!impl_->options.enabled) return passAll(correspondences);
   requireSize(reference, "reference");
   requireSize(target, "target");
   Impl& impl = *impl_;

@@ -72,6 +72,7 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
   requireCountable(target, "target");
   matches.clear();
   Impl& impl = *impl_;
+  if (!impl.options.enabled) return;
   impl.placeReference(reference, homography);
   impl.findNearest(reference, target);
   for (std::size_t t = 0; t < target.size(); ++t) {
@@ -118,6 +119,8 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target,
                            Eigen::Matrix3d& homography, Covariance8& covariance,
                            std::vector<Correspondence>& added) {
   Impl& impl = *impl_;
+  added.clear();
+  if (!impl.options.enabled) return false;
   match(reference, target, homography, impl.matches);
   impl.reference_points.clear();
   impl.target_points.clear();
@@ -130,7 +133,6 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target,
   for (const Correspondence& c : correspondences) {
     if (c.level >= Level::ktgp) impl.taken[static_cast<std::size_t>(c.target_index)] = 1;
   }
-  added.clear();
   for (std::size_t i = 0; i < impl.matches.size(); ++i) {
     const Correspondence& c = impl.matches[i];
     const double error =

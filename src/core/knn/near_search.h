@@ -5,8 +5,8 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/knn/index.h"
 #include "core/knn/near_kernel.h"
-#include "core/knn/near_table.h"
 #include "core/util/cell_grid.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
@@ -26,10 +26,6 @@ class NearSearch {
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& prediction,
              bool mutual, std::vector<Correspondence>& correspondences);
 
-  /// See KnnMatcher::keepReference.
-  void keepReference() { keep_reference_ = true; }
-  void forgetReference() { table_.clear(); }
-
  private:
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
@@ -41,8 +37,7 @@ class NearSearch {
   NearKernel kernel_;
   double radius_;
   util::ThreadPool& pool_;
-  bool keep_reference_ = false;
-  NearTable table_;  // the reference
+  NearIndex index_;  // the reference
   // The target.
   util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // where each keypoint is predicted to come from

@@ -34,7 +34,6 @@ class NearTable {
       y_[i] = p.y;
     }
   }
-  void clear() { position_.clear(); }
   std::size_t size() const { return position_.size(); }
 
   /// The best two candidates within `radius` of `place` for the query of that `number`. Unless
@@ -42,6 +41,9 @@ class NearTable {
   NearKeys search(const NearKernel& kernel, const std::uint8_t* descriptor,
                   const cv::Point2f& place, double radius, std::int32_t number,
                   std::int32_t* nearest_queries) const;
+
+  /// Where keypoint `index` is.
+  cv::Point2f place(std::int32_t index) const { return {x_[column(index)], y_[column(index)]}; }
 
   std::size_t columns() const { return stride_; }
   /// The column of keypoint `index`.

@@ -4,6 +4,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "core/knn/index.h"
 #include "core/knn/kernel.h"
 #include "core/knn/nearest_queries.h"
 #include "core/util/thread_pool.h"
@@ -25,27 +26,19 @@ class KnnSearch {
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
-  /// See KnnMatcher::keepReference.
-  void keepReference() { keep_reference_ = true; }
-  void forgetReference() { candidates_ = 0; }
-
   util::ThreadPool& pool() { return pool_; }
 
  private:
   /// Makes room and lays out the reference; false where there is nothing to search.
   bool prepare(const cv::Mat& reference, const cv::Mat& target,
                std::vector<Correspondence>& correspondences);
-  void layOut(const cv::Mat& reference);
   /// Searches for the targets of one chunk; both ways where `nearest_queries` is given.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);
 
   KnnKernel kernel_;
   util::ThreadPool pool_;
-  bool keep_reference_ = false;
-  int candidates_ = 0;  // reference descriptors
-  int group_count_ = 0;
-  std::vector<CacheLine> groups_;                // the reference as described in kernel.h
+  KnnIndex index_;                               // the reference
   std::vector<NearestQueries> nearest_queries_;  // one for each thread
 };
 

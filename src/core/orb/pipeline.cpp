@@ -9,6 +9,7 @@
 #include "core/orb/describe_choice.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
+#include "core/util/shared_matrix.h"
 
 namespace ktgp_orb::orb {
 namespace {
@@ -29,8 +30,7 @@ int weakThreshold(int fast_threshold) {
 // Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
 // that somebody else holds too is left to them; one that had no memory has a size all the same.
 void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
-  const bool shared = descriptors.u != nullptr && descriptors.u->refcount > 1;
-  if (shared || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
+  if (util::isShared(descriptors) || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
       descriptors.cols != kDescriptorBytes) {
     descriptors.release();
     descriptors.create(std::max(rows, capacity), kDescriptorBytes, CV_8U);

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "core/util/shared_matrix.h"
+
 namespace ktgp_orb::orb {
 namespace {
 
@@ -19,7 +21,7 @@ void shrinkMask(const cv::Mat& finer, const cv::Size& size, cv::Mat& mask) {
 }
 
 bool isSoleOwner(const cv::Mat& image) {
-  return image.u != nullptr && image.u->refcount == 1;
+  return image.u != nullptr && !util::isShared(image);
 }
 
 }  // namespace

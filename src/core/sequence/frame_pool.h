@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
@@ -22,6 +23,8 @@ class FramePool {
     cv::Mat pixels;  ///< the frame's own
   };
 
+  /// Frame `i`, where nobody else holds it; else null.
+  std::shared_ptr<PooledFrame> freeFrame(std::size_t i) const;
   std::shared_ptr<PooledFrame> takePooled();
 
   std::vector<std::shared_ptr<PooledFrame>> frames_;

@@ -62,6 +62,11 @@ void MotionPredictor::advance(const Frame& frame, const Frame& reference,
   inliers_ = result.inliers;
 }
 
+void MotionPredictor::replace(const Frame& frame, const Frame& fresh) {
+  if (last_ == &frame) last_ = &fresh;
+  if (reference_ == &frame) reference_ = &fresh;
+}
+
 void MotionPredictor::restartAt(const Frame& frame) {
   forget();
   last_ = &frame;

@@ -25,6 +25,8 @@ class MotionPredictor {
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
   /// After a frame that was matched to nothing.
   void restartAt(const Frame& frame);
+  /// `fresh` is the same image as `frame`, and stands in its place from now on.
+  void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 
  private:

@@ -4,6 +4,14 @@
 
 
 namespace ktgp_orb::sequence {
+namespace {
+
+// A caller may make a new lens of the same calibration for every frame.
+bool sameLens(const LensConstPtr& a, const LensConstPtr& b) {
+  return a == b || (a && b && a->calibration() == b->calibration());
+}
+
+}  // namespace
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
   if (options.mode != options_.mode) forget(NoReference::mode_changed);
@@ -33,7 +41,7 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
-  if (next.lens != previous_->lens) return NoReference::lens_changed;
+  if (!sameLens(next.lens, previous_->lens)) return NoReference::lens_changed;
   return NoReference::none;
 }
 
@@ -76,6 +84,12 @@ void ReferenceKeeper::restartAt(const FramePtr& frame) {
   first_stamp_ = frame->stamp;
   to_reference_ = to_previous_ = {};
   accumulated_.reset();
+}
+
+void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
+  for (FramePtr* held : {&fixed_, &reference_, &previous_}) {
+    if (*held == frame) *held = fresh;
+  }
 }
 
 void ReferenceKeeper::forget(NoReference reason) {

@@ -33,6 +33,8 @@ class ReferenceKeeper {
   /// Makes `frame` the fixed reference; null: none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
+  /// `fresh` is the same image as `frame`, and a reference wherever that is one.
+  void replace(const FramePtr& frame, const FramePtr& fresh);
   /// Forgets every reference but the fixed one.
   void forget(NoReference reason);
 
