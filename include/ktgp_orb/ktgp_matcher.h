@@ -81,12 +81,17 @@ struct MatchResult {
   AlignmentResult alignment;
   std::array<StageResult, 2> refinements;  ///< guided, align
 
-  /// The answer: PROSAC's homography or what guided matching and alignment made of it, and its
-  /// covariance (see ProsacResult); zero unless status is ok.
+  /// The answer: PROSAC's homography or what guided matching and alignment made of it, with its
+  /// covariance, the shared part of that and the deviation from a plane (see UncertainHomography);
+  /// zero unless status is ok. Levels, `guided`, `inliers` and `rmse` belong to this homography: a
+  /// correspondence that passed GMS has Level::ktgp exactly when its reprojection error is below
+  /// ProsacOptions::max_error. What PROSAC itself found is in `prosac` and `stages`.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   Covariance8 covariance = Covariance8::Zero();
-  std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
-  double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
+  Covariance8 shared_covariance = Covariance8::Zero();
+  double plane_deviation = 0.0;  ///< px
+  std::size_t inliers = 0;       ///< correspondences of level ktgp and above, guided ones included
+  double rmse = 0.0;  ///< root mean square over them of the keypoints' reprojection error, px
 
   /// Correspondences that reached at least `level`, in target order, into `out`.
   void surviving(Level level, std::vector<Correspondence>& out) const;
@@ -100,7 +105,7 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames; then, where they are switched on,
-/// guided matching and sub-pixel alignment, which change neither counts nor levels of the four.
+/// guided matching and sub-pixel alignment, which do not change the counts of the four stages.
 /// An instance belongs to one thread at a time; several instances may run side by side.
 class KtgpMatcher {
  public:

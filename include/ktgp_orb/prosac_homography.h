@@ -48,10 +48,28 @@ enum class ProsacStop : std::uint8_t {
 /// includes this, and a program built with another -march would read the results elsewhere.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
+/// A homography and how uncertain it is. The identity without uncertainty at first.
+struct UncertainHomography {
+  /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
+  /// zero, which takes an origin far from all points and no reference size. It covers the noise of
+  /// the points and the part of their errors that varies smoothly over the image (the scene is not
+  /// quite a plane, the lens bends, the shutter rolls). It cannot cover errors that are themselves
+  /// a homography, such as those of a wrong calibration.
+  Covariance8 covariance = Covariance8::Zero();
+  /// The part of `covariance` that comes from the smooth errors. The next frame's homography has
+  /// much the same error, while noise is another one in each frame.
+  Covariance8 shared_covariance = Covariance8::Zero();
+  /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
+  /// from a plane. 0 where it cannot be told from noise.
+  double plane_deviation = 0.0;
+};
+
 /// How the search went, for tests and for tuning.
 struct ProsacDiagnostics {
-  int iterations = 0;           ///< samples drawn, those from a best model's inliers as well
-  int local_optimisations = 0;  ///< times a new best model was polished
+  int iterations = 0;               ///< samples drawn, those from a best model's inliers as well
+  int local_optimisations = 0;      ///< times a new best model was polished
   std::size_t growth_set_size = 0;  ///< best pairs sampled from at the end, n of PROSAC
   ProsacStop stop = ProsacStop::not_run;
 };
@@ -63,20 +81,11 @@ struct ProsacResult {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// 1 where the reprojection error of `homography` is below the threshold, exactly; else 0.
   std::vector<std::uint8_t> mask;
-  std::size_t inliers = 0;           ///< ones in `mask`
-  double rmse = 0.0;                 ///< root mean square reprojection error of the inliers, px
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
-  /// zero, which takes an origin far from all points and no reference size. It covers the noise of
-  /// the points and the part of their errors that varies smoothly over the image (the scene is not
-  /// quite a plane, the lens bends, the shutter rolls). It cannot cover errors that are themselves
-  /// a homography, such as those of a wrong calibration.
-  Covariance8 covariance = Covariance8::Zero();
-  /// The part of `covariance` that comes from the smooth errors. The next frame's homography has
-  /// much the same error.
-  Covariance8 shared_covariance = Covariance8::Zero();
-  /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
-  /// from a plane. 0 where it cannot be told from noise.
-  double plane_deviation = 0.0;
+  std::size_t inliers = 0;  ///< ones in `mask`
+  double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
+  Covariance8 covariance = Covariance8::Zero();         ///< see UncertainHomography
+  Covariance8 shared_covariance = Covariance8::Zero();  ///< the same
+  double plane_deviation = 0.0;                         ///< px, the same
   ProsacDiagnostics diagnostics;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),

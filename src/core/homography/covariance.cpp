@@ -91,10 +91,14 @@ UncertainHomography chained(const UncertainHomography& second, const UncertainHo
   UncertainHomography result;
   result.homography = product;
   if (std::abs(product(2, 2)) > 1e-12 * product.norm()) result.homography /= product(2, 2);
-  result.noise = by_second * second.noise * by_second.transpose() +
-                 by_first * first.noise * by_first.transpose();
-  result.shared = sumOfShared(by_second * second.shared * by_second.transpose(),
-                              by_first * first.shared * by_first.transpose());
+  const Matrix8 noise_of_second = second.covariance - second.shared_covariance;
+  const Matrix8 noise_of_first = first.covariance - first.shared_covariance;
+  result.shared_covariance =
+      sumOfShared(by_second * second.shared_covariance * by_second.transpose(),
+                  by_first * first.shared_covariance * by_first.transpose());
+  result.covariance = by_second * noise_of_second * by_second.transpose() +
+                      by_first * noise_of_first * by_first.transpose() + result.shared_covariance;
+  result.plane_deviation = std::max(second.plane_deviation, first.plane_deviation);
   return result;
 }
 

@@ -21,7 +21,7 @@ struct InputOrder {
 bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
                                const std::vector<Eigen::Vector2d>& target,
                                const cv::Size& reference_size, const EvidenceOptions& options,
-                               Estimate& estimate) {
+                               UncertainHomography& estimate) {
   if (reference.size() != target.size()) {
     throw std::invalid_argument("there are " + std::to_string(reference.size()) +
                                 " reference points and " + std::to_string(target.size()) +
@@ -31,16 +31,14 @@ bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
   pairs_.load(reference, target, InputOrder(), options.max_error);
   std::optional<Eigen::Matrix3d> h = pairs_.fromPixels(estimate.homography);
   if (!h || fit_.fit(pairs_, options.min_scale, *h) != FitOutcome::fitted) return false;
-  const Eigen::Matrix3d pixel = pairs_.toPixels(*h);
-  const Eigen::Matrix3d refined = pixel / pixel(2, 2);
-  if (!refined.allFinite()) return false;
-  estimate.homography = refined;
-  estimate.uncertainty =
-      fit_.uncertainty(pairs_, *h, imageCorners(reference_size, reference), options.of_patches);
+  const UncertainHomography refined =
+      fit_.inPixels(pairs_, *h, imageCorners(reference_size, reference), options.of_patches);
+  if (!refined.homography.allFinite()) return false;
+  estimate = refined;
   return true;
 }
 
-void Finaliser::finalise(const Estimate& estimate, const PointPairs& pairs,
+void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,
                          const cv::Size& reference_size, double max_error,
                          FinalHomography& result) {
   result.estimate = estimate;
@@ -61,10 +59,9 @@ void Finaliser::finalise(const Estimate& estimate, const PointPairs& pairs,
   const auto corners = imageCorners(reference_size, pairs.reference);
   // With an origin far from all points H(2,2) = 1 may turn the sign of the third coordinate.
   const double sign = estimate.homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
-  result.trusted =
-      keepsPlaneInView(sign * estimate.homography, corners) &&
-      !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,
-                                      coveredArea(pairs.target));
+  result.trusted = keepsPlaneInView(sign * estimate.homography, corners) &&
+                   !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,
+                                                   coveredArea(pairs.target));
 }
 
 }  // namespace ktgp_orb::homography

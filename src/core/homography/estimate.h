@@ -19,24 +19,18 @@ struct EvidenceOptions {
   bool of_patches = false;  ///< the pairs come from the alignment of patches, not from keypoints
 };
 
-/// A homography as it was estimated: H(2,2) = 1, and how uncertain it is.
-struct Estimate {
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  FitUncertainty uncertainty;
-};
-
 /// Estimates a homography anew from points that have become more exact, or more: starts at the one
 /// there is and samples nothing. Keeps its buffers.
 class HomographyRefiner {
  public:
-  /// All in pixels; points and homography finite. True where `estimate.homography` was refined and
-  /// `estimate.uncertainty` belongs to it. False, and both untouched, where the pairs within reach
+  /// All in pixels; points and homography finite. True where `estimate` was refined, H(2,2) = 1.
+  /// False, and `estimate` untouched, where the pairs within reach
   /// are too few or do not determine it, or where it is no view of a plane from one side.
   /// `reference_size` may be empty (see imageCorners). Throws std::invalid_argument for arrays of
   /// different length.
   bool refine(const std::vector<Eigen::Vector2d>& reference,
               const std::vector<Eigen::Vector2d>& target, const cv::Size& reference_size,
-              const EvidenceOptions& options, Estimate& estimate);
+              const EvidenceOptions& options, UncertainHomography& estimate);
 
  private:
   NormalisedPairs pairs_;
@@ -45,11 +39,13 @@ class HomographyRefiner {
 
 /// Everything that a result says of its homography.
 struct FinalHomography {
-  bool trusted = false;  ///< it shows a plane from one side, and chance does not explain its support
-  Estimate estimate;
-  std::vector<std::uint8_t> mask;  ///< one a pair: 1 where its reprojection error is below the limit
-  std::size_t inliers = 0;         ///< ones in `mask`
-  double rmse = 0.0;               ///< root mean square reprojection error of the inliers, px
+  bool trusted =
+      false;  ///< it shows a plane from one side, and chance does not explain its support
+  UncertainHomography estimate;
+  std::vector<std::uint8_t>
+      mask;                 ///< one a pair: 1 where its reprojection error is below the limit
+  std::size_t inliers = 0;  ///< ones in `mask`
+  double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
 };
 
 /// The one place where mask, inliers, RMSE and verdict are derived from a homography, whatever made
@@ -57,8 +53,8 @@ struct FinalHomography {
 class Finaliser {
  public:
   /// `pairs`: the matches that the homography is held to; `max_error`: an inlier is below that, px.
-  void finalise(const Estimate& estimate, const PointPairs& pairs, const cv::Size& reference_size,
-                double max_error, FinalHomography& result);
+  void finalise(const UncertainHomography& estimate, const PointPairs& pairs,
+                const cv::Size& reference_size, double max_error, FinalHomography& result);
 
  private:
   ContrarioTest contrario_;

@@ -8,6 +8,7 @@
 #include "core/homography/covariance.h"
 #include "core/homography/four_point.h"
 #include "core/homography/score.h"
+#include "core/homography/transform.h"
 
 namespace ktgp_orb::homography {
 
@@ -22,8 +23,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
   const double least = min_scale * pairs.target.scale;
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
-    const std::size_t near =
-        findInliers(pairs.scoring, homography, kReach * pairs.limit, near_);
+    const std::size_t near = findInliers(pairs.scoring, homography, kReach * pairs.limit, near_);
     if (near <= std::tuple_size<FourPoints>::value) return FitOutcome::unsupported;
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
@@ -36,8 +36,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
 /// With all pairs but one on a line, everything hangs on that one. Deviations count in the image
 /// where they are smaller: a strong perspective magnifies a corner that it moves far out of sight,
 /// and the error of it likewise.
-bool HomographyFit::isDetermined(const NormalisedPairs& pairs,
-                                 const Eigen::Matrix3d& homography,
+bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
                                  const std::array<Eigen::Vector2d, 4>& corners) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
   constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
@@ -83,10 +82,10 @@ HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
 
 }  // namespace
 
-FitUncertainty HomographyFit::uncertainty(const NormalisedPairs& pairs,
-                                          const Eigen::Matrix3d& homography,
-                                          const std::array<Eigen::Vector2d, 4>& corners,
-                                          double patch_side) {
+UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
+                                            const Eigen::Matrix3d& homography,
+                                            const std::array<Eigen::Vector2d, 4>& corners,
+                                            bool of_patches) {
   constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
   FieldScales scales;
   scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
@@ -98,9 +97,12 @@ FitUncertainty HomographyFit::uncertainty(const NormalisedPairs& pairs,
   const double freedom = estimator_.freedom();
   const double spread = freedom / std::max(freedom - 2.0, 1.0);
   const double shared = of_patches ? field.shared_patches : 1.0;
-  const Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
+  Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
+  if (of_patches) noise += field.common_covariance;
   const Matrix8 jacobian = jacobianOfPixels(pairs, homography);
-  FitUncertainty result;
+  UncertainHomography result;
+  result.homography = pairs.toPixels(homography);
+  scaleLastToOne(result.homography);
   result.shared_covariance = jacobian * field.covariance * jacobian.transpose();
   result.covariance = jacobian * noise * jacobian.transpose() + result.shared_covariance;
   result.plane_deviation = std::sqrt(field.variance) / pairs.target.scale;

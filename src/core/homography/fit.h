@@ -21,13 +21,6 @@ enum class FitOutcome : std::uint8_t {
   undetermined,  ///< those there are do not say what H is
 };
 
-/// Covariances of the first eight entries of a homography in pixels, with H(2,2) = 1.
-struct FitUncertainty {
-  Covariance8 covariance = Covariance8::Zero();         ///< of noise and smooth field together
-  Covariance8 shared_covariance = Covariance8::Zero();  ///< of the smooth field alone
-  double plane_deviation = 0.0;                         ///< tau of the field, px
-};
-
 /// The homography of greatest likelihood (core/homography/m_estimator.h) over all pairs that it may
 /// explain, and how uncertain it is. Keeps its buffers.
 class HomographyFit {
@@ -45,11 +38,11 @@ class HomographyFit {
   bool isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
                     const std::array<Eigen::Vector2d, 4>& corners) const;
 
-  /// How uncertain the last fit is. `homography`: what it gave, between normalised coordinates;
-  /// `corners`: of the reference image, px; `of_patches`: the pairs come from the alignment of
-  /// patches, which share noise where they overlap.
-  FitUncertainty uncertainty(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
-                             const std::array<Eigen::Vector2d, 4>& corners, bool of_patches);
+  /// The homography of the last fit in pixels and how uncertain it is. `homography`: what it gave,
+  /// between normalised coordinates; `corners`: of the reference image, px; `of_patches`: the pairs
+  /// come from the alignment of patches, which share noise where they overlap.
+  UncertainHomography inPixels(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
+                               const std::array<Eigen::Vector2d, 4>& corners, bool of_patches);
 
  private:
   MEstimator estimator_;

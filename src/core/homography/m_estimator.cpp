@@ -130,9 +130,8 @@ Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
 
 }  // namespace
 
-std::size_t MEstimator::select(const Points& points,
-                                         const std::vector<std::uint8_t>& mask,
-                                         std::size_t max_pairs) {
+std::size_t MEstimator::select(const Points& points, const std::vector<std::uint8_t>& mask,
+                               std::size_t max_pairs) {
   std::size_t n = 0;
   selected_.resize(std::min(points.size, max_pairs));
   for (std::size_t i = 0; i < points.size && n < max_pairs; ++i) {
@@ -307,9 +306,8 @@ Matrix8 MEstimator::covariance() const {
   return variance_factor_ * inverse(sums_.jtj);
 }
 
-Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography,
-                                                std::size_t count, std::size_t fold,
-                                                std::size_t folds) const {
+Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count,
+                                      std::size_t fold, std::size_t folds) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < count; i += 2) {
     Lanes weight = load(weight_, i);

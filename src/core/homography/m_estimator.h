@@ -39,7 +39,8 @@ class MEstimator {
   double freedom() const;
 
   /// The covariance from the first `count` pairs only, and of these without each pair whose place
-  /// leaves the remainder `fold` when divided by `folds`. Infinite where the rest does not determine H.
+  /// leaves the remainder `fold` when divided by `folds`. Infinite where the rest does not
+  /// determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 

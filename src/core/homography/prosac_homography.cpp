@@ -126,7 +126,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
                                    const Eigen::Matrix3d& h, ProsacResult& result) {
   result.status = Status::model_rejected;
   const auto corners = homography::imageCorners(reference_size, pairs.reference);
-  homography::Estimate estimate;
+  UncertainHomography estimate;
   estimate.homography = normalised.toPixels(h);
   if (!homography::keepsPlaneInView(estimate.homography, corners)) return;
   auto normalised_corners = corners;
@@ -138,7 +138,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 
   // Only now, since it costs more than the verdict.
   if (scaled) {
-    const homography::FitUncertainty known = fit.uncertainty(normalised, h, corners, false);
+    const UncertainHomography known = fit.inPixels(normalised, h, corners, false);
     result.covariance = known.covariance;
     result.shared_covariance = known.shared_covariance;
     result.plane_deviation = known.plane_deviation;

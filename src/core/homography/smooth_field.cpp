@@ -1,6 +1,7 @@
 #include "core/homography/smooth_field.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -74,22 +75,31 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   near.of_noise -= left_out * single.of_noise - 2.0 * (left_out - 1.0) * weights2;
 
   solve(single, near, result);
-  result.covariance = result.variance * by_field;
+  constexpr double kCommon = 0.1;  // of the variance of the noise
+  const double noise = result.noise_share * single.measured / single.of_noise;
+  result.common_covariance =
+      kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
+  // A field that is correlated over most of the image shows in about this many independent values.
+  // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
+  constexpr double kFreedom = 6.0;
+  result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * by_field;
   return result;
 }
 
-/// tau² and sigma² from two linear equations; neither below zero.
+/// tau² and sigma² from the two moments. Products of near pairs, over squared errors, lie between
+/// what noise and what a field would give; their place there is the field's share of the error.
 void SmoothField::solve(const Moment& single, const Moment& near, FieldFit& result) {
-  const double determinant = single.of_field * near.of_noise - single.of_noise * near.of_field;
-  double field = (single.measured * near.of_noise - single.of_noise * near.measured) / determinant;
-  double noise = (single.of_field * near.measured - near.of_field * single.measured) / determinant;
-  if (!(noise >= 0.0)) {
-    noise = 0.0;
-    field = single.measured / single.of_field;
-  }
-  if (!(field > 0.0) || !std::isfinite(field)) return;
-  result.variance = field;
-  result.noise_share = std::clamp(noise * single.of_noise / single.measured, 0.0, 1.0);
+  // Where few cells are covered, the fit of H leaves of a field what it leaves of noise: nearer
+  // than this the two are not told apart by their expectations.
+  constexpr double kLeastContrast = 1.0;
+  const double of_noise = near.of_noise / single.of_noise;
+  const double contrast = near.of_field / single.of_field - of_noise;
+  const double share = std::clamp(
+      (near.measured / single.measured - of_noise) / std::max(contrast, kLeastContrast), 0.0, 1.0);
+  const double variance = share * single.measured / single.of_field;
+  if (!(variance > 0.0) || !std::isfinite(variance)) return;
+  result.variance = variance;
+  result.noise_share = 1.0 - share;
 }
 
 SmoothField::PairSums SmoothField::sumPairs() const {
@@ -97,6 +107,7 @@ SmoothField::PairSums SmoothField::sumPairs() const {
   for (const Pair& p : pairs_) {
     const Slope weighted = p.weight * p.slope;
     const Matrix7 product = weighted * p.slope.transpose();
+    sums.slope += weighted;
     const double weight2 = p.weight * p.weight;
     sums.first += product;
     sums.second += p.weight * product;

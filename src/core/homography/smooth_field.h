@@ -18,12 +18,16 @@ struct FieldScales {
 /// The errors of the pairs as a smooth field plus noise.
 struct FieldFit {
   double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
-  double noise_share = 1.0;  ///< sigma² of the noise over the mean square error of the pairs, 0..1
+  double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
+  /// The same from an error that all pairs have in common, a third of the deviation of their noise.
+  /// Interpolation makes sub-pixel registration of patches err alike where they lie alike between
+  /// the pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
+  Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// How many times fewer the independent pairs are than the pairs, >= 1, where each was found with
-  /// a patch of the side FieldScales::nearby and patches overlap: the variance of the mean of values that correlate as their patches overlap, over that
-  /// of independent ones.
+  /// a patch of the side FieldScales::nearby and patches overlap: the variance of the mean of
+  /// values that correlate as their patches overlap, over that of independent ones.
   double shared_patches = 1.0;
 };
 
@@ -86,6 +90,7 @@ class SmoothField {
     Matrix7 first = Matrix7::Zero();
     Matrix7 second = Matrix7::Zero();
     Matrix7 third = Matrix7::Zero();
+    Slope slope = Slope::Zero();  // of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
   };

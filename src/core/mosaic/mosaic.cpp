@@ -62,7 +62,7 @@ Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
 /// Corners of an image of `size` in the map.
 std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d to_map = from_map.inverse();
-  std::array<Eigen::Vector2d, 4> corners = imageCorners(size, {});
+  std::array<Eigen::Vector2d, 4> corners = homography::imageCorners(size, {});
   for (Eigen::Vector2d& corner : corners) corner = (to_map * corner.homogeneous()).hnormalized();
   return corners;
 }
@@ -70,7 +70,9 @@ std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::M
 /// Whether the frame can be drawn into a map of its plane.
 bool isDrawable(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d to_map = normalised(from_map.inverse());
-  if (!to_map.allFinite() || !keepsPlaneInView(to_map, imageCorners(size, {}))) return false;
+  if (!to_map.allFinite() ||
+      !homography::keepsPlaneInView(to_map, homography::imageCorners(size, {})))
+    return false;
   const auto corners = cornersInMap(size, from_map);
   double shortest = 1e18;
   double longest = 0.0;
@@ -161,7 +163,7 @@ struct Mosaic::Impl {
   bool hasMoved() const {
     const Eigen::Matrix3d to_now = *pose * drawn.inverse();
     const double least = options.min_motion * size.width;
-    for (const Eigen::Vector2d& corner : imageCorners(size, {})) {
+    for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
       if (((to_now * corner.homogeneous()).hnormalized() - corner).norm() >= least) return true;
     }
     return false;

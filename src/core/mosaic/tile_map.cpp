@@ -28,7 +28,7 @@ int tileOf(double coordinate) {
 /// Bounds of the frame in the map, whole px.
 cv::Rect boundsOf(const cv::Size& size, const Eigen::Matrix3d& to_map) {
   Eigen::AlignedBox2d box;
-  for (const Eigen::Vector2d& corner : imageCorners(size, {})) {
+  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
     box.extend(Eigen::Vector2d((to_map * corner.homogeneous()).hnormalized()));
   }
   const Eigen::Vector2d low = box.min().array().floor();

@@ -54,8 +54,8 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
-  const auto corners = imageCorners(reference_size, {});
-  if (!keepsPlaneInView(result.homography, corners)) return;
+  const auto corners = homography::imageCorners(reference_size, {});
+  if (!homography::keepsPlaneInView(result.homography, corners)) return;
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : corners) {
     const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();

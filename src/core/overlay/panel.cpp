@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
+#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
@@ -30,9 +31,9 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                 result.milliseconds());
   std::string text = buffer;
   if (result.status != Status::ok) return text;
-  const double deviation =
-      cornerDeviation(result.homography, result.covariance, imageCorners(reference_size, {}))
-          .target;
+  const double deviation = homography::cornerDeviation(result.homography, result.covariance,
+                                                       homography::imageCorners(reference_size, {}))
+                               .target;
   if (!std::isfinite(deviation)) return text;
   std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
   return text + buffer;

@@ -2,7 +2,6 @@
 
 #include "core/homography/transform.h"
 
-
 namespace ktgp_orb::sequence {
 namespace {
 
@@ -69,7 +68,9 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
     reference_ = previous_;
     to_reference_ = to_previous_;
   }
-  to_previous_ = chained({result->homography, result->covariance}, to_reference_);
+  to_previous_ = homography::chained(
+      {result->homography, result->covariance, result->shared_covariance, result->plane_deviation},
+      to_reference_);
   accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
   previous_ = frame;
   // Two neighbouring frames of weak support: a keyframe would only be tried in vain.

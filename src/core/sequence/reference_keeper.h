@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "core/sequence/homography_chain.h"
+#include "core/homography/covariance.h"
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb::sequence {
