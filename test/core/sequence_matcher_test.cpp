@@ -288,7 +288,7 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
 }
 
 TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
-  const SequenceOptions options = withMode(ReferenceMode::previous);
+  const SequenceOptions options = withImages(withMode(ReferenceMode::previous));
   OrbExtractor extractor(options.orb);
   std::vector<FramePtr> frames;
   for (int i = 0; i < 3; ++i) {
