@@ -23,7 +23,8 @@ namespace ktgp_orb {
 /// Options of the four stages and of what may follow them.
 struct MatcherOptions {
   KnnOptions knn;
-  double ratio_threshold = kDefaultRatioThreshold;  ///< T_w, in (0, 1]
+  /// T_w, in (0, 1]; empty: that of the features' descriptors (see ratioThreshold).
+  std::optional<double> ratio_threshold;
   /// Whether TF also wants each of a pair to be the other's nearest; not in the paper.
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
@@ -31,9 +32,8 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
 
-  /// The paper's chain, its homography aligned, with the T_w of these descriptors; of orb: the
-  /// defaults.
-  static MatcherOptions ktgp(DescriptorKind descriptor = DescriptorKind::orb);
+  /// The paper's chain, its homography aligned: the defaults.
+  static MatcherOptions ktgp() { return {}; }
   /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
   /// GMS, PROSAC, a guided round, alignment.
   static MatcherOptions robust();

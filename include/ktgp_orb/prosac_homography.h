@@ -92,11 +92,8 @@ static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// Distance in px between H x_reference and x_target: what the mask is about.
-inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
-                                const Eigen::Vector2d& target) {
-  const Eigen::Vector3d p = homography * reference.homogeneous();
-  return (p.hnormalized() - target).norm();
-}
+double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                         const Eigen::Vector2d& target);
 
 /// Finds the homography that most pairs agree with, sampling the best pairs first, or says why it
 /// does not trust any:

@@ -82,12 +82,6 @@ void MatchResult::clear(const MatcherOptions& options) {
   clearRefinement(*this);
 }
 
-MatcherOptions MatcherOptions::ktgp(DescriptorKind descriptor) {
-  MatcherOptions options;
-  options.ratio_threshold = ratioThreshold(descriptor);
-  return options;
-}
-
 MatcherOptions MatcherOptions::robust() {
   MatcherOptions options;
   options.mutual = true;
@@ -133,7 +127,7 @@ struct KtgpMatcher::Impl {
 
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
   std::vector<Correspondence> none;
-  filterByRatio(options.ratio_threshold, none);  // refuses a bad T_w now rather than per frame
+  if (options.ratio_threshold) filterByRatio(*options.ratio_threshold, none);  // refuses it now
 }
 
 KtgpMatcher::~KtgpMatcher() = default;
@@ -162,7 +156,8 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   timeStage(knn, "knn", target.size(),
             [&] { return impl.findNeighbours(reference, target, hints, result); });
   timeStage(tf, "tf", knn.output, [&] {
-    return filterByRatio(options.ratio_threshold, correspondences, options.mutual);
+    const double usual = ratioThreshold(target.descriptor);
+    return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
   timeStage(gms, "gms", tf.output, [&] {
     impl.filterByMotion(reference, target, result);

@@ -29,7 +29,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
   motion.enabled = true;  // a method's name says whether it has GMS
   GmsOptions rotating = motion;
   rotating.rotation = rotating.scale = true;
-  const double t_w = options.ratio_threshold;
+  const double t_w = options.ratio_threshold.value_or(ratioThreshold(pipeline.orb.descriptor));
   const auto knn = [&] { return nearest(options.knn); };
   const auto both_ways = [&] { return bidirectional(options.knn); };
   const auto model = [&](Estimator usual) {

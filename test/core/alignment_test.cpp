@@ -27,8 +27,7 @@ AlignmentResult align(const AlignmentScene& scene, const Eigen::Matrix3d& start,
                       const AlignmentOptions& options = {}) {
   Alignment alignment(options);
   AlignmentResult result;
-  alignment.align(scene.reference, scene.target, scene.matches, start, test::keypointCovariance(),
-                  result);
+  alignment.align(scene.reference, scene.target, scene.matches, test::uncertain(start), result);
   return result;
 }
 

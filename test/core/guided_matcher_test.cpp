@@ -156,15 +156,16 @@ TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
   few.descriptors = many.descriptors.rowRange(0, 3).clone();
   Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
   shifted(0, 2) = 1.0;
-  Eigen::Matrix3d h = shifted;
-  Covariance8 covariance = Covariance8::Zero();
-  std::vector<Correspondence> added;
+  UncertainHomography h;
+  h.homography = shifted;
+  std::vector<Correspondence> matches;
   GuidedMatcher matcher(switchedOn());
-  EXPECT_FALSE(matcher.refine(few, few, {}, 3.0, h, covariance, added));
-  EXPECT_EQ(h, shifted);
-  EXPECT_TRUE(covariance.isZero());
-  EXPECT_TRUE(matcher.refine(many, many, {}, 3.0, h, covariance, added));
-  EXPECT_LT((h - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
+  EXPECT_FALSE(matcher.refine(few, few, 3.0, h, matches));
+  EXPECT_EQ(h.homography, shifted);
+  EXPECT_TRUE(h.covariance.isZero());
+  EXPECT_TRUE(matcher.refine(many, many, 3.0, h, matches));
+  EXPECT_EQ(matches.size(), 50u);
+  EXPECT_LT((h.homography - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
 }
 
 TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
@@ -172,17 +173,17 @@ TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
   const Features features = randomFeatures(generator, 50, {640, 480});
   Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
   shifted(0, 2) = 1.0;
-  Eigen::Matrix3d h = shifted;
-  Covariance8 covariance = Covariance8::Zero();
+  UncertainHomography h;
+  h.homography = shifted;
   std::vector<Correspondence> matches(3);
   GuidedMatcher matcher;
-  matcher.match(features, features, h, matches);
+  matcher.match(features, features, h.homography, matches);
   EXPECT_TRUE(matches.empty());
   matches.resize(3);
-  EXPECT_FALSE(matcher.refine(features, features, {}, 3.0, h, covariance, matches));
+  EXPECT_FALSE(matcher.refine(features, features, 3.0, h, matches));
   EXPECT_TRUE(matches.empty());
-  EXPECT_EQ(h, shifted);
-  EXPECT_TRUE(covariance.isZero());
+  EXPECT_EQ(h.homography, shifted);
+  EXPECT_TRUE(h.covariance.isZero());
 }
 
 TEST(GuidedMatcher, RefusesBadOptions) {

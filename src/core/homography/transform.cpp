@@ -6,6 +6,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "ktgp_orb/prosac_homography.h"
+
 namespace ktgp_orb::homography {
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point) {
@@ -80,3 +82,13 @@ double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
 }
 
 }  // namespace ktgp_orb::homography
+
+namespace ktgp_orb {
+
+double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                         const Eigen::Vector2d& target) {
+  const Eigen::Vector3d p = homography * reference.homogeneous();
+  return (p.hnormalized() - target).norm();
+}
+
+}  // namespace ktgp_orb
