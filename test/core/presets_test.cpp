@@ -29,6 +29,9 @@ void expectEqual(const std::string& name, const MatcherOptions& core) {
 TEST(Presets, AreThoseOfTheCore) {
   expectEqual("ktgp", MatcherOptions::ktgp());
   expectEqual("robust", MatcherOptions::robust());
+  MatcherOptions video;
+  video.knn.search_radius = 48.0;
+  expectEqual("video", video);
   expectEqual("teblid", MatcherOptions::ktgp(DescriptorKind::teblid));
 }
 

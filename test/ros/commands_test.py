@@ -100,8 +100,8 @@ COMMANDS = {
     'rostest test/ros/robot_overload.test seconds:=120': TOO_LONG,
     'cmake -DKTGP_ORB_CORE_ONLY=ON': 'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only',
 
-    'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw':
-        Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw', MATCHER),
+    'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
+        Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
     'roslaunch ktgp_orb multi_camera.launch cameras:="front left right"':
         Until('roslaunch ktgp_orb multi_camera.launch cameras:="front left right"',
               'matches images on /right/image_raw'),

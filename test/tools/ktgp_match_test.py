@@ -175,6 +175,8 @@ class KtgpMatch(ToolCase):
             self.assertEqual(self.options("--params", file)["T_w"], 0.71, file)
         self.assertIs(self.options("--params", "flat.yaml")["gms_rotation"], True)
         self.assertEqual(self.options("--params", "dynparam.yaml")["extractor"], "opencv")
+        (self.folder / "point.yaml").write_text("features: 300.0\n")
+        self.assertEqual(self.options("--params", "point.yaml")["features"], 300)
 
     def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
         (self.folder / "p.yaml").write_text("T_w: 0.71\nmutual: false\n")
@@ -206,7 +208,7 @@ class KtgpMatch(ToolCase):
     def test_what_a_parameter_file_has_wrong_is_named(self):
         for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "[0.01, 1]"),
                                ("T_w: .nan\n", "[0.01, 1]"), ("T_w: [1]\n", "T_w"),
-                               ("features: 10.5\n", "whole number"), ("T_w: {\n", "bad.yaml"),
+                               ("features: 10.5\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
                                ("extractor: slow\n", "opencv"), ("", "name: value"),
                                ("&a {b: *a}\n", "too deep"),  # a map that holds itself
                                ("&a {dictitems: *a}\n", "too deep")):
@@ -220,7 +222,7 @@ class KtgpMatch(ToolCase):
         self.assertIn("none.yaml", run.stderr)
         run = self.match("a.pgm", "b.pgm", "--preset", "best")
         self.assertEqual(run.returncode, 2)
-        self.assertIn("ktgp, robust", run.stderr)
+        self.assertIn("ktgp, robust, teblid, video", run.stderr)
 
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
