@@ -265,7 +265,7 @@ class CommandsTest(unittest.TestCase):
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
         environment.update(PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
-                           ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1',
+                           ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1', ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
                            ROS_MASTER_URI='http://localhost:%d' % free_port())
         return subprocess.Popen(
             ['timeout', '--signal=INT', '--kill-after=10', str(int(TIMEOUT)), 'bash', '-c',
