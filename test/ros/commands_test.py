@@ -58,6 +58,8 @@ COMMANDS = {
     'scripts/bench --benchmark_filter=align': TOO_LONG,
     'scripts/bench --benchmark_filter=preset': TOO_LONG,
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
+    'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
+    'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
     'scripts/check': IN_CI,
     'scripts/check_arm64': TOO_LONG,
@@ -115,7 +117,7 @@ COMMANDS = {
         'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
-              'rqt'),
+              'rqt_plot is not installed'),
     'roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
     'target_width:=0.594 target_frame:=poster':
         Until('roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
@@ -265,10 +267,11 @@ class CommandsTest(unittest.TestCase):
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
         environment.update(PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
-                           ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1', ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
+                           ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1',
+                           ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
                            ROS_MASTER_URI='http://localhost:%d' % free_port())
         return subprocess.Popen(
-            ['timeout', '--signal=INT', '--kill-after=10', str(int(TIMEOUT)), 'bash', '-c',
+            ['timeout', '--signal=INT', '--kill-after=60', str(int(TIMEOUT)), 'bash', '-c',
              'source out/release/devel/setup.bash && ' + command], cwd=self.clone,
             env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
@@ -285,17 +288,14 @@ class CommandsTest(unittest.TestCase):
             if command.text in line:
                 break
         os.killpg(process.pid, signal.SIGINT)
-        try:
-            output += process.communicate(timeout=30)[0]
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+        output += process.communicate()[0]
         return '' if command.text in output else 'it does not say "%s": %s' % (command.text, output)
 
     def run_all(self, commands):
         with concurrent.futures.ThreadPoolExecutor(4) as pool:
             results = dict(zip(commands, pool.map(self.run_one, commands)))
-        self.assertEqual({c: r for c, r in results.items() if r}, {})
+        failed = {c: r for c, r in results.items() if r}
+        self.assertFalse(failed, '\n'.join('%s\n%s' % item for item in failed.items()))
 
     def test_every_command_of_the_documents_is_known(self):
         found = set()
