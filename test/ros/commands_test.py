@@ -217,7 +217,8 @@ def copy_build(to, clone):
         places = file.read().split(';')
     os.remove(os.path.join(devel, '.catkin'))
     with open(os.path.join(devel, '.catkin'), 'w') as file:
-        file.write(';'.join(clone if place == ROOT else place for place in places))
+        file.write(';'.join(clone if ROOT == place or ROOT.startswith(place + '/') else place
+                            for place in places))
 
 
 def write_inputs(folder):
