@@ -28,9 +28,10 @@ std::string text(const ros::Time& time) {
 
 }  // namespace
 
-MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix)
-    : bag_name_(bag), csv_name_(csv), bag_file_(bag), prefix_(prefix) {
-  if (!csv.empty()) csv_file_.emplace(csv);
+MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
+                         bool force)
+    : bag_name_(bag), csv_name_(csv), bag_file_(bag, force), prefix_(prefix) {
+  if (!csv.empty()) csv_file_.emplace(csv, force);
   try {
     bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {

@@ -270,21 +270,21 @@ void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   const FrameView reference{outcome.reference.image, outcome.reference.features};
   const FrameView target{outcome.target.image, outcome.target.features};
   if (!arguments.json.empty()) {
-    writeText(arguments.json, toJson(outcome, arguments.pipeline).dump(2) + "\n");
+    writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2), arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome));
+  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome), arguments.force);
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
     drawOverlay(reference, target, outcome.result, OverlayStyle::side_by_side, canvas);
-    writeImage(arguments.draw, canvas);
+    writeImage(arguments.draw, canvas, arguments.force);
   }
   if (!arguments.draw_stages.empty()) {
     drawStages(reference, target, outcome.result, canvas);
-    writeImage(arguments.draw_stages, canvas);
+    writeImage(arguments.draw_stages, canvas, arguments.force);
   }
   if (!arguments.draw_final.empty()) {
     drawLevel(reference, target, outcome.result, Level::ktgp, canvas);
-    writeImage(arguments.draw_final, canvas);
+    writeImage(arguments.draw_final, canvas, arguments.force);
   }
 }
 
@@ -312,9 +312,10 @@ void checkFiles(const Arguments& arguments) {
   for (const auto& file : {arguments.reference, arguments.target, arguments.ground_truth}) {
     plan.read(file);
   }
-  for (const auto& file : {arguments.json, arguments.csv, arguments.draw, arguments.draw_stages,
-                           arguments.draw_final}) {
-    plan.write(file);
+  plan.write(arguments.json);
+  plan.write(arguments.csv);
+  for (const auto& file : {arguments.draw, arguments.draw_stages, arguments.draw_final}) {
+    plan.writeImage(file);
   }
 }
 

@@ -31,6 +31,9 @@ TEST(Presets, AreThoseOfTheCore) {
   expectEqual("ktgp", MatcherOptions::ktgp());
   expectEqual("robust", MatcherOptions::robust());
   expectEqual("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
+  MatcherOptions video;
+  video.knn.search_radius = 48.0;
+  expectEqual("video", video);
 }
 
 }  // namespace

@@ -110,6 +110,7 @@ struct Mosaic::Impl {
         keyframes(o.matcher) {}
 
   MosaicOptions options;
+  std::function<void(const cv::Mat&)> finished;
   OrbExtractor extractor;
   FramePath path;
   TileMap tiles;
@@ -133,6 +134,7 @@ struct Mosaic::Impl {
   std::size_t maps = 0;
 
   void startMap(std::int64_t stamp, Features features) {
+    if (finished && !tiles.area().empty()) finished(tiles.image(1.0));
     tiles.clear();
     keyframes.clear();
     is_full = false;
@@ -268,6 +270,10 @@ Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
   self.grey.release();
   self.colour.release();
   return placement;
+}
+
+void Mosaic::onFinishedMap(std::function<void(const cv::Mat&)> callback) {
+  impl_->finished = std::move(callback);
 }
 
 std::optional<Eigen::Matrix3d> Mosaic::pose() const {
