@@ -39,6 +39,8 @@ const char* toString(AlignmentStatus status);
 /// the keypoint, times the scale of the pyramid level it was aligned on.
 struct AlignedPoint {
   std::size_t match = 0;  ///< the correspondence it stands for, a place in the list handed in
+  std::int32_t reference_index = -1;  ///< keypoints of that correspondence
+  std::int32_t target_index = -1;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
   double correlation = 0.0;  ///< squared normalised cross-correlation of the patches, 0.5..1

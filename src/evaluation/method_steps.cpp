@@ -228,7 +228,10 @@ Step matcher(const MatcherOptions& options) {
             result->surviving(Level::ktgp, m.matches);
             m.matches.insert(m.matches.end(), result->guided.begin(), result->guided.end());
             m.estimated = true;
-            if (result->status == Status::ok) m.homography = result->homography;
+            if (result->status == Status::ok) {
+              m.homography = result->homography;
+              m.covariance = result->covariance;
+            }
           }};
 }
 

@@ -165,7 +165,8 @@ void printHomography(const Outcome& outcome) {
     std::printf("\nno homography: %s\n", toString(outcome.result.status));
     return;
   }
-  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px\n", result.inliers, result.rmse);
+  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
+              result.inliers, result.rmse, result.plane_deviation);
   for (int row = 0; row < 3; ++row) {
     std::printf("  %15.8g %15.8g %15.8g\n", result.homography(row, 0), result.homography(row, 1),
                 result.homography(row, 2));
@@ -231,6 +232,10 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["homography"] = toJson(result.homography);
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
+  out["plane_deviation"] = result.plane_deviation;
+  out["covariance"] = json::array();
+  for (Eigen::Index i = 0; i < 64; ++i)
+    out["covariance"].push_back(result.covariance(i / 8, i % 8));
   if (outcome.truth) {
     out["corner_error"] =
         evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size());

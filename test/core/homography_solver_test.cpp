@@ -9,11 +9,11 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/homography/transform.h"
-#include "core/homography/point_pairs.h"
-#include "core/homography/m_estimator.h"
 #include "core/homography/estimate.h"
+#include "core/homography/m_estimator.h"
+#include "core/homography/point_pairs.h"
 #include "core/homography/score.h"
+#include "core/homography/transform.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {

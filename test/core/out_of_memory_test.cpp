@@ -253,9 +253,7 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
       [&]() -> std::function<void()> {
         const auto alignment = std::make_shared<Alignment>();
         aligned = {};
-        return [&, alignment] {
-          alignment->align(reference_, target_, expected, start, aligned);
-        };
+        return [&, alignment] { alignment->align(reference_, target_, expected, start, aligned); };
       },
       [&] {
         EXPECT_EQ(aligned.status, aligned_expected.status);

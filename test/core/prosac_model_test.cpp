@@ -51,8 +51,8 @@ TEST(ProsacSearch, FindsTheHomographyThatHalfOfThePairsAgreeWith) {
     ASSERT_TRUE(found.found);
     EXPECT_LT(cornerError(search, pairs, truth), 3.0);
     EXPECT_FALSE(found.exhausted);
-    // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 suffice, and 20 from the inliers
-    // of each new best.
+    // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 suffice, and 20 from the
+    // inliers of each new best.
     EXPECT_LT(found.iterations, 400);
   }
 }

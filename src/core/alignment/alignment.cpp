@@ -140,7 +140,7 @@ struct Alignment::Impl {
 
   void choosePoints(const Features& reference, const Features& target,
                     const std::vector<Correspondence>& matches);
-  void alignPoints(AlignmentResult& result);
+  void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
   Limits limitsFor(const cv::Size& reference_size) const;
   bool isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
@@ -185,7 +185,7 @@ void Alignment::align(const Features& reference, const Features& target,
   }
   impl.choosePoints(reference, target, matches);
   impl.aligner.setImages(reference.images, target.images);
-  impl.alignPoints(result);
+  impl.alignPoints(matches, result);
   impl.estimate(reference.image_size, result);
 }
 
@@ -201,7 +201,8 @@ void Alignment::Impl::choosePoints(const Features& reference, const Features& ta
                 chosen);
 }
 
-void Alignment::Impl::alignPoints(AlignmentResult& result) {
+void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
+                                  AlignmentResult& result) {
   aligned_reference.clear();
   aligned_target.clear();
   result.tried = chosen.size();
@@ -211,7 +212,8 @@ void Alignment::Impl::alignPoints(AlignmentResult& result) {
       ++countOf(patch.outcome, result);
       continue;
     }
-    result.points.push_back({match, patch.reference, patch.target, patch.correlation});
+    result.points.push_back({match, matches[match].reference_index, matches[match].target_index,
+                             patch.reference, patch.target, patch.correlation});
     aligned_reference.push_back(patch.reference);
     aligned_target.push_back(patch.target);
   }

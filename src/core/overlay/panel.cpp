@@ -36,7 +36,12 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                                .target;
   if (!std::isfinite(deviation)) return text;
   std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
-  return text + buffer;
+  text += buffer;
+  if (result.plane_deviation > 0.0) {
+    std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.plane_deviation);
+    text += buffer;
+  }
+  return text;
 }
 
 }  // namespace
