@@ -32,9 +32,7 @@ struct Correspondence {
 
   /// W = d1/d2 (Eq. 3), also PROSAC's quality (Eq. 6, smaller is better). Two identical candidates
   /// (d2 = 0) are ambiguous: 1, which no threshold T_w <= 1 lets pass.
-  double ratio() const {
-    return second_distance > 0 ? static_cast<double>(distance) / second_distance : 1.0;
-  }
+  double ratio() const;
 };
 
 /// Number of correspondences that reached at least `level`.

@@ -1,9 +1,12 @@
 #include "evaluation/pair_evaluation.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "cli/files.h"
+#include "core/homography/transform.h"
 #include "evaluation/overlap.h"
 
 namespace ktgp_orb::tools {
@@ -46,6 +49,26 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
 }
 
+CornerConsistency cornerConsistency(const UncertainHomography& found, const Eigen::Matrix3d& truth,
+                                    const cv::Size& size) {
+  CornerConsistency result;
+  double predicted2 = 0.0;
+  double error2 = 0.0;
+  const auto corners = homography::imageCorners(size, {});
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector2d error =
+        homography::project(found.homography, corners[i]) - homography::project(truth, corners[i]);
+    const auto jacobian = homography::jacobianByEntries(found.homography, corners[i]);
+    const Eigen::Matrix2d spread = jacobian * found.covariance * jacobian.transpose();
+    predicted2 += spread.trace() / 4.0;
+    error2 += error.squaredNorm() / 4.0;
+    result.normalised[i] = error.dot(spread.inverse() * error);
+  }
+  result.predicted = std::sqrt(predicted2);
+  result.ratio = std::sqrt(error2) / result.predicted;
+  return result;
+}
+
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                      MethodScore& score) {
   if (!found.estimated) return;
@@ -53,6 +76,12 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
   score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),
                                                truth, scene.reference_image.size());
   if (!score.found) return;
+  if (found.covariance && found.covariance->allFinite()) {
+    UncertainHomography estimate;
+    estimate.homography = *found.homography / (*found.homography)(2, 2);
+    estimate.covariance = *found.covariance;
+    score.consistency = cornerConsistency(estimate, truth, scene.reference_image.size());
+  }
   score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
 }
 

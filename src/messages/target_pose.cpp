@@ -45,7 +45,21 @@ std::optional<PlanarPose> TargetPose::find(const FrameMessages& messages, const 
   undistort(messages, *camera.lens);
   prosac_.estimate(pairs_, reference, result_);
   if (result_.status != Status::ok) return std::nullopt;
-  return planarPose(result_.homography, result_.covariance, camera.camera, reference, width);
+  const UncertainHomography found = homographyOfPairs(reference);
+  return planarPose(found.homography, found.covariance, camera.camera, reference, width);
+}
+
+/// That of `result_`; from aligned points it is estimated again as the alignment does, since their
+/// errors are not those of keypoints.
+UncertainHomography TargetPose::homographyOfPairs(const cv::Size& reference) {
+  const UncertainHomography found{result_.homography, result_.covariance, result_.shared_covariance,
+                                  result_.plane_deviation};
+  if (!of_patches_) return found;
+  const auto evidence = homography::evidenceOfPatches(prosac_.options().max_error, reference);
+  UncertainHomography refined = found;
+  if (!refiner_.refine(pairs_.reference, pairs_.target, reference, evidence, refined)) return found;
+  finaliser_.finalise(refined, pairs_, reference, evidence.max_error, final_);
+  return final_.trusted ? refined : found;
 }
 
 // The aligned points where there are enough of them, good to hundredths of a pixel; else the
@@ -55,7 +69,9 @@ void TargetPose::undistort(const FrameMessages& messages, const Lens& lens) {
   std::vector<cv::KeyPoint> reference;
   std::vector<cv::KeyPoint> target;
   pairs_.clear();
-  if (messages.alignment != nullptr && messages.alignment->points.size() >= kEnoughAligned) {
+  of_patches_ =
+      messages.alignment != nullptr && messages.alignment->points.size() >= kEnoughAligned;
+  if (of_patches_) {
     for (const AlignedPoint& point : messages.alignment->points) {
       reference.push_back(keypoint(point.reference));
       target.push_back(keypoint(point.target));

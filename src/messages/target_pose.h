@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "core/homography/estimate.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "messages/camera.h"
@@ -27,10 +28,15 @@ class TargetPose {
 
  private:
   void undistort(const FrameMessages& messages, const Lens& lens);
+  UncertainHomography homographyOfPairs(const cv::Size& reference);
 
   ProsacHomography prosac_;
+  homography::HomographyRefiner refiner_;
+  homography::Finaliser finaliser_;
   PointPairs pairs_;
+  bool of_patches_ = false;  // pairs_ are aligned points
   ProsacResult result_;
+  homography::FinalHomography final_;
 };
 
 }  // namespace ktgp_orb

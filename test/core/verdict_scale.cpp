@@ -38,14 +38,12 @@ std::vector<Preset> presets() {
   mutual.guided.enabled = true;
   MatcherOptions bare = ktgp;
   bare.gms.enabled = false;
-  MatcherOptions teblid = ktgp;
-  teblid.ratio_threshold = 0.8;
   return {{"ktgp", ktgp, DescriptorKind::orb},
           {"ktgp, rotation and scale", turned, DescriptorKind::orb},
           {"ktgp, mutual and guided", mutual, DescriptorKind::orb},
           {"ktgp without GMS", bare, DescriptorKind::orb},
           {"robust", MatcherOptions::robust(), DescriptorKind::orb},
-          {"teblid", teblid, DescriptorKind::teblid}};
+          {"teblid", ktgp, DescriptorKind::teblid}};
 }
 
 constexpr long kTextureKinds = 6;
