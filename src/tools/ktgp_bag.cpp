@@ -298,8 +298,9 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   if (!parameters.overlay) idle["overlay_style"] = "it is looked at with --overlay";
   for (const auto& [name, reason] : idle) {
     if (app.get_option("--" + name)->count() == 0) continue;
-    throw std::invalid_argument("--" + name + " has no effect: " + reason +
-                                "; expected it to be left out");
+    std::string text = "--" + name;
+    text.append(" has no effect: ").append(reason).append("; expected it to be left out");
+    throw std::invalid_argument(text);
   }
   if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
     throw std::invalid_argument(
