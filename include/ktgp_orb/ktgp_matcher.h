@@ -12,6 +12,7 @@
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/gms_filter.h"
+#include "ktgp_orb/growth.h"
 #include "ktgp_orb/guided_matcher.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/prosac_homography.h"
@@ -28,6 +29,7 @@ struct MatcherOptions {
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
+  GrowthOptions growth;
   GuidedOptions guided;
   AlignmentOptions alignment;
 
@@ -55,6 +57,16 @@ enum class Search : std::uint8_t {
   fell_back = 2,  ///< near, in vain, and then in the whole image, which is the answer
 };
 
+/// Which way the homography came.
+enum class FoundBy : std::uint8_t {
+  none = 0,    ///< there is none
+  prosac = 1,  ///< the matches of level ktg
+  growth = 2,  ///< grown from single matches after PROSAC had found none (HomographyGrowth)
+};
+
+/// The enumerator's own name, e.g. "prosac".
+const char* toString(FoundBy found_by);
+
 /// What is known of two frames before they are matched.
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
@@ -64,6 +76,8 @@ struct MatchHints {
   bool whole_image = false;
   /// The reference is that of the last call, unchanged: what was laid out of it is used again.
   bool same_reference = false;
+  /// The reference as it looks from other sides, for the growth; null: none.
+  const ReferenceViews* views = nullptr;
 };
 
 /// Everything known about one pair of frames. Reused from call to call for its buffers.
@@ -71,6 +85,7 @@ struct MatchResult {
   Status status = Status::no_reference;
   DescriptorKind descriptor = DescriptorKind::orb;  ///< what was compared
   Search search = Search::whole;                    ///< where; KtgpMatcher never falls back
+  FoundBy found_by = FoundBy::none;                 ///< how
   /// One per target feature, in target order; `level` says how far each came.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
@@ -78,6 +93,7 @@ struct MatchResult {
   /// knn, tf, gms, prosac
   std::array<StageResult, 4> stages{
       {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
+  GrowthResult growth;  ///< of no seeds where it was not needed
   /// What guided matching added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;

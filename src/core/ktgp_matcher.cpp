@@ -49,6 +49,18 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
   }
 }
 
+const char* toString(FoundBy found_by) {
+  switch (found_by) {
+    case FoundBy::none:
+      return "none";
+    case FoundBy::prosac:
+      return "prosac";
+    case FoundBy::growth:
+      return "growth";
+  }
+  return "unknown";
+}
+
 double MatchResult::milliseconds() const {
   double sum = 0.0;
   for (const StageResult& stage : stages) sum += stage.milliseconds;
@@ -67,6 +79,8 @@ void MatchResult::clear(const MatcherOptions& options) {
   prosac.mask.clear();
   prosac.inliers = prosac.distinct_inliers = 0;
   prosac.rmse = 0.0;
+  found_by = FoundBy::none;
+  growth.clear();
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
   for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
   nameRefinements(options, *this);
@@ -94,6 +108,7 @@ struct KtgpMatcher::Impl {
         knn(given.knn),
         gms(given.gms),
         prosac(given.prosac),
+        growth(given.growth),
         guided(given.guided),
         alignment(given.alignment) {}
 
@@ -102,6 +117,8 @@ struct KtgpMatcher::Impl {
   void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  void grow(const Features& reference, const Features& target, const MatchHints& hints,
+            MatchResult& result);
   void refine(const Features& reference, const Features& target, MatchResult& result);
   void collectFinal(const MatchResult& result);
   double finalRmse(const Features& reference, const Features& target,
@@ -112,6 +129,8 @@ struct KtgpMatcher::Impl {
   GmsFilter gms;
   ProsacHomography prosac;
   PointPairs pairs;
+  HomographyGrowth growth;
+  ProsacResult grown;  // the growth's homography, estimated and judged as PROSAC's
   GuidedMatcher guided;
   Alignment alignment;
   std::vector<Correspondence> matches;  // of level ktgp and above
@@ -161,6 +180,8 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
 
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
+  result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
+  impl.grow(reference, target, hints, result);
   impl.refine(reference, target, result);
 }
 
@@ -173,7 +194,7 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
   std::vector<Correspondence>& found = result.correspondences;
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
-  } else if (options.mutual) {
+  } else if (options.mutual || options.growth.enabled) {
     knn.matchMutual(reference.descriptors, target.descriptors, found);
   } else {
     knn.match(reference.descriptors, target.descriptors, found);
@@ -214,15 +235,36 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   }
 }
 
+void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
+                             const MatchHints& hints, MatchResult& result) {
+  result.growth.clear();
+  if (!options.growth.enabled || result.status == Status::ok || result.search == Search::near) return;
+  growth.find(reference, hints.views, target, result.correspondences, hints.same_reference,
+              result.growth);
+  if (!result.growth.found) return;
+  prosac.estimate(result.growth.pairs, reference.image_size, result.growth.homography, grown);
+  if (grown.status != Status::ok) return;
+  result.status = Status::ok;
+  result.found_by = FoundBy::growth;
+  for (Correspondence& c : result.correspondences) {
+    if (!c.mutual || c.reference_index < 0) continue;
+    const double error =
+        reprojectionError(grown.homography, position(reference, c.reference_index),
+                          position(target, c.target_index));
+    if (error < options.prosac.max_error) c.level = Level::ktgp;
+  }
+}
+
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);
   nameRefinements(options, result);
   auto& [guided_stage, align_stage] = result.refinements;
   if (result.status != Status::ok) return;
-  result.homography = result.prosac.homography;
-  result.covariance = result.prosac.covariance;
-  const std::size_t inliers = result.prosac.inliers;
+  const ProsacResult& found = result.found_by == FoundBy::growth ? grown : result.prosac;
+  result.homography = found.homography;
+  result.covariance = found.covariance;
+  const std::size_t inliers = countAtLeast(result.correspondences, Level::ktgp);
   if (options.guided.enabled) {
     timeStage(guided_stage, "guided", inliers, [&] {
       guided.refine(reference, target, result.correspondences, options.prosac.max_error,

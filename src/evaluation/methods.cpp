@@ -20,6 +20,20 @@ OrbOptions withTeblid(OrbOptions options) {
   return options;
 }
 
+/// What finds most in hard pairs (doc/tuning.md): more and weaker corners, descriptors that see
+/// through changes of light, growth.
+OrbOptions forHardPairs(OrbOptions options) {
+  options.descriptor = DescriptorKind::teblid;
+  options.max_features = 3000;
+  options.fast_threshold = 10;
+  return options;
+}
+
+MatcherOptions growing(MatcherOptions options) {
+  options.growth.enabled = true;
+  return options;
+}
+
 }  // namespace
 
 std::vector<Method> allMethods(const PipelineOptions& pipeline,
@@ -65,6 +79,14 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"ROBUST-TEBLID",
        "the same over TEBLID descriptors",
        {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
+      {"ROBUST+GROWTH", "ROBUST, growth from seeds", {matcher(growing(robust(options)))}},
+      {"HARD",
+       "ROBUST with growth over 3000 TEBLID features, FAST threshold 10",
+       {extract(forHardPairs(pipeline.orb)), matcher(growing(robust(options)))}},
+      {"HARD-VIEWS",
+       "HARD, the reference also seen from 12 simulated sides",
+       {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
+        matcher(growing(robust(options)))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(options.gms)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},

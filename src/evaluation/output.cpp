@@ -112,7 +112,7 @@ json orNull(const std::optional<double>& value) {
 }
 
 /// The columns of the CSV file, which are keys of toRow.
-constexpr std::array<const char*, 28> kColumns{"set",
+constexpr std::array<const char*, 29> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -134,6 +134,7 @@ constexpr std::array<const char*, 28> kColumns{"set",
                                                "homography_sought",
                                                "found",
                                                "corner_error",
+                                               "within_covariance",
                                                "zncc",
                                                "extraction_ms",
                                                "ms",
@@ -164,6 +165,7 @@ json toRow(const PairScore& pair, const MethodScore& m) {
            {"rep_eq9", m.matched_share},
            {"correct_3px", m.correct},
            {"corner_error", orNull(m.corner_error)},
+           {"within_covariance", m.within_covariance ? json(*m.within_covariance) : json(nullptr)},
            {"homography_sought", m.corner_error.has_value()},
            {"found", m.found},
            {"zncc", orNull(m.zncc)},

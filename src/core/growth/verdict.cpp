@@ -1,0 +1,133 @@
+#include "core/growth/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/util/constants.h"
+
+namespace ktgp_orb::growth {
+namespace {
+
+constexpr int kDirections = 24;
+constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
+constexpr float kCell = 6.F;                          // px
+constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+
+/// log10 of the ways to choose four of n.
+double logQuadruples(double n) {
+  double sum = 0.0;
+  for (int i = 0; i < 4; ++i) sum += std::log10(std::max(n - i, 1.0) / (i + 1.0));
+  return sum;
+}
+
+cv::Point2f shiftOf(int direction, double length) {
+  const double angle = 2.0 * kPi * direction / kDirections;
+  return {static_cast<float>(length * std::cos(angle)),
+          static_cast<float>(length * std::sin(angle))};
+}
+
+}  // namespace
+
+double logChance(double count, double mean, double spread) {
+  constexpr double kPoisson = 1.0 + 1e-6;
+  if (!(count > mean)) return 0.0;
+  if (mean <= 0.0) return -std::numeric_limits<double>::infinity();
+  double exponent = count * std::log(count / mean) - count + mean;
+  if (spread > kPoisson) {
+    const double size = mean / (spread - 1.0);  // of the negative binomial
+    exponent = count * std::log(count * (mean + size) / (mean * (count + size))) +
+               size * std::log((mean + size) / (count + size));
+  }
+  return -exponent / std::log(10.0);
+}
+
+bool Verdict::isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells) {
+  const auto cell = [](float v) {
+    return static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(v / kCell)));
+  };
+  const std::uint64_t key = (std::uint64_t{cell(frame.x)} << 32) | cell(frame.y);
+  const std::size_t mask = cells.size() - 1;
+  std::size_t slot = ((key * 0x9e3779b97f4a7c15U) >> 32) & mask;
+  while (cells[slot] != kEmpty && cells[slot] != key) slot = (slot + 1) & mask;
+  if (cells[slot] == key) return false;
+  cells[slot] = key;
+  return true;
+}
+
+Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
+                               const ReferenceFrames& reference, const LocalMatcher& matcher) {
+  std::size_t slots = 16;
+  while (slots < 2 * matches.size()) slots *= 2;
+  reference_cells_.assign(slots, kEmpty);
+  target_cells_.assign(slots, kEmpty);
+  Counts counts{};
+  // The nearest first, so that a cell counts with the best that it has.
+  std::size_t level = 0;
+  int above = -1;
+  for (const int limit : kDistances) {
+    if (level > 0) counts[level] = counts[level - 1];
+    for (const LocalMatch& m : matches) {
+      if (m.distance <= above || m.distance > limit) continue;
+      const bool is_new_reference =
+          isNew(reference.frames()[static_cast<std::size_t>(m.reference)], reference_cells_);
+      const bool is_new_target = isNew(matcher.frame(m.target), target_cells_);
+      if (is_new_reference && is_new_target) counts[level] += 1.0;
+    }
+    above = limit;
+    ++level;
+  }
+  return counts;
+}
+
+Judgement Verdict::judge(const std::vector<Prediction>& predictions,
+                         const ReferenceFrames& reference, float first_radius, int seeds,
+                         LocalMatcher& matcher) {
+  const auto chances = [&](const cv::Point2f& shift) {
+    return static_cast<double>(
+        matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
+  };
+  matcher.match(predictions, reference.bits(), {}, first_radius, matches_);
+  const double log_tests = std::log10(static_cast<double>(kDistances.size()) * seeds) +
+                           logQuadruples(static_cast<double>(matcher.candidates()));
+  const double own_chances = chances({});
+  const Counts own = count(matches_, reference, matcher);
+
+  double all_chances = 0.0;
+  Counts sum{};
+  Counts squares{};  // of the excess over what their chances would give, over these
+  struct Decoy {
+    double chances;
+    Counts counts;
+  };
+  std::array<Decoy, kShifts.size() * kDirections> decoys;
+  std::size_t d = 0;
+  for (const double length : kShifts) {
+    for (int direction = 0; direction < kDirections; ++direction, ++d) {
+      decoys[d].chances = chances(shiftOf(direction, length));
+      decoys[d].counts = count(matches_, reference, matcher);
+      all_chances += decoys[d].chances;
+      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += decoys[d].counts[k];
+    }
+  }
+  Judgement best;
+  best.log_false_alarms = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < sum.size(); ++k) {
+    // One more than were seen (Laplace's rule): what was never seen may still happen.
+    const double rate = (sum[k] + 1.0) / std::max(all_chances, 1.0);
+    for (const Decoy& decoy : decoys) {
+      const double expected = rate * decoy.chances;
+      const double excess = decoy.counts[k] - expected;
+      if (expected > 0.0) squares[k] += excess * excess / expected;
+    }
+    const double spread = std::max(1.0, squares[k] / static_cast<double>(decoys.size()));
+    const double mean = rate * own_chances;
+    const double log_nfa = log_tests + logChance(own[k] - 4.0, mean, spread);
+    if (log_nfa < best.log_false_alarms) {
+      best = {static_cast<std::size_t>(own[k]), mean, log_nfa};
+    }
+  }
+  return best;
+}
+
+}  // namespace ktgp_orb::growth

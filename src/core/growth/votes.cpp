@@ -1,0 +1,61 @@
+#include "core/growth/votes.h"
+
+#include <cmath>
+
+namespace ktgp_orb::growth {
+namespace {
+
+constexpr float kReach = 120.F;                // px of the reference
+constexpr float kCosine = 0.877583F;           // of 0.5 rad
+constexpr float kLogScale = 0.470004F;         // of 1.6
+constexpr float kSlack = 4.F;                  // px of the target
+constexpr float kRelativeSlack = 0.45F;        // of the distance there
+
+}  // namespace
+
+bool Votes::votesFor(const Similarity& voter, const Similarity& pair) const {
+  const float x = voter.x - pair.x;
+  const float y = voter.y - pair.y;
+  const float squared = x * x + y * y;
+  if (squared > kReach * kReach) return false;
+  if (std::abs(voter.log_scale - pair.log_scale) > kLogScale) return false;
+  if (voter.cosine * pair.cosine + voter.sine * pair.sine < kCosine) return false;
+  const float c = pair.scale * pair.cosine;
+  const float s = pair.scale * pair.sine;
+  const float u = pair.u + c * x - s * y - voter.u;
+  const float v = pair.v + s * x + c * y - voter.v;
+  const float slack = kSlack + kRelativeSlack * pair.scale * std::sqrt(squared);
+  return u * u + v * v <= slack * slack;
+}
+
+void Votes::count(const std::vector<FramePair>& pairs, const cv::Size& size) {
+  similarities_.clear();
+  for (const auto& [from, to] : pairs) {
+    const float log_scale = to.log_size - from.log_size;
+    similarities_.push_back({from.x, from.y, to.x, to.y, from.dx * to.dx + from.dy * to.dy,
+                             from.dx * to.dy - from.dy * to.dx, std::exp(log_scale), log_scale});
+  }
+  cells_.build(
+      pairs.size(), [&](std::size_t i) { return cv::Point2f(pairs[i].from.x, pairs[i].from.y); },
+      size, kReach);
+  votes_.assign(pairs.size(), 0);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Similarity& pair = similarities_[i];
+    std::int32_t votes = -1;  // its own does not count
+    cells_.visitNear(pair.x, pair.y, kReach, [&](std::int32_t other) {
+      votes += votesFor(similarities_[static_cast<std::size_t>(other)], pair) ? 1 : 0;
+    });
+    votes_[i] = votes;
+  }
+}
+
+void Votes::voters(std::size_t pair, std::vector<std::int32_t>& voters) const {
+  voters.clear();
+  const Similarity& wanted = similarities_[pair];
+  cells_.visitNear(wanted.x, wanted.y, kReach, [&](std::int32_t other) {
+    if (static_cast<std::size_t>(other) == pair) return;
+    if (votesFor(similarities_[static_cast<std::size_t>(other)], wanted)) voters.push_back(other);
+  });
+}
+
+}  // namespace ktgp_orb::growth
