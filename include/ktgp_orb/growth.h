@@ -18,15 +18,15 @@ namespace ktgp_orb {
 struct GrowthOptions {
   bool enabled = false;  ///< not in the paper
   int seeds = 30;        ///< matches that it is grown from at most, 1..10000: the bound on the work
-  /// Simulated views of a fixed reference that are searched beside the image itself: 0, 5 (the image
-  /// and a tilt of 2 in four directions) or 13 (and a tilt of 4 in eight).
+  /// Simulated views of a fixed reference that are searched beside the image itself: 0, 5 (the
+  /// image and a tilt of 2 in four directions) or 13 (and a tilt of 4 in eight).
   int views = 0;
 };
 
 /// The reference as it looks from another side (Morel & Yu, ASIFT, SIAM J. Imaging Sci. 2009).
 struct ReferenceView {
-  Features features;                   ///< in px of the view
-  Eigen::Matrix<double, 2, 3> to_view; /// px of the reference image to px of the view
+  Features features;                    ///< in px of the view
+  Eigen::Matrix<double, 2, 3> to_view;  /// px of the reference image to px of the view
 };
 
 /// Made once for a reference that many images are matched to.
@@ -41,10 +41,11 @@ struct GrowthResult {
   bool found = false;
   /// x_target ~ H x_reference in px, H(2,2) = 1; zero unless found.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
+  Covariance8 covariance = Covariance8::Zero();  ///< of H's first eight entries (see ProsacResult)
   /// What it rests on, each the other's nearest within 4 px; empty unless found.
   PointPairs pairs;
-  std::size_t support = 0;  ///< of the last one judged: pairs, one in 6x6 px
-  double by_chance = 0.0;   ///< how many of them the decoys say that chance gives
+  std::size_t support = 0;        ///< of the last one judged: pairs, one in 6x6 px
+  double by_chance = 0.0;         ///< how many of them the decoys say that chance gives
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int seeds = 0;                  ///< that were tried
   int judged = 0;                 ///< of them, that grew far enough to be judged

@@ -130,7 +130,6 @@ struct KtgpMatcher::Impl {
   ProsacHomography prosac;
   PointPairs pairs;
   HomographyGrowth growth;
-  ProsacResult grown;  // the growth's homography, estimated and judged as PROSAC's
   GuidedMatcher guided;
   Alignment alignment;
   std::vector<Correspondence> matches;  // of level ktgp and above
@@ -238,18 +237,17 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result) {
   result.growth.clear();
-  if (!options.growth.enabled || result.status == Status::ok || result.search == Search::near) return;
+  if (!options.growth.enabled || result.status == Status::ok || result.search == Search::near)
+    return;
   growth.find(reference, hints.views, target, result.correspondences, hints.same_reference,
               result.growth);
   if (!result.growth.found) return;
-  prosac.estimate(result.growth.pairs, reference.image_size, result.growth.homography, grown);
-  if (grown.status != Status::ok) return;
   result.status = Status::ok;
   result.found_by = FoundBy::growth;
   for (Correspondence& c : result.correspondences) {
     if (!c.mutual || c.reference_index < 0) continue;
     const double error =
-        reprojectionError(grown.homography, position(reference, c.reference_index),
+        reprojectionError(result.growth.homography, position(reference, c.reference_index),
                           position(target, c.target_index));
     if (error < options.prosac.max_error) c.level = Level::ktgp;
   }
@@ -261,9 +259,9 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   nameRefinements(options, result);
   auto& [guided_stage, align_stage] = result.refinements;
   if (result.status != Status::ok) return;
-  const ProsacResult& found = result.found_by == FoundBy::growth ? grown : result.prosac;
-  result.homography = found.homography;
-  result.covariance = found.covariance;
+  const bool grown = result.found_by == FoundBy::growth;
+  result.homography = grown ? result.growth.homography : result.prosac.homography;
+  result.covariance = grown ? result.growth.covariance : result.prosac.covariance;
   const std::size_t inliers = countAtLeast(result.correspondences, Level::ktgp);
   if (options.guided.enabled) {
     timeStage(guided_stage, "guided", inliers, [&] {

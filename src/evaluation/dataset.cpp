@@ -118,7 +118,12 @@ bool addExtremeViews(const fs::path& folder, Dataset& dataset) {
   const std::string set = fs::canonical(folder).filename().string();
   for (const fs::path& truth : truths) {
     const fs::path name = truth.stem();
-    addPair({set, name.string(), imageOf(folder / "1" / name), imageOf(folder / "2" / name), {}, {},
+    addPair({set,
+             name.string(),
+             imageOf(folder / "1" / name),
+             imageOf(folder / "2" / name),
+             {},
+             {},
              {}},
             truth.string(), dataset);
   }
@@ -154,10 +159,11 @@ void addSubfolders(const fs::path& folder, Dataset& dataset) {
   bool found = false;
   for (const fs::path& subfolder : subfolders) found |= addFolder(subfolder, dataset);
   if (!found) {
-    dataset.problems.push_back(folder.string() +
-                               ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, "
-                               "1/NAME.png and h/NAME.txt, or NAMEA.png and NAME.points, in it or "
-                               "in its subfolders");
+    dataset.problems.push_back(
+        folder.string() +
+        ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, "
+        "1/NAME.png and h/NAME.txt, or NAMEA.png and NAME.points, in it or "
+        "in its subfolders");
   }
 }
 
@@ -223,7 +229,8 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
               std::uint64_t seed, Dataset& dataset) {
   const std::optional<WarpLimits> limits = warpLimits(name);
   if (!limits) {
-    throw std::invalid_argument("there are no warps " + name + "; use small, medium, large or extreme");
+    throw std::invalid_argument("there are no warps " + name +
+                                "; use small, medium, large or extreme");
   }
   std::vector<std::string> files;
   for (const std::string& path : paths) {

@@ -36,13 +36,15 @@ struct Dataset {
 };
 
 /// Adds the pairs found at `path`:
-/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and H2to3p ... H5to6p where
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and H2to3p ... H5to6p
+/// where
 ///   it has them),
 /// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
 /// - a folder of such folders, in the order of their names, or
-/// - a text file with `name imageA imageB truth` a line, the truth being a homography A->B, or points
+/// - a text file with `name imageA imageB truth` a line, the truth being a homography A->B, or
+/// points
 ///   where its name ends in .points (paths relative to it, no blanks
 ///   in names, # begins a comment).
 /// Image 1 is the reference. A file that is missing or broken becomes a problem; the rest goes on.

@@ -20,9 +20,12 @@ namespace {
 constexpr const char* kDescription =
     "Runs matching methods over image pairs with a known homography and measures them.\n"
     "DATA is an Oxford/VGG folder (img1.ppm ... img6.ppm, H1to2p ... H1to6p), an HPatches folder\n"
-    "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), one of extreme views (1/NAME.png, 2/NAME.png, h/NAME.txt)\n"
-    "or of annotated pairs (NAMEA.png, NAMEB.png, NAME.points with rows `xA yA xB yB`), a folder of\n"
-    "such folders, or a text file with `name imageA imageB truth` a line. With --warps, DATA are images or folders of "
+    "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), one of extreme views (1/NAME.png, 2/NAME.png, "
+    "h/NAME.txt)\n"
+    "or of annotated pairs (NAMEA.png, NAMEB.png, NAME.points with rows `xA yA xB yB`), a folder "
+    "of\n"
+    "such folders, or a text file with `name imageA imageB truth` a line. With --warps, DATA are "
+    "images or folders of "
     "images,\n"
     "and the pairs are exact warps of them. For recordings there is ktgp_evaluate_bag.";
 

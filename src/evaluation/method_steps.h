@@ -34,7 +34,7 @@ struct Matching {
   std::vector<Correspondence> matches;
   /// Where a method does not use the scene's features: its own, which `matches` refer to.
   std::optional<OwnFeatures> own{};
-  ReferenceViews views{};       ///< of the reference, from other sides
+  ReferenceViews views{};                       ///< of the reference, from other sides
   bool estimated = false;                       ///< a step has looked for a homography
   std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, where it found one
   std::optional<Covariance8> covariance{};      ///< of it, where the estimator gives one

@@ -130,8 +130,8 @@ void PairEvaluator::evaluateImages(const cv::Mat& reference_image, const cv::Mat
       evaluation::detectorRepeatability(reference_, target_, truth).score();
   const Scene scene{reference_image, target_image, reference_, target_};
   for (const Method& method : methods_) {
-    score.methods.push_back(evaluateMethod(method, scene, truth, score.pair.points,
-                                           score.extraction_milliseconds));
+    score.methods.push_back(
+        evaluateMethod(method, scene, truth, score.pair.points, score.extraction_milliseconds));
   }
 }
 

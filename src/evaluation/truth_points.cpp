@@ -37,8 +37,9 @@ Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points) {
   }
   const cv::Mat found = cv::findHomography(from, to);
   if (found.empty()) {
-    throw std::invalid_argument("the annotated points determine no homography; expected four of "
-                                "which no three lie on a line");
+    throw std::invalid_argument(
+        "the annotated points determine no homography; expected four of "
+        "which no three lie on a line");
   }
   Eigen::Matrix3d homography;
   cv::cv2eigen(found, homography);
@@ -48,7 +49,8 @@ Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points) {
 double meanTransferError(const Eigen::Matrix3d& homography,
                          const std::vector<AnnotatedPoint>& points) {
   double sum = 0.0;
-  for (const AnnotatedPoint& p : points) sum += reprojectionError(homography, p.reference, p.target);
+  for (const AnnotatedPoint& p : points)
+    sum += reprojectionError(homography, p.reference, p.target);
   const double mean = sum / static_cast<double>(points.size());
   return std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity();
 }

@@ -25,8 +25,8 @@ double meanTransferError(const Eigen::Matrix3d& homography,
 /// The corners of the reference and where `truth` maps them.
 std::vector<AnnotatedPoint> cornersUnder(const Eigen::Matrix3d& truth, const cv::Size& reference);
 
-/// Whether the errors of a homography are as large as its covariance says: the largest of all points
-/// within the 99.9 % bound for so many. `sigma`: how exact the points are, px.
+/// Whether the errors of a homography are as large as its covariance says: the largest of all
+/// points within the 99.9 % bound for so many. `sigma`: how exact the points are, px.
 bool isWithinCovariance(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const std::vector<AnnotatedPoint>& points, double sigma);
 

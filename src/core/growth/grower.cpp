@@ -1,5 +1,7 @@
 #include "core/growth/grower.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -13,16 +15,17 @@ constexpr double kFirstReach = 120.0;       // px of the reference
 constexpr double kReachFactor = 4.0 / 3.0;  // a round
 constexpr std::size_t kFewestForHomography = 12;
 
-/// Matches that a round needs: a right seed has found more by then.
+/// Matches within the last radius that a round needs. A right seed has found several times as many,
+/// and a wrong one seldom as many twice in a row: nearly all of the time goes into wrong ones.
 std::size_t fewest(int round) {
-  return 4 + static_cast<std::size_t>(round) / 2;
+  return std::min<std::size_t>(4 + 2 * static_cast<std::size_t>(round), kFewestForHomography);
 }
 
 }  // namespace
 
-void Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
+bool Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
                     float radius, ReferenceFrames& reference, LocalMatcher& matcher) {
-  reference.predict(map, centre, reach, predictions_);
+  if (!reference.predict(map, centre, reach, matcher.imageSize(), predictions_)) return false;
   matcher.match(predictions_, reference.bits(), {}, radius, matches_);
   pairs_.clear();
   for (const LocalMatch& m : matches_) {
@@ -30,6 +33,16 @@ void Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, d
     const LocalFrame& to = matcher.frame(m.target);
     pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
   }
+  return true;
+}
+
+std::size_t Grower::exactPairs(const Eigen::Matrix3d& map) const {
+  constexpr double kSquared = double{kLastRadius} * kLastRadius;
+  const auto is_exact = [&](const PlacePair& pair) {
+    const Eigen::Vector3d p = map * pair.reference.homogeneous();
+    return (p.hnormalized() - pair.target).squaredNorm() < kSquared;
+  };
+  return static_cast<std::size_t>(std::count_if(pairs_.begin(), pairs_.end(), is_exact));
 }
 
 bool Grower::refit(float radius, Eigen::Matrix3d& map) const {
@@ -44,14 +57,14 @@ bool Grower::grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, Loc
   float radius = kFirstRadius;
   const float shrink = std::pow(kLastRadius / kFirstRadius, 1.F / (kRounds - 1));
   for (int round = 0; round < kRounds; ++round) {
-    search(map, centre, reach, radius, reference, matcher);
-    if (pairs_.size() < fewest(round) || !refit(radius, map)) return false;
+    if (!search(map, centre, reach, radius, reference, matcher)) return false;
+    if (exactPairs(map) < fewest(round) || !refit(radius, map)) return false;
     reach *= kReachFactor;
     radius *= shrink;
   }
   constexpr double kEverywhere = std::numeric_limits<float>::max();
   for (std::size_t round = 0, before = 0;; ++round) {
-    search(map, centre, kEverywhere, kLastRadius, reference, matcher);
+    if (!search(map, centre, kEverywhere, kLastRadius, reference, matcher)) return false;
     if (pairs_.size() < kFewestForHomography) return false;
     if (pairs_.size() <= before || round == kMaxLastRounds) return true;
     before = pairs_.size();

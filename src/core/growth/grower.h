@@ -27,8 +27,9 @@ class Grower {
   const std::vector<PlacePair>& pairs() const { return pairs_; }
 
  private:
-  void search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach, float radius,
+  bool search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach, float radius,
               ReferenceFrames& reference, LocalMatcher& matcher);
+  std::size_t exactPairs(const Eigen::Matrix3d& map) const;
   bool refit(float radius, Eigen::Matrix3d& map) const;
 
   std::vector<Prediction> predictions_;

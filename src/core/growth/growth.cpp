@@ -9,6 +9,7 @@
 #include "core/growth/reference_frames.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
+#include "core/homography/refiner.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -50,13 +51,14 @@ struct HomographyGrowth::Impl {
   Eigen::Vector2d placeOf(const Seed& seed) const;
   bool isExplained(const Seed& seed) const;
   bool tryFrom(const Seed& seed, GrowthResult& result);
-  void store(const Eigen::Matrix3d& map, GrowthResult& result) const;
+  bool store(const Eigen::Matrix3d& map, GrowthResult& result);
 
   GrowthOptions options;
   growth::ReferenceFrames reference;
   growth::LocalMatcher matcher;
   growth::Grower grower;
   growth::Verdict verdict;
+  HomographyRefiner refiner;
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
@@ -82,7 +84,7 @@ void HomographyGrowth::Impl::vote(View& view, const Features& features, const Fe
         {growth::frameOf(features.keypoints[static_cast<std::size_t>(c.reference_index)]),
          growth::frameOf(target.keypoints[static_cast<std::size_t>(c.target_index)])});
   }
-  view.votes.count(view.pairs, features.image_size);
+  view.votes.count(view.pairs, features.image_size, target.image_size);
 }
 
 void HomographyGrowth::Impl::collectSeeds() {
@@ -132,9 +134,8 @@ Eigen::Vector2d HomographyGrowth::Impl::placeOf(const Seed& seed) const {
 
 bool HomographyGrowth::Impl::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;  // px
-  const growth::LocalFrame& to = views[static_cast<std::size_t>(seed.view)]
-                                     .pairs[static_cast<std::size_t>(seed.pair)]
-                                     .to;
+  const growth::LocalFrame& to =
+      views[static_cast<std::size_t>(seed.view)].pairs[static_cast<std::size_t>(seed.pair)].to;
   const Eigen::Vector2d from = placeOf(seed);
   return std::any_of(tried.begin(), tried.end(), [&](const Eigen::Matrix3d& map) {
     return reprojectionError(map, from, {to.x, to.y}) < kNear;
@@ -155,31 +156,36 @@ bool HomographyGrowth::Impl::tryFrom(const Seed& seed, GrowthResult& result) {
     result.log_false_alarms = judgement.log_false_alarms;
   }
   if (!(judgement.log_false_alarms < growth::Verdict::kLogMaxFalseAlarms)) return false;
-  store(map, result);
-  return true;
+  return store(map, result);
 }
 
-void HomographyGrowth::Impl::store(const Eigen::Matrix3d& map, GrowthResult& result) const {
-  result.found = true;
-  result.homography = map / map(2, 2);
+/// The homography of greatest likelihood, and what it rests on.
+bool HomographyGrowth::Impl::store(const Eigen::Matrix3d& map, GrowthResult& result) {
+  result.pairs.clear();
   for (std::size_t i = 0; i < grower.pairs().size(); ++i) {
     result.pairs.reference.push_back(grower.pairs()[i].reference);
     result.pairs.target.push_back(grower.pairs()[i].target);
     result.pairs.quality.push_back(grower.matches()[i].distance / double{8 * kDescriptorBytes});
   }
+  result.homography = map / map(2, 2);
+  RefinerOptions options;
+  options.max_error = growth::Verdict::kRadius;
+  result.found = refiner.refine(result.pairs.reference, result.pairs.target, options,
+                                result.homography, &result.covariance);
+  return result.found;
 }
 
 void GrowthResult::clear() {
   found = false;
   homography.setZero();
+  covariance.setZero();
   pairs.clear();
   support = 0;
   by_chance = log_false_alarms = 0.0;
   seeds = judged = 0;
 }
 
-HomographyGrowth::HomographyGrowth(const GrowthOptions& options)
-    : impl_(std::make_unique<Impl>()) {
+HomographyGrowth::HomographyGrowth(const GrowthOptions& options) : impl_(std::make_unique<Impl>()) {
   requireInRange("growth_seeds", options.seeds, 1, 10000);
   impl_->options = options;
 }

@@ -26,15 +26,14 @@ inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
           std::log(std::max(keypoint.size, 1e-3F))};
 }
 
-/// The frame after a map with the derivative `jacobian`, at the place `to`.
+/// The frame at the place `to` after a map with the derivative `jacobian`, which scales areas by
+/// exp(2 `log_scale`).
 inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
-                         const Eigen::Matrix2f& jacobian) {
+                         const Eigen::Matrix2f& jacobian, float log_scale) {
   const Eigen::Vector2f d = jacobian * Eigen::Vector2f(frame.dx, frame.dy);
   const float length = std::sqrt(d.squaredNorm());
-  const float area = std::abs(jacobian.determinant());
   const float per_length = length > 0.F ? 1.F / length : 0.F;
-  return {to.x(), to.y(), d.x() * per_length, d.y() * per_length,
-          frame.log_size + 0.5F * std::log(std::max(area, 1e-12F))};
+  return {to.x(), to.y(), d.x() * per_length, d.y() * per_length, frame.log_size + log_scale};
 }
 
 /// 256 bits.

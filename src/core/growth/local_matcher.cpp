@@ -71,8 +71,8 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
     });
     near += is_near ? 1 : 0;
     if (best == kNoKey) continue;
-    matches.push_back({index, static_cast<std::int32_t>(best_place),
-                       static_cast<std::int32_t>(best >> 32)});
+    matches.push_back(
+        {index, static_cast<std::int32_t>(best_place), static_cast<std::int32_t>(best >> 32)});
   }
   const auto is_one_way = [&](const LocalMatch& m) {
     return static_cast<std::int32_t>(best_reference_[static_cast<std::size_t>(m.target)] &

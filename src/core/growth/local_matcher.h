@@ -32,10 +32,10 @@ class LocalMatcher {
   void setTarget(const Features& target);
 
   /// The pairs of which each is the other's nearest of those that are within `radius` px of the
-  /// predicted places moved by `shift`, turned by less than 0.6 rad and by less than a factor of 1.8
-  /// larger or smaller, and at a Hamming distance of at most kMaxDistance; of equal distances the
-  /// lower index. In the order of the predictions. Returns for how many predictions there is a
-  /// keypoint within the radius at all.
+  /// predicted places moved by `shift`, turned by less than 0.6 rad and by less than a factor
+  /// of 1.8 larger or smaller, and at a Hamming distance of at most kMaxDistance; of equal
+  /// distances the lower index. In the order of the predictions. Returns for how many predictions
+  /// there is a keypoint within the radius at all.
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 

@@ -83,8 +83,8 @@ bool fitHomography(const std::vector<PlacePair>& pairs, double scale, Eigen::Mat
   Vector8 products = Vector8::Zero();
   for (const PlacePair& pair : pairs) {
     // Divided by the third coordinate of the map before, the algebraic error is the geometric one.
-    const double depth = map.row(2).dot(pair.reference.homogeneous()) /
-                         map.row(2).dot(from.centre.homogeneous());
+    const double depth =
+        map.row(2).dot(pair.reference.homogeneous()) / map.row(2).dot(from.centre.homogeneous());
     const double weight = weightOf(pair, scale, map) / std::max(depth * depth, 1e-6);
     const Eigen::Vector2d x = from.apply(pair.reference);
     const Eigen::Vector2d u = to.apply(pair.target);

@@ -18,11 +18,14 @@ class ReferenceFrames {
   /// `views`: or null.
   void set(const Features& reference, const ReferenceViews* views);
 
-  /// The keypoints within `reach` px of `centre` where `map`, reference to target, puts them. Of the
-  /// views, those that the target looks like around the centre: in which the map leaves little to
-  /// squeeze, so that descriptors and directions can agree.
-  void predict(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
-               std::vector<Prediction>& predictions);
+  /// The keypoints within `reach` px of `centre` where `map`, reference to target, puts them. Of
+  /// the views, those that the target looks like around the centre: in which the map leaves little
+  /// to squeeze, so that descriptors and directions can agree. Without those that fall more than
+  /// `kMargin` px outside the target. False, and none, where the map is no view of a plane around
+  /// the centre that descriptors could follow.
+  bool predict(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
+               const cv::Size& target, std::vector<Prediction>& predictions);
+  static constexpr float kMargin = 50.F;
 
   const std::vector<LocalFrame>& frames() const { return frames_; }
   const std::vector<Bits>& bits() const { return bits_; }
@@ -34,7 +37,7 @@ class ReferenceFrames {
   };
 
   void add(const Features& features, const Eigen::Matrix<double, 2, 3>& to_view);
-  void chooseViews(const Eigen::Matrix2d& jacobian);
+  bool chooseViews(const Eigen::Matrix2d& jacobian);
 
   std::vector<View> views_;
   std::vector<double> squeeze_;  // of each view

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kDirections = 24;
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
-constexpr float kCell = 6.F;                          // px
+constexpr float kCell = 12.F;                         // px: half of a patch's width is seen by both
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
 /// log10 of the ways to choose four of n.
@@ -93,6 +93,16 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
+  // As if the decoys had nothing: what would not pass then need not meet them.
+  Judgement best{static_cast<std::size_t>(own.back()), 0.0,
+                 std::numeric_limits<double>::infinity()};
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    best.log_false_alarms =
+        std::min(best.log_false_alarms,
+                 log_tests + logChance(own[k] - 4.0, 1.0 / (kShifts.size() * kDirections), 1.0));
+  }
+  if (!(best.log_false_alarms < kLogMaxFalseAlarms)) return best;
+
   double all_chances = 0.0;
   Counts sum{};
   Counts squares{};  // of the excess over what their chances would give, over these
@@ -110,7 +120,6 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
       for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += decoys[d].counts[k];
     }
   }
-  Judgement best;
   best.log_false_alarms = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < sum.size(); ++k) {
     // One more than were seen (Laplace's rule): what was never seen may still happen.

@@ -39,7 +39,7 @@ struct Judgement {
 ///   NFA = 3 s C(M, 4) P(at least n - 4 by chance)
 class Verdict {
  public:
-  static constexpr float kRadius = 4.F;         ///< px
+  static constexpr float kRadius = 4.F;  ///< px
   static constexpr double kLogMaxFalseAlarms = -4.0;
 
   /// `predictions`: all that the homography predicts. `first_radius`: what it was grown from.

@@ -39,7 +39,7 @@ cv::Matx23d matrixOf(const Eigen::Matrix<double, 2, 3>& m) {
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  constexpr double kBlur = 0.8;  // px of the turned image for each step of tilt: Morel & Yu
+  constexpr double kBlur = 0.8;     // px of the turned image for each step of tilt: Morel & Yu
   constexpr double kMargin = 31.0;  // px that a patch is wide
   cv::Size size, turned_size;
   ReferenceView view;
@@ -54,16 +54,16 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   Eigen::Matrix<double, 2, 3> squeeze;
   squeeze << 1.0 / tilt, 0.0, 0.5 * (size.width - 1) - 0.5 * (turned_size.width - 1) / tilt,  //
       0.0, 1.0, 0.5 * (size.height - 1) - 0.5 * (turned_size.height - 1);
-  cv::warpAffine(turned, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR,
-                 cv::BORDER_REPLICATE);
+  cv::warpAffine(turned, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
 
   // Keypoints where the image is, not its continued border.
   cv::Mat mask = cv::Mat::zeros(size, CV_8U);
   std::vector<cv::Point> outline;
   const double far_x = image.cols - 1.0 - 0.5 * kMargin;
   const double far_y = image.rows - 1.0 - 0.5 * kMargin;
-  for (const auto& [x, y] : {std::pair(0.5 * kMargin, 0.5 * kMargin), std::pair(far_x, 0.5 * kMargin),
-                             std::pair(far_x, far_y), std::pair(0.5 * kMargin, far_y)}) {
+  for (const auto& [x, y] :
+       {std::pair(0.5 * kMargin, 0.5 * kMargin), std::pair(far_x, 0.5 * kMargin),
+        std::pair(far_x, far_y), std::pair(0.5 * kMargin, far_y)}) {
     const Eigen::Vector2d p = view.to_view * Eigen::Vector3d(x, y, 1.0);
     outline.emplace_back(cvRound(p.x()), cvRound(p.y()));
   }
