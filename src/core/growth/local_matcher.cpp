@@ -49,12 +49,14 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
     bool is_near = false;
     std::int64_t best = kNoKey;
     std::uint32_t best_place = 0;
+    float best_error = 0.F;
     cells_.visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t i = begin; i < end; ++i) {
         const LocalFrame& frame = frames_[i];
         const float ex = frame.x - x;
         const float ey = frame.y - y;
-        if (ex * ex + ey * ey > squared_radius) continue;
+        const float squared = ex * ex + ey * ey;
+        if (squared > squared_radius) continue;
         is_near = true;
         if (frame.dx * wanted.dx + frame.dy * wanted.dy < kCosine) continue;
         if (std::abs(frame.log_size - wanted.log_size) > kLogScale) continue;
@@ -65,14 +67,15 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
         if (here < best) {
           best = here;
           best_place = i;
+          best_error = squared;
         }
         best_reference_[i] = std::min(best_reference_[i], key(d, index));
       }
     });
     near += is_near ? 1 : 0;
     if (best == kNoKey) continue;
-    matches.push_back(
-        {index, static_cast<std::int32_t>(best_place), static_cast<std::int32_t>(best >> 32)});
+    matches.push_back({index, static_cast<std::int32_t>(best_place),
+                       static_cast<std::int32_t>(best >> 32), best_error});
   }
   const auto is_one_way = [&](const LocalMatch& m) {
     return static_cast<std::int32_t>(best_reference_[static_cast<std::size_t>(m.target)] &

@@ -21,6 +21,7 @@ struct LocalMatch {
   std::int32_t reference;
   std::int32_t target;
   std::int32_t distance;  ///< Hamming
+  float squared_error;    ///< px², from the predicted place
 };
 
 /// Looks for the keypoints of the reference where, turned as and as large as they are predicted.

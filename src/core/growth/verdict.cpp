@@ -9,9 +9,11 @@
 namespace ktgp_orb::growth {
 namespace {
 
-constexpr int kDirections = 24;
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
-constexpr float kCell = 12.F;                         // px: half of a patch's width is seen by both
+constexpr int kDirections = 24;
+constexpr double kAboveLargest = 2.0;
+constexpr double kRounds = 10.0;  // of growth
+constexpr float kCell = 12.F;     // px: half of a patch's width is seen by both
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
 /// log10 of the ways to choose four of n.
@@ -59,23 +61,25 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
                                const ReferenceFrames& reference, const LocalMatcher& matcher) {
   std::size_t slots = 16;
   while (slots < 2 * matches.size()) slots *= 2;
-  reference_cells_.assign(slots, kEmpty);
-  target_cells_.assign(slots, kEmpty);
   Counts counts{};
-  // The nearest first, so that a cell counts with the best that it has.
   std::size_t level = 0;
-  int above = -1;
-  for (const int limit : kDistances) {
-    if (level > 0) counts[level] = counts[level - 1];
-    for (const LocalMatch& m : matches) {
-      if (m.distance <= above || m.distance > limit) continue;
-      const bool is_new_reference =
-          isNew(reference.frames()[static_cast<std::size_t>(m.reference)], reference_cells_);
-      const bool is_new_target = isNew(matcher.frame(m.target), target_cells_);
-      if (is_new_reference && is_new_target) counts[level] += 1.0;
+  for (const float radius : kRadii) {
+    reference_cells_.assign(slots, kEmpty);
+    target_cells_.assign(slots, kEmpty);
+    double sum = 0.0;
+    int above = -1;  // the nearest first, so that a cell counts with the best that it has
+    for (const int limit : kDistances) {
+      for (const LocalMatch& m : matches) {
+        if (m.distance <= above || m.distance > limit) continue;
+        if (m.squared_error > radius * radius) continue;
+        const bool is_new_reference =
+            isNew(reference.frames()[static_cast<std::size_t>(m.reference)], reference_cells_);
+        const bool is_new_target = isNew(matcher.frame(m.target), target_cells_);
+        if (is_new_reference && is_new_target) sum += 1.0;
+      }
+      above = limit;
+      counts[level++] = sum;
     }
-    above = limit;
-    ++level;
   }
   return counts;
 }
@@ -88,8 +92,8 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
         matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
   };
   matcher.match(predictions, reference.bits(), {}, first_radius, matches_);
-  const double log_tests = std::log10(static_cast<double>(kDistances.size()) * seeds) +
-                           logQuadruples(static_cast<double>(matcher.candidates()));
+  const double log_tests = std::log10(static_cast<double>(kLevels) * seeds) +
+                           logQuadruples(kRounds * static_cast<double>(matcher.candidates()));
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
@@ -98,45 +102,62 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
                  std::numeric_limits<double>::infinity()};
   for (std::size_t k = 0; k < own.size(); ++k) {
     best.log_false_alarms =
-        std::min(best.log_false_alarms,
-                 log_tests + logChance(own[k] - 4.0, 1.0 / (kShifts.size() * kDirections), 1.0));
+        std::min(best.log_false_alarms, log_tests + logChance(own[k] - 4.0, 1.0 / kDecoys, 1.0));
   }
   if (!(best.log_false_alarms < kLogMaxFalseAlarms)) return best;
 
-  double all_chances = 0.0;
-  Counts sum{};
-  Counts squares{};  // of the excess over what their chances would give, over these
-  struct Decoy {
-    double chances;
-    Counts counts;
-  };
-  std::array<Decoy, kShifts.size() * kDirections> decoys;
   std::size_t d = 0;
   for (const double length : kShifts) {
     for (int direction = 0; direction < kDirections; ++direction, ++d) {
-      decoys[d].chances = chances(shiftOf(direction, length));
-      decoys[d].counts = count(matches_, reference, matcher);
-      all_chances += decoys[d].chances;
-      for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += decoys[d].counts[k];
+      decoys_[d].chances = chances(shiftOf(direction, length));
+      decoys_[d].counts = count(matches_, reference, matcher);
     }
   }
   best.log_false_alarms = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < sum.size(); ++k) {
-    // One more than were seen (Laplace's rule): what was never seen may still happen.
-    const double rate = (sum[k] + 1.0) / std::max(all_chances, 1.0);
-    for (const Decoy& decoy : decoys) {
-      const double expected = rate * decoy.chances;
-      const double excess = decoy.counts[k] - expected;
-      if (expected > 0.0) squares[k] += excess * excess / expected;
-    }
-    const double spread = std::max(1.0, squares[k] / static_cast<double>(decoys.size()));
-    const double mean = rate * own_chances;
-    const double log_nfa = log_tests + logChance(own[k] - 4.0, mean, spread);
-    if (log_nfa < best.log_false_alarms) {
-      best = {static_cast<std::size_t>(own[k]), mean, log_nfa};
-    }
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    const Chance chance = chanceAt(k);
+    const double mean = chance.rate * own_chances;
+    if (!(own[k] > kAboveLargest * chance.largest_rate * own_chances)) continue;
+    const double log_nfa = log_tests + logChance(own[k] - 4.0, mean, chance.spread);
+    if (log_nfa < best.log_false_alarms) best = {static_cast<std::size_t>(own[k]), mean, log_nfa};
   }
   return best;
+}
+
+/// Where the scene repeats itself, a shift may meet the next window or letter: a few decoys then
+/// have many matches, which are not chance. What they have beyond the others is left out here, and
+/// the homography must be well above the best of them (kAboveLargest).
+Verdict::Chance Verdict::chanceAt(std::size_t k) {
+  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may meet a repetition
+  constexpr double kBeyond = 2.0;      // matches that chance may add to the other decoys'
+  constexpr double kFewChances = 5.0;  // of so few, a single match would say too much
+  const auto rate = [&](const Decoy& decoy) {
+    return decoy.counts[k] / std::max(decoy.chances, kFewChances);
+  };
+  Chance chance{0.0, 1.0, 0.0};
+  std::array<double, kDecoys> counts;
+  // One more than were seen (Laplace's rule): what was never seen may still happen.
+  double sum = 1.0;
+  double all_chances = 1.0;
+  for (std::size_t d = 0; d < kDecoys; ++d) {
+    counts[d] = decoys_[d].counts[k];
+    chance.largest_rate = std::max(chance.largest_rate, rate(decoys_[d]));
+  }
+  std::nth_element(counts.begin(), counts.end() - kRepeats - 1, counts.end());
+  const double most = *(counts.end() - kRepeats - 1) + kBeyond;
+  for (const Decoy& decoy : decoys_) {
+    sum += std::min(decoy.counts[k], most);
+    all_chances += decoy.chances;
+  }
+  chance.rate = sum / all_chances;
+  double squares = 0.0;  // of what they have beyond their chances, over these
+  for (const Decoy& decoy : decoys_) {
+    const double expected = chance.rate * std::max(decoy.chances, 1.0);
+    const double excess = std::min(decoy.counts[k], most) - expected;
+    squares += excess * excess / expected;
+  }
+  chance.spread = std::max(1.0, squares / double{kDecoys});
+  return chance;
 }
 
 }  // namespace ktgp_orb::growth

@@ -30,33 +30,51 @@ struct Judgement {
 /// is wrong by construction, but meets the same images, descriptors, region, directions and sizes.
 /// Chances that a decoy has, keypoints predicted where the target has one within 4 px, and those of
 /// the homography are counted, so that it does not matter where the target has more keypoints.
-/// Matches count once per 6x6 px in either image.
+/// Matches count once per 12x12 px in either image.
 ///
-/// The homography was fitted to the matches, as no decoy was: of all pairs that it could have been
-/// fitted to, M within the first radius, any four determine one, which these four then support. So
-/// the number of false alarms is, with s seeds tried and three limits of the Hamming distance,
+/// The homography was fitted to the matches, as no decoy was. Any four pairs determine one, which
+/// these four then support. It could have been fitted to all M pairs within the first radius and,
+/// as it moved from round to round, to as many others in each of the ten rounds. So the number of
+/// false alarms is, with s seeds and
+/// twelve limits (of the Hamming distance and of the error),
 ///
-///   NFA = 3 s C(M, 4) P(at least n - 4 by chance)
+///   NFA = 12 s C(10 M, 4) P(at least n - 4 by chance)
 class Verdict {
  public:
   static constexpr float kRadius = 4.F;  ///< px
-  static constexpr double kLogMaxFalseAlarms = -4.0;
+  static constexpr double kLogMaxFalseAlarms = -6.0;
 
   /// `predictions`: all that the homography predicts. `first_radius`: what it was grown from.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
                   float first_radius, int seeds, LocalMatcher& matcher);
 
  private:
-  static constexpr std::array<int, 3> kDistances{48, 64, LocalMatcher::kMaxDistance};
-  using Counts = std::array<double, kDistances.size()>;
+  static constexpr std::array<int, 6> kDistances{40, 48, 56, 64, 72, LocalMatcher::kMaxDistance};
+  static constexpr std::array<float, 2> kRadii{2.F, kRadius};
+  static constexpr std::size_t kLevels = kDistances.size() * kRadii.size();
+  using Counts = std::array<double, kLevels>;
 
-  /// Matches up to each of the distances, once per cell in either image.
+  /// Matches within each of the radii and up to each of the distances, once per cell in either
+  /// image.
   Counts count(const std::vector<LocalMatch>& matches, const ReferenceFrames& reference,
                const LocalMatcher& matcher);
+  /// What the decoys say of matches up to level k.
+  struct Chance {
+    double rate;          // matches for each chance
+    double spread;        // variance over that of a Poisson distribution
+    double largest_rate;  // of all decoys
+  };
+  Chance chanceAt(std::size_t k);
   bool isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells);
 
+  struct Decoy {
+    double chances;
+    Counts counts;
+  };
+  static constexpr std::size_t kDecoys = 48;
+
+  std::array<Decoy, kDecoys> decoys_;
   std::vector<LocalMatch> matches_;
-  std::vector<LocalMatch> sorted_;
   std::vector<std::uint64_t> reference_cells_;  // hash tables
   std::vector<std::uint64_t> target_cells_;
 };
