@@ -18,8 +18,9 @@ namespace ktgp_orb {
 struct GrowthOptions {
   bool enabled = false;  ///< not in the paper
   int seeds = 30;        ///< matches that it is grown from at most, 1..10000: the bound on the work
-  /// Simulated views of a fixed reference that are searched beside the image itself: 0, 5 (the
-  /// image and a tilt of 2 in four directions) or 13 (and a tilt of 4 in eight).
+  /// Views of a fixed reference that are searched, the image itself included, 0..13: from 5 on it
+  /// is also seen at a tilt of 2 in four directions, from 13 on at a tilt of 4 in eight.
+  /// SequenceMatcher makes them; HomographyGrowth takes those that it is given.
   int views = 0;
 };
 
@@ -32,8 +33,8 @@ struct ReferenceView {
 /// Made once for a reference that many images are matched to.
 using ReferenceViews = std::vector<ReferenceView>;
 
-/// The simulated views without the image itself: `views` - 1 of them (GrowthOptions::views), none
-/// for 0. `image`: 8-bit grey. The features of a view are fewer in proportion to its size.
+/// The simulated views (GrowthOptions::views) without the image itself: 0, 4 or 12. `image`: 8-bit
+/// grey. The features of a view are fewer in proportion to its size.
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views);
 
 /// What came of the search. Reused from call to call for its buffers.

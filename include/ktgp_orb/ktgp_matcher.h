@@ -37,7 +37,7 @@ struct MatcherOptions {
   /// defaults.
   static MatcherOptions ktgp(DescriptorKind descriptor = DescriptorKind::orb);
   /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
-  /// GMS, PROSAC, a guided round, alignment.
+  /// GMS, PROSAC, growth where that finds none, a guided round, alignment.
   static MatcherOptions robust();
 };
 

@@ -98,6 +98,7 @@ MatcherOptions MatcherOptions::robust() {
   options.mutual = true;
   options.ratio_threshold = 1.0;
   options.gms.enabled = false;
+  options.growth.enabled = true;
   options.guided.enabled = true;
   return options;
 }
@@ -130,6 +131,7 @@ struct KtgpMatcher::Impl {
   ProsacHomography prosac;
   PointPairs pairs;
   HomographyGrowth growth;
+  bool growth_has_reference = false;  // that of the last call
   GuidedMatcher guided;
   Alignment alignment;
   std::vector<Correspondence> matches;  // of level ktgp and above
@@ -237,10 +239,11 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result) {
   result.growth.clear();
+  if (!hints.same_reference) growth_has_reference = false;
   if (!options.growth.enabled || result.status == Status::ok || result.search == Search::near)
     return;
-  growth.find(reference, hints.views, target, result.correspondences, hints.same_reference,
-              result.growth);
+  growth.find(reference, hints.views, target, result.correspondences,
+              std::exchange(growth_has_reference, true), result.growth);
   if (!result.growth.found) return;
   result.status = Status::ok;
   result.found_by = FoundBy::growth;

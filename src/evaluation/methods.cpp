@@ -10,6 +10,7 @@ MatcherOptions robust(const MatcherOptions& options) {
   MatcherOptions preset = MatcherOptions::robust();
   preset.knn = options.knn;
   preset.prosac = options.prosac;
+  preset.growth.seeds = options.growth.seeds;
   preset.guided.radius = options.guided.radius;
   preset.alignment = options.alignment;
   return preset;
@@ -29,8 +30,8 @@ OrbOptions forHardPairs(OrbOptions options) {
   return options;
 }
 
-MatcherOptions growing(MatcherOptions options) {
-  options.growth.enabled = true;
+MatcherOptions withoutGrowth(MatcherOptions options) {
+  options.growth.enabled = false;
   return options;
 }
 
@@ -75,18 +76,20 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
        {mutualNearest(options.knn), model(Estimator::prosac), align(options.alignment)}},
-      {"ROBUST", "the preset: MUTUAL, a guided round, alignment", {matcher(robust(options))}},
+      {"ROBUST",
+       "the preset: MUTUAL, growth from seeds, a guided round, alignment",
+       {matcher(robust(options))}},
+      {"ROBUST-PROSAC", "ROBUST without growth", {matcher(withoutGrowth(robust(options)))}},
       {"ROBUST-TEBLID",
-       "the same over TEBLID descriptors",
+       "ROBUST over TEBLID descriptors",
        {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
-      {"ROBUST+GROWTH", "ROBUST, growth from seeds", {matcher(growing(robust(options)))}},
       {"HARD",
-       "ROBUST with growth over 3000 TEBLID features, FAST threshold 10",
-       {extract(forHardPairs(pipeline.orb)), matcher(growing(robust(options)))}},
+       "ROBUST over 3000 TEBLID features, FAST threshold 10",
+       {extract(forHardPairs(pipeline.orb)), matcher(robust(options))}},
       {"HARD-VIEWS",
        "HARD, the reference also seen from 12 simulated sides",
        {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
-        matcher(growing(robust(options)))}},
+        matcher(robust(options))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(options.gms)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},

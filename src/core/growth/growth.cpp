@@ -187,6 +187,7 @@ void GrowthResult::clear() {
 
 HomographyGrowth::HomographyGrowth(const GrowthOptions& options) : impl_(std::make_unique<Impl>()) {
   requireInRange("growth_seeds", options.seeds, 1, 10000);
+  requireInRange("views", options.views, 0, 13);
   impl_->options = options;
 }
 

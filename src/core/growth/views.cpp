@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
-#include <stdexcept>
-#include <string>
+#include <utility>
 
 #include "core/util/constants.h"
+#include "core/util/options_check.h"
 #include "ktgp_orb/growth.h"
 
 namespace ktgp_orb {
@@ -79,12 +79,10 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
 }  // namespace
 
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views) {
-  if (views != 0 && views != 5 && views != 13) {
-    throw std::invalid_argument("views is " + std::to_string(views) + "; expected 0, 5 or 13");
-  }
+  requireInRange("views", views, 0, 13);
   ReferenceViews made;
   for (const auto& [tilt, directions] : kTilts) {
-    if (static_cast<int>(made.size()) + 1 >= views) break;
+    if (1 + static_cast<int>(made.size()) + directions > views) break;
     for (int d = 0; d < directions; ++d) {
       made.push_back(simulate(image, options, kPi * d / directions, tilt));
     }

@@ -38,6 +38,7 @@ std::int64_t stampOf(double seconds) {
 // Frames are kept, so that nothing need be copied.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
+  if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
   return options;
 }
 
@@ -55,7 +56,7 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
 
 struct SequenceMatcher::Impl {
   explicit Impl(const SequenceOptions& wanted)
-      : options(withImages(wanted)), extractor(options.orb), matcher(wanted.matcher) {
+      : options(withImages(wanted)), extractor(options.orb), matcher(options.matcher) {
     requireValid(wanted.reference);
     keeper.setOptions(wanted.reference);
     answer.match.clear(options.matcher);
@@ -63,8 +64,10 @@ struct SequenceMatcher::Impl {
 
   void setOptions(const SequenceOptions& as_given);
   bool findFeatures(Frame& frame);
+  const ReferenceViews* viewsOf(const FramePtr& reference, bool changed);
   void matchTo(const FramePtr& reference, const Frame& target, MatchResult& result);
-  void fallBack(const Frame& reference, const Frame& target, MatchResult& result);
+  void fallBack(const Frame& reference, const Frame& target, const ReferenceViews* of_reference,
+                MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead);
   void forgetAnswer();
@@ -76,6 +79,8 @@ struct SequenceMatcher::Impl {
   MotionPredictor predictor;
   FramePool pool;
   FramePtr laid_out;  // the reference of the matcher's last call
+  ReferenceViews views;
+  FramePtr viewed;  // the frame that they show
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
@@ -93,6 +98,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
   laid_out.reset();
+  viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
@@ -105,25 +111,43 @@ bool SequenceMatcher::Impl::findFeatures(Frame& frame) {
   return true;
 }
 
+/// Simulated views are worth their time for a reference that stays; their keypoints are not moved
+/// where a lens has it, so that then there are none.
+const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference, bool changed) {
+  const GrowthOptions& growth = options.matcher.growth;
+  const bool wanted = growth.enabled && growth.views > 0 &&
+                      options.reference.mode == ReferenceMode::fixed && !reference->lens &&
+                      !reference->image.empty();
+  if (!wanted) return nullptr;
+  if (changed || viewed != reference) {
+    viewed.reset();
+    views = simulateViews(reference->image, options.orb, growth.views);
+    viewed = reference;
+  }
+  return &views;
+}
+
 void SequenceMatcher::Impl::matchTo(const FramePtr& reference, const Frame& target,
                                     MatchResult& result) {
   MatchHints hints;
   const bool changed = findFeatures(*reference);
   hints.same_reference = !changed && reference == laid_out;
+  hints.views = viewsOf(reference, changed);
   laid_out.reset();
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   laid_out = reference;
   if (result.search == Search::near && predictor.isPoor(result)) {
-    fallBack(*reference, target, result);
+    fallBack(*reference, target, hints.views, result);
   }
 }
 
 /// Matches once more, as if there were no search radius; `result` becomes the better of the two.
 void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
-                                     MatchResult& result) {
+                                     const ReferenceViews* of_reference, MatchResult& result) {
   MatchHints hints;
+  hints.views = of_reference;
   hints.whole_image = true;
   hints.same_reference = true;
   matcher.match(reference.features, target.features, hints, whole_result);
@@ -194,6 +218,7 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.accumulated.reset();
   predictor.forget();
   laid_out.reset();
+  viewed.reset();
   pool.releaseImages();
 }
 
