@@ -46,12 +46,14 @@ std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
 }
 
 /// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
-/// in some bits; the others have nothing to do with each other.
+/// in some bits; `lures` look the same in both and lie anywhere; the others have nothing to do with
+/// each other.
 struct Pair {
   Features reference, target;
 };
 
-Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_t seed) {
+Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_t seed,
+              int lures = 0) {
   Numbers numbers(seed);
   Pair pair;
   pair.reference.image_size = pair.target.image_size = kSize;
@@ -69,7 +71,7 @@ Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_
     addDescriptor(bits, pair.reference);
     if (i >= inliers) {
       addKeypoint(numbers.pointIn(kSize), numbers.uniform(0.0, 2.0 * M_PI), size, pair.target);
-      addDescriptor(randomDescriptor(numbers), pair.target);
+      addDescriptor(i < inliers + lures ? bits : randomDescriptor(numbers), pair.target);
       continue;
     }
     const Eigen::Vector2d step(std::cos(angle), std::sin(angle));
@@ -157,15 +159,31 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
   EXPECT_GT(tried, 0);
 }
 
+/// A picture without repetition.
+cv::Mat scene(std::uint64_t seed) {
+  cv::Mat image(kSize * 2, CV_8U, cv::Scalar(128));
+  Numbers numbers(seed);
+  for (int i = 0; i < 1500; ++i) {
+    const cv::Point p(static_cast<int>(numbers.uniform(0.0, image.cols)),
+                      static_cast<int>(numbers.uniform(0.0, image.rows)));
+    const cv::Size size(static_cast<int>(numbers.uniform(8.0, 40.0)),
+                        static_cast<int>(numbers.uniform(8.0, 40.0)));
+    cv::rectangle(image, cv::Rect(p, size), cv::Scalar(numbers.uniform(0.0, 255.0)), cv::FILLED);
+  }
+  cv::GaussianBlur(image, image, {}, 1.0);
+  return image;
+}
+
 TEST(Growth, TriesNoMoreSeedsThanAllowed) {
   GrowthOptions options;
   options.seeds = 3;
-  OrbOptions orb;
-  OrbExtractor extractor(orb);
+  OrbExtractor extractor;
   Pair pair;
   extractor.extract(letters(1), pair.reference);
   extractor.extract(letters(2), pair.target);
   EXPECT_EQ(grow(pair, options).seeds, 3);
+  options.seeds = 5;
+  EXPECT_EQ(grow(pair, options).seeds, 5);
 }
 
 TEST(Growth, GivesTheSameAnswerAgain) {
@@ -208,9 +226,10 @@ TEST(Growth, RefusesOptionsOutOfRange) {
 }
 
 TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
-  const Pair pair = makePair(2000, 40, tilted(), 3);
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
   MatcherOptions options = MatcherOptions::robust();
   options.alignment.enabled = false;
+  options.prosac.max_iterations = 20;  // all spent on the lures
   options.growth.enabled = false;
   MatchResult result;
   KtgpMatcher(options).match(pair.reference, pair.target, result);
@@ -225,15 +244,17 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
   const Pair easy = makePair(500, 400, tilted(), 3);
+  options.prosac.max_iterations = 2000;
   KtgpMatcher(options).match(easy.reference, easy.target, result);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
-  const Pair pair = makePair(2000, 40, tilted(), 3);
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
   options.matcher = MatcherOptions::robust();
+  options.matcher.prosac.max_iterations = 20;  // all spent on the lures
   for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
     options.reference.mode = mode;
     SequenceMatcher sequence(options);
@@ -276,25 +297,10 @@ TEST(GrowthDistance, CountsBits) {
   EXPECT_EQ(growth::distance(a, b), 10);
 }
 
-/// A picture without repetition.
-cv::Mat scene() {
-  cv::Mat image(kSize * 2, CV_8U, cv::Scalar(128));
-  Numbers numbers(7);
-  for (int i = 0; i < 1500; ++i) {
-    const cv::Point p(static_cast<int>(numbers.uniform(0.0, image.cols)),
-                      static_cast<int>(numbers.uniform(0.0, image.rows)));
-    const cv::Size size(static_cast<int>(numbers.uniform(8.0, 40.0)),
-                        static_cast<int>(numbers.uniform(8.0, 40.0)));
-    cv::rectangle(image, cv::Rect(p, size), cv::Scalar(numbers.uniform(0.0, 255.0)), cv::FILLED);
-  }
-  cv::GaussianBlur(image, image, {}, 1.0);
-  return image;
-}
-
 TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
   OrbOptions orb;
   orb.max_features = 500;
-  const cv::Mat image = scene();
+  const cv::Mat image = scene(7);
   EXPECT_EQ(simulateViews(image, orb, 0).size(), 0U);
   EXPECT_EQ(simulateViews(image, orb, 4).size(), 0U);
   EXPECT_EQ(simulateViews(image, orb, 5).size(), 4U);
@@ -312,7 +318,7 @@ TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
 
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   cv::Mat reference_image;
-  cv::resize(scene(), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
+  cv::resize(scene(7), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
   const Eigen::Matrix3d truth =
       (Eigen::Matrix3d() << 0.28, 0.05, 180.0, 0.0, 0.95, 10.0, 1e-4, 0.0, 1.0).finished();
   cv::Mat blurred, target_image;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
@@ -40,6 +41,20 @@ class LocalMatcher {
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
+  /// Calls visit(dx, dy, descriptor) for each keypoint that points the same way and is as large, as
+  /// match() has it, in the square of half side `radius` around `wanted`; dx, dy: from there, px.
+  template <typename Visit>
+  void visitAlike(const LocalFrame& wanted, float radius, Visit visit) const {
+    cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t i = begin; i < end; ++i) {
+        const LocalFrame& frame = frames_[i];
+        const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kCosine;
+        const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kLogScale;
+        if (turns_alike & scales_alike) visit(frame.x - wanted.x, frame.y - wanted.y, bits_[i]);
+      }
+    });
+  }
+
   /// Pairs that pass all of these tests, mutual or not, of the last call of match().
   std::size_t candidates() const { return candidates_; }
 
@@ -50,7 +65,9 @@ class LocalMatcher {
   const cv::Size& imageSize() const { return image_size_; }
 
  private:
-  static constexpr float kCell = 16.F;  // px
+  static constexpr float kCell = 8.F;            // px
+  static constexpr float kCosine = 0.825336F;    // of 0.6 rad
+  static constexpr float kLogScale = 0.587787F;  // of 1.8
 
   CellGrid cells_;
   cv::Size image_size_;

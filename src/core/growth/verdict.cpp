@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
-constexpr double kAboveLargest = 2.0;
+constexpr double kAboveLargest = 1.5;
 constexpr double kRounds = 10.0;  // of growth
 constexpr float kCell = 12.F;     // px: half of a patch's width is seen by both
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
@@ -98,13 +98,13 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const Counts own = count(matches_, reference, matcher);
 
   // As if the decoys had nothing: what would not pass then need not meet them.
-  Judgement best{static_cast<std::size_t>(own.back()), 0.0,
+  Judgement hope{static_cast<std::size_t>(own.back()), 0.0,
                  std::numeric_limits<double>::infinity()};
-  for (std::size_t k = 0; k < own.size(); ++k) {
-    best.log_false_alarms =
-        std::min(best.log_false_alarms, log_tests + logChance(own[k] - 4.0, 1.0 / kDecoys, 1.0));
+  for (const double n : own) {
+    hope.log_false_alarms =
+        std::min(hope.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
   }
-  if (!(best.log_false_alarms < kLogMaxFalseAlarms)) return best;
+  if (!(hope.log_false_alarms < kLogMaxFalseAlarms)) return hope;
 
   std::size_t d = 0;
   for (const double length : kShifts) {
@@ -113,35 +113,58 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
       decoys_[d].counts = count(matches_, reference, matcher);
     }
   }
-  best.log_false_alarms = std::numeric_limits<double>::infinity();
+  largest_.fill(0.0);
+  for (const Decoy& decoy : decoys_) raise(decoy);
+  Judgement judgement = best(own, own_chances, log_tests);
+  if (!(judgement.log_false_alarms < kLogMaxFalseAlarms)) return judgement;
+  meetRepeats(predictions, reference, matcher);
+  return best(own, own_chances, log_tests);
+}
+
+/// At the level that says most.
+Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
+  Judgement judgement;
+  judgement.log_false_alarms = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < own.size(); ++k) {
     const Chance chance = chanceAt(k);
     const double mean = chance.rate * own_chances;
-    if (!(own[k] > kAboveLargest * chance.largest_rate * own_chances)) continue;
-    const double log_nfa = log_tests + logChance(own[k] - 4.0, mean, chance.spread);
-    if (log_nfa < best.log_false_alarms) best = {static_cast<std::size_t>(own[k]), mean, log_nfa};
+    const bool is_unique = own[k] > kAboveLargest * largest_[k] * own_chances;
+    const double log_chance = logChance(own[k] - 4.0, mean, chance.spread);
+    if (!is_unique || log_tests + log_chance >= judgement.log_false_alarms) continue;
+    judgement = {static_cast<std::size_t>(own[k]), mean, log_tests + log_chance};
   }
-  return best;
+  return judgement;
+}
+
+void Verdict::meetRepeats(const std::vector<Prediction>& predictions,
+                          const ReferenceFrames& reference, LocalMatcher& matcher) {
+  for (const cv::Point2f& shift : repeats_.find(predictions, reference.bits(), matcher)) {
+    const auto chances =
+        static_cast<double>(matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
+    raise({chances, count(matches_, reference, matcher)});
+  }
+}
+
+void Verdict::raise(const Decoy& decoy) {
+  constexpr double kFewChances = 5.0;  // of so few, a single match would say too much
+  for (std::size_t k = 0; k < kLevels; ++k) {
+    largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
+  }
 }
 
 /// Where the scene repeats itself, a shift may meet the next window or letter: a few decoys then
-/// have many matches, which are not chance. What they have beyond the others is left out here, and
-/// the homography must be well above the best of them (kAboveLargest).
-Verdict::Chance Verdict::chanceAt(std::size_t k) {
+/// have many matches, which are not chance. What they have beyond the others is left out here; the
+/// homography must be well above the best of them all the same (kAboveLargest).
+Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may meet a repetition
-  constexpr double kBeyond = 2.0;      // matches that chance may add to the other decoys'
-  constexpr double kFewChances = 5.0;  // of so few, a single match would say too much
-  const auto rate = [&](const Decoy& decoy) {
-    return decoy.counts[k] / std::max(decoy.chances, kFewChances);
-  };
-  Chance chance{0.0, 1.0, 0.0};
+  constexpr double kBeyond = 2.0;  // matches that chance may add to the other decoys'
+  Chance chance{0.0, 1.0};
   std::array<double, kDecoys> counts;
   // One more than were seen (Laplace's rule): what was never seen may still happen.
   double sum = 1.0;
   double all_chances = 1.0;
   for (std::size_t d = 0; d < kDecoys; ++d) {
     counts[d] = decoys_[d].counts[k];
-    chance.largest_rate = std::max(chance.largest_rate, rate(decoys_[d]));
   }
   std::nth_element(counts.begin(), counts.end() - kRepeats - 1, counts.end());
   const double most = *(counts.end() - kRepeats - 1) + kBeyond;

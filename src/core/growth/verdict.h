@@ -9,6 +9,7 @@
 
 #include "core/growth/local_matcher.h"
 #include "core/growth/reference_frames.h"
+#include "core/growth/repeats.h"
 
 namespace ktgp_orb::growth {
 
@@ -31,6 +32,10 @@ struct Judgement {
 /// Chances that a decoy has, keypoints predicted where the target has one within 4 px, and those of
 /// the homography are counted, so that it does not matter where the target has more keypoints.
 /// Matches count once per 12x12 px in either image.
+///
+/// Where the scene repeats itself, another shift may do as well: the shifts that the keypoints
+/// themselves say are frequent (Repeats) are met too, and the homography must have well more
+/// matches than each.
 ///
 /// The homography was fitted to the matches, as no decoy was. Any four pairs determine one, which
 /// these four then support. It could have been fitted to all M pairs within the first radius and,
@@ -60,11 +65,13 @@ class Verdict {
                const LocalMatcher& matcher);
   /// What the decoys say of matches up to level k.
   struct Chance {
-    double rate;          // matches for each chance
-    double spread;        // variance over that of a Poisson distribution
-    double largest_rate;  // of all decoys
+    double rate;    // matches for each chance
+    double spread;  // variance over that of a Poisson distribution
   };
-  Chance chanceAt(std::size_t k);
+  Chance chanceAt(std::size_t k) const;
+  Judgement best(const Counts& own, double own_chances, double log_tests) const;
+  void meetRepeats(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
+                   LocalMatcher& matcher);
   bool isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells);
 
   struct Decoy {
@@ -72,8 +79,11 @@ class Verdict {
     Counts counts;
   };
   static constexpr std::size_t kDecoys = 48;
+  void raise(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
+  Counts largest_{};  // of all decoys and repeats, matches for each chance
+  Repeats repeats_;
   std::vector<LocalMatch> matches_;
   std::vector<std::uint64_t> reference_cells_;  // hash tables
   std::vector<std::uint64_t> target_cells_;
