@@ -25,7 +25,7 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/refiner.h"
+#include "core/homography/estimate.h"
 #include "evaluation/warps.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
@@ -74,6 +74,10 @@ struct Pair {
     return false;
   }
 
+  ktgp_orb::UncertainHomography answer() const {
+    return {match.homography, match.covariance, match.shared_covariance, match.plane_deviation};
+  }
+
   double error(const Eigen::Matrix3d& h) const {
     return ktgp_orb::evaluation::cornerError(h, truth, reference.image_size);
   }
@@ -102,11 +106,10 @@ void align(benchmark::State& state) {
   options.points = static_cast<int>(state.range(0));
   ktgp_orb::Alignment alignment(options);
   ktgp_orb::AlignmentResult result;
-  alignment.align(pair.reference, pair.target, pair.inliers, pair.match.homography,
-                  pair.match.covariance, result);
+  const ktgp_orb::UncertainHomography start = pair.answer();
+  alignment.align(pair.reference, pair.target, pair.inliers, start, result);
   run(state, pair, result.homography, [&] {
-    alignment.align(pair.reference, pair.target, pair.inliers, pair.match.homography,
-                    pair.match.covariance, result);
+    alignment.align(pair.reference, pair.target, pair.inliers, start, result);
     return result.points.size();
   });
 }
@@ -140,12 +143,12 @@ void lucasKanade(benchmark::State& state) {
     reference_points.emplace_back(from[i].x, from[i].y);
     target_points.emplace_back(to[i].x, to[i].y);
   }
-  Eigen::Matrix3d homography = pair.match.homography;
-  ktgp_orb::RefinerOptions refinement;
-  refinement.min_scale = 1.0;  // as the alignment's
-  ktgp_orb::HomographyRefiner().refine(reference_points, target_points, refinement, homography,
-                                       nullptr);
-  run(state, pair, homography, track);
+  ktgp_orb::UncertainHomography estimate = pair.answer();
+  ktgp_orb::homography::EvidenceOptions evidence;
+  evidence.min_scale = 1.0;  // as the alignment's
+  ktgp_orb::homography::HomographyRefiner().refine(
+      reference_points, target_points, pair.reference.image_size, evidence, estimate);
+  run(state, pair, estimate.homography, track);
 }
 
 void ecc(benchmark::State& state) {
@@ -169,18 +172,15 @@ void guided(benchmark::State& state) {
   const Pair pair(static_cast<int>(state.range(1)));
   if (!pair.isUsable(state)) return;
   ktgp_orb::GuidedMatcher matcher(MatcherOptions::robust().guided);
-  Eigen::Matrix3d homography;
-  ktgp_orb::Covariance8 covariance;
-  std::vector<ktgp_orb::Correspondence> added;
+  ktgp_orb::UncertainHomography estimate;
+  std::vector<ktgp_orb::Correspondence> matches;
   const auto round = [&] {
-    homography = pair.match.homography;
-    covariance = pair.match.covariance;
-    matcher.refine(pair.reference, pair.target, pair.match.correspondences, 3.0, homography,
-                   covariance, added);
-    return pair.inliers.size() + added.size();
+    estimate = pair.answer();
+    matcher.refine(pair.reference, pair.target, 3.0, estimate, matches);
+    return matches.size();
   };
   round();
-  run(state, pair, homography, round);
+  run(state, pair, estimate.homography, round);
 }
 
 void arguments(benchmark::internal::Benchmark* benchmark) {

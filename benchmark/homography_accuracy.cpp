@@ -30,6 +30,10 @@
 namespace ktgp_orb {
 namespace {
 
+using util::kPi;
+using util::position;
+using util::Random;
+
 constexpr int kRuns = 20;  // seeds for us, orders of the matches for OpenCV, whose seed is fixed
 constexpr double kThreshold = 3.0;
 

@@ -34,11 +34,11 @@
 namespace {
 
 using ktgp_orb::Correspondence;
-using ktgp_orb::KnnKernel;
-using ktgp_orb::KnnSearch;
-using ktgp_orb::NearKernel;
-using ktgp_orb::NearSearch;
 using ktgp_orb::bench::milliseconds;
+using ktgp_orb::knn::KnnKernel;
+using ktgp_orb::knn::KnnSearch;
+using ktgp_orb::knn::NearKernel;
+using ktgp_orb::knn::NearSearch;
 
 /// At least `count` ORB descriptors of an image and its enlargements.
 cv::Mat orbDescriptors(const std::string& file, int count) {
@@ -84,12 +84,17 @@ void bruteForce(const cv::Mat& reference, const cv::Mat& target) {
   benchmark::DoNotOptimize(matches.data());
 }
 
+/// Makes it another reference, as that of every frame is, which has to be laid out anew.
+void renew(cv::Mat& reference) {
+  *reference.data ^= 1;
+}
+
 /// Times `match` and reports it per pair and, if asked for, against BFMatcher.
 template <typename Match>
 void run(benchmark::State& state, const Frames& frames, bool beside_brute_force, Match match) {
   const auto n = static_cast<int>(state.range(0));
   const bool one_thread = state.range(1) == 1;
-  const cv::Mat reference = frames.reference.rowRange(0, n);
+  cv::Mat reference = frames.reference.rowRange(0, n).clone();
   const cv::Mat target = frames.target.rowRange(0, n);
   cv::setNumThreads(static_cast<int>(state.range(1)));
   match(reference, target);  // buffers grow, threads wake up
@@ -104,6 +109,7 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
       brute_force_times.push_back(milliseconds(one_thread) - start);
       state.ResumeTiming();
     }
+    renew(reference);
     const double start = milliseconds(one_thread);
     match(reference, target);
     times.push_back(milliseconds(one_thread) - start);
@@ -119,7 +125,7 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
 void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& kernel) {
   const auto n = static_cast<int>(state.range(0));
   const bool one_thread = state.range(1) == 1;
-  const cv::Mat reference = frames.reference.rowRange(0, n);
+  cv::Mat reference = frames.reference.rowRange(0, n).clone();
   const cv::Mat target = frames.target.rowRange(0, n);
   KnnSearch search(kernel, static_cast<int>(state.range(1)));
   std::vector<Correspondence> result;
@@ -128,10 +134,12 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
   search.matchMutual(reference, target, result);  // buffers grow, threads wake up
   for (auto _ : state) {
     state.PauseTiming();
+    renew(reference);
     double start = milliseconds(one_thread);
     search.match(reference, target, result);
     one_way_times.push_back(milliseconds(one_thread) - start);
     state.ResumeTiming();
+    renew(reference);
     start = milliseconds(one_thread);
     search.matchMutual(reference, target, result);
     times.push_back(milliseconds(one_thread) - start);
@@ -160,7 +168,7 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
              const KnnKernel& whole_kernel) {
   const auto n = static_cast<int>(state.range(0));
   const auto width = static_cast<int>(state.range(1));
-  const auto reference = spread(frames.reference.rowRange(0, n), width, 1);
+  auto reference = spread(frames.reference.rowRange(0, n).clone(), width, 1);
   const auto target = spread(frames.target.rowRange(0, n), width, 2);
   KnnSearch whole(whole_kernel, 1);
   NearSearch near(kernel, static_cast<double>(state.range(2)), whole.pool());
@@ -172,11 +180,13 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
   for (auto _ : state) {
     if (whole_times.size() < (n <= 2000 ? 9U : 3U)) {
       state.PauseTiming();
+      renew(reference.descriptors);
       const double start = milliseconds(true);
       whole.match(reference.descriptors, target.descriptors, result);
       whole_times.push_back(milliseconds(true) - start);
       state.ResumeTiming();
     }
+    renew(reference.descriptors);
     const double start = milliseconds(true);
     near.match(reference, target, here, false, result);
     times.push_back(milliseconds(true) - start);
@@ -188,10 +198,10 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
 }
 
 void registerNear(const Frames& frames) {
-  const auto whole =
-      ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel());
-  for (const NearKernel* kernel :
-       ktgp_orb::test::everyKernels(ktgp_orb::bestNearKernel, ktgp_orb::portableNearKernel())) {
+  const auto whole = ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                  ktgp_orb::knn::portableKnnKernel());
+  for (const NearKernel* kernel : ktgp_orb::test::everyKernels(
+           ktgp_orb::knn::bestNearKernel, ktgp_orb::knn::portableNearKernel())) {
     const KnnKernel* same = whole.back();
     for (const KnnKernel* candidate : whole) {
       if (std::string(candidate->name) == kernel->name) same = candidate;
@@ -216,8 +226,8 @@ void registerAll(const Frames& frames) {
       for (int n : {500, 1000, 2000, 5000, 10000, 20000}) benchmark->Args({n, threads});
     }
   };
-  for (const KnnKernel* chosen :
-       ktgp_orb::test::everyKernels(ktgp_orb::bestKnnKernel, ktgp_orb::portableKnnKernel())) {
+  for (const KnnKernel* chosen : ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                              ktgp_orb::knn::portableKnnKernel())) {
     const KnnKernel& kernel = *chosen;
     add(kernel.name, [&frames, kernel](benchmark::State& state) {
       KnnSearch search(kernel, static_cast<int>(state.range(1)));

@@ -20,6 +20,14 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestKnnKernel;
+using knn::bestNearKernel;
+using knn::KnnKernel;
+using knn::KnnSearch;
+using knn::NearSearch;
+using knn::portableKnnKernel;
+using knn::portableNearKernel;
+
 Features generated(int count, std::uint64_t seed) {
   Features features;
   features.image_size = {640, 480};
@@ -42,7 +50,7 @@ const Kernel& kernelNamed(const std::string& name, const Kernel& (*best)(),
 }
 
 void run(const std::string& name, const std::string& what, int count, int calls) {
-  const Features reference = generated(count, 1);
+  Features reference = generated(count, 1);
   const Features target = generated(count, 2);
   std::vector<Correspondence> found;
   std::vector<std::vector<cv::DMatch>> matches;
@@ -53,6 +61,7 @@ void run(const std::string& name, const std::string& what, int count, int calls)
       opencv ? portableNearKernel() : kernelNamed(name, bestNearKernel, portableNearKernel()), 48.0,
       whole.pool());
   for (int i = 0; i < calls; ++i) {
+    *reference.descriptors.data ^= 1;  // another reference, which has to be laid out anew
     if (opencv) {
       cv::BFMatcher(cv::NORM_HAMMING)
           .knnMatch(target.descriptors, reference.descriptors, matches, 2);

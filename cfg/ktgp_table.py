@@ -25,6 +25,28 @@ def rows(table):
                 yield kind, name, json.loads('[%s]' % (arguments or ''))
 
 
+# Names that rqt_reconfigure finds beside the groups, in the same dictionary.
+RESERVED = {'default', 'groups', 'id', 'name', 'parameters', 'parent', 'state', 'type'}
+
+
+def check(table_rows):
+    """Raises ValueError for names with which rqt_reconfigure cannot show the parameters."""
+    groups, taken = [], {}
+    for kind, name, _ in table_rows:
+        if kind == 'GROUP':
+            groups.append(name)
+        what = 'group' if kind == 'GROUP' else 'parameter'
+        other = 'word of dynamic_reconfigure' if name.lower() in RESERVED else taken.get(name.lower())
+        if other:
+            raise ValueError('the %s %s is called like a %s; rqt_reconfigure looks for both in one '
+                             'dictionary, ignoring case, and would show neither' % (what, name, other))
+        taken[name.lower()] = what
+    shown = groups[1:]  # the first stands above the others
+    if shown != sorted(shown):
+        raise ValueError('rqt_reconfigure shows groups by the order of their names, %s, which is not '
+                         'that of the table, %s' % (', '.join(sorted(shown)), ', '.join(shown)))
+
+
 def choices(gen, text):
     """An enumeration from "value: what it means; value: what it means"."""
     entries = [entry.strip().split(': ', 1) for entry in text.split(';')]
@@ -33,13 +55,14 @@ def choices(gen, text):
 
 
 def generate(table, name):
+    check(rows(table))
     gen = ParameterGenerator()
     group = gen
     for kind, parameter, arguments in rows(table):
         if kind == 'GROUP':
             group = gen if parameter == 'method' else gen.add_group(parameter)
         elif kind in ('INT', 'DOUBLE'):
-            default, low, high, _, unit, text = arguments
+            default, low, high, unit, text = arguments
             group.add(parameter, int_t if kind == 'INT' else double_t, 0,
                       '%s [%s]' % (text, unit) if unit else text, default, low, high)
         elif kind == 'BOOL':

@@ -51,5 +51,7 @@ install(DIRECTORY config launch rviz
 # Their first line names /usr/bin/python3, which has ROS, whatever python3 is first on PATH.
 install(PROGRAMS scripts/camera_motion scripts/play_bag scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(PROGRAMS scripts/keep_sim_time
+  DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/scripts)
 install(FILES nodelet_plugins.xml
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

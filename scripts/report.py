@@ -234,8 +234,13 @@ def image_folders(paths):
 
 def parse_arguments():
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
-    parser.add_argument("--tools", required=True, help="folder of ktgp_evaluate and ktgp_match")
+        prog="scripts/evaluate", description=__doc__,
+        usage="%(prog)s [--built FOLDER] [--data DIR ...] [--bag FILE] [options]",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+    # scripts/evaluate sets the first and reads the second.
+    parser.add_argument("--tools", default="", help=argparse.SUPPRESS)
+    parser.add_argument("--built", default=argparse.SUPPRESS, metavar="FOLDER",
+                        help="first of all: take the programs of this build, and build nothing")
     parser.add_argument("--data", action="append", default=[], metavar="DIR",
                         help="Oxford or HPatches folder, folder of those, or list; may be repeated")
     parser.add_argument("--bag", help="also evaluate this bag as a sequence")
@@ -260,15 +265,19 @@ def main():
         problems += measured["problems"]
         by_pair = paper.Measured(measured["results"])
         folders = image_sets(arguments.data)
-        if all(by_pair.has(name) and name in folders for name in paper.SETS):
+        missing = [method for method in paper.METHODS if not by_pair.has(method)]
+        if not all(name in folders for name in paper.SETS):
+            document.text("The paper's tables need the Leuven and Bikes sets, which are not among "
+                          "the data; scripts/fetch_oxford downloads them.")
+        elif missing:
+            document.text("The paper's tables need the methods "
+                          f"{', '.join(paper.METHODS)}; not measured: {', '.join(missing)}.")
+        else:
             both = [folders[name] for name in paper.SETS]
             add_paper_tables(document, by_pair)
             add_paper_figures(document, tools, both)
             add_figure_12(document, by_pair)
             add_match_pictures(document, tools, folders)
-        else:
-            document.text("The paper's tables need the Leuven and Bikes sets, which are not among "
-                          "the data; scripts/fetch_oxford downloads them.")
         if measured["summary"]:
             add_method_tables(document, measured)
         add_warps(document, tools, arguments)

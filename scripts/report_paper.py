@@ -4,6 +4,7 @@ PAIRS = ["1-2", "1-3", "1-4", "1-5", "1-6"]
 SETS = ["leuven", "bikes"]
 TITLE = {"leuven": "Leuven", "bikes": "Bikes"}
 MODELS = ["KT", "KTG", "KTGP"]
+METHODS = ["ORB"] + MODELS
 
 # Tables 1 and 3: number of matches (NM).
 NM = {
@@ -30,9 +31,9 @@ class Measured:
     def __init__(self, results):
         self.rows = {(r["set"].lower(), r["pair"], r["method"]): r for r in results}
 
-    def has(self, name):
-        """Whether all five pairs of the set were evaluated."""
-        return all((name, pair, "KTGP") in self.rows for pair in PAIRS)
+    def has(self, method):
+        """Whether it was measured on all pairs of both sets."""
+        return all((name, pair, method) in self.rows for name in SETS for pair in PAIRS)
 
     def values(self, name, method, key):
         """One value per pair; a pair without any match has none."""

@@ -16,6 +16,11 @@ namespace ktgp_orb {
 struct AlignmentOptions {
   bool enabled = true;  ///< false: the homography stays PROSAC's
   int points = 400;     ///< correspondences that are aligned at most, 12..100000
+  /// Inlier threshold of the homography, px, > 0; KtgpMatcher takes ProsacOptions::max_error. A
+  /// keypoint agrees with the aligned homography within this, and the errors of the aligned points
+  /// are never taken as smaller than a third of it. Both hold for images of 640x480 px and grow in
+  /// proportion to the diagonal of the reference image.
+  double max_error = 3.0;
 };
 
 /// What came of the alignment.
@@ -34,6 +39,8 @@ const char* toString(AlignmentStatus status);
 /// the keypoint, times the scale of the pyramid level it was aligned on.
 struct AlignedPoint {
   std::size_t match = 0;  ///< the correspondence it stands for, a place in the list handed in
+  std::int32_t reference_index = -1;  ///< keypoints of that correspondence
+  std::int32_t target_index = -1;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
   double correlation = 0.0;  ///< squared normalised cross-correlation of the patches, 0.5..1
@@ -44,8 +51,11 @@ struct AlignedPoint {
 struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// Of H's first eight entries, from the residuals of the aligned points (see ProsacResult).
+  /// Of H's first eight entries, from the residuals of the aligned points, its shared part, and how
+  /// far the scene is from a plane (see UncertainHomography).
   Covariance8 covariance = Covariance8::Zero();
+  Covariance8 shared_covariance = Covariance8::Zero();
+  double plane_deviation = 0.0;      ///< px
   std::vector<AlignedPoint> points;  ///< those that could be aligned, in order of `match`
   std::size_t tried = 0;             ///< points chosen; what became of the others:
   std::size_t outside = 0;           ///< the patch, or the room it may move in, leaves an image
@@ -68,9 +78,10 @@ struct AlignmentResult {
 /// in the target by inverse-compositional least squares over a translation (Baker & Matthews, IJCV
 /// 2004), whatever the gain and bias. Where H changes the scale by more than 1.5 the smaller image
 /// is compared with the pyramid level of the larger that is nearest in scale. H is then estimated
-/// again from the aligned points by maximum likelihood with a scale of at least a pixel: no scene
-/// is exactly a plane, and whoever believes the hundredths fits the part that has most points. The
-/// old H stays where they scatter as keypoints do (beyond a third of their variance).
+/// again from the aligned points by maximum likelihood with a scale of at least a pixel (see
+/// AlignmentOptions::max_error). No scene is exactly a plane: with a smaller scale the fit would
+/// follow the part of the scene that has most points. The old H stays where the aligned points
+/// scatter like keypoints (beyond a third of their variance).
 ///
 /// The answer is the same for every instruction set.
 ///
@@ -85,11 +96,11 @@ class Alignment {
 
   const AlignmentOptions& options() const;
 
-  /// `matches`: those that `homography`, reference to target in px, explains; with indices into
-  /// the frames' keypoints, else std::invalid_argument. `covariance`: of `homography`.
+  /// `matches`: those that the homography of `start`, reference to target in px, explains; with
+  /// indices into the frames' keypoints, else std::invalid_argument.
   void align(const Features& reference, const Features& target,
-             const std::vector<Correspondence>& matches, const Eigen::Matrix3d& homography,
-             const Covariance8& covariance, AlignmentResult& result);
+             const std::vector<Correspondence>& matches, const UncertainHomography& start,
+             AlignmentResult& result);
 
  private:
   struct Impl;

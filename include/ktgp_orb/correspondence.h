@@ -13,8 +13,8 @@ enum class Level : std::uint8_t {
   kt = 1,    ///< passed KNN + TF, removed by GMS
   ktg = 2,   ///< passed KNN + TF + GMS, removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
-  /// Found by guided matching where the homography says, and inlier of it. These stand in a list of
-  /// their own, so that they count in none of the four stages.
+  /// Found by guided matching or growth where the homography says, and inlier of it. These stand in
+  /// a list of their own, so that they count in none of the four stages.
   guided = 4,
 };
 
@@ -32,9 +32,7 @@ struct Correspondence {
 
   /// W = d1/d2 (Eq. 3), also PROSAC's quality (Eq. 6, smaller is better). Two identical candidates
   /// (d2 = 0) are ambiguous: 1, which no threshold T_w <= 1 lets pass.
-  double ratio() const {
-    return second_distance > 0 ? static_cast<double>(distance) / second_distance : 1.0;
-  }
+  double ratio() const;
 };
 
 /// Number of correspondences that reached at least `level`.

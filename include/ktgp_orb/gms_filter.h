@@ -61,10 +61,10 @@ class GmsFilter {
 
   const GmsOptions& options() const;
 
-  /// Raises those of Level::kt that motion statistics support to Level::ktg; others do not take
-  /// part. The target image is GMS's left image. Throws std::invalid_argument, before anything is
-  /// changed, for an image size of zero in a frame that has keypoints, or where a correspondence
-  /// that takes part has an index outside its frame.
+  /// Raises those of Level::kt that motion statistics support to Level::ktg (all of them where it
+  /// is not enabled); others do not take part. The target image is GMS's left image. Throws
+  /// std::invalid_argument, before anything is changed, for an image size of zero in a frame that
+  /// has keypoints, or where a correspondence that takes part has an index outside its frame.
   GmsResult filter(const Features& reference, const Features& target,
                    std::vector<Correspondence>& correspondences);
 

@@ -42,9 +42,14 @@ struct GrowthResult {
   bool found = false;
   /// x_target ~ H x_reference in px, H(2,2) = 1; zero unless found.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  Covariance8 covariance = Covariance8::Zero();  ///< of H's first eight entries (see ProsacResult)
+  Covariance8 covariance = Covariance8::Zero();         ///< see UncertainHomography
+  Covariance8 shared_covariance = Covariance8::Zero();  ///< the same
+  double plane_deviation = 0.0;                         ///< px, the same
   /// What it rests on, each the other's nearest within 4 px; empty unless found.
   PointPairs pairs;
+  /// Those of them that are keypoints of the reference itself and not of a simulated view, in
+  /// target order, of Level::guided: they were found where a homography says.
+  std::vector<Correspondence> matches;
   std::size_t support = 0;        ///< of the last one judged: pairs, one in 6x6 px
   double by_chance = 0.0;         ///< how many of them the decoys say that chance gives
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
@@ -64,7 +69,8 @@ struct GrowthResult {
 ///    anew, the region larger, ten times; a homography as soon as there are twelve matches.
 /// 4. Verdict: the same homography shifted by 20 and 45 px in 24 directions each shows how many
 ///    matches chance gives with these images, descriptors and region. The a-contrario bound counts
-///    the seeds and the maps that could have been fitted (see src/core/growth/verdict.h).
+///    the seeds and the maps that could have been fitted (see src/core/growth/verdict.h). The
+///    homography must also show the whole reference as a plane from one side.
 ///
 /// An instance belongs to one thread at a time; several instances may run side by side.
 class HomographyGrowth {
@@ -78,9 +84,9 @@ class HomographyGrowth {
   const GrowthOptions& options() const;
 
   /// `matches`: of the two, those that are mutual count (KnnMatcher::matchMutual). `views`: of
-  /// the reference, or null. `same_reference`: reference and views are those of the last call.
+  /// the reference, or null.
   void find(const Features& reference, const ReferenceViews* views, const Features& target,
-            const std::vector<Correspondence>& matches, bool same_reference, GrowthResult& result);
+            const std::vector<Correspondence>& matches, GrowthResult& result);
 
  private:
   struct Impl;

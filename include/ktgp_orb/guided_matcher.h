@@ -12,7 +12,7 @@ namespace ktgp_orb {
 
 /// Options of guided matching.
 struct GuidedOptions {
-  bool enabled = false;   ///< not in the paper
+  bool enabled = false;   ///< false: GuidedMatcher finds nothing; not in the paper
   double radius = 5.0;    ///< how far from where H puts it a keypoint may be found, px, 0.1..100
   int max_distance = 90;  ///< Hamming distance of the descriptors at most, 0..256
 };
@@ -41,14 +41,10 @@ class GuidedMatcher {
 
   /// One round after a homography was found: matches as above, estimates again from all of these
   /// matches, and takes that where no fewer of them agree with it (`threshold`, px) than with the
-  /// one handed in and it can be the view of a plane. `homography` and `covariance` (see
-  /// ProsacResult) are only changed then; it returns whether. `added` become the matches that agree
-  /// with the homography in the end, but for those to a target keypoint that has a correspondence
-  /// of Level::ktgp already.
-  bool refine(const Features& reference, const Features& target,
-              const std::vector<Correspondence>& correspondences, double threshold,
-              Eigen::Matrix3d& homography, Covariance8& covariance,
-              std::vector<Correspondence>& added);
+  /// one handed in and it can be the view of a plane. `estimate` is only changed then; it returns
+  /// whether. `matches`: all that were found, also those that the estimate does not agree with.
+  bool refine(const Features& reference, const Features& target, double threshold,
+              UncertainHomography& estimate, std::vector<Correspondence>& matches);
 
  private:
   struct Impl;

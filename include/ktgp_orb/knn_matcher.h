@@ -23,7 +23,9 @@ struct KnnOptions {
 
 /// Exact search for the two reference descriptors nearest to each target descriptor (Eq. 1, 2).
 /// The best instructions of the processor are chosen at run time. The answer does not depend on
-/// them, nor on the number of threads. Memory: 34 bytes per reference descriptor, reused.
+/// them, nor on the number of threads. Memory: 66 bytes per reference descriptor, reused. A
+/// reference with the descriptors (and, for matchNear, places) of the last call is not laid out
+/// again.
 ///
 /// An instance belongs to one thread at a time; several instances may run side by side.
 class KnnMatcher {
@@ -66,10 +68,6 @@ class KnnMatcher {
   void matchNear(const Features& reference, const Features& target,
                  const Eigen::Matrix3d& prediction, bool mutual,
                  std::vector<Correspondence>& correspondences);
-
-  /// The reference of the next call is that of the last, unchanged: what was laid out of it is used
-  /// again.
-  void keepReference();
 
  private:
   struct Impl;

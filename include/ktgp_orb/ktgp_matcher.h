@@ -24,7 +24,8 @@ namespace ktgp_orb {
 /// Options of the four stages and of what may follow them.
 struct MatcherOptions {
   KnnOptions knn;
-  double ratio_threshold = kDefaultRatioThreshold;  ///< T_w, in (0, 1]
+  /// T_w, in (0, 1]; empty: that of the features' descriptors (see ratioThreshold).
+  std::optional<double> ratio_threshold;
   /// Whether TF also wants each of a pair to be the other's nearest; not in the paper.
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
@@ -33,11 +34,10 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
 
-  /// The paper's chain, its homography aligned, with the T_w of these descriptors; of orb: the
-  /// defaults.
-  static MatcherOptions ktgp(DescriptorKind descriptor = DescriptorKind::orb);
+  /// The paper's chain, its homography aligned: the defaults.
+  static MatcherOptions ktgp() { return {}; }
   /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
-  /// GMS, PROSAC, growth where that finds none, a guided round, alignment.
+  /// GMS, PROSAC, a guided round, alignment.
   static MatcherOptions robust();
 };
 
@@ -74,8 +74,6 @@ struct MatchHints {
   std::optional<Eigen::Matrix3d> prediction;
   /// Searches the whole image also where there is a search radius and a prediction.
   bool whole_image = false;
-  /// The reference is that of the last call, unchanged: what was laid out of it is used again.
-  bool same_reference = false;
   /// The reference as it looks from other sides, for the growth; null: none.
   const ReferenceViews* views = nullptr;
 };
@@ -94,17 +92,23 @@ struct MatchResult {
   std::array<StageResult, 4> stages{
       {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
   GrowthResult growth;  ///< of no seeds where it was not needed
-  /// What guided matching added, in target order, all of Level::guided.
+  /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
   std::array<StageResult, 2> refinements;  ///< guided, align
 
-  /// The answer: PROSAC's homography or what guided matching and alignment made of it, and its
-  /// covariance (see ProsacResult); zero unless status is ok.
+  /// The answer: PROSAC's homography, or the grown one, or what guided matching and alignment made
+  /// of it, with its covariance, the shared part of that and the deviation from a plane (see
+  /// UncertainHomography); zero unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
+  /// to this homography: a correspondence that passed GMS has Level::ktgp exactly when its
+  /// reprojection error is below ProsacOptions::max_error. What PROSAC itself found is in `prosac`
+  /// and `stages`.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   Covariance8 covariance = Covariance8::Zero();
-  std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
-  double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
+  Covariance8 shared_covariance = Covariance8::Zero();
+  double plane_deviation = 0.0;  ///< px
+  std::size_t inliers = 0;       ///< correspondences of level ktgp and above, guided ones included
+  double rmse = 0.0;  ///< root mean square over them of the keypoints' reprojection error, px
 
   /// Correspondences that reached at least `level`, in target order, into `out`.
   void surviving(Level level, std::vector<Correspondence>& out) const;
@@ -118,8 +122,9 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames; then, where they are switched on,
-/// guided matching and sub-pixel alignment, which change neither counts nor levels of the four.
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// growth where there is no homography, guided matching and sub-pixel alignment, which do not
+/// change the counts of the four stages. An instance belongs to one thread at a time; several
+/// instances may run side by side.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
@@ -67,6 +68,9 @@ class Mosaic {
   /// Finds the place of a frame that was followed, and draws it. `image`: CV_8UC3 (BGR) or CV_8UC1.
   /// Throws std::invalid_argument for another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
+
+  /// Called with the map, as image() gives it, before a new one takes its place.
+  void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
   /// Of the frame that was placed last: map -> frame, px; nothing where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;

@@ -9,14 +9,18 @@
 
 namespace ktgp_orb {
 
+/// Neither moves with the instruction set of whoever includes this; see Covariance8.
+using Pose3 = Eigen::Transform<double, 3, Eigen::Isometry, Eigen::DontAlign>;
+using Covariance6 = Eigen::Matrix<double, 6, 6, Eigen::DontAlign>;
+
 /// Where a flat target is in the camera's frame (x right, y down, z forward).
 struct PlanarPose {
   /// Target -> camera. The target's origin is the middle of the reference image, its x and y axes
   /// go right and down in it, z away from who looks at it.
-  Eigen::Isometry3d target_to_camera = Eigen::Isometry3d::Identity();
+  Pose3 target_to_camera = Pose3::Identity();
   /// Of x, y, z (m) and of small turns about the camera's x, y, z axes (rad), in this order; NaN
   /// where that of the homography is not known.
-  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Covariance6 covariance = Covariance6::Zero();
 };
 
 /// The pose from the homography reference image -> camera image and its covariance (see

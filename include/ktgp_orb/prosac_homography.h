@@ -48,6 +48,32 @@ enum class ProsacStop : std::uint8_t {
 /// includes this, and a program built with another -march would read the results elsewhere.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
+/// A homography and how uncertain it is. The identity without uncertainty at first.
+struct UncertainHomography {
+  /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
+  /// zero, which takes an origin far from all points and no reference size. It covers the noise of
+  /// the points and the part of their errors that varies smoothly over the image (the scene is not
+  /// quite a plane, the lens bends, the shutter rolls). It cannot cover errors that are themselves
+  /// a homography, such as those of a wrong calibration.
+  Covariance8 covariance = Covariance8::Zero();
+  /// The part of `covariance` that comes from the smooth errors. The next frame's homography has
+  /// much the same error, while noise is another one in each frame.
+  Covariance8 shared_covariance = Covariance8::Zero();
+  /// Standard deviation per coordinate of the smooth errors, px in the target: how far the scene is
+  /// from a plane. 0 where it cannot be told from noise.
+  double plane_deviation = 0.0;
+};
+
+/// How the search went, for tests and for tuning.
+struct ProsacDiagnostics {
+  int iterations = 0;               ///< samples drawn, those from a best model's inliers as well
+  int local_optimisations = 0;      ///< times a new best model was polished
+  std::size_t growth_set_size = 0;  ///< best pairs sampled from at the end, n of PROSAC
+  ProsacStop stop = ProsacStop::not_run;
+};
+
 /// Homography, its support and how it was found. Reused from call to call for its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
@@ -55,26 +81,19 @@ struct ProsacResult {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// 1 where the reprojection error of `homography` is below the threshold, exactly; else 0.
   std::vector<std::uint8_t> mask;
-  std::size_t inliers = 0;           ///< ones in `mask`
-  std::size_t distinct_inliers = 0;  ///< inliers counted once per reference and target position
-  double rmse = 0.0;                 ///< root mean square reprojection error of the inliers, px
-  int iterations = 0;                ///< samples drawn, those from a best model's inliers as well
-  int local_optimisations = 0;       ///< times a new best model was polished
-  std::size_t growth_set_size = 0;   ///< best pairs sampled from at the end, n of PROSAC
-  ProsacStop stop = ProsacStop::not_run;
-  /// Covariance of H's first eight entries, row by row, with H(2,2) = 1, from the refinement; NaN
-  /// where H(2,2) is near zero, which takes an origin far from all points and no reference size.
-  Covariance8 covariance = Covariance8::Zero();
+  std::size_t inliers = 0;  ///< ones in `mask`
+  double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
+  Covariance8 covariance = Covariance8::Zero();         ///< see UncertainHomography
+  Covariance8 shared_covariance = Covariance8::Zero();  ///< the same
+  double plane_deviation = 0.0;                         ///< px, the same
+  ProsacDiagnostics diagnostics;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// Distance in px between H x_reference and x_target: what the mask is about.
-inline double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
-                                const Eigen::Vector2d& target) {
-  const Eigen::Vector3d p = homography * reference.homogeneous();
-  return (p.hnormalized() - target).norm();
-}
+double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                         const Eigen::Vector2d& target);
 
 /// Finds the homography that most pairs agree with, sampling the best pairs first, or says why it
 /// does not trust any:

@@ -69,7 +69,8 @@ struct Frame {
   LensConstPtr lens;
   Features features;
   /// What `features` were found with. Where it is not what the matcher's extractor has, they are
-  /// found (again) in `image`; without an image the features are taken as they are.
+  /// found in `image`; without an image the features are taken as they are. A frame that has
+  /// features stays as it is: those of other options are found in a new frame of the same image.
   std::optional<OrbOptions> orb;
   double extraction_milliseconds = 0.0;
   /// Keeps the pixels of `image` alive where it does not own them (a message, for example).
@@ -96,7 +97,8 @@ struct AccumulatedHomography {
 
 /// All that came of one frame.
 struct SequenceMatch {
-  FrameConstPtr frame;                           ///< the target
+  /// The target: the frame handed in, or a new one of its image (see Frame::orb).
+  FrameConstPtr frame;
   FrameConstPtr reference;                       ///< null: none, and `no_reference` says why
   NoReference no_reference = NoReference::none;  ///< none: there was a reference
   bool reference_changed = false;                ///< it is not the reference of the frame before

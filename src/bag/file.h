@@ -76,6 +76,8 @@ class BagFile {
   const std::map<std::uint32_t, std::set<Topic>>& connections() const { return connections_; }
   /// How many more messages of each connection the index names than the file has.
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
+  /// Whether the end of the file says what is in it: a recording that was cut off has none.
+  bool hasIndex() const { return !infos_.empty(); }
   /// What was found to be wrong so far.
   const Damage& damage() const { return damage_; }
   Damage& damage() { return damage_; }

@@ -120,11 +120,16 @@ class BagImages : public ImageSource {
   const std::string& topic() const override { return topic_; }
 
   std::string damage() const override {
-    const std::string what = file_.damage().text();
+    std::string what = file_.damage().text();
     std::size_t lost = expected_ - std::min(expected_, read_);
     for (const auto& of : file_.missing()) lost += connections_.count(of.first) > 0 ? of.second : 0;
     if (lost > 0) return std::to_string(lost) + " images lost; " + what;
-    return what.empty() ? what : "no image known to be lost; " + what;
+    if (what.empty()) return what;
+    return (file_.hasIndex()
+                ? "no image known to be lost; "
+                : "how many images are lost is not known, since the index at the end is "
+                  "missing; ") +
+           what;
   }
 
  private:

@@ -34,8 +34,8 @@ class ImageSource {
   virtual std::size_t total() const = 0;
   /// The topic the images are from.
   virtual const std::string& topic() const = 0;
-  /// What is wrong with the bag, as far as it was read, beginning with the number of images lost;
-  /// empty for a sound one.
+  /// What is wrong with the bag, as far as it was read, beginning with the number of images lost,
+  /// where that is known; empty for a sound one.
   virtual std::string damage() const = 0;
 };
 

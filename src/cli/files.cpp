@@ -11,6 +11,8 @@
 
 namespace ktgp_orb::tools {
 
+using util::stretchTo8Bit;
+
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // a name that no file can have is that of none
   const std::filesystem::file_status status = std::filesystem::status(file, none);

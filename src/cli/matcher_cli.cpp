@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <iterator>
 #include <map>
@@ -18,7 +19,7 @@ bool always(const ParameterRow& /*row*/) {
 }
 
 bool decidesAPair(const ParameterRow& row) {
-  static const std::set<std::string> elsewhere{"reference", "image", "diagnostics"};
+  static const std::set<std::string> elsewhere{"stream_images", "stream_reference", "warnings"};
   return elsewhere.count(row.group) == 0 && row.name.rfind("overlay", 0) != 0 &&
          row.name != "max_rate";
 }
@@ -153,6 +154,10 @@ nlohmann::json toJson(const PipelineOptions& options) {
   return out;
 }
 
+std::string textOf(const nlohmann::json& json, int indentation) {
+  return json.dump(indentation, ' ', false, nlohmann::json::error_handler_t::replace) + '\n';
+}
+
 void addCommonOptions(CLI::App& app, bool& force) {
   app.add_flag("--force", force, "replace output files that exist");
   app.add_flag_callback(
@@ -164,8 +169,7 @@ void addCommonOptions(CLI::App& app, bool& force) {
       "say the version and end");
 }
 
-CLI::Validator numberIn(const std::string& limits) {
-  const Limits range(limits);
+CLI::Validator numberIn(const Limits& range) {
   const auto check = [range](const std::string& text) -> std::string {
     double number = 0.0;
     if (!CLI::detail::lexical_cast(text, number)) return text + " is not a number";
@@ -176,6 +180,7 @@ CLI::Validator numberIn(const std::string& limits) {
 }
 
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
+  app.name(std::filesystem::path(argv[0]).filename().string());
   try {
     std::vector<std::string> words = withJoinedFlags(argc, argv);
     std::reverse(words.begin(), words.end());  // as CLI11 takes them

@@ -23,11 +23,14 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options);
 /// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);
 
+/// The text of a file; bytes that are not UTF-8, of names of files for example, are replaced.
+std::string textOf(const nlohmann::json& json, int indentation);
+
 /// --version, and --force for `force`.
 void addCommonOptions(CLI::App& app, bool& force);
 
-/// For an option: refuses what is not a number in the limits, such as "[0, 1e9]", NaN for example.
-CLI::Validator numberIn(const std::string& limits);
+/// For an option: refuses what is not a number in the range, NaN for example.
+CLI::Validator numberIn(const Limits& range);
 
 /// Parses the command line; returns the code to exit with, or nothing to go on.
 /// 0 after --help or --version, 2 for anything that cannot be used.

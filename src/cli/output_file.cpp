@@ -1,8 +1,11 @@
 #include "cli/output_file.h"
 
 #include <fcntl.h>
+#include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -33,6 +36,25 @@ bool isSameFile(const std::string& a, const std::string& b) {
   std::error_code none;
   return resolved(a) == resolved(b) ||
          (fs::exists(a, none) && fs::exists(b, none) && fs::equivalent(a, b, none));
+}
+
+/// ".png" of "Map.PNG"
+std::string endingOf(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+/// Renames only where nothing has the new name, in one step. Sets errno where it does not.
+bool renameToNew(const char* from, const char* to) {
+  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc names
+  if (syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, kNoReplace) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  // File systems that cannot, NFS for example, can link.
+  if (link(from, to) != 0) return false;
+  unlink(from);
+  return true;
 }
 
 std::string reason() {
@@ -74,11 +96,26 @@ void OutputPlan::write(const std::string& output) {
     }
     if (!force_) throw FileError(output, "exists; expected a new name, or --force to replace it");
   }
-  const OutputFile can_be_made(output);
+  const OutputFile can_be_made(output, force_);
   outputs_.push_back(output);
 }
 
-OutputFile::OutputFile(const std::string& path) : path_(path), target_(resolved(path).string()) {
+void OutputPlan::writeImage(const std::string& output) {
+  if (!output.empty() && (endingOf(output).empty() || !cv::haveImageWriter(output))) {
+    throw FileError(output, "has no ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
+  }
+  write(output);
+}
+
+void OutputPlan::writeVideo(const std::string& output) {
+  if (!output.empty() && endingOf(output) != ".mp4") {
+    throw FileError(output, "has no ending of a video; expected .mp4");
+  }
+  write(output);
+}
+
+OutputFile::OutputFile(const std::string& path, bool force)
+    : path_(path), force_(force), target_(resolved(path).string()) {
   constexpr int kMostNames = 1000;
   for (int i = 0; i < kMostNames; ++i) {
     // Keeps the ending, which some formats are chosen by.
@@ -101,29 +138,37 @@ OutputFile::~OutputFile() {
 }
 
 void OutputFile::commit() {
-  if (std::rename(unfinished_.c_str(), target_.c_str()) != 0) {
-    throw FileError(path_, "cannot be written: " + reason());
+  const bool done = force_ ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
+                           : renameToNew(unfinished_.c_str(), target_.c_str());
+  if (!done && errno == EEXIST) {
+    throw FileError(path_,
+                    "was written by something else meanwhile; expected a new name, or --force");
   }
+  if (!done) throw FileError(path_, "cannot be written: " + reason());
   unfinished_.clear();
 }
 
-void writeText(const std::string& file, const std::string& text) {
-  OutputFile out(file);
+void writeText(const std::string& file, const std::string& text, bool force) {
+  OutputFile out(file, force);
   write(file, out.unfinished(), text.data(), text.size());
   out.commit();
 }
 
-void writeImage(const std::string& file, const cv::Mat& image) {
+void writeImage(const OutputFile& file, const cv::Mat& image) {
   std::vector<unsigned char> bytes;
   bool encoded = false;
   try {
-    encoded = cv::imencode(fs::path(file).extension().string(), image, bytes);
+    encoded = cv::imencode(fs::path(file.path()).extension().string(), image, bytes);
   } catch (const cv::Exception& error) {
-    throw FileError(file, "cannot be written (" + error.err + ")");
+    throw FileError(file.path(), "cannot be written (" + error.err + ")");
   }
-  if (!encoded) throw FileError(file, "cannot be written");
-  OutputFile out(file);
-  write(file, out.unfinished(), reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  if (!encoded) throw FileError(file.path(), "cannot be written");
+  write(file.path(), file.unfinished(), reinterpret_cast<const char*>(bytes.data()), bytes.size());
+}
+
+void writeImage(const std::string& file, const cv::Mat& image, bool force) {
+  OutputFile out(file, force);
+  writeImage(out, image);
   out.commit();
 }
 

@@ -16,6 +16,9 @@ class OutputPlan {
   void read(const std::string& input);
   /// Throws FileError. An empty path is no output.
   void write(const std::string& output);
+  /// The same, for pictures and videos: also refuses an ending that is none of theirs.
+  void writeImage(const std::string& output);
+  void writeVideo(const std::string& output);
 
  private:
   bool force_;
@@ -26,27 +29,31 @@ class OutputPlan {
 /// A file that has its name only when it is complete: it is written beside it and renamed.
 class OutputFile {
  public:
-  /// Throws FileError where nothing can be written there.
-  explicit OutputFile(const std::string& path);
+  /// `force`: it may replace what has the name by then. Throws FileError where nothing can be
+  /// written there.
+  OutputFile(const std::string& path, bool force);
   /// Removes what was not committed.
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
+  const std::string& path() const { return path_; }
   /// Where to write until commit().
   const std::string& unfinished() const { return unfinished_; }
-  /// Throws FileError.
+  /// Throws FileError, without `force` also where something has the name by now.
   void commit();
 
  private:
-  std::string path_;    ///< as it was given
+  std::string path_;  ///< as it was given
+  bool force_;
   std::string target_;  ///< links resolved
   std::string unfinished_;
 };
 
 /// Both throw FileError, for a full disk too; then the file is as it was before.
-void writeText(const std::string& file, const std::string& text);
-/// The ending of the name is the format.
-void writeImage(const std::string& file, const cv::Mat& image);
+void writeText(const std::string& file, const std::string& text, bool force);
+/// The ending of the name is the format. The first does not commit.
+void writeImage(const OutputFile& file, const cv::Mat& image);
+void writeImage(const std::string& file, const cv::Mat& image, bool force);
 
 }  // namespace ktgp_orb::tools

@@ -4,7 +4,6 @@
 
 #include <fstream>
 #include <set>
-#include <sstream>
 #include <stdexcept>
 
 #include "cli/presets.h"
@@ -44,6 +43,11 @@ std::set<std::string> readYaml(const std::string& text, Parameters& parameters) 
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
+    const bool quoted = entry.second.Tag() == "!";
+    if (quoted && !std::holds_alternative<std::string Parameters::*>(row->field)) {
+      throw std::invalid_argument(name + " is the text '" + entry.second.Scalar() +
+                                  "'; expected it without quotes");
+    }
     setParameter(*row, entry.second.Scalar(), parameters);
     names.insert(name);
   }
@@ -64,11 +68,16 @@ std::set<std::string> readNamed(const std::string& name, const std::string& text
 }  // namespace
 
 std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters) {
+  constexpr std::size_t kMost = 1 << 20;  // bytes; a device would never end
   std::ifstream in(file);
-  std::ostringstream text;
-  text << in.rdbuf();
-  if (!in) throw std::invalid_argument(file + ": cannot be read");
-  return readNamed(file, text.str(), parameters);
+  std::string text(kMost + 1, '\0');
+  in.read(text.data(), static_cast<std::streamsize>(text.size()));
+  if (in.bad() || (in.fail() && !in.eof())) throw std::invalid_argument(file + ": cannot be read");
+  text.resize(static_cast<std::size_t>(in.gcount()));
+  if (text.size() > kMost) {
+    throw std::invalid_argument(file + ": is longer than 1 MB; expected a file of parameters");
+  }
+  return readNamed(file, text, parameters);
 }
 
 std::set<std::string> readPreset(const std::string& name, Parameters& parameters) {

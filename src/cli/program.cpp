@@ -19,6 +19,13 @@ int fail(const char* name, const char* message) {
   return kExitUnusable;
 }
 
+void handleSignals(void (*handler)(int)) {
+  std::signal(SIGINT, handler);
+  std::signal(SIGTERM, handler);
+  // Under nohup the end of the terminal is to be ignored.
+  if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
+}
+
 int runAndReport(const char* name, const std::function<int()>& program) {
   try {
     return program();
@@ -44,9 +51,7 @@ int runProgram(const char* name, const std::function<int()>& program) {
 }
 
 void stopWhenInterrupted() {
-  for (const int signal : {SIGINT, SIGTERM}) {
-    std::signal(signal, [](int /*signal*/) { signalled = 1; });
-  }
+  handleSignals([](int /*signal*/) { signalled = 1; });
 }
 
 bool interrupted() {
@@ -54,9 +59,7 @@ bool interrupted() {
 }
 
 void exitWhenInterrupted() {
-  for (const int signal : {SIGINT, SIGTERM}) {
-    std::signal(signal, [](int /*signal*/) { _exit(kExitInterrupted); });
-  }
+  handleSignals([](int /*signal*/) { _exit(kExitInterrupted); });
 }
 
 }  // namespace ktgp_orb::tools

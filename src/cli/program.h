@@ -19,11 +19,12 @@ constexpr const char* kExitCodes =
 /// `name`: where it throws, and where what it printed could not be written.
 int runProgram(const char* name, const std::function<int()>& program);
 
-/// From now on Ctrl-C and SIGTERM set interrupted(), for programs that then finish what they write.
+/// From now on Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(), for programs that
+/// then finish what they write.
 void stopWhenInterrupted();
 bool interrupted();
 
-/// Ctrl-C and SIGTERM end the program at once with kExitInterrupted. For programs that write their
+/// The same signals end the program at once with kExitInterrupted. For programs that write their
 /// files at the end.
 void exitWhenInterrupted();
 

@@ -12,8 +12,8 @@ struct VideoFile::Writer {
   cv::Size size;
 };
 
-VideoFile::VideoFile(const std::string& path, double rate)
-    : path_(path), rate_(rate), file_(path), writer_(std::make_unique<Writer>()) {}
+VideoFile::VideoFile(const std::string& path, double rate, bool force)
+    : path_(path), rate_(rate), file_(path, force), writer_(std::make_unique<Writer>()) {}
 
 VideoFile::~VideoFile() = default;
 
@@ -39,6 +39,10 @@ void VideoFile::write(const cv::Mat& frame) {
     cv::resize(colour, colour, writer_->size, 0, 0, cv::INTER_AREA);
   }
   writer_->video.write(colour);
+}
+
+bool VideoFile::empty() const {
+  return !writer_->video.isOpened();
 }
 
 void VideoFile::close() {

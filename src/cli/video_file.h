@@ -11,13 +11,15 @@ namespace ktgp_orb::tools {
 /// An mp4 video that has its name only when it is complete.
 class VideoFile {
  public:
-  /// `rate`: frames per second. Throws FileError where nothing can be written there.
-  VideoFile(const std::string& path, double rate);
+  /// `rate`: frames per second; `force` as of OutputFile. Throws FileError where nothing can be
+  /// written there.
+  VideoFile(const std::string& path, double rate, bool force);
   ~VideoFile();
 
   /// A frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
   /// Throws FileError where this machine's OpenCV has nothing that writes mp4.
   void write(const cv::Mat& frame);
+  bool empty() const;
   /// Throws FileError, also where no frame was written.
   void close();
 

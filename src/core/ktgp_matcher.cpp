@@ -5,10 +5,14 @@
 #include <cmath>
 #include <utility>
 
+#include "core/growth/verdict.h"
+#include "core/homography/estimate.h"
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
 namespace {
+
+using util::position;
 
 /// Fills the statistics of one stage from the return value of `run`, which it times.
 template <typename Run>
@@ -27,6 +31,18 @@ void nameRefinements(const MatcherOptions& options, MatchResult& result) {
   aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
 }
 
+AlignmentOptions alignmentOptions(const MatcherOptions& options) {
+  AlignmentOptions alignment = options.alignment;
+  alignment.max_error = options.prosac.max_error;
+  return alignment;
+}
+
+/// What a stage found.
+template <typename Result>
+UncertainHomography estimateOf(const Result& result) {
+  return {result.homography, result.covariance, result.shared_covariance, result.plane_deviation};
+}
+
 /// As where there is no homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
@@ -36,6 +52,8 @@ void clearRefinement(MatchResult& result) {
   result.alignment.points = std::move(points);
   result.homography.setZero();
   result.covariance.setZero();
+  result.shared_covariance.setZero();
+  result.plane_deviation = 0.0;
   result.inliers = 0;
   result.rmse = 0.0;
 }
@@ -73,12 +91,10 @@ void MatchResult::clear(const MatcherOptions& options) {
   search = Search::whole;
   correspondences.clear();
   gms = {};
-  prosac.status = Status::no_model;
-  prosac.homography.setZero();
-  prosac.covariance.setZero();
-  prosac.mask.clear();
-  prosac.inliers = prosac.distinct_inliers = 0;
-  prosac.rmse = 0.0;
+  std::vector<std::uint8_t> mask = std::move(prosac.mask);  // keep the buffer
+  mask.clear();
+  prosac = {};
+  prosac.mask = std::move(mask);
   found_by = FoundBy::none;
   growth.clear();
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
@@ -87,18 +103,11 @@ void MatchResult::clear(const MatcherOptions& options) {
   clearRefinement(*this);
 }
 
-MatcherOptions MatcherOptions::ktgp(DescriptorKind descriptor) {
-  MatcherOptions options;
-  options.ratio_threshold = ratioThreshold(descriptor);
-  return options;
-}
-
 MatcherOptions MatcherOptions::robust() {
   MatcherOptions options;
   options.mutual = true;
   options.ratio_threshold = 1.0;
   options.gms.enabled = false;
-  options.growth.enabled = true;
   options.guided.enabled = true;
   return options;
 }
@@ -111,19 +120,20 @@ struct KtgpMatcher::Impl {
         prosac(given.prosac),
         growth(given.growth),
         guided(given.guided),
-        alignment(given.alignment) {}
+        alignment(alignmentOptions(given)) {}
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result);
   void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
-  void grow(const Features& reference, const Features& target, const MatchHints& hints,
+  void grow(const Features& reference, const Features& target, const ReferenceViews* views,
             MatchResult& result);
   void refine(const Features& reference, const Features& target, MatchResult& result);
-  void collectFinal(const MatchResult& result);
-  double finalRmse(const Features& reference, const Features& target,
-                   const Eigen::Matrix3d& homography) const;
+  void align(const UncertainHomography& before, const Features& reference, const Features& target,
+             MatchResult& result);
+  bool adopt(const UncertainHomography& candidate, const Features& reference,
+             const Features& target, MatchResult& result);
 
   MatcherOptions options;
   KnnMatcher knn;
@@ -131,15 +141,18 @@ struct KtgpMatcher::Impl {
   ProsacHomography prosac;
   PointPairs pairs;
   HomographyGrowth growth;
-  bool growth_has_reference = false;  // that of the last call
   GuidedMatcher guided;
   Alignment alignment;
-  std::vector<Correspondence> matches;  // of level ktgp and above
+  homography::Finaliser finaliser;
+  homography::FinalHomography final;
+  std::vector<Correspondence> guided_matches;  // all that was found where a homography says
+  std::vector<std::uint8_t> taken;             // target keypoints that are inliers
+  std::vector<Correspondence> matches;         // that are aligned
 };
 
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
   std::vector<Correspondence> none;
-  filterByRatio(options.ratio_threshold, none);  // refuses a bad T_w now rather than per frame
+  if (options.ratio_threshold) filterByRatio(*options.ratio_threshold, none);  // refuses it now
 }
 
 KtgpMatcher::~KtgpMatcher() = default;
@@ -168,7 +181,8 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   timeStage(knn, "knn", target.size(),
             [&] { return impl.findNeighbours(reference, target, hints, result); });
   timeStage(tf, "tf", knn.output, [&] {
-    return filterByRatio(options.ratio_threshold, correspondences, options.mutual);
+    const double usual = ratioThreshold(target.descriptor);
+    return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
   timeStage(gms, "gms", tf.output, [&] {
     impl.filterByMotion(reference, target, result);
@@ -182,7 +196,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
   result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
-  impl.grow(reference, target, hints, result);
+  impl.grow(reference, target, hints.views, result);
   impl.refine(reference, target, result);
 }
 
@@ -191,7 +205,6 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
                                               const MatchHints& hints, MatchResult& result) {
   const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
   result.search = near ? Search::near : Search::whole;
-  if (hints.same_reference) knn.keepReference();
   std::vector<Correspondence>& found = result.correspondences;
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
@@ -206,16 +219,7 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
 
 void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
                                        MatchResult& result) {
-  if (options.gms.enabled) {
-    result.gms = gms.filter(reference, target, result.correspondences);
-    return;
-  }
-  result.gms = {};
-  for (Correspondence& c : result.correspondences) {
-    if (c.level != Level::kt) continue;
-    c.level = Level::ktg;
-    ++result.gms.kept;
-  }
+  result.gms = gms.filter(reference, target, result.correspondences);
 }
 
 void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,
@@ -229,78 +233,110 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
     pairs.quality.push_back(c.ratio());
   }
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
-  if (result.prosac.status != Status::ok) return;
-  std::size_t i = 0;
-  for (Correspondence& c : result.correspondences) {
-    if (c.level >= Level::ktg && result.prosac.mask[i++] != 0) c.level = Level::ktgp;
-  }
 }
 
+/// Where PROSAC found nothing in the whole image.
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
-                             const MatchHints& hints, MatchResult& result) {
+                             const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
-  if (!hints.same_reference) growth_has_reference = false;
-  if (!options.growth.enabled || result.status == Status::ok || result.search == Search::near)
-    return;
-  growth.find(reference, hints.views, target, result.correspondences,
-              std::exchange(growth_has_reference, true), result.growth);
+  const bool wanted =
+      options.growth.enabled && result.status != Status::ok && result.search == Search::whole;
+  if (!wanted) return;
+  growth.find(reference, views, target, result.correspondences, result.growth);
   if (!result.growth.found) return;
   result.status = Status::ok;
   result.found_by = FoundBy::growth;
-  for (Correspondence& c : result.correspondences) {
-    if (!c.mutual || c.reference_index < 0) continue;
-    const double error =
-        reprojectionError(result.growth.homography, position(reference, c.reference_index),
-                          position(target, c.target_index));
-    if (error < options.prosac.max_error) c.level = Level::ktgp;
-  }
 }
 
+/// Guided matching and alignment, where they are on. Whatever homography comes out, adopt() derives
+/// what the result says of it.
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);
   nameRefinements(options, result);
-  auto& [guided_stage, align_stage] = result.refinements;
+  StageResult& guided_stage = result.refinements[0];
+  StageResult& align_stage = result.refinements[1];
+  guided_matches.clear();
   if (result.status != Status::ok) return;
   const bool grown = result.found_by == FoundBy::growth;
-  result.homography = grown ? result.growth.homography : result.prosac.homography;
-  result.covariance = grown ? result.growth.covariance : result.prosac.covariance;
-  const std::size_t inliers = countAtLeast(result.correspondences, Level::ktgp);
+  UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
+  if (grown) guided_matches = result.growth.matches;
+  adopt(answer, reference, target, result);
   if (options.guided.enabled) {
-    timeStage(guided_stage, "guided", inliers, [&] {
-      guided.refine(reference, target, result.correspondences, options.prosac.max_error,
-                    result.homography, result.covariance, result.guided);
-      return inliers + result.guided.size();
+    timeStage(guided_stage, "guided", result.inliers, [&] {
+      UncertainHomography candidate = answer;
+      guided.refine(reference, target, options.prosac.max_error, candidate, guided_matches);
+      if (adopt(candidate, reference, target, result)) answer = candidate;
+      return result.inliers;
     });
   }
-  result.inliers = inliers + result.guided.size();
-  collectFinal(result);
   if (options.alignment.enabled) {
+    result.surviving(Level::ktgp, matches);
+    matches.insert(matches.end(), result.guided.begin(), result.guided.end());
     timeStage(align_stage, "align", matches.size(), [&] {
-      alignment.align(reference, target, matches, result.homography, result.covariance,
-                      result.alignment);
+      align(answer, reference, target, result);
       return result.alignment.points.size();
     });
-    result.homography = result.alignment.homography;
-    result.covariance = result.alignment.covariance;
   }
-  result.rmse = finalRmse(reference, target, result.homography);
 }
 
-void KtgpMatcher::Impl::collectFinal(const MatchResult& result) {
-  result.surviving(Level::ktgp, matches);
-  matches.insert(matches.end(), result.guided.begin(), result.guided.end());
+void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features& reference,
+                              const Features& target, MatchResult& result) {
+  AlignmentResult& aligned = result.alignment;
+  alignment.align(reference, target, matches, before, aligned);
+  if (aligned.status != AlignmentStatus::ok) return;
+  const UncertainHomography candidate = estimateOf(aligned);
+  if (adopt(candidate, reference, target, result)) return;
+  aligned.status = AlignmentStatus::not_better;
+  aligned.homography = before.homography;
+  aligned.covariance = before.covariance;
+  aligned.shared_covariance = before.shared_covariance;
+  aligned.plane_deviation = before.plane_deviation;
 }
 
-double KtgpMatcher::Impl::finalRmse(const Features& reference, const Features& target,
-                                    const Eigen::Matrix3d& homography) const {
-  double sum = 0.0;
-  for (const Correspondence& c : matches) {
-    const double error = reprojectionError(homography, position(reference, c.reference_index),
-                                           position(target, c.target_index));
-    sum += error * error;
+/// Makes `candidate` the answer: mask, levels, inliers and RMSE are derived from it, in this one
+/// place. False, and nothing is changed, where the verdict on it is bad.
+///
+/// A grown homography has the verdict of the growth, which the few right ones among the matches
+/// could not give. What is made of it must still agree with the pairs that the growth rests on.
+bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
+                              const Features& target, MatchResult& result) {
+  const double max_error = options.prosac.max_error;
+  if (result.found_by == FoundBy::growth) {
+    finaliser.finalise(candidate, result.growth.pairs, reference.image_size,
+                       growth::Verdict::kRadius, final);
+    if (!final.trusted) return false;
   }
-  return matches.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(matches.size()));
+  finaliser.finalise(candidate, pairs, reference.image_size, max_error, final);
+  if (!final.trusted && result.found_by != FoundBy::growth) return false;
+  result.homography = candidate.homography;
+  result.covariance = candidate.covariance;
+  result.shared_covariance = candidate.shared_covariance;
+  result.plane_deviation = candidate.plane_deviation;
+
+  taken.assign(target.size(), 0);
+  std::size_t i = 0;
+  for (Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    const bool inlier = final.mask[i++] != 0;
+    c.level = inlier ? Level::ktgp : Level::ktg;
+    if (inlier) taken[static_cast<std::size_t>(c.target_index)] = 1;
+  }
+  double squares = final.rmse * final.rmse * static_cast<double>(final.inliers);
+  result.guided.clear();
+  for (const Correspondence& c : guided_matches) {
+    if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
+    const double error =
+        reprojectionError(candidate.homography, position(reference, c.reference_index),
+                          position(target, c.target_index));
+    if (!(error < max_error)) continue;
+    result.guided.push_back(c);
+    squares += error * error;
+  }
+  result.inliers = final.inliers + result.guided.size();
+  result.rmse =
+      result.guided.empty() ? final.rmse : std::sqrt(squares / static_cast<double>(result.inliers));
+  return true;
 }
 
 }  // namespace ktgp_orb

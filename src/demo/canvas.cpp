@@ -10,6 +10,8 @@
 namespace ktgp_orb::demo {
 namespace {
 
+using util::ceilDivide;
+
 constexpr int kBandHeight = 256;  // px
 constexpr int kFractionBits = 4;  // of the coordinates handed to OpenCV
 constexpr float kFractionScale = 1 << kFractionBits;

@@ -119,8 +119,8 @@ class Report {
         bag_(bag),
         folder_(folder),
         terminal_(isatty(STDOUT_FILENO) != 0),
-        video_(folder + "/matches.mp4", kFrameRate),
-        steady_video_(folder + "/stabilized.mp4", kFrameRate) {
+        video_(folder + "/matches.mp4", kFrameRate, true),
+        steady_video_(folder + "/stabilized.mp4", kFrameRate, true) {
     ros::NodeHandle node;
     matches_ = node.subscribe("/camera/matcher/match", 50, &Report::onMatch, this);
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);

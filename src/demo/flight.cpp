@@ -11,6 +11,8 @@
 namespace ktgp_orb::demo {
 namespace {
 
+using util::kPi;
+
 constexpr double kDegree = kPi / 180.0;
 
 Eigen::Matrix3d intrinsics() {

@@ -106,14 +106,15 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
 }
 
 /// What lies below the camera halfway, as a picture: a flat target to look for.
-void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake) {
+void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake,
+                 bool force) {
   const int halfway = frames / 2;
-  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, shake)));
+  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, shake)), force);
 }
 
 void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
-              double shake) {
-  tools::OutputFile file(path);
+              double shake, bool force) {
+  tools::OutputFile file(path, force);
   // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
   // is left to the end of the process.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
@@ -139,12 +140,12 @@ int run(int argc, char** argv) {
       "lighting, blur or noise.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
-      ->check(tools::numberIn("[0.2, 600]"))
+      ->check(tools::numberIn({0.2, 600.0}))
       ->capture_default_str();
   app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
   double shake = 0.0;
   app.add_option("--shake", shake, "how far the camera trembles, root mean square [px]")
-      ->check(tools::numberIn("[0, 50]"))
+      ->check(tools::numberIn({0.0, 50.0}))
       ->capture_default_str();
   std::string target;
   app.add_option("--target", target,
@@ -156,12 +157,12 @@ int run(int argc, char** argv) {
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   tools::OutputPlan plan(force);
   plan.write(path);
-  plan.write(target);
+  plan.writeImage(target);
   tools::stopWhenInterrupted();
   const int frames = static_cast<int>(std::lround(seconds * kFrameRate));
   const cv::Mat map = drawMap(seed);
-  if (!target.empty()) writeTarget(target, map, frames, shake);
-  writeBag(path, map, frames, seed, shake);
+  if (!target.empty()) writeTarget(target, map, frames, shake, force);
+  writeBag(path, map, frames, seed, shake, force);
   return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 

@@ -11,6 +11,8 @@
 namespace ktgp_orb::demo {
 namespace {
 
+using util::kPi;
+
 constexpr double kLargestBlock = 200000.0;  // px², about 450 × 450
 const cv::Scalar kAsphalt(92, 92, 94);
 const cv::Scalar kPavement(160, 166, 170);

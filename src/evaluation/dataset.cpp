@@ -173,6 +173,7 @@ void addList(const fs::path& file, Dataset& dataset) {
     dataset.problems.push_back(file.string() + ": cannot be opened");
     return;
   }
+  const std::size_t before = dataset.pairs.size() + dataset.problems.size();
   const fs::path folder = file.parent_path();
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
@@ -193,6 +194,10 @@ void addList(const fs::path& file, Dataset& dataset) {
              {},
              {}},
             (folder / fields[3]).string(), dataset);
+  }
+  if (dataset.pairs.size() + dataset.problems.size() == before) {
+    dataset.problems.push_back(file.string() +
+                               ": names no pair; expected `name imageA imageB homography` a line");
   }
 }
 

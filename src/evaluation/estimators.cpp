@@ -18,6 +18,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
+using util::kPi;
+
 constexpr std::size_t kSampleSize = 4;
 
 std::vector<cv::Point2f> toOpenCv(const std::vector<Eigen::Vector2d>& points) {

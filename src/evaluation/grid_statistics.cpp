@@ -8,6 +8,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
+using util::imagePoint;
+
 constexpr int kNoCell = -1;
 
 /// Columns and rows of cells over an image.

@@ -219,9 +219,9 @@ int evaluateImageSets(const Arguments& arguments) {
                       {"pairs", arguments.warp_pairs},
                       {"seed", arguments.warp_seed}};
     }
-    writeText(arguments.json, out.dump(1) + "\n");
+    writeText(arguments.json, textOf(out, 1), arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores));
+  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores), arguments.force);
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }

@@ -79,7 +79,7 @@ int evaluateBag(const Arguments& arguments) {
                              {"topic", arguments.topic},
                              {"drift_window", arguments.drift_window},
                              {"options", toJson(arguments.pipeline)}};
-    writeText(arguments.json, out.dump(1) + "\n");
+    writeText(arguments.json, textOf(out, 1), arguments.force);
   }
   return kExitDone;
 }

@@ -12,6 +12,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
+using util::position;
+
 /// Asks about each match once, in order.
 template <typename Predicate>
 void removeIf(Predicate predicate, std::vector<Correspondence>& matches) {
@@ -197,10 +199,12 @@ Step align(const AlignmentOptions& options) {
   return {"align", [alignment, result](const Scene& scene, Matching& m) {
             if (!m.homography) return;
             // Where none is known, any is better determined than a deviation of 1 of every entry.
-            const Covariance8 covariance = m.covariance.value_or(Covariance8::Identity());
-            alignment->align(scene.reference, scene.target, m.matches, *m.homography, covariance,
-                             *result);
+            UncertainHomography start;
+            start.homography = *m.homography;
+            start.covariance = m.covariance.value_or(Covariance8::Identity());
+            alignment->align(scene.reference, scene.target, m.matches, start, *result);
             m.homography = result->homography;
+            if (result->status == AlignmentStatus::ok) m.covariance = result->covariance;
           }};
 }
 

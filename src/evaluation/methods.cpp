@@ -30,8 +30,8 @@ OrbOptions forHardPairs(OrbOptions options) {
   return options;
 }
 
-MatcherOptions withoutGrowth(MatcherOptions options) {
-  options.growth.enabled = false;
+MatcherOptions withGrowth(MatcherOptions options) {
+  options.growth.enabled = true;
   return options;
 }
 
@@ -40,9 +40,11 @@ MatcherOptions withoutGrowth(MatcherOptions options) {
 std::vector<Method> allMethods(const PipelineOptions& pipeline,
                                std::optional<Estimator> estimator) {
   const MatcherOptions& options = pipeline.matcher;
-  GmsOptions rotating = options.gms;
+  GmsOptions motion = options.gms;
+  motion.enabled = true;  // a method's name says whether it has GMS
+  GmsOptions rotating = motion;
   rotating.rotation = rotating.scale = true;
-  const double t_w = options.ratio_threshold;
+  const double t_w = options.ratio_threshold.value_or(ratioThreshold(pipeline.orb.descriptor));
   const auto knn = [&] { return nearest(options.knn); };
   const auto both_ways = [&] { return bidirectional(options.knn); };
   const auto model = [&](Estimator usual) {
@@ -59,13 +61,13 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"ORB", "nearest neighbour with cross-check", {knn(), both_ways()}},
       {"ORB+RANSAC", "nearest neighbour, RANSAC", {knn(), model(Estimator::ransac)}},
       {"KT", "KNN, ratio filter", {knn(), ratio(t_w)}},
-      {"KTG", "KT, GMS", {knn(), ratio(t_w), gms(options.gms)}},
+      {"KTG", "KT, GMS", {knn(), ratio(t_w), gms(motion)}},
       {"KTGP",
        "KTG, PROSAC: the paper's method",
-       {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac)}},
+       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac)}},
       {"KTGP+ALIGN",
        "KTGP, sub-pixel alignment",
-       {knn(), ratio(t_w), gms(options.gms), model(Estimator::prosac), align(options.alignment)}},
+       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac), align(options.alignment)}},
       {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
       {"KTGP-RS",
        "KTGP with rotation and scale",
@@ -76,24 +78,24 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
        {mutualNearest(options.knn), model(Estimator::prosac), align(options.alignment)}},
-      {"ROBUST",
-       "the preset: MUTUAL, growth from seeds, a guided round, alignment",
-       {matcher(robust(options))}},
-      {"ROBUST-PROSAC", "ROBUST without growth", {matcher(withoutGrowth(robust(options)))}},
+      {"ROBUST", "the preset: MUTUAL, a guided round, alignment", {matcher(robust(options))}},
       {"ROBUST-TEBLID",
-       "ROBUST over TEBLID descriptors",
+       "the same over TEBLID descriptors",
        {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
+      {"ROBUST+GROWTH",
+       "ROBUST, growth from single matches where PROSAC finds nothing",
+       {matcher(withGrowth(robust(options)))}},
       {"HARD",
-       "ROBUST over 3000 TEBLID features, FAST threshold 10",
-       {extract(forHardPairs(pipeline.orb)), matcher(robust(options))}},
+       "ROBUST+GROWTH over 3000 TEBLID features, FAST threshold 10",
+       {extract(forHardPairs(pipeline.orb)), matcher(withGrowth(robust(options)))}},
       {"HARD-VIEWS",
        "HARD, the reference also seen from 12 simulated sides",
        {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
-        matcher(robust(options))}},
-      {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(options.gms)}},
+        matcher(withGrowth(robust(options)))}},
+      {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(motion)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},
-      {"GMS-RANSAC", "GMS, RANSAC (Zhu 2019)", {knn(), gms(options.gms), model(Estimator::ransac)}},
+      {"GMS-RANSAC", "GMS, RANSAC (Zhu 2019)", {knn(), gms(motion), model(Estimator::ransac)}},
       {"MP-ORB",
        "KNN, ratio, both directions, cosine, PROSAC (Ye)",
        {knn(), ratio(t_w), both_ways(), cosineSimilarity(kCosine), model(Estimator::prosac)}},
@@ -112,7 +114,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
   for (const auto& [name, kind] : estimators()) {
     if (kind == Estimator::prosac) continue;
     methods.push_back(
-        {"KTG+" + name, "KTG, " + name, {knn(), ratio(t_w), gms(options.gms), model(kind)}});
+        {"KTG+" + name, "KTG, " + name, {knn(), ratio(t_w), gms(motion), model(kind)}});
   }
   return methods;
 }

@@ -36,12 +36,19 @@ struct Average {
 std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
   std::vector<double> errors;
   std::vector<double> correlations;
+  std::vector<double> ratios;
+  std::vector<double> normalised;
   double found = 0.0;
   double wrong = 0.0;
   for (const MethodScore* m : scores) {
     if (!m->corner_error) continue;
     errors.push_back(*m->corner_error);
     if (m->zncc) correlations.push_back(*m->zncc);
+    if (m->consistency) {
+      ratios.push_back(m->consistency->ratio);
+      const auto& corners = m->consistency->normalised;
+      normalised.insert(normalised.end(), corners.begin(), corners.end());
+    }
     if (!m->found) continue;
     ++found;
     if (*m->corner_error > kWrongBeyond) ++wrong;
@@ -54,6 +61,13 @@ std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodS
   s.median_corner_error = evaluation::median(errors);
   s.found = found / static_cast<double>(errors.size());
   s.wrong = found > 0.0 ? wrong / found : 0.0;
+  if (!ratios.empty()) {
+    s.consistency_ratio = evaluation::median(ratios);
+    s.consistency_median = evaluation::median(normalised);
+    const auto below = [](double value) { return value < kConsistentBelow; };
+    s.consistent = static_cast<double>(std::count_if(normalised.begin(), normalised.end(), below)) /
+                   static_cast<double>(normalised.size());
+  }
   if (!correlations.empty()) s.zncc = evaluation::summarize(correlations).mean;
   return s;
 }
@@ -111,8 +125,22 @@ json orNull(const std::optional<double>& value) {
   return value ? json(*value) : json(nullptr);
 }
 
+void put(json& out, const std::optional<CornerConsistency>& consistency) {
+  for (const char* key : {"predicted_corner_error", "corner_error_ratio",
+                          "corner_normalised_median", "corners_consistent"}) {
+    out[key] = nullptr;
+  }
+  if (!consistency) return;
+  const auto& corners = consistency->normalised;
+  out["predicted_corner_error"] = consistency->predicted;
+  out["corner_error_ratio"] = consistency->ratio;
+  out["corner_normalised_median"] = evaluation::median({corners.begin(), corners.end()});
+  out["corners_consistent"] =
+      std::count_if(corners.begin(), corners.end(), [](double x) { return x < kConsistentBelow; });
+}
+
 /// The columns of the CSV file, which are keys of toRow.
-constexpr std::array<const char*, 29> kColumns{"set",
+constexpr std::array<const char*, 33> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -136,6 +164,10 @@ constexpr std::array<const char*, 29> kColumns{"set",
                                                "corner_error",
                                                "within_covariance",
                                                "zncc",
+                                               "predicted_corner_error",
+                                               "corner_error_ratio",
+                                               "corner_normalised_median",
+                                               "corners_consistent",
                                                "extraction_ms",
                                                "ms",
                                                "total_ms",
@@ -177,6 +209,7 @@ json toRow(const PairScore& pair, const MethodScore& m) {
   put(row, "displacement", m.displacement);
   put(row, "reprojection_error", m.reprojection_error);
   put(row, "precision", m.precision, kPrecisionThresholds);
+  put(row, m.consistency);
   return row;
 }
 
@@ -198,6 +231,9 @@ void put(json& out, const AccuracySummary& accuracy) {
   out["found"] = accuracy.found;
   out["wrong"] = accuracy.wrong;
   out["zncc"] = orNull(accuracy.zncc);
+  out["corner_error_ratio"] = orNull(accuracy.consistency_ratio);
+  out["corner_normalised_median"] = orNull(accuracy.consistency_median);
+  out["corners_consistent"] = orNull(accuracy.consistent);
 }
 
 json toJson(const SetSummary& s) {
@@ -239,13 +275,19 @@ std::string format(const char* pattern, Values... values) {
 
 /// AUCs and shares in percent, the median in px; dashes where there is nothing to say.
 std::string toColumns(const std::optional<AccuracySummary>& a) {
-  if (!a) return format("%5s %5s %5s %5s %8s %6s %6s %6s", "-", "-", "-", "-", "-", "-", "-", "-");
+  if (!a) {
+    return format("%5s %5s %5s %5s %8s %6s %6s %6s %6s %7s %6s", "-", "-", "-", "-", "-", "-", "-",
+                  "-", "-", "-", "-");
+  }
   std::string out;
   for (double auc : a->auc) out += format("%5.1f ", 100.0 * auc);
   const bool known = std::isfinite(a->median_corner_error);
   out += known ? format("%8.3f ", a->median_corner_error) : format("%8s ", "none");
   out += format("%5.1f%% %5.1f%% ", 100.0 * a->found, 100.0 * a->wrong);
-  return out + (a->zncc ? format("%6.3f", *a->zncc) : format("%6s", "-"));
+  out += a->zncc ? format("%6.3f ", *a->zncc) : format("%6s ", "-");
+  if (!a->consistent) return out + format("%6s %7s %6s", "-", "-", "-");
+  return out + format("%6.2f %7.2f %5.1f%%", *a->consistency_ratio, *a->consistency_median,
+                      100.0 * *a->consistent);
 }
 
 }  // namespace
@@ -313,9 +355,10 @@ std::string toTable(const std::vector<SetSummary>& summaries) {
     if (s.set != set) {
       set = s.set;
       out += format("\n%s, %zu pairs\n", set.c_str(), s.pairs);
-      out += format("%-12s %8s %6s %8s %9s %8s | %5s %5s %5s %5s %8s %6s %6s %6s | %8s\n", "method",
-                    "matches", "kept", "correct", "precision", "error px", "AUC@1", "@3", "@5",
-                    "@10", "median", "found", "wrong", "ZNCC", "ms");
+      out += format(
+          "%-12s %8s %6s %8s %9s %8s | %5s %5s %5s %5s %8s %6s %6s %6s %6s %7s %6s | %8s\n",
+          "method", "matches", "kept", "correct", "precision", "error px", "AUC@1", "@3", "@5",
+          "@10", "median", "found", "wrong", "ZNCC", "true/p", "e'S^-1e", "99.9%", "ms");
     }
     out +=
         format("%-12s %8.1f %5.1f%% %8.1f %8.1f%% %8.2f | ", s.method.c_str(), s.matches,

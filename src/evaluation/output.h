@@ -16,6 +16,10 @@ struct AccuracySummary {
   double found = 0.0;          ///< share of pairs with a homography that the method calls good
   double wrong = 0.0;          ///< share of those found that are more than kWrongBeyond off
   std::optional<double> zncc;  ///< mean of the pairs found; needs no ground truth
+  // Of the pairs found with a covariance; see CornerConsistency.
+  std::optional<double> consistency_ratio;   ///< median of the true over the predicted corner error
+  std::optional<double> consistency_median;  ///< of e' S^-1 e at the corners
+  std::optional<double> consistent;          ///< share of corners below kConsistentBelow
 };
 
 /// Averages of one method over the pairs of one set.

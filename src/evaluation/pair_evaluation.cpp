@@ -4,9 +4,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 
 #include "cli/files.h"
+#include "core/homography/transform.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
 
@@ -72,6 +74,26 @@ void reduce(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, Ima
   }
 }
 
+CornerConsistency cornerConsistency(const UncertainHomography& found, const Eigen::Matrix3d& truth,
+                                    const cv::Size& size) {
+  CornerConsistency result;
+  double predicted2 = 0.0;
+  double error2 = 0.0;
+  const auto corners = homography::imageCorners(size, {});
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector2d error =
+        homography::project(found.homography, corners[i]) - homography::project(truth, corners[i]);
+    const auto jacobian = homography::jacobianByEntries(found.homography, corners[i]);
+    const Eigen::Matrix2d spread = jacobian * found.covariance * jacobian.transpose();
+    predicted2 += spread.trace() / 4.0;
+    error2 += error.squaredNorm() / 4.0;
+    result.normalised[i] = error.dot(spread.inverse() * error);
+  }
+  result.predicted = std::sqrt(predicted2);
+  result.ratio = std::sqrt(error2) / result.predicted;
+  return result;
+}
+
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                      const std::vector<AnnotatedPoint>& points, MethodScore& score) {
   constexpr double kAnnotated = 1.0;  // px: how exact annotated points are
@@ -81,11 +103,15 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
                                                truth, scene.reference_image.size());
   if (!score.found) return;
   if (!points.empty()) score.corner_error = meanTransferError(*found.homography, points);
-  if (found.covariance) {
-    score.within_covariance = isWithinCovariance(
-        *found.homography, *found.covariance,
-        points.empty() ? cornersUnder(truth, scene.reference_image.size()) : points,
-        points.empty() ? 0.0 : kAnnotated);
+  if (found.covariance && found.covariance->allFinite()) {
+    UncertainHomography estimate;
+    estimate.homography = *found.homography / (*found.homography)(2, 2);
+    estimate.covariance = *found.covariance;
+    if (points.empty()) {
+      score.consistency = cornerConsistency(estimate, truth, scene.reference_image.size());
+    } else {
+      score.within_covariance = isWithinCovariance(estimate, points, kAnnotated);
+    }
   }
   score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
 }

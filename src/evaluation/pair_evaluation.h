@@ -17,6 +17,15 @@ constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
 /// A homography is called wrong beyond this corner error, px.
 constexpr double kWrongBeyond = 20.0;
 
+/// The error e at an image corner and its covariance S, as that of the homography has it.
+struct CornerConsistency {
+  double predicted = 0.0;              ///< root mean trace of S over the corners, px
+  double ratio = 0.0;                  ///< root mean square of e over `predicted`
+  std::array<double, 4> normalised{};  ///< e' S^-1 e at each corner; median 1.39 where S is right
+};
+/// 99.9 % of e' S^-1 e are below this where S is right: chi-square with two degrees of freedom.
+constexpr double kConsistentBelow = 13.8;
+
 /// What one method makes of one pair.
 struct MethodScore {
   std::string method;
@@ -32,9 +41,12 @@ struct MethodScore {
   /// homography; nothing where it does not look for one.
   std::optional<double> corner_error;
   bool found = false;  ///< a homography, which the method calls good
-  /// Whether its errors are within the 99.9 % bound of its covariance; nothing where the method
-  /// gives none.
+  /// Whether its errors at annotated points are within the 99.9 % bound of its covariance; nothing
+  /// where there are no such points or the method gives no covariance.
   std::optional<bool> within_covariance;
+  /// How the error of the homography at the four corners compares with its covariance there;
+  /// nothing where the method gives no covariance or the truth is annotated points.
+  std::optional<CornerConsistency> consistency;
   /// Of the images laid over each other by the homography; see overlapCorrelation.
   std::optional<double> zncc;
   std::vector<StepResult> steps;

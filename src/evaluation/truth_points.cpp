@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "cli/files.h"
+#include "core/homography/transform.h"
 
 namespace ktgp_orb::tools {
 
@@ -55,33 +56,16 @@ double meanTransferError(const Eigen::Matrix3d& homography,
   return std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity();
 }
 
-std::vector<AnnotatedPoint> cornersUnder(const Eigen::Matrix3d& truth, const cv::Size& reference) {
-  std::vector<AnnotatedPoint> corners;
-  for (const double x : {0.0, reference.width - 1.0}) {
-    for (const double y : {0.0, reference.height - 1.0}) {
-      const Eigen::Vector2d p(x, y);
-      corners.push_back({p, (truth * p.homogeneous()).hnormalized()});
-    }
-  }
-  return corners;
-}
-
-bool isWithinCovariance(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+bool isWithinCovariance(const UncertainHomography& estimate,
                         const std::vector<AnnotatedPoint>& points, double sigma) {
   // Chi-square of two degrees of freedom: exp(-x/2) is the chance to be beyond x.
   const double limit = -2.0 * std::log(0.001 / static_cast<double>(points.size()));
   for (const AnnotatedPoint& point : points) {
-    const Eigen::Vector3d p = homography * point.reference.homogeneous() / homography(2, 2);
-    const Eigen::Vector2d q = p.hnormalized();
-    const double x = point.reference.x() / p.z();
-    const double y = point.reference.y() / p.z();
-    const double z = 1.0 / p.z();
-    Eigen::Matrix<double, 2, 8> by_entries;
-    by_entries << x, y, z, 0.0, 0.0, 0.0, -q.x() * x, -q.x() * y,  //
-        0.0, 0.0, 0.0, x, y, z, -q.y() * x, -q.y() * y;
-    const Eigen::Matrix2d spread = by_entries * covariance * by_entries.transpose() +
+    const auto jacobian = homography::jacobianByEntries(estimate.homography, point.reference);
+    const Eigen::Matrix2d spread = jacobian * estimate.covariance * jacobian.transpose() +
                                    sigma * sigma * Eigen::Matrix2d::Identity();
-    const Eigen::Vector2d error = q - point.target;
+    const Eigen::Vector2d error =
+        homography::project(estimate.homography, point.reference) - point.target;
     if (!(error.dot(spread.inverse() * error) <= limit)) return false;
   }
   return true;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <opencv2/core/types.hpp>
 #include <string>
 #include <vector>
 
@@ -22,12 +21,9 @@ Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points);
 double meanTransferError(const Eigen::Matrix3d& homography,
                          const std::vector<AnnotatedPoint>& points);
 
-/// The corners of the reference and where `truth` maps them.
-std::vector<AnnotatedPoint> cornersUnder(const Eigen::Matrix3d& truth, const cv::Size& reference);
-
 /// Whether the errors of a homography are as large as its covariance says: the largest of all
 /// points within the 99.9 % bound for so many. `sigma`: how exact the points are, px.
-bool isWithinCovariance(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+bool isWithinCovariance(const UncertainHomography& estimate,
                         const std::vector<AnnotatedPoint>& points, double sigma);
 
 }  // namespace ktgp_orb::tools

@@ -13,6 +13,9 @@
 namespace ktgp_orb::tools {
 namespace {
 
+using util::kPi;
+using util::Random;
+
 constexpr double kDegree = kPi / 180.0;
 constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
 constexpr double kShown = 0.85;              // of the picture by the reference view

@@ -7,13 +7,16 @@
 namespace ktgp_orb {
 namespace {
 
+using util::GreyStretch;
+using util::requireInRange;
+
 /// The values of dynamic_reconfigure by the names of the table.
 Parameters parametersFrom(const KtgpConfig& config) {
   Parameters p;
 #define KTGP_GROUP(name)
 #define KTGP_BOOL(name, value, text) p.name = config.name;
-#define KTGP_INT(name, value, low, high, limits, unit, text) p.name = config.name;
-#define KTGP_DOUBLE(name, value, low, high, limits, unit, text) p.name = config.name;
+#define KTGP_INT(name, value, low, high, unit, text) p.name = config.name;
+#define KTGP_DOUBLE(name, value, low, high, unit, text) p.name = config.name;
 #define KTGP_STRING(name, value, text) p.name = config.name;
 #define KTGP_CHOICE(name, value, text, choices) p.name = config.name;
 #include "parameters/table.def"

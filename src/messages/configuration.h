@@ -19,7 +19,7 @@ struct Configuration {
   std::uint32_t number = 0;  ///< counts the changes
   SequenceOptions sequence;
   sensor_msgs::ImageConstPtr reference_image;  ///< the fixed reference at first; null: none
-  GreyStretch stretch;                         ///< of 16-bit images
+  util::GreyStretch stretch;                   ///< of 16-bit images
   CameraView view;                             ///< of the camera's images, not of reference_image
   bool rectify = false;                        ///< a lens is wanted in `view`
   double max_rate = 0.0;                       ///< Hz; 0: all frames

@@ -39,7 +39,8 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
 /// Makes frames of a camera's images. An instance belongs to one thread at a time.
 class FrameMaker {
  public:
-  FrameMaker(const GreyStretch& stretch, const CameraView& view) : stretch_(stretch), view_(view) {}
+  FrameMaker(const util::GreyStretch& stretch, const CameraView& view)
+      : stretch_(stretch), view_(view) {}
 
   /// Makes `frame` the image of the message, without features. Throws RefusedImage as greyImage
   /// does, for a mask of another size than the image, and where the roi is outside of it.
@@ -48,7 +49,7 @@ class FrameMaker {
  private:
   const cv::Mat& maskOf(const cv::Size& size);
 
-  GreyStretch stretch_;
+  util::GreyStretch stretch_;
   CameraView view_;
   PixelMemoryPool memory_;
   cv::Mat mask_;  // of all in view_, for images of its size

@@ -15,6 +15,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::GreyStretch;
+using util::stretchTo8Bit;
+
 namespace encodings = sensor_msgs::image_encodings;
 
 constexpr int kNoCode = -1;
@@ -63,7 +66,9 @@ const Format& formatOf(const std::string& encoding) {
   for (const Format& format : formats()) {
     if (format.encoding == encoding) return format;
   }
-  throw RefusedImage("encoding '" + encoding +
+  constexpr std::size_t kShown = 64;  // characters of a name that comes from anywhere
+  const bool is_long = encoding.size() > kShown;
+  throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
                      "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
                      "colour of 8 or 16 bits (bgr8, rgba16, 8UC3, ...), yuv422 or Bayer");
 }

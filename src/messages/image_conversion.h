@@ -23,22 +23,23 @@ class RefusedImage : public std::runtime_error {
 /// 16-bit ones are converted, then stretched. Throws RefusedImage for an empty image, a step or
 /// amount of data that does not fit the size, and an encoding that is neither grey, colour, yuv422
 /// nor Bayer; more data than the size needs is legal.
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch = {});
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch = {});
 /// The same; colour and Bayer images are converted into `buffer`, in the memory it has where they
 /// fit.
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
                   cv::Mat& buffer);
 
 /// Makes `frame` the image of the message, without features. A mono8 image is held by its message,
 /// so that inside one nodelet manager no pixel is ever copied. Throws as greyImage does.
-void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame);
+void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
+             Frame& frame);
 /// The same, in memory that nobody else holds; the frame does from now on.
-void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
              const std::shared_ptr<PixelMemory>& memory, Frame& frame);
 
 /// A frame of the image with its features.
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
-                   const GreyStretch& stretch = {});
+                   const util::GreyStretch& stretch = {});
 
 /// An image file as a mono8 message, mono16 where the file has 16 bits, with stamp zero; null for
 /// an empty path. Throws RefusedImage, which begins with `name`, for a file that cannot be read,

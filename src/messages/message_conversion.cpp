@@ -8,6 +8,8 @@
 namespace ktgp_orb {
 namespace {
 
+using util::imagePoint;
+
 // The messages' constants and the core's enumerators are one numbering.
 static_assert(int(Status::ok) == MatchStatistics::STATUS_OK, "");
 static_assert(int(Status::no_reference) == MatchStatistics::STATUS_NO_REFERENCE, "");
@@ -108,18 +110,24 @@ void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
 }
 
-/// The aligned points. They name the final matches by their place among these, which stand in the
-/// message in the same order, among others.
+/// The aligned points, each with the place in the message of the correspondence it stands for. A
+/// guided match that does not agree with the aligned homography is not in the message.
 void appendAligned(const AlignmentResult& alignment, Correspondences& message) {
   if (alignment.status != AlignmentStatus::ok) return;
-  std::vector<std::uint32_t> places;
+  std::unordered_map<std::uint64_t, std::uint32_t> place_of;
+  const auto key = [](std::uint32_t reference, std::uint32_t target) {
+    return std::uint64_t{reference} << 32U | target;
+  };
+  place_of.reserve(message.level.size());
   for (std::size_t i = 0; i < message.level.size(); ++i) {
-    if (message.level[i] >= Correspondences::LEVEL_KTGP) {
-      places.push_back(static_cast<std::uint32_t>(i));
-    }
+    place_of.emplace(key(message.reference_index[i], message.target_index[i]),
+                     static_cast<std::uint32_t>(i));
   }
   for (const AlignedPoint& p : alignment.points) {
-    message.aligned.push_back(places[p.match]);
+    const auto place = place_of.find(key(static_cast<std::uint32_t>(p.reference_index),
+                                         static_cast<std::uint32_t>(p.target_index)));
+    if (place == place_of.end()) continue;
+    message.aligned.push_back(place->second);
     message.aligned_reference_x.push_back(static_cast<float>(p.reference.x()));
     message.aligned_reference_y.push_back(static_cast<float>(p.reference.y()));
     message.aligned_target_x.push_back(static_cast<float>(p.target.x()));
@@ -168,6 +176,7 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const Sequence
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->reprojection_rmse = result.rmse;
   copyCovariance(result.covariance, *message);
+  message->plane_deviation = result.plane_deviation;
   return message;
 }
 
@@ -181,6 +190,7 @@ HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const Sequenc
   message->reprojection_rmse = match.match.rmse;
   copyHomography(match.accumulated->homography, *message);
   copyCovariance(match.accumulated->covariance, *message);
+  message->plane_deviation = match.match.plane_deviation;
   return message;
 }
 
@@ -230,7 +240,10 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   message->reference_stamp = timeOf(match.reference->stamp);
   message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
   setDistances(match.match, *message);
-  if (match.match.status == Status::ok) message->reprojection_rmse = match.match.rmse;
+  if (match.match.status == Status::ok) {
+    message->reprojection_rmse = match.match.rmse;
+    message->plane_deviation = match.match.plane_deviation;
+  }
   return message;
 }
 

@@ -6,6 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "core/util/shared_matrix.h"
+
 namespace ktgp_orb {
 
 /// What the pixels of a frame lie in: the message, or a matrix that they were converted into.
@@ -31,7 +33,7 @@ class PixelMemoryPool {
       if (all_.size() < kMost) all_.push_back(free);
     }
     // A caller may hold the matrix, though not the frame that had it.
-    if (free->grey.u != nullptr && CV_XADD(&free->grey.u->refcount, 0) > 1) free->grey.release();
+    if (util::isShared(free->grey)) free->grey.release();
     return free;
   }
 

@@ -88,8 +88,10 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.view = {};  // of the camera; these two come from anywhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
+  const char* image = "reference: ";  // what an error is about
   try {
     MessageMatcher matcher(configuration);
+    image = "target: ";
     const FrameMessages messages =
         matcher.process(boost::make_shared<sensor_msgs::Image>(request.target));
     response.correspondences = *messages.correspondences;
@@ -98,7 +100,7 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
     response.success = true;
   } catch (const std::exception& error) {
     response.success = false;
-    response.message = error.what();
+    response.message = std::string(image) + error.what();
     response.homography.status = HomographyStamped::STATUS_NO_REFERENCE;
     response.statistics.status = MatchStatistics::STATUS_NO_REFERENCE;
   }

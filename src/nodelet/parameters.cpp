@@ -1,6 +1,7 @@
 #include "nodelet/parameters.h"
 
 #include <boost/any.hpp>
+#include <cmath>
 #include <set>
 #include <sstream>
 #include <stdexcept>
@@ -24,6 +25,12 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
                     const boost::any& high) {
   std::ostringstream given;
   value.write(given);
+  const bool is_text = value.getType() == XmlRpc::XmlRpcValue::TypeString;
+  if (is_text && low.type() != typeid(std::string)) {
+    refuse(
+        parameter, "the text '" + given.str() + "'",
+        low.type() == typeid(bool) ? "true or false, without quotes" : "a number, without quotes");
+  }
   const auto check = [&](double number, double lowest, double highest) {
     if (number >= lowest && number <= highest) return;
     std::ostringstream range;
@@ -38,8 +45,13 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
     const double number = is_int ? static_cast<int>(value) : static_cast<double>(value);
     check(number, boost::any_cast<double>(low), boost::any_cast<double>(high));
   } else if (low.type() == typeid(int)) {
-    if (!is_int) refuse(parameter, given.str(), "a whole number");
-    check(static_cast<int>(value), boost::any_cast<int>(low), boost::any_cast<int>(high));
+    const bool is_double = value.getType() == XmlRpc::XmlRpcValue::TypeDouble;
+    const double number = is_int      ? static_cast<int>(value)
+                          : is_double ? static_cast<double>(value)
+                                      : std::nan("");
+    // 2000.0 is what YAML makes of a number that went through a program.
+    if (number != std::floor(number)) refuse(parameter, given.str(), "a whole number");
+    check(number, boost::any_cast<int>(low), boost::any_cast<int>(high));
   } else if (low.type() == typeid(bool)) {
     if (value.getType() != XmlRpc::XmlRpcValue::TypeBoolean) {
       refuse(parameter, given.str(), "true or false");

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <locale>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 
@@ -25,15 +26,39 @@ std::vector<ParameterRow> readTable() {
   std::string group;
 #define KTGP_GROUP(name) group = #name;
 #define KTGP_BOOL(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
-#define KTGP_INT(name, value, low, high, limits, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(limits)});
-#define KTGP_DOUBLE(name, value, low, high, limits, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(limits)});
+#define KTGP_INT(name, value, low, high, unit, text) \
+  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(low, high)});
+#define KTGP_DOUBLE(name, value, low, high, unit, text) \
+  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(low, high)});
 #define KTGP_STRING(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
 #define KTGP_CHOICE(name, value, text, choices) \
   rows.push_back({group, #name, &Parameters::name, text, "", {}, namesOfChoices(choices)});
 #include "parameters/table.def"
+#undef KTGP_GROUP
+#undef KTGP_BOOL
+#undef KTGP_INT
+#undef KTGP_DOUBLE
+#undef KTGP_STRING
+#undef KTGP_CHOICE
   return rows;
+}
+
+using Ranges = std::map<std::string, Limits>;
+
+Ranges readRanges(const std::string& nodelet) {
+  Ranges ranges;
+#define KTGP_GROUP(name)
+#define KTGP_BOOL(name, value, text)
+#define KTGP_INT(name, value, low, high, unit, text) ranges.emplace(#name, Limits(low, high));
+#define KTGP_DOUBLE(name, value, low, high, unit, text) ranges.emplace(#name, Limits(low, high));
+#define KTGP_STRING(name, value, text)
+#define KTGP_CHOICE(name, value, text, choices)
+  if (nodelet == "stabilizer") {
+#include "parameters/stabilizer.def"
+  } else {
+#include "parameters/mosaic.def"
+  }
+  return ranges;
 }
 
 std::string joined(const std::vector<std::string>& choices) {
@@ -63,7 +88,11 @@ bool parse(const std::string& text, double& number) {
 }
 
 bool parse(const std::string& text, int& number) {
-  const char* const end = text.data() + text.size();
+  // 2000.0 is what YAML makes of a number that went through a program.
+  const std::size_t point = text.find('.');
+  const bool whole = point == std::string::npos || point == 0 || point + 1 == text.size() ||
+                     text.find_first_not_of('0', point + 1) != std::string::npos;
+  const char* const end = text.data() + (whole ? text.size() : point);
   const auto [stop, error] = std::from_chars(text.data(), end, number);
   return error == std::errc() && stop == end;
 }
@@ -78,16 +107,16 @@ bool parse(const std::string& text, std::string& value) {
   return true;
 }
 
-std::string text(bool value) {
+std::string textOf(bool value) {
   return value ? "true" : "false";
 }
-std::string text(int value) {
+std::string textOf(int value) {
   return std::to_string(value);
 }
-std::string text(const std::string& value) {
+std::string textOf(const std::string& value) {
   return value;
 }
-std::string text(double value) {
+std::string textOf(double value) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
   for (const int digits : {6, 15, 17}) {  // the shortest that reads back as the same
@@ -116,18 +145,8 @@ bool isValid(const ParameterRow& row, const std::string& value) {
 
 }  // namespace
 
-Limits::Limits(const std::string& text) : text_(text) {
-  std::istringstream in(text);
-  in.imbue(std::locale::classic());
-  char opening = 0;
-  char comma = 0;
-  char closing = 0;
-  in >> opening >> low_ >> comma >> high_ >> closing;
-  if (!in || comma != ',') throw std::logic_error("not a range: " + text);
-  const double infinity = std::numeric_limits<double>::infinity();
-  if (opening == '(') low_ = std::nextafter(low_, infinity);
-  if (closing == ')') high_ = std::nextafter(high_, -infinity);
-}
+Limits::Limits(double low, double high)
+    : text_("[" + textOf(low) + ", " + textOf(high) + "]"), low_(low), high_(high) {}
 
 bool Limits::contains(double value) const {
   return value >= low_ && value <= high_;
@@ -145,6 +164,10 @@ const ParameterRow* findParameter(const std::string& name) {
   return nullptr;
 }
 
+Limits limitsOf(const std::string& nodelet, const std::string& name) {
+  return readRanges(nodelet).at(name);
+}
+
 void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters) {
   std::visit(
       [&](auto field) {
@@ -156,14 +179,15 @@ void setParameter(const ParameterRow& row, const std::string& text, Parameters& 
 }
 
 std::string valueText(const ParameterRow& row, const Parameters& parameters) {
-  return std::visit([&](auto field) { return text(parameters.*field); }, row.field);
+  return std::visit([&](auto field) { return textOf(parameters.*field); }, row.field);
 }
 
 void requireValid(const Parameters& parameters) {
   for (const ParameterRow& row : parameterRows()) {
     std::visit(
         [&](auto field) {
-          if (!isValid(row, parameters.*field)) refuse(row, text(parameters.*field), expected(row));
+          if (!isValid(row, parameters.*field))
+            refuse(row, textOf(parameters.*field), expected(row));
         },
         row.field);
   }

@@ -11,8 +11,8 @@ namespace ktgp_orb {
 struct Parameters {
 #define KTGP_GROUP(name)
 #define KTGP_BOOL(name, value, text) bool name = value;
-#define KTGP_INT(name, value, low, high, limits, unit, text) int name = value;
-#define KTGP_DOUBLE(name, value, low, high, limits, unit, text) double name = value;
+#define KTGP_INT(name, value, low, high, unit, text) int name = value;
+#define KTGP_DOUBLE(name, value, low, high, unit, text) double name = value;
 #define KTGP_STRING(name, value, text) std::string name = value;
 #define KTGP_CHOICE(name, value, text, choices) std::string name = value;
 #include "parameters/table.def"
@@ -24,14 +24,15 @@ struct Parameters {
 #undef KTGP_CHOICE
 };
 
-/// Allowed values of a number, written "[0, 1)": a parenthesis leaves the bound out.
+/// Allowed values of a number, both ends included.
 class Limits {
  public:
   Limits() = default;
-  explicit Limits(const std::string& text);
+  Limits(double low, double high);
 
   /// False for NaN.
   bool contains(double value) const;
+  /// "[0, 1]"
   const std::string& text() const { return text_; }
   double low() const { return low_; }
   double high() const { return high_; }
@@ -47,7 +48,7 @@ struct ParameterRow {
   using Field = std::variant<bool Parameters::*, int Parameters::*, double Parameters::*,
                              std::string Parameters::*>;
 
-  std::string group;  ///< "method", "orb", "gms", ...
+  std::string group;  ///< "method", "stage_1_orb", ...
   std::string name;
   Field field;
   std::string text;
@@ -61,6 +62,9 @@ const std::vector<ParameterRow>& parameterRows();
 
 /// The row of that name, or null.
 const ParameterRow* findParameter(const std::string& name);
+
+/// The range of a number of another nodelet, "stabilizer" or "mosaic".
+Limits limitsOf(const std::string& nodelet, const std::string& name);
 
 /// Sets the parameter from its text: "0.66", "true", "keyframe". Throws std::invalid_argument,
 /// naming the parameter, the text and what is expected.

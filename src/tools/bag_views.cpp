@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <filesystem>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -56,9 +57,20 @@ void BagViews::Shake::add(const std::vector<Eigen::Matrix3d>& steps, const cv::S
   count += weight;
 }
 
+std::string mosaicOf(const std::string& path, std::size_t number) {
+  if (number == 1) return path;
+  const std::filesystem::path first(path);
+  const std::string name =
+      first.stem().string() + "-" + std::to_string(number) + first.extension().string();
+  return (first.parent_path() / name).string();
+}
+
 BagViews::BagViews(const ViewOptions& options)
     : options_(options), stabilizer_(options.stabilizer), mosaic_(options.map) {
-  if (!options.stabilized.empty()) video_.emplace(options.stabilized, kRate);
+  if (!options.stabilized.empty()) video_.emplace(options.stabilized, kRate, options.force);
+  if (!options.mosaic.empty()) {
+    mosaic_.onFinishedMap([this](const cv::Mat& image) { writeMap(image); });
+  }
 }
 
 void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& message) {
@@ -129,29 +141,41 @@ void BagViews::writeReady() {
   ready_.clear();
 }
 
+void BagViews::writeMap(const cv::Mat& image) {
+  const std::string path = mosaicOf(options_.mosaic, maps_.size() + 1);
+  maps_.push_back(std::make_unique<tools::OutputFile>(path, options_.force));
+  tools::writeImage(*maps_.back(), image);
+}
+
 void BagViews::close() {
+  const cv::Mat map = options_.mosaic.empty() ? cv::Mat() : mosaic_.image();
+  if (!map.empty()) writeMap(map);
+  for (const auto& file : maps_) file->commit();
   if (video_) {
     stabilizer_.flush(ready_);
     writeReady();
     shake_before_.add(before_, size_);
     shake_after_.add(after_, size_);
-    video_->close();
+    if (!video_->empty()) video_->close();
     if (!options_.warps.empty()) {
       tools::writeText(options_.warps,
-                       "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_);
+                       "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
+                       options_.force);
     }
   }
-  if (!options_.mosaic.empty()) tools::writeImage(options_.mosaic, mosaic_.image());
   if (!options_.mosaic_poses.empty()) {
     tools::writeText(options_.mosaic_poses,
-                     "stamp,placement,map,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + poses_);
+                     "stamp,placement,map,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + poses_,
+                     options_.force);
   }
 }
 
 std::string BagViews::report() const {
   char line[256];
   std::string text;
-  if (video_) {
+  if (video_ && frames_ == 0) {
+    text += options_.stabilized + ": not written, since no image could be used\n";
+  } else if (video_) {
     std::snprintf(line, sizeof line,
                   "%s: %zu frames, shake %.3f px^2 before, %.3f after, %d frames late, %.2f ms a "
                   "frame\n",
@@ -160,12 +184,17 @@ std::string BagViews::report() const {
                   warp_milliseconds_ / static_cast<double>(std::max<std::size_t>(frames_, 1)));
     text += line;
   }
-  if (!options_.mosaic.empty()) {
+  if (!options_.mosaic.empty() && maps_.empty()) {
+    text += options_.mosaic + ": not written, since no image could be used\n";
+  } else if (!options_.mosaic.empty()) {
+    text += options_.mosaic;
+    if (maps_.size() > 1) {
+      text += " to " + mosaicOf(options_.mosaic, maps_.size()) + ": " +
+              std::to_string(maps_.size()) + " maps, each in a file; the last";
+    }
     std::snprintf(line, sizeof line,
-                  "%s: %dx%d px, %zu frames, %zu of them lost, %zu keyframes, %zu maps begun, "
-                  "%.2f ms a frame%s\n",
-                  options_.mosaic.c_str(), mosaic_.area().width, mosaic_.area().height, placed_,
-                  lost_, mosaic_.keyframes(), mosaic_.maps(),
+                  ": %dx%d px; %zu frames, %zu of them lost, %zu keyframes, %.2f ms a frame%s\n",
+                  mosaic_.area().width, mosaic_.area().height, placed_, lost_, mosaic_.keyframes(),
                   place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
                   mosaic_.full() ? "; full, some was left out" : "");
     text += line;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
@@ -20,11 +21,15 @@ namespace ktgp_orb {
 struct ViewOptions {
   std::string stabilized;    ///< mp4
   std::string warps;         ///< csv: the frame -> steady picture homography of each frame
-  std::string mosaic;        ///< png
+  std::string mosaic;        ///< png, of the first map; those of further ones are mosaicOf
   std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
   StabilizerOptions stabilizer;
   MosaicOptions map;
+  bool force = false;  ///< may replace files
 };
+
+/// Name of the picture of a map, counted from 1: "map.png", "map-2.png", ...
+std::string mosaicOf(const std::string& path, std::size_t number);
 
 /// Writes the steady video and the mosaic of a bag's images: the offline twin of the nodelets, with
 /// the same code.
@@ -34,7 +39,7 @@ class BagViews {
 
   /// The next image, with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
-  /// Completes the files. Throws FileError.
+  /// Completes the files; what no image was for is not written. Throws FileError.
   void close();
   /// What became of it, in lines for people; empty where nothing was asked for.
   std::string report() const;
@@ -43,6 +48,7 @@ class BagViews {
   void stabilize(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography,
                  const std::optional<Eigen::Matrix3d>& step);
   void writeReady();
+  void writeMap(const cv::Mat& image);
 
   ViewOptions options_;
   Stabilizer stabilizer_;
@@ -67,6 +73,7 @@ class BagViews {
   cv::Size size_;
 
   Mosaic mosaic_;
+  std::vector<std::unique_ptr<tools::OutputFile>> maps_;  // each complete, but without its name
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
   double place_milliseconds_ = 0.0;

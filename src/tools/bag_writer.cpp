@@ -12,11 +12,11 @@ namespace {
 
 constexpr const char* kColumns =
     "stamp,reference_stamp,status,reference_changed,reference_features,target_features,descriptor,"
-    "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,"
+    "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,plane_deviation,"
     "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
     "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
 constexpr int kStages = 4;
-constexpr int kColumnsAfterStatus = 27;  // without the error
+constexpr int kColumnsAfterStatus = 28;  // without the error
 
 /// Not written into the file at once: ROS changes the stream's locale for it, which writes out what
 /// is buffered, and ends the program where the disk is full.
@@ -28,9 +28,10 @@ std::string text(const ros::Time& time) {
 
 }  // namespace
 
-MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix)
-    : bag_name_(bag), csv_name_(csv), bag_file_(bag), prefix_(prefix) {
-  if (!csv.empty()) csv_file_.emplace(csv);
+MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
+                         bool force)
+    : bag_name_(bag), csv_name_(csv), bag_file_(bag, force), prefix_(prefix) {
+  if (!csv.empty()) csv_file_.emplace(csv, force);
   try {
     bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {
@@ -90,7 +91,7 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
        << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
   for (int i = 0; i < kStages; ++i) csv_ << ',' << s.stages[i].output;
   csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
-       << s.rms_distance << ',' << s.reprojection_rmse;
+       << s.rms_distance << ',' << s.reprojection_rmse << ',' << s.plane_deviation;
   csv_ << std::setprecision(5) << ',' << s.extraction_milliseconds;
   for (int i = 0; i < kStages; ++i) {
     csv_ << ',' << s.stages[i].milliseconds;

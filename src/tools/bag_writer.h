@@ -17,8 +17,10 @@ namespace ktgp_orb {
 class MatchWriter {
  public:
   /// `prefix`: of the topics, "/camera/matcher" for example. `csv`: path of the table, empty: none.
-  /// All functions throw std::runtime_error naming a file that cannot be written.
-  MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix);
+  /// `force`: they may replace files. All functions throw std::runtime_error naming a file that
+  /// cannot be written.
+  MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
+              bool force);
   ~MatchWriter();
   MatchWriter(const MatchWriter&) = delete;
   MatchWriter& operator=(const MatchWriter&) = delete;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <iostream>
+#include <map>
 #include <opencv2/core/utility.hpp>
 #include <thread>
 #include <utility>
@@ -74,7 +75,8 @@ class Run {
       : source_(std::move(source)),
         matcher_(configuration),
         pipeline_(configuration, fixedReference(configuration), threads),
-        writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic())),
+        writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
+                arguments.force),
         views_(arguments.views),
         progress_(source_->total()) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -96,7 +98,8 @@ class Run {
     return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  std::size_t images() const { return progress_.done(); }
+  std::size_t matched() const { return matched_; }
+  std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
   /// Why the first of them was.
   const std::string& refusal() const { return refusal_; }
@@ -140,6 +143,7 @@ class Run {
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
     writer_.write(messages, recorded.received);
+    ++matched_;
     views_.add(recorded.image, *messages.homography);
   }
 
@@ -150,6 +154,7 @@ class Run {
   BagViews views_;
   Progress progress_;
   RateLimiter rate_limiter_;
+  std::size_t matched_ = 0;
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;  // in the pipeline; skipped before
   std::uint64_t refused_ = 0;
@@ -178,26 +183,28 @@ void checkFiles(Arguments& arguments) {
   plan.read(arguments.parameters.mask_image);
   plan.write(arguments.out);
   plan.write(arguments.csv);
-  plan.write(arguments.views.stabilized);
+  plan.writeVideo(arguments.views.stabilized);
   plan.write(arguments.views.warps);
-  plan.write(arguments.views.mosaic);
+  plan.writeImage(arguments.views.mosaic);
+  // How many maps there will be is not known; what an earlier run left is.
+  if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
 }
 
 int matchBag(Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
+  tools::stopWhenInterrupted();
   checkFiles(arguments);
   cv::setNumThreads(1);  // the images themselves are spread over the cores
   auto source = openBag(arguments.in, arguments.selection);
   const Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
-  tools::stopWhenInterrupted();
   const int code = run.run();
-  std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.images()
-            << " images of " << run.topic() << " matched, " << run.refused()
-            << " of them refused; results in " << arguments.out << '\n'
+  std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
+            << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
+            << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
             << run.viewReport();
   if (run.refused() > 0) {
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
@@ -212,43 +219,84 @@ int matchBag(Arguments& arguments) {
 
 void addViewArguments(CLI::App& app, ViewOptions& views) {
   const char* const group = "To look at";
-  app.add_option("--stabilize", views.stabilized, "write a steady video (mp4) of the images")
-      ->type_name("FILE")
-      ->group(group);
+  CLI::Option* const video =
+      app.add_option("--stabilize", views.stabilized, "write a steady video (mp4) of the images")
+          ->type_name("FILE")
+          ->group(group);
   app.add_option("--stabilizer_strength", views.stabilizer.strength,
                  "quicker motion is shake and is taken out [s]")
-      ->check(tools::numberIn("[0.01, 10]"))
+      ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
       ->capture_default_str()
+      ->needs(video)
       ->group(group);
   app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames that are waited for")
-      ->check(CLI::Range(0, 60))
+      ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
       ->capture_default_str()
+      ->needs(video)
       ->group(group);
   app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
                  "share of width and height cut off at each border")
-      ->check(tools::numberIn("[0.01, 0.4]"))
+      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
       ->capture_default_str()
+      ->needs(video)
       ->group(group);
   app.add_option("--stabilizer_warps", views.warps,
                  "write a table with the image -> steady image homography of every image; needs "
                  "--stabilize")
       ->type_name("FILE")
+      ->needs(video)
       ->group(group);
-  app.add_option("--mosaic", views.mosaic, "write one picture (png) of all that was seen")
-      ->type_name("FILE")
-      ->group(group);
+  CLI::Option* const map =
+      app.add_option(
+             "--mosaic", views.mosaic,
+             "write a picture (png) of all that was seen; where the map breaks off, after a cut "
+             "for example, the next one is in FILE-2, and so on")
+          ->type_name("FILE")
+          ->group(group);
   app.add_option("--mosaic_keyframes", views.map.keyframes,
                  "place frames by keyframes; false: by the homographies alone")
       ->capture_default_str()
+      ->needs(map)
       ->group(group);
   app.add_option("--mosaic_max_megapixels", views.map.max_megapixels, "it grows no further")
-      ->check(tools::numberIn("[1, 1000]"))
+      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
       ->capture_default_str()
+      ->needs(map)
       ->group(group);
   app.add_option("--mosaic_poses", views.mosaic_poses,
                  "write a table with the map -> frame homography of every image; needs --mosaic")
       ->type_name("FILE")
+      ->needs(map)
       ->group(group);
+}
+
+/// Each would be read and change nothing.
+void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
+  const std::string pose = "ktgp_bag writes no pose; the node publishes it";
+  const std::string diagnostics = "it is of the node's diagnostics, and here are none";
+  std::map<std::string, std::string> idle{
+      {"target_width", pose},          {"target_frame", pose},
+      {"min_input_rate", diagnostics}, {"max_drop_ratio", diagnostics},
+      {"max_latency", diagnostics},    {"min_ok_ratio", diagnostics},
+      {"error_factor", diagnostics}};
+  if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
+    idle["reference_image"] = "it is looked at with --reference_mode fixed";
+  }
+  if (parameters.reference_mode != "keyframe") {
+    for (const char* name : {"keyframe_min_overlap", "keyframe_min_inliers"}) {
+      idle[name] = "it is looked at with --reference_mode keyframe";
+    }
+  }
+  if (!parameters.overlay) idle["overlay_style"] = "it is looked at with --overlay";
+  for (const auto& [name, reason] : idle) {
+    if (app.get_option("--" + name)->count() == 0) continue;
+    throw std::invalid_argument("--" + name + " has no effect: " + reason +
+                                "; expected it to be left out");
+  }
+  if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
+    throw std::invalid_argument(
+        "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
+  }
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
@@ -257,9 +305,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--topic", arguments.selection.topic,
                  "image topic in IN.bag, raw or compressed; not needed where there is one only");
   app.add_option("--start", arguments.selection.start, "begin this long after the bag does [s]")
-      ->check(tools::numberIn("[0, 1000000000]"));
+      ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--duration", arguments.selection.duration, "use only this much of it [s]")
-      ->check(tools::numberIn("[0, 1000000000]"));
+      ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
                  "namespace of the output topics; without it: matcher beside the image topic");
   app.add_option("--csv", arguments.csv, "write a table with a line for every image")
@@ -282,6 +330,8 @@ int run(int argc, char** argv) {
                   "the nodelet's.\n\n") +
       tools::kExitCodes + "\nAfter 1 and 130 OUT.bag holds what could be used until then.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
+  refuseIdleOptions(app, arguments.parameters);
+  arguments.views.force = arguments.force;
   return matchBag(arguments);
 }
 

@@ -165,7 +165,8 @@ void printHomography(const Outcome& outcome) {
     std::printf("\nno homography: %s\n", toString(outcome.result.status));
     return;
   }
-  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px\n", result.inliers, result.rmse);
+  std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
+              result.inliers, result.rmse, result.plane_deviation);
   for (int row = 0; row < 3; ++row) {
     std::printf("  %15.8g %15.8g %15.8g\n", result.homography(row, 0), result.homography(row, 1),
                 result.homography(row, 2));
@@ -233,6 +234,10 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["homography"] = toJson(result.homography);
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
+  out["plane_deviation"] = result.plane_deviation;
+  out["covariance"] = json::array();
+  for (Eigen::Index i = 0; i < 64; ++i)
+    out["covariance"].push_back(result.covariance(i / 8, i % 8));
   if (outcome.truth) {
     out["corner_error"] =
         evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size());
@@ -272,21 +277,21 @@ void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   const FrameView reference{outcome.reference.image, outcome.reference.features};
   const FrameView target{outcome.target.image, outcome.target.features};
   if (!arguments.json.empty()) {
-    writeText(arguments.json, toJson(outcome, arguments.pipeline).dump(2) + "\n");
+    writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2), arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome));
+  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome), arguments.force);
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
     drawOverlay(reference, target, outcome.result, OverlayStyle::side_by_side, canvas);
-    writeImage(arguments.draw, canvas);
+    writeImage(arguments.draw, canvas, arguments.force);
   }
   if (!arguments.draw_stages.empty()) {
     drawStages(reference, target, outcome.result, canvas);
-    writeImage(arguments.draw_stages, canvas);
+    writeImage(arguments.draw_stages, canvas, arguments.force);
   }
   if (!arguments.draw_final.empty()) {
     drawLevel(reference, target, outcome.result, Level::ktgp, canvas);
-    writeImage(arguments.draw_final, canvas);
+    writeImage(arguments.draw_final, canvas, arguments.force);
   }
 }
 
@@ -314,9 +319,10 @@ void checkFiles(const Arguments& arguments) {
   for (const auto& file : {arguments.reference, arguments.target, arguments.ground_truth}) {
     plan.read(file);
   }
-  for (const auto& file : {arguments.json, arguments.csv, arguments.draw, arguments.draw_stages,
-                           arguments.draw_final}) {
-    plan.write(file);
+  plan.write(arguments.json);
+  plan.write(arguments.csv);
+  for (const auto& file : {arguments.draw, arguments.draw_stages, arguments.draw_final}) {
+    plan.writeImage(file);
   }
 }
 

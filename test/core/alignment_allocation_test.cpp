@@ -14,8 +14,7 @@ TEST(Alignment, AllocatesNothingOnceItsBuffersHaveGrown) {
   Alignment alignment;
   AlignmentResult result;
   const auto run = [&] {
-    alignment.align(scene.reference, scene.target, scene.matches, start, test::keypointCovariance(),
-                    result);
+    alignment.align(scene.reference, scene.target, scene.matches, test::uncertain(start), result);
   };
   run();
   ASSERT_EQ(result.status, AlignmentStatus::ok);

@@ -9,7 +9,7 @@
 
 #include "instruction_sets.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 namespace {
 
 cv::Mat randomImage(std::mt19937& generator, bool extreme) {
@@ -98,4 +98,4 @@ TEST(AlignmentKernels, WarpInterpolatesBetweenFourPixels) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

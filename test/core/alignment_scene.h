@@ -139,4 +139,11 @@ inline Covariance8 keypointCovariance() {
   return covariance;
 }
 
+inline UncertainHomography uncertain(const Eigen::Matrix3d& homography) {
+  UncertainHomography estimate;
+  estimate.homography = homography;
+  estimate.covariance = keypointCovariance();
+  return estimate;
+}
+
 }  // namespace ktgp_orb::test

@@ -16,6 +16,8 @@
 namespace ktgp_orb {
 namespace {
 
+using alignment::PointSpread;
+
 using test::AlignmentScene;
 using test::planeScene;
 using test::translation;
@@ -25,8 +27,7 @@ AlignmentResult align(const AlignmentScene& scene, const Eigen::Matrix3d& start,
                       const AlignmentOptions& options = {}) {
   Alignment alignment(options);
   AlignmentResult result;
-  alignment.align(scene.reference, scene.target, scene.matches, start, test::keypointCovariance(),
-                  result);
+  alignment.align(scene.reference, scene.target, scene.matches, test::uncertain(start), result);
   return result;
 }
 

@@ -166,6 +166,23 @@ TEST(GmsFilter, LeavesOtherLevelsAlone) {
   for (std::size_t i = 0; i < matches.size(); i += 3) EXPECT_EQ(matches[i].level, Level::knn);
 }
 
+TEST(GmsFilter, PassesAllWhereItIsSwitchedOff) {
+  Problem problem = perfectMotion(0, 1.0, 6);
+  for (std::size_t i = 0; i < problem.matches.size(); ++i) {
+    if (i % 3 == 0) problem.matches[i].level = Level::knn;
+    if (i % 3 == 1) problem.matches[i].target_index = 0;  // which motion statistics remove
+  }
+  GmsOptions options;
+  options.enabled = false;
+  std::vector<Correspondence> matches = problem.matches;
+  const GmsResult result = GmsFilter(options).filter(problem.reference, problem.target, matches);
+  EXPECT_EQ(result.kept, countAtLeast(problem.matches, Level::kt));
+  EXPECT_EQ(result.kept, countAtLeast(matches, Level::ktg));
+  EXPECT_EQ(result.outside_grid + result.not_best_pair + result.low_support, 0u);
+  matches = problem.matches;
+  EXPECT_LT(GmsFilter().filter(problem.reference, problem.target, matches).kept, result.kept);
+}
+
 TEST(GmsFilter, SwappedSizesChangeTheAnswer) {
   // The size is in Features and nowhere else: a caller who swaps it sees what comes of it.
   Problem problem = perfectMotion(0, 1.0, 3);

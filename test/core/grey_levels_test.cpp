@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 namespace {
 
 /// A ramp over a thermal camera's few hundred values.
@@ -103,4 +103,4 @@ TEST(GreyStretch, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -30,10 +30,10 @@ TEST(GrowthAllocation, NothingInTheSteadyState) {
   knn.matchMutual(reference.descriptors, target.descriptors, matches);
   HomographyGrowth growth;
   GrowthResult result;
-  growth.find(reference, &views, target, matches, false, result);
+  growth.find(reference, &views, target, matches, result);
   ASSERT_GT(result.seeds, 0);
   const test::AllocationCounter counter;
-  growth.find(reference, &views, target, matches, true, result);
+  growth.find(reference, &views, target, matches, result);
   EXPECT_EQ(counter.count(), 0U);
 }
 

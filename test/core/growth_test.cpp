@@ -91,13 +91,19 @@ Eigen::Matrix3d tilted() {
   return (Eigen::Matrix3d() << 0.9, -0.35, 120.0, 0.3, 0.75, 10.0, 2e-4, 3e-4, 1.0).finished();
 }
 
+MatcherOptions growing() {
+  MatcherOptions options = MatcherOptions::robust();
+  options.growth.enabled = true;
+  return options;
+}
+
 GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
   KnnMatcher knn;
   std::vector<Correspondence> matches;
   knn.matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
   HomographyGrowth growth(options);
   GrowthResult result;
-  growth.find(pair.reference, nullptr, pair.target, matches, false, result);
+  growth.find(pair.reference, nullptr, pair.target, matches, result);
   return result;
 }
 
@@ -145,7 +151,7 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
   orb.fast_threshold = 10;
   OrbExtractor extractor(orb);
   MatchResult result;
-  KtgpMatcher matcher(MatcherOptions::robust());
+  KtgpMatcher matcher(growing());
   int tried = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     Pair pair;
@@ -195,9 +201,9 @@ TEST(Growth, GivesTheSameAnswerAgain) {
   std::vector<Correspondence> matches, other_matches;
   knn.matchMutual(one.reference.descriptors, one.target.descriptors, matches);
   knn.matchMutual(other.reference.descriptors, other.target.descriptors, other_matches);
-  growth.find(one.reference, nullptr, one.target, matches, false, first);
-  growth.find(other.reference, nullptr, other.target, other_matches, false, between);
-  growth.find(one.reference, nullptr, one.target, matches, false, again);
+  growth.find(one.reference, nullptr, one.target, matches, first);
+  growth.find(other.reference, nullptr, other.target, other_matches, between);
+  growth.find(one.reference, nullptr, one.target, matches, again);
   ASSERT_TRUE(first.found);
   EXPECT_EQ(first.homography, again.homography);
   EXPECT_EQ(first.covariance, again.covariance);
@@ -227,7 +233,7 @@ TEST(Growth, RefusesOptionsOutOfRange) {
 
 TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   const Pair pair = makePair(2000, 40, tilted(), 3, 100);
-  MatcherOptions options = MatcherOptions::robust();
+  MatcherOptions options = growing();
   options.alignment.enabled = false;
   options.prosac.max_iterations = 20;  // all spent on the lures
   options.growth.enabled = false;
@@ -250,10 +256,75 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
+/// Levels, inliers and RMSE are those of the published homography.
+void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
+  std::size_t inliers = 0;
+  double squares = 0.0;
+  const auto error = [&](const Correspondence& c) {
+    const cv::Point2f x = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
+    const cv::Point2f u = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+    return reprojectionError(result.homography, {x.x, x.y}, {u.x, u.y});
+  };
+  const auto add = [&](const Correspondence& c) {
+    ++inliers;
+    squares += error(c) * error(c);
+  };
+  std::vector<bool> taken(pair.target.size());
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    EXPECT_EQ(c.level == Level::ktgp, error(c) < max_error);
+    if (c.level != Level::ktgp) continue;
+    taken[static_cast<std::size_t>(c.target_index)] = true;
+    add(c);
+  }
+  std::int32_t before = -1;
+  for (const Correspondence& c : result.guided) {
+    EXPECT_EQ(c.level, Level::guided);
+    EXPECT_LT(error(c), max_error);
+    EXPECT_FALSE(taken[static_cast<std::size_t>(c.target_index)]);
+    EXPECT_GT(c.target_index, before);
+    before = c.target_index;
+    add(c);
+  }
+  EXPECT_EQ(result.inliers, inliers);
+  EXPECT_NEAR(result.rmse, std::sqrt(squares / static_cast<double>(inliers)), 1e-9);
+}
+
+TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  for (const bool gms : {false, true}) {
+    for (const bool guided : {false, true}) {
+      for (const double max_error : {0.3, 3.0}) {
+        MatcherOptions options = growing();
+        options.gms.enabled = gms;
+        options.guided.enabled = guided;
+        options.prosac.max_error = max_error;
+        options.prosac.max_iterations = 20;  // all spent on the lures
+        MatchResult result;
+        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        ASSERT_EQ(result.found_by, FoundBy::growth);
+        EXPECT_EQ(result.status, Status::ok);
+        EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
+        EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+        expectOneAnswer(result, pair, max_error);
+        if (guided) continue;
+        EXPECT_EQ(result.homography, result.growth.homography);
+        EXPECT_EQ(result.covariance, result.growth.covariance);
+      }
+    }
+  }
+}
+
+TEST(Growth, IsOffUnlessAskedFor) {
+  EXPECT_FALSE(MatcherOptions().growth.enabled);
+  EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
+  EXPECT_FALSE(MatcherOptions::robust().growth.enabled);
+}
+
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
   const Pair pair = makePair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
-  options.matcher = MatcherOptions::robust();
+  options.matcher = growing();
   options.matcher.prosac.max_iterations = 20;  // all spent on the lures
   for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
     options.reference.mode = mode;
@@ -331,7 +402,7 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   Pair pair;
   extractor.extract(reference_image, pair.reference);
   extractor.extract(target_image, pair.target);
-  KtgpMatcher matcher(MatcherOptions::robust());
+  KtgpMatcher matcher(growing());
   MatchResult result;
   matcher.match(pair.reference, pair.target, result);
   EXPECT_NE(result.status, Status::ok);

@@ -14,6 +14,8 @@
 namespace ktgp_orb {
 namespace {
 
+using knn::bestNearKernel;
+
 Features randomFeatures(std::mt19937& generator, int count, const cv::Size& size) {
   // Some lie outside: bad data is legal.
   std::uniform_real_distribution<float> x(-10.F, static_cast<float>(size.width) + 10.F);
@@ -89,12 +91,17 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
   return matches;
 }
 
+GuidedOptions switchedOn() {
+  GuidedOptions options;
+  options.enabled = true;
+  return options;
+}
+
 TEST(GuidedMatcher, EqualsTheDefinition) {
   std::mt19937 generator(1);
   for (const double radius : {1.0, 6.0, 25.0}) {
     for (const int count : {0, 1, 40, 300}) {
-      GuidedOptions options;
-      options.enabled = true;
+      GuidedOptions options = switchedOn();
       options.radius = radius;
       options.max_distance = 28;
       const Features reference = randomFeatures(generator, count, {160, 120});
@@ -127,7 +134,7 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
   std::mt19937 generator(2);
   const Features features = randomFeatures(generator, 50, {160, 120});
   std::vector<Correspondence> matches;
-  GuidedMatcher matcher;
+  GuidedMatcher matcher(switchedOn());
   Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
@@ -149,15 +156,34 @@ TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
   few.descriptors = many.descriptors.rowRange(0, 3).clone();
   Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
   shifted(0, 2) = 1.0;
-  Eigen::Matrix3d h = shifted;
-  Covariance8 covariance = Covariance8::Zero();
-  std::vector<Correspondence> added;
+  UncertainHomography h;
+  h.homography = shifted;
+  std::vector<Correspondence> matches;
+  GuidedMatcher matcher(switchedOn());
+  EXPECT_FALSE(matcher.refine(few, few, 3.0, h, matches));
+  EXPECT_EQ(h.homography, shifted);
+  EXPECT_TRUE(h.covariance.isZero());
+  EXPECT_TRUE(matcher.refine(many, many, 3.0, h, matches));
+  EXPECT_EQ(matches.size(), 50u);
+  EXPECT_LT((h.homography - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
+}
+
+TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
+  std::mt19937 generator(4);
+  const Features features = randomFeatures(generator, 50, {640, 480});
+  Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
+  shifted(0, 2) = 1.0;
+  UncertainHomography h;
+  h.homography = shifted;
+  std::vector<Correspondence> matches(3);
   GuidedMatcher matcher;
-  EXPECT_FALSE(matcher.refine(few, few, {}, 3.0, h, covariance, added));
-  EXPECT_EQ(h, shifted);
-  EXPECT_TRUE(covariance.isZero());
-  EXPECT_TRUE(matcher.refine(many, many, {}, 3.0, h, covariance, added));
-  EXPECT_LT((h - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff(), 1e-6);
+  matcher.match(features, features, h.homography, matches);
+  EXPECT_TRUE(matches.empty());
+  matches.resize(3);
+  EXPECT_FALSE(matcher.refine(features, features, 3.0, h, matches));
+  EXPECT_TRUE(matches.empty());
+  EXPECT_EQ(h.homography, shifted);
+  EXPECT_TRUE(h.covariance.isZero());
 }
 
 TEST(GuidedMatcher, RefusesBadOptions) {

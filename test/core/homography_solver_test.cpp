@@ -1,4 +1,4 @@
-#include "core/homography/solver.h"
+#include "core/homography/four_point.h"
 
 #include <gtest/gtest.h>
 
@@ -9,14 +9,14 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/homography/checks.h"
-#include "core/homography/points.h"
-#include "core/homography/refinement.h"
-#include "core/homography/refiner.h"
+#include "core/homography/estimate.h"
+#include "core/homography/m_estimator.h"
+#include "core/homography/point_pairs.h"
 #include "core/homography/score.h"
+#include "core/homography/transform.h"
 #include "synthetic_pairs.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 using test::Numbers;
@@ -137,13 +137,13 @@ TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
     const PointPairs pairs = test::makePairs(scene, numbers);
     Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
     shift(0, 2) = 1.5;
-    Eigen::Matrix3d h = -2.0 * shift * scene.homography;
-    Covariance8 covariance;
-    RefinerOptions options;
-    ASSERT_TRUE(refiner.refine(pairs.reference, pairs.target, options, h, &covariance));
-    EXPECT_EQ(h(2, 2), 1.0);
-    EXPECT_LT(test::cornerError(h, scene.homography, kSize), 0.15);
-    EXPECT_GT(covariance(2, 2), 0.0);
+    UncertainHomography h;
+    h.homography = -2.0 * shift * scene.homography;
+    EvidenceOptions options;
+    ASSERT_TRUE(refiner.refine(pairs.reference, pairs.target, kSize, options, h));
+    EXPECT_EQ(h.homography(2, 2), 1.0);
+    EXPECT_LT(test::cornerError(h.homography, scene.homography, kSize), 0.15);
+    EXPECT_GT(h.covariance(2, 2), 0.0);
   }
 }
 
@@ -163,43 +163,45 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
     target.push_back(project(i % 3 == 0 ? other : plane, x) + noise);
   }
   HomographyRefiner refiner;
-  RefinerOptions options;
-  Eigen::Matrix3d h = plane;
-  ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
-  EXPECT_LT(test::cornerError(h, plane, kSize), 0.04);
+  EvidenceOptions options;
+  UncertainHomography h;
+  h.homography = plane;
+  ASSERT_TRUE(refiner.refine(reference, target, kSize, options, h));
+  EXPECT_LT(test::cornerError(h.homography, plane, kSize), 0.04);
   options.min_scale = 1.0;
-  ASSERT_TRUE(refiner.refine(reference, target, options, h, nullptr));
+  ASSERT_TRUE(refiner.refine(reference, target, kSize, options, h));
   Eigen::Matrix3d mean = plane;
   mean(0, 2) = 0.1;  // least squares: a third of 0.3
-  EXPECT_LT(test::cornerError(h, mean, kSize), 0.05);
+  EXPECT_LT(test::cornerError(h.homography, mean, kSize), 0.05);
 }
 
 TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
   Numbers numbers(6);
   HomographyRefiner refiner;
-  const RefinerOptions options;
+  const EvidenceOptions options;
   const Eigen::Matrix3d before = test::randomHomography(kSize, 0.1, numbers);
-  Eigen::Matrix3d h = before;
+  UncertainHomography h;
+  h.homography = before;
   std::vector<Eigen::Vector2d> reference;
   std::vector<Eigen::Vector2d> target;
-  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
+  EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
   for (int i = 0; i < 4; ++i) {
     reference.push_back(numbers.pointIn(kSize));
     target.push_back(project(before, reference.back()));
   }
-  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
+  EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
   for (int i = 0; i < 50; ++i) {  // far from where it is
     reference.push_back(numbers.pointIn(kSize));
     target.emplace_back(project(before, reference.back()) + Eigen::Vector2d(40.0, 0.0));
   }
-  EXPECT_FALSE(refiner.refine(reference, target, options, h, nullptr));
-  EXPECT_EQ(h, before);
+  EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
+  EXPECT_EQ(h.homography, before);
   target.pop_back();
-  EXPECT_THROW(refiner.refine(reference, target, options, h, nullptr), std::invalid_argument);
+  EXPECT_THROW(refiner.refine(reference, target, kSize, options, h), std::invalid_argument);
 }
 
 // An odd number of pairs is worked on with what the pairs before left in the place after the last.
-TEST(HomographyRefinement, ForgetsThePairsOfTheCallBefore) {
+TEST(MEstimator, ForgetsThePairsOfTheCallBefore) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   h(2, 0) = -0.5;  // the horizon is at x = 2
   PointArrays<double> points;
@@ -209,7 +211,7 @@ TEST(HomographyRefinement, ForgetsThePairsOfTheCallBefore) {
     points.set(i, x, project(h, x) + Eigen::Vector2d(1e-3, -1e-3));
   }
   points.set(7, {2.0, 0.1}, {0.0, 0.0});
-  HomographyRefinement fresh, used;
+  MEstimator fresh, used;
   used.select(points, std::vector<std::uint8_t>(8, 1), 8);
   const std::vector<std::uint8_t> first{1, 1, 1, 1, 1, 1, 1, 0};
   ASSERT_EQ(fresh.select(points, first, 8), 7u);
@@ -249,4 +251,4 @@ TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain)
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

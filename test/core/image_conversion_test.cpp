@@ -18,6 +18,8 @@
 namespace ktgp_orb {
 namespace {
 
+using util::GreyStretch;
+
 constexpr int kWidth = 64;
 constexpr int kHeight = 48;
 

@@ -68,6 +68,31 @@ Frames makeFrames(std::size_t matching, std::size_t others, std::uint32_t seed) 
   return frames;
 }
 
+TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
+  Frames frames = makeFrames(600, 600, 21);
+  for (int i = 0; i < 600; ++i) {  // ratios of all sizes
+    for (int bit = 0; bit < i / 6; ++bit) {
+      frames.target.descriptors.at<std::uint8_t>(i, bit / 8) ^=
+          static_cast<std::uint8_t>(1 << bit % 8);
+    }
+  }
+  KtgpMatcher by_default;
+  for (DescriptorKind kind : {DescriptorKind::teblid, DescriptorKind::orb}) {
+    frames.reference.descriptor = frames.target.descriptor = kind;
+    MatchResult result;
+    by_default.match(frames.reference, frames.target, result);
+    const auto passed = [&](double threshold) {
+      MatcherOptions options;
+      options.ratio_threshold = threshold;
+      MatchResult set;
+      KtgpMatcher(options).match(frames.reference, frames.target, set);
+      return set.stages[1].output;
+    };
+    EXPECT_EQ(result.stages[1].output, passed(ratioThreshold(kind))) << toString(kind);
+    EXPECT_GT(passed(0.8), passed(0.66)) << "they can be told apart";
+  }
+}
+
 TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
   const Frames frames = makeFrames(600, 300, 1);
   MatcherOptions options;
@@ -78,7 +103,7 @@ TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
 
   std::vector<Correspondence> expected;
   KnnMatcher(options.knn).match(frames.reference.descriptors, frames.target.descriptors, expected);
-  const std::size_t kt = filterByRatio(options.ratio_threshold, expected);
+  const std::size_t kt = filterByRatio(*options.ratio_threshold, expected);
   const std::size_t ktg =
       GmsFilter(options.gms).filter(frames.reference, frames.target, expected).kept;
   PointPairs pairs;
@@ -216,7 +241,8 @@ TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
   EXPECT_EQ(result.prosac.status, Status::no_model);
   EXPECT_TRUE(result.prosac.mask.empty());
   EXPECT_EQ(result.prosac.inliers, 0u);
-  EXPECT_EQ(result.prosac.distinct_inliers, 0u);
+  EXPECT_EQ(result.prosac.diagnostics.iterations, 0);
+  EXPECT_EQ(result.prosac.diagnostics.stop, ProsacStop::not_run);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.rmse, 0.0);
   EXPECT_TRUE(result.homography.isZero() && result.prosac.homography.isZero());

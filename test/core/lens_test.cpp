@@ -157,6 +157,30 @@ SequenceMatch matched(const LensCalibration& calibration, const LensConstPtr& le
   return {};
 }
 
+// A camera's driver may send its calibration with every frame: what counts is what it says.
+TEST(Lens, AnEqualLensIsTheSameAndAnotherStartsASequence) {
+  SequenceMatcher matcher;
+  LensCalibration calibration = wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});
+  std::int64_t stamp = 0;
+  const auto reason = [&](const LensConstPtr& lens) {
+    const FramePtr frame = matcher.newFrame();
+    frame->image =
+        rawView(wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0}), 300.0, 300.0);
+    frame->stamp = ++stamp;
+    frame->lens = lens;
+    return matcher.match(frame).no_reference;
+  };
+  const auto newLens = [&] { return std::make_shared<const Lens>(calibration); };
+  EXPECT_EQ(reason(newLens()), NoReference::first_frame);
+  EXPECT_EQ(reason(newLens()), NoReference::none);
+  calibration.distortion[0] = -0.29;
+  EXPECT_EQ(reason(newLens()), NoReference::lens_changed);
+  EXPECT_EQ(reason(newLens()), NoReference::none);
+  EXPECT_EQ(reason(nullptr), NoReference::lens_changed);
+  EXPECT_EQ(reason(nullptr), NoReference::none);
+  EXPECT_EQ(reason(newLens()), NoReference::lens_changed);
+}
+
 TEST(Lens, AHomographyThroughALensIsRightInRectifiedPixels) {
   const LensCalibration calibration =
       wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});

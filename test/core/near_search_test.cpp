@@ -21,8 +21,10 @@
 #include "instruction_sets.h"
 #include "ktgp_orb/knn_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ThreadPool;
 
 const cv::Size kSize(640, 480);
 
@@ -264,38 +266,44 @@ TEST(NearMatching, IsTheWholeSearchWithinALargeRadius) {
   EXPECT_TRUE(same(near, whole));
 }
 
-TEST(NearMatching, UsesAKeptReferenceAgainAndNoOther) {
-  const Features first = makeFeatures(400, 15);
-  const Features second =
-      makeFeatures(400, 16);  // as many, so that their number gives nothing away
+// What was laid out is used again by what it holds: whatever changes in between, in the same memory
+// too, the answer is that of a matcher that has seen nothing else.
+TEST(NearMatching, TakesNoReferenceForAnother) {
+  Features reference = makeFeatures(400, 15);
+  const Features other = makeFeatures(400, 16);  // as many, so that their number tells nothing
   const Features target = makeFeatures(300, 17);
   KnnMatcher matcher(withRadius(50.0));
-  KnnMatcher fresh(withRadius(50.0));
-  std::vector<Correspondence> found;
-  std::vector<Correspondence> expected;
   const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();
-  const auto near = [&](KnnMatcher& m, const Features& reference, auto& out) {
-    m.matchNear(reference, target, here, false, out);
+  const auto expectRight = [&](const std::string& what) {
+    SCOPED_TRACE(what);
+    for (bool again : {false, true}) {
+      std::vector<Correspondence> found;
+      std::vector<Correspondence> expected;
+      matcher.matchNear(reference, target, here, true, found);
+      KnnMatcher(withRadius(50.0)).matchNear(reference, target, here, true, expected);
+      EXPECT_TRUE(same(found, expected)) << "near, again: " << again;
+      matcher.match(reference.descriptors, target.descriptors, found);
+      KnnMatcher().match(reference.descriptors, target.descriptors, expected);
+      EXPECT_TRUE(same(found, expected)) << "whole, again: " << again;
+    }
   };
-  const auto whole = [&](KnnMatcher& m, const Features& reference, auto& out) {
-    m.match(reference.descriptors, target.descriptors, out);
-  };
-  near(matcher, first, found);
-  matcher.keepReference();
-  near(matcher, first, found);
-  near(fresh, first, expected);
-  EXPECT_TRUE(same(found, expected));
-  matcher.keepReference();
-  whole(matcher, first, found);  // laid out for the first time
-  whole(fresh, first, expected);
-  EXPECT_TRUE(same(found, expected));
-  whole(matcher, second, found);  // another: what the search by place has laid out is out of date
-  whole(fresh, second, expected);
-  EXPECT_TRUE(same(found, expected));
-  matcher.keepReference();
-  near(matcher, second, found);
-  near(fresh, second, expected);
-  EXPECT_TRUE(same(found, expected));
+  expectRight("the first");
+  target.descriptors.row(7).copyTo(reference.descriptors.row(399));
+  expectRight("one descriptor");
+  for (cv::KeyPoint& keypoint : reference.keypoints) keypoint.pt.x += 40.F;
+  expectRight("all places");
+  std::swap(reference.keypoints[3].pt, reference.keypoints[300].pt);
+  expectRight("two places");
+  reference.keypoints.pop_back();
+  reference.descriptors.resize(399);
+  expectRight("one less");
+  reference = other;
+  expectRight("another");
+  reference = {};
+  reference.descriptors.create(0, kDescriptorBytes, CV_8U);
+  expectRight("none");
+  reference = other;
+  expectRight("the one before");
 }
 
 TEST(NearMatching, GivesALoneCandidateTheBenefitOfAnUnrelatedSecond) {
@@ -354,4 +362,4 @@ TEST(NearMatching, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -11,6 +11,9 @@
 namespace ktgp_orb {
 namespace {
 
+using orb::vectorAngle;
+using util::kPi;
+
 /// Calls visit(y, x) with vectors of whole numbers as the moments of a patch are, of all lengths.
 template <typename Visit>
 void forEachVector(const Visit& visit) {

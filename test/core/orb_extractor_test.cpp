@@ -18,6 +18,11 @@
 namespace ktgp_orb {
 namespace {
 
+using orb::bestOrbKernels;
+using orb::OrbKernels;
+using orb::OrbPipeline;
+using orb::portableOrbKernels;
+
 using cv::Size;
 
 Features opencvFeatures(const cv::Mat& image, const OrbOptions& options,

@@ -10,7 +10,7 @@
 #include "instruction_sets.h"
 #include "orb_test_images.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 using cv::Size;
@@ -184,4 +184,4 @@ TEST(OrbKernels, IncludesTheBestAndThePortableSet) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -7,7 +7,7 @@
 #include "instruction_sets.h"
 #include "orb_test_images.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 void expectOpencvsImage(const cv::Mat& image, const cv::Size& size) {
@@ -59,4 +59,4 @@ TEST(Shrinker, TakesRowsOfAnyStrideAndImagesOfChangingSize) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

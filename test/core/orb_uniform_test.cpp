@@ -12,7 +12,7 @@
 #include "ktgp_orb/orb_extractor.h"
 #include "orb_test_images.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 using cv::Size;
@@ -202,4 +202,4 @@ TEST(UniformDistribution, FindsNothingOnAFlatImage) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

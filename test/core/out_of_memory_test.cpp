@@ -245,16 +245,15 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
       },
       [&] { EXPECT_EQ(guided.size(), expected.size()); });
   AlignmentResult aligned, aligned_expected;
-  Alignment().align(reference_, target_, expected, result_.homography, result_.covariance,
-                    aligned_expected);
+  UncertainHomography start;
+  start.homography = result_.homography;
+  start.covariance = result_.covariance;
+  Alignment().align(reference_, target_, expected, start, aligned_expected);
   refuseEach(
       [&]() -> std::function<void()> {
         const auto alignment = std::make_shared<Alignment>();
         aligned = {};
-        return [&, alignment] {
-          alignment->align(reference_, target_, expected, result_.homography, result_.covariance,
-                           aligned);
-        };
+        return [&, alignment] { alignment->align(reference_, target_, expected, start, aligned); };
       },
       [&] {
         EXPECT_EQ(aligned.status, aligned_expected.status);

@@ -33,7 +33,7 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.orb, OrbOptions{});
   const MatcherOptions core;
   EXPECT_EQ(options.matcher.knn.threads, core.knn.threads);
-  EXPECT_EQ(options.matcher.ratio_threshold, core.ratio_threshold);
+  EXPECT_EQ(options.matcher.ratio_threshold, ratioThreshold(DescriptorKind::orb));
   EXPECT_EQ(options.matcher.knn.search_radius, core.knn.search_radius);
   EXPECT_EQ(options.matcher.mutual, core.mutual);
   EXPECT_EQ(options.matcher.gms.enabled, core.gms.enabled);
@@ -56,8 +56,8 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
 }
 
 TEST(Parameters, RatioThresholdGoesWithTheDescriptorUnlessItIsSet) {
-  EXPECT_EQ(MatcherOptions::ktgp().ratio_threshold, 0.66);
-  EXPECT_EQ(MatcherOptions::ktgp(DescriptorKind::teblid).ratio_threshold, 0.8);
+  EXPECT_EQ(ratioThreshold(DescriptorKind::orb), 0.66);
+  EXPECT_EQ(ratioThreshold(DescriptorKind::teblid), 0.8);
   EXPECT_EQ(followDescriptor(0.66, "orb", "teblid"), 0.8);
   EXPECT_EQ(followDescriptor(0.8, "teblid", "orb"), 0.66);
   EXPECT_EQ(followDescriptor(0.66, "orb", "orb"), 0.66);

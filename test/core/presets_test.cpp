@@ -7,14 +7,15 @@
 namespace ktgp_orb {
 namespace {
 
-void expectEqual(const std::string& name, const MatcherOptions& core) {
+void expectEqual(const std::string& name, const MatcherOptions& core,
+                 DescriptorKind descriptor = DescriptorKind::orb) {
   SCOPED_TRACE(name);
   Parameters parameters;
   tools::readPreset(name, parameters);
   const MatcherOptions preset = pipelineOptions(parameters).matcher;
   EXPECT_EQ(preset.knn.search_radius, core.knn.search_radius);
   EXPECT_EQ(preset.mutual, core.mutual);
-  EXPECT_EQ(preset.ratio_threshold, core.ratio_threshold);
+  EXPECT_EQ(preset.ratio_threshold, core.ratio_threshold.value_or(ratioThreshold(descriptor)));
   EXPECT_EQ(preset.gms.enabled, core.gms.enabled);
   EXPECT_EQ(preset.gms.threshold, core.gms.threshold);
   EXPECT_EQ(preset.gms.rotation, core.gms.rotation);
@@ -32,7 +33,10 @@ void expectEqual(const std::string& name, const MatcherOptions& core) {
 TEST(Presets, AreThoseOfTheCore) {
   expectEqual("ktgp", MatcherOptions::ktgp());
   expectEqual("robust", MatcherOptions::robust());
-  expectEqual("teblid", MatcherOptions::ktgp(DescriptorKind::teblid));
+  expectEqual("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
+  MatcherOptions video;
+  video.knn.search_radius = 48.0;
+  expectEqual("video", video);
 }
 
 }  // namespace

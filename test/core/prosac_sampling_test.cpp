@@ -6,10 +6,10 @@
 #include <cmath>
 #include <set>
 
-#include "core/prosac/sampler.h"
-#include "core/prosac/stopping.h"
+#include "core/homography/sampler.h"
+#include "core/homography/stopping.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 TEST(ProsacSampler, ReachesEveryPairWithinTheBudget) {
@@ -183,4 +183,4 @@ TEST(ProsacStopping, ChanceSupportDoesNotStopIt) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -2,25 +2,112 @@
 
 #include <cstddef>
 
+#include "ktgp_orb/alignment.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/growth.h"
 #include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/lens.h"
+#include "ktgp_orb/mosaic.h"
+#include "ktgp_orb/overlay.h"
+#include "ktgp_orb/planar_pose.h"
+#include "ktgp_orb/sequence_matcher.h"
+#include "ktgp_orb/stabilizer.h"
 
 namespace ktgp_orb::test {
 
-/// Where members lie that follow anything which a compiler option could move.
-struct ResultLayout {
-  std::size_t match_result;
-  std::size_t stages;
-  std::size_t prosac_result;
-  std::size_t covariance;
+/// A size or the place of a member, in bytes.
+struct LayoutEntry {
+  const char* name;
+  std::size_t bytes;
 };
 
-/// As the including file is compiled.
-constexpr ResultLayout resultLayout() {
-  return {sizeof(MatchResult), offsetof(MatchResult, stages), sizeof(ProsacResult),
-          offsetof(ProsacResult, covariance)};
-}
+#define KTGP_ORB_TYPE(type)              \
+  {#type, sizeof(type)}, {               \
+    "alignment of " #type, alignof(type) \
+  }
+// The last member stands for those before it, where one of them is a matrix.
+#define KTGP_ORB_MEMBER(type, member) \
+  { #type "::" #member, offsetof(type, member) }
 
-/// As a program sees it that was built for the widest vectors there are.
-ResultLayout resultLayoutForWideVectors();
+/// Every public type, as the including file is compiled.
+constexpr LayoutEntry kLayout[] = {
+    KTGP_ORB_TYPE(AccumulatedHomography),
+    KTGP_ORB_MEMBER(AccumulatedHomography, covariance),
+    KTGP_ORB_TYPE(AlignedPoint),
+    KTGP_ORB_MEMBER(AlignedPoint, correlation),
+    KTGP_ORB_TYPE(Alignment),
+    KTGP_ORB_TYPE(AlignmentOptions),
+    KTGP_ORB_TYPE(AlignmentResult),
+    KTGP_ORB_MEMBER(AlignmentResult, covariance),
+    KTGP_ORB_MEMBER(AlignmentResult, rmse_after),
+    KTGP_ORB_TYPE(Correspondence),
+    KTGP_ORB_TYPE(evaluation::ErrorSummary),
+    KTGP_ORB_TYPE(evaluation::Repeatability),
+    KTGP_ORB_TYPE(Features),
+    KTGP_ORB_TYPE(Frame),
+    KTGP_ORB_TYPE(FramePath),
+    KTGP_ORB_TYPE(FramePath::Step),
+    KTGP_ORB_MEMBER(FramePath::Step, to_newest),
+    KTGP_ORB_TYPE(FrameView),
+    KTGP_ORB_TYPE(GmsFilter),
+    KTGP_ORB_TYPE(GmsOptions),
+    KTGP_ORB_TYPE(GmsResult),
+    KTGP_ORB_TYPE(GrowthOptions),
+    KTGP_ORB_TYPE(GrowthResult),
+    KTGP_ORB_MEMBER(GrowthResult, homography),
+    KTGP_ORB_MEMBER(GrowthResult, covariance),
+    KTGP_ORB_MEMBER(GrowthResult, judged),
+    KTGP_ORB_TYPE(GuidedMatcher),
+    KTGP_ORB_TYPE(GuidedOptions),
+    KTGP_ORB_TYPE(HomographyGrowth),
+    KTGP_ORB_TYPE(KnnMatcher),
+    KTGP_ORB_TYPE(KnnOptions),
+    KTGP_ORB_TYPE(KtgpMatcher),
+    KTGP_ORB_TYPE(Lens),
+    KTGP_ORB_TYPE(LensCalibration),
+    KTGP_ORB_TYPE(MatchAhead),
+    KTGP_ORB_MEMBER(MatchAhead, result),
+    KTGP_ORB_TYPE(MatcherOptions),
+    KTGP_ORB_TYPE(MatchHints),
+    KTGP_ORB_MEMBER(MatchHints, views),
+    KTGP_ORB_TYPE(MatchResult),
+    KTGP_ORB_MEMBER(MatchResult, stages),
+    KTGP_ORB_MEMBER(MatchResult, homography),
+    KTGP_ORB_MEMBER(MatchResult, covariance),
+    KTGP_ORB_MEMBER(MatchResult, rmse),
+    KTGP_ORB_TYPE(Mosaic),
+    KTGP_ORB_TYPE(MosaicOptions),
+    KTGP_ORB_TYPE(OrbExtractor),
+    KTGP_ORB_TYPE(OrbOptions),
+    KTGP_ORB_TYPE(PlanarPose),
+    KTGP_ORB_MEMBER(PlanarPose, covariance),
+    KTGP_ORB_TYPE(PointPairs),
+    KTGP_ORB_TYPE(ProsacHomography),
+    KTGP_ORB_TYPE(ProsacOptions),
+    KTGP_ORB_TYPE(ProsacResult),
+    KTGP_ORB_MEMBER(ProsacResult, homography),
+    KTGP_ORB_MEMBER(ProsacResult, covariance),
+    KTGP_ORB_TYPE(ReferenceOptions),
+    KTGP_ORB_TYPE(ReferenceView),
+    KTGP_ORB_MEMBER(ReferenceView, to_view),
+    KTGP_ORB_TYPE(SequenceMatch),
+    KTGP_ORB_MEMBER(SequenceMatch, match),
+    KTGP_ORB_MEMBER(SequenceMatch, accumulated),
+    KTGP_ORB_MEMBER(SequenceMatch, total_milliseconds),
+    KTGP_ORB_TYPE(SequenceMatcher),
+    KTGP_ORB_TYPE(SequenceOptions),
+    KTGP_ORB_TYPE(Stabilizer),
+    KTGP_ORB_TYPE(StabilizerOptions),
+    KTGP_ORB_TYPE(StageResult),
+    KTGP_ORB_TYPE(SteadyFrame),
+    KTGP_ORB_MEMBER(SteadyFrame, starts_anew),
+};
+
+#undef KTGP_ORB_TYPE
+#undef KTGP_ORB_MEMBER
+
+/// kLayout as a program has it that was built for the widest vectors there are.
+const LayoutEntry* layoutForWideVectors();
 
 }  // namespace ktgp_orb::test

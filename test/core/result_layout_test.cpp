@@ -1,18 +1,46 @@
-// A user's -march must not move the members of the results that the library fills in.
+// A user's -march must not move the members of what the library fills in and is handed.
 #include "result_layout.h"
 
 #include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <set>
+#include <string>
 
 namespace ktgp_orb {
 namespace {
 
 TEST(ResultLayout, IsTheSameForEveryInstructionSet) {
-  constexpr test::ResultLayout here = test::resultLayout();
-  const test::ResultLayout wide = test::resultLayoutForWideVectors();
-  EXPECT_EQ(here.match_result, wide.match_result);
-  EXPECT_EQ(here.stages, wide.stages);
-  EXPECT_EQ(here.prosac_result, wide.prosac_result);
-  EXPECT_EQ(here.covariance, wide.covariance);
+  const test::LayoutEntry* wide = test::layoutForWideVectors();
+  for (const test::LayoutEntry& here : test::kLayout) {
+    EXPECT_EQ(here.bytes, wide->bytes) << here.name;
+    ++wide;
+  }
+}
+
+// Whoever adds a public type adds it to the list.
+TEST(ResultLayout, CoversEveryPublicType) {
+  namespace fs = std::filesystem;
+  std::set<std::string> covered;
+  for (const test::LayoutEntry& entry : test::kLayout) {
+    const std::string name = entry.name;
+    covered.insert(name.substr(name.rfind(':') + 1));
+  }
+  std::size_t types = 0;
+  const std::regex definition("(?:^|\n)(?:struct|class) (\\w+) (?:: \\w+ )?\\{");
+  for (const fs::directory_entry& header : fs::directory_iterator(KTGP_ORB_PUBLIC_HEADERS)) {
+    std::ifstream file(header.path().string());
+    const std::string text(std::istreambuf_iterator<char>(file), {});
+    for (std::sregex_iterator found(text.begin(), text.end(), definition), end; found != end;
+         ++found) {
+      EXPECT_EQ(covered.count((*found)[1]), 1u) << (*found)[1] << " of " << header.path();
+      ++types;
+    }
+  }
+  EXPECT_GT(types, 30u);
 }
 
 }  // namespace

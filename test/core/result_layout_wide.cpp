@@ -3,13 +3,8 @@
 #include "result_layout.h"
 
 namespace ktgp_orb::test {
-namespace {
 
-constexpr ResultLayout kLayout = resultLayout();
-
-}  // namespace
-
-ResultLayout resultLayoutForWideVectors() {
+const LayoutEntry* layoutForWideVectors() {
   return kLayout;
 }
 

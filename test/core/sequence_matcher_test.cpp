@@ -14,12 +14,15 @@
 #include <set>
 
 #include "allocation_counter.h"
-#include "core/sequence/homography_chain.h"
+#include "core/homography/covariance.h"
 #include "core/sequence/motion_predictor.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
+
+using homography::chained;
+using sequence::MotionPredictor;
 
 constexpr int kWidth = 320;
 constexpr int kHeight = 240;
@@ -284,7 +287,7 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
 }
 
 TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
-  const SequenceOptions options = withMode(ReferenceMode::previous);
+  const SequenceOptions options = withImages(withMode(ReferenceMode::previous));
   OrbExtractor extractor(options.orb);
   std::vector<FramePtr> frames;
   for (int i = 0; i < 3; ++i) {
@@ -497,6 +500,33 @@ TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {
   UncertainHomography unknown;
   unknown.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   EXPECT_TRUE(std::isnan(chained({}, chained(unknown, {})).covariance(0, 0)));
+}
+
+// The same smooth error in each of the homographies: after n of them it is n times as large, while
+// noise grows with the square root of n.
+TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
+  UncertainHomography link;
+  link.covariance(2, 2) = link.covariance(5, 5) = 0.04 + 0.01;
+  link.shared_covariance(2, 2) = link.shared_covariance(5, 5) = 0.01;
+  UncertainHomography product;
+  for (int n = 1; n <= 30; ++n) {
+    product = chained(link, product);
+    EXPECT_NEAR(product.shared_covariance(2, 2), 0.01 * n * n, 1e-9) << n;
+    EXPECT_NEAR(product.covariance(2, 2), 0.04 * n + 0.01 * n * n, 1e-9) << n;
+  }
+}
+
+// Errors of any correlation: the covariance of the product is never too small.
+TEST(HomographyChain, SharedErrorsOfAnyKindAreCovered) {
+  UncertainHomography first, second;
+  first.shared_covariance(2, 2) = 4.0;
+  second.shared_covariance(2, 2) = 1.0;
+  second.shared_covariance(5, 5) = 9.0;
+  first.covariance = first.shared_covariance;
+  second.covariance = second.shared_covariance;
+  const UncertainHomography product = chained(second, first);
+  EXPECT_GE(product.covariance(2, 2), 9.0 - 1e-9);  // (2 + 1)²
+  EXPECT_GE(product.covariance(5, 5), 9.0 - 1e-9);
 }
 
 TEST(SequenceMatcher, TheAccumulatedCovarianceGrowsWithTheChain) {

@@ -22,7 +22,7 @@
 #include "orb_test_images.h"
 #include "test_data.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 using Descriptor = std::array<std::uint8_t, kTeblidBits / 8>;
@@ -290,4 +290,4 @@ TEST(TeblidScale, BoundsKeepTheirSignHoweverLargeTheKeypoint) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

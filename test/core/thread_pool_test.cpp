@@ -9,7 +9,7 @@
 
 #include "allocation_counter.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 namespace {
 
 TEST(ThreadPool, RunsEveryIterationOnceForAnyNumberOfThreads) {
@@ -93,4 +93,4 @@ TEST(ThreadPool, RefusesANegativeNumberOfThreads) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -38,18 +38,17 @@ std::vector<Preset> presets() {
   mutual.guided.enabled = true;
   MatcherOptions bare = ktgp;
   bare.gms.enabled = false;
-  MatcherOptions plain = MatcherOptions::robust();
-  plain.growth.enabled = false;
-  MatcherOptions teblid = ktgp;
-  teblid.ratio_threshold = 0.8;
+  const MatcherOptions robust = MatcherOptions::robust();
+  MatcherOptions growing = robust;
+  growing.growth.enabled = true;
   return {{"ktgp", ktgp, DescriptorKind::orb},
           {"ktgp, rotation and scale", turned, DescriptorKind::orb},
           {"ktgp, mutual and guided", mutual, DescriptorKind::orb},
           {"ktgp without GMS", bare, DescriptorKind::orb},
-          {"robust without growth", plain, DescriptorKind::orb},
-          {"robust", MatcherOptions::robust(), DescriptorKind::orb},
-          {"robust, teblid", MatcherOptions::robust(), DescriptorKind::teblid},
-          {"teblid", teblid, DescriptorKind::teblid}};
+          {"robust", robust, DescriptorKind::orb},
+          {"robust, growth", growing, DescriptorKind::orb},
+          {"robust, growth, teblid", growing, DescriptorKind::teblid},
+          {"teblid", ktgp, DescriptorKind::teblid}};
 }
 
 constexpr long kTextureKinds = 6;

@@ -9,6 +9,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 Eigen::Matrix3d homography(Input& in) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   for (int i = 0; i < 9; ++i) {
@@ -67,11 +69,13 @@ void run(Input& in) {
   Features target = in.ConsumeBool() ? moved(reference, h) : frame(in);
   if (in.ConsumeIntegralInRange(0, 63) == 0) target.images.clear();
   const auto pairs = matches(in, reference, target);
-  const Covariance8 covariance = Covariance8::Identity();
+  UncertainHomography start;
+  start.homography = h;
+  start.covariance = Covariance8::Identity();
   // Not made anew: the answer does not depend on what was in them.
   static AlignmentResult result, again;
   Alignment alignment(options);
-  alignment.align(reference, target, pairs, h, covariance, result);
+  alignment.align(reference, target, pairs, start, result);
   if (h.allFinite()) require(result.homography.allFinite(), "H is finite");
   if (result.status != AlignmentStatus::ok && result.status != AlignmentStatus::not_run) {
     require(!h.allFinite() || result.homography == h, "H is the one handed in unless ok");
@@ -88,7 +92,7 @@ void run(Input& in) {
             "points are where the images agree");
   }
   const OneInstructionSet one(in);
-  Alignment(options).align(reference, target, pairs, h, covariance, again);
+  Alignment(options).align(reference, target, pairs, start, again);
   require(again.status == result.status && again.points.size() == result.points.size(),
           "the same answer with every instruction set");
   require(!h.allFinite() || again.homography == result.homography,

@@ -8,6 +8,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 /// The reference's features moved and shuffled, some of their bits changed.
 Features moved(Input& in, const Features& reference) {
   Features target = reference;
@@ -59,7 +61,6 @@ void run(Input& in) {
   matcher.match(reference, target, hints, result);
   requireSound(result, reference, target, options);
   if (in.ConsumeIntegralInRange(0, 3) == 0) {
-    hints.same_reference = in.ConsumeBool();
     matcher.match(reference, target, hints, again);
     requireEqual(result, again, "the same answer twice");
   } else {

@@ -9,6 +9,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 bool isWithin(const Features& features) {
   for (const cv::KeyPoint& k : features.keypoints) {
     const bool within = k.pt.x >= 0.0F && k.pt.y >= 0.0F &&

@@ -34,7 +34,7 @@ inline void require(bool holds, const char* what) {
 }
 
 /// Changes some bits of a descriptor.
-inline void flipBits(std::uint8_t* descriptor, unsigned count, Random& random) {
+inline void flipBits(std::uint8_t* descriptor, unsigned count, util::Random& random) {
   for (; count > 0; --count) {
     const std::uint32_t bit = random.below(8 * kDescriptorBytes);
     descriptor[bit / 8] ^= static_cast<std::uint8_t>(1U << bit % 8);
@@ -68,7 +68,7 @@ inline int threads(Input& in) {
 /// A picture with corners: random blocks, flat parts and the bytes that are left.
 inline cv::Mat image(Input& in, const cv::Size& size, int stride_beyond = 0) {
   cv::Mat wide(size.height, size.width + stride_beyond, CV_8U);
-  Random random(in.ConsumeIntegral<std::uint16_t>());
+  util::Random random(in.ConsumeIntegral<std::uint16_t>());
   const int block = in.ConsumeIntegralInRange(1, 24);
   const unsigned contrast = in.ConsumeIntegral<std::uint8_t>();
   std::array<std::uint8_t, 1024> values;
@@ -107,11 +107,11 @@ inline std::vector<cv::Mat> pyramid(Input& in, const cv::Size& size) {
 /// Rows of 32 bytes, many of them nearly or quite equal.
 inline cv::Mat descriptors(Input& in, int rows) {
   cv::Mat all(rows, kDescriptorBytes, CV_8U);
-  Random random(in.ConsumeIntegral<std::uint16_t>());
+  util::Random random(in.ConsumeIntegral<std::uint16_t>());
   const unsigned kinds = in.ConsumeIntegralInRange(1U, 300U);
   const unsigned flips = in.ConsumeIntegralInRange(0U, 40U);
   for (int i = 0; i < rows; ++i) {
-    Random kind(random.below(kinds));
+    util::Random kind(random.below(kinds));
     for (int b = 0; b < kDescriptorBytes; b += 8) {
       const std::uint64_t bits = kind.next();
       std::memcpy(all.ptr(i) + b, &bits, sizeof(bits));
@@ -144,7 +144,7 @@ inline Features features(Input& in, int most) {
   out.image_size = {in.ConsumeIntegralInRange(1, 2000), in.ConsumeIntegralInRange(1, 2000)};
   const int count = few(in, most);
   const bool listed = in.ConsumeBool();
-  Random random(in.ConsumeIntegral<std::uint16_t>());
+  util::Random random(in.ConsumeIntegral<std::uint16_t>());
   const auto anywhere = [&](int size) {
     return static_cast<float>(random.below(16384)) / 16384.0F * static_cast<float>(size);
   };

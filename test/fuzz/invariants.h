@@ -18,7 +18,6 @@ inline void requireSound(const ProsacResult& result, const PointPairs& pairs, do
     inliers += result.mask[i];
   }
   require(inliers == result.inliers && inliers > 4, "as many inliers as it says");
-  require(result.distinct_inliers <= inliers, "distinct inliers are inliers");
   require(std::isfinite(result.rmse) && result.rmse < threshold, "rmse below the threshold");
 }
 
@@ -28,6 +27,8 @@ inline void requireSound(const MatchResult& result, const Features& reference,
   const auto& all = result.correspondences;
   require(all.empty() || all.size() == target.size(), "one correspondence a target feature");
   std::size_t neighbours = 0;
+  const double ratio_threshold =
+      options.ratio_threshold.value_or(ratioThreshold(target.descriptor));
   static PointPairs pairs;
   pairs.clear();
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -43,7 +44,7 @@ inline void requireSound(const MatchResult& result, const Features& reference,
         "reference indices in range");
     require(c.distance >= 0 && c.distance <= 256 && c.second_distance <= 256, "distances of bits");
     require(c.level <= Level::ktgp, "levels of the four stages");
-    require(c.level == Level::knn || c.ratio() < options.ratio_threshold, "kt passed TF");
+    require(c.level == Level::knn || c.ratio() < ratio_threshold, "kt passed TF");
     if (c.level < Level::ktg) continue;
     const auto& r = reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
     pairs.reference.emplace_back(r.x, r.y);

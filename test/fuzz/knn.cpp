@@ -12,6 +12,14 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using knn::bestKnnKernel;
+using knn::bestNearKernel;
+using knn::KnnSearch;
+using knn::NearSearch;
+using knn::portableKnnKernel;
+using knn::portableNearKernel;
+using util::ThreadPool;
+
 int hamming(const std::uint8_t* a, const std::uint8_t* b) {
   int distance = 0;
   for (int i = 0; i < kDescriptorBytes; i += 8) {

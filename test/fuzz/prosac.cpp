@@ -8,6 +8,8 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
+using util::Random;
+
 PointPairs pointPairs(Input& in) {
   PointPairs pairs;
   const int count = few(in, 200);

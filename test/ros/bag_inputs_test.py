@@ -13,7 +13,7 @@ import rosbag
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from ktgp_testing import image_message, view
+from ktgp_testing import image_message, texture, view
 from sensor_msgs.msg import CameraInfo, CompressedImage
 
 FRAMES = 12  # of a 30 Hz camera
@@ -101,6 +101,60 @@ class BagInputsTest(unittest.TestCase):
         self.assertEqual({m.rectified for m in topics['/front/matcher/homography']}, {True})
         self.assertEqual([m.reason for m in topics['/front/matcher/statistics']],
                          [1] + (FRAMES - 1) * [0])
+
+    def write_images(self, images):
+        path = os.path.join(self.folder, 'in.bag')
+        with rosbag.Bag(path, 'w') as bag:
+            for i, image in enumerate(images):
+                image.header.stamp = rospy.Time.from_sec(1000 + i / 10.0)
+                bag.write('/front/image', image, image.header.stamp)
+        return path
+
+    def file(self, name):
+        return os.path.join(self.folder, name)
+
+    def test_every_map_has_its_picture(self):
+        other = texture(seed=7)
+        before = [image_message(view(100 + 20 * i, 100, *SIZE), rospy.Time(1)) for i in range(6)]
+        after = [image_message(np.ascontiguousarray(other[100:340, 100 + 20 * i:420 + 20 * i]),
+                               rospy.Time(1)) for i in range(20)]  # 2 s, longer than the patience
+        bag = self.write_images(before + after)
+        code, _, text = self.run_bag(bag, '--mosaic', self.file('map.png'))
+        self.assertEqual(code, 0, text)
+        first, second = (cv2.imread(self.file(name)) for name in ('map.png', 'map-2.png'))
+        self.assertAlmostEqual(first.shape[1], SIZE[0] + 100, delta=15)
+        self.assertLess(np.abs(first[20:200, 20:300, 0].astype(int) -
+                               view(120, 120, 280, 180)).mean(), 5)
+        self.assertGreater(second.shape[1], SIZE[0] + 100)
+        self.assertIn('map.png to %s: 2 maps, each in a file' % self.file('map-2.png'), text)
+        os.remove(self.file('map.png'))
+        run = subprocess.run([os.environ['KTGP_ORB_BAG'], bag, self.file('new.bag'), '--mosaic',
+                              self.file('map.png')], stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertEqual(run.returncode, 2)
+        self.assertIn('map-2.png: exists', run.stderr)
+
+    def test_why_every_image_was_refused_is_said_with_a_video_too(self):
+        name = 'x' * 100000
+        bag = self.write_images([image_message(view(100, 100, *SIZE), rospy.Time(1), encoding=name)] * 3)
+        code, _, text = self.run_bag(bag, '--stabilize', self.file('v.mp4'), '--mosaic',
+                                     self.file('m.png'))
+        self.assertEqual(code, 1, text[:1000])
+        self.assertIn("3 images could not be used, the first because: encoding '%s...' is not" % (64 * 'x'),
+                      text)
+        self.assertLess(len(text), 2000)
+        self.assertIn('v.mp4: not written, since no image could be used', text)
+        self.assertIn('m.png: not written', text)
+        self.assertEqual([n for n in os.listdir(self.folder) if n[0] in 'vm'], [])
+
+    def test_a_recording_that_was_cut_off_says_that_its_losses_are_not_known(self):
+        bag = self.write_bag('/front/image')
+        with open(bag, 'rb') as file:
+            content = file.read()
+        with open(bag, 'wb') as file:
+            file.write(content[:len(content) // 4])
+        code, _, text = self.run_bag(bag)
+        self.assertEqual(code, 1, text)
+        self.assertIn('how many images are lost is not known, since the index at the end is missing', text)
 
 
 if __name__ == '__main__':

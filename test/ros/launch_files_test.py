@@ -16,6 +16,9 @@ from ktgp_testing import check_each
 from roslaunch.config import load_config_default
 from ktgp_orb.cfg import KtgpConfig
 
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'cfg'))
+import ktgp_table  # noqa: E402
+
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 FILES = sorted(glob.glob(os.path.join(PACKAGE, 'launch', '*.launch')))
 STATIC_PARAMETERS = {'image_transport', 'queue_size'}
@@ -32,6 +35,25 @@ def load(path, bag):
     arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
     values = ['bag:=' + bag] if 'bag' in arguments else []
     return load_config_default([(path, values)], None, verbose=False, assign_machines=False)
+
+
+class ParameterTablesTest(unittest.TestCase):
+    def test_names_that_rqt_cannot_show_are_refused(self):
+        def rows(*names):
+            return [('GROUP' if name.startswith('group ') else 'BOOL', name.split()[-1], [])
+                    for name in ('group method',) + names]
+        ktgp_table.check(rows('T_w', 'group a', 'x', 'group b', 'y'))
+        for names, words in ((('group gms', 'gms'), 'parameter gms is called like a group'),
+                             (('Guided', 'group guided'), 'group guided is called like a parameter'),
+                             (('group a', 'group A'), 'group A is called like a group'),
+                             (('group state', 'x'), 'a word of dynamic_reconfigure'),
+                             (('group orb', 'x', 'group diagnostics'), 'by the order of their names')):
+            with self.assertRaisesRegex(ValueError, words):
+                ktgp_table.check(rows(*names))
+
+    def test_those_of_the_package_can_be_shown(self):
+        for table in ('table.def', 'stabilizer.def', 'mosaic.def'):
+            ktgp_table.check(ktgp_table.rows(table))
 
 
 class LaunchFilesTest(unittest.TestCase):

@@ -102,12 +102,14 @@ class Master:
 class Launch:
     """A roslaunch at work; its output as it comes."""
 
-    def __init__(self, master, *arguments, cwd=None, **environment):
+    def __init__(self, master, *arguments, cwd=None, without=None, **environment):
         self.lines = []
+        environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
+        environment.pop(without, None)
         self.process = subprocess.Popen(
             ['roslaunch', 'ktgp_orb'] + list(arguments), stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
-            env=dict(master.environment, PWD=cwd or os.getcwd(), **environment))
+            env=environment)
         self.reader = threading.Thread(target=self.read)
         self.reader.start()
 
@@ -156,7 +158,70 @@ class LaunchRunTest(unittest.TestCase):
         return launch
 
     def check_no_sim_time(self):
-        self.assertFalse(self.master.handle.hasParam('/use_sim_time'), 'the next live run has it')
+        self.check_sim_time(None)
+
+    def check_sim_time(self, expected):
+        """It is put back a moment after the launch has ended."""
+        def value():
+            handle = self.master.handle
+            return handle.getParam('/use_sim_time') if handle.hasParam('/use_sim_time') else None
+        Master.wait_until(lambda: value() is expected,
+                          '/use_sim_time is %s again, what it was; else the next run has another one' %
+                          expected, seconds=15)
+
+    def test_use_sim_time_is_put_back_however_the_launch_ends(self):
+        self.launch('bag.launch', 'bag:=' + self.bag, DISPLAY='').wait()  # rviz cannot start
+        self.check_sim_time(None)
+        # True: a simulation runs.
+        for file, before in (('demo.launch', None), ('demo.launch', False), ('bag.launch', True)):
+            if before is not None:
+                self.master.handle.setParam('/use_sim_time', before)
+            launch = self.launch(file, 'bag:=' + self.bag, 'rviz:=false')
+            # As early as can be: no node of it runs yet.
+            Master.wait_until(lambda: self.sim_time_is_set() or launch.process.poll() is not None,
+                              'it is set')
+            if before:
+                self.assertTrue(launch.says('process[player'), launch.output())
+            launch.stop()
+            self.check_sim_time(before)
+
+    def sim_time_is_set(self):
+        handle = self.master.handle
+        return handle.hasParam('/use_sim_time') and handle.getParam('/use_sim_time')
+
+    def test_what_cannot_be_played_or_recorded_is_said_before_playing(self):
+        open(os.path.join(self.folder, 'rec2.bag'), 'w').close()
+        cases = {'_bag:=' + self.folder: 'is no file; expected a bag',
+                 '_rate:=0': 'rate is 0; expected a number above 0',
+                 '_rate:=-1': 'rate is -1; expected a number above 0',
+                 '_start:=1000': 'start is 1000 s; the bag ends after 1.1 s',
+                 '_start:=-1': 'start is -1; expected a number of at least 0',
+                 '_record:=rec2': 'rec2.bag exists; nothing is overwritten',
+                 '_record:=missing/x.bag': 'there is no folder'}
+        for argument, words in cases.items():
+            self.master.handle.setParam('/play_bag', {'bag': self.bag, 'folder': self.folder,
+                                                      'matcher': '/camera/matcher', 'delay': 0.1})
+            run = subprocess.run(
+                ['/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'play_bag'), argument],
+                env=self.master.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                universal_newlines=True, timeout=TIMEOUT)
+            self.assertEqual(run.returncode, 2, run.stdout)
+            self.assertIn(words, run.stdout)
+            self.assertNotIn('Traceback', run.stdout)
+        self.assertEqual(os.path.getsize(os.path.join(self.folder, 'rec2.bag')), 0)
+        output = self.launch('bag.launch', 'bag:=' + self.bag, 'queue_size:=abc').wait()
+        self.assertIn('abc', output)
+        self.assertNotIn('process[', output)
+
+    def test_an_absolute_bag_needs_no_pwd(self):
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1',
+                             'record:=' + os.path.join(self.folder, 'new'), without='PWD')
+        output = launch.wait()
+        self.assertNotIn('RLException', output)
+        with rosbag.Bag(os.path.join(self.folder, 'new.bag')) as bag:
+            self.assertIn('/camera/matcher/matches_image', bag.get_type_and_topic_info().topics)
+        launch = self.launch('bag.launch', "bag:=it's.bag", 'rviz:=false', without='PWD')
+        self.assertIn('is relative, and PWD is not set; expected an absolute name', launch.wait())
 
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))

@@ -222,12 +222,12 @@ class ReferenceTest(unittest.TestCase):
         match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
         good = image_message(view(400, 300), rospy.Time(5))
         bad = image_message(view(400, 300), rospy.Time(6), 'magenta')
-        for pair in ((good, bad), (bad, good)):
+        for pair, which in (((good, bad), 'target'), ((bad, good), 'reference')):
             answer = match(*pair)
             self.assertFalse(answer.success)
             self.assertEqual(answer.statistics.status, NO_REFERENCE, 'not OK, which is zero')
             self.assertEqual(answer.homography.status, NO_REFERENCE)
-            self.assertIn("encoding 'magenta'", answer.message)
+            self.assertIn("%s: encoding 'magenta'" % which, answer.message)
 
 
 if __name__ == '__main__':

@@ -91,7 +91,7 @@ class KtgpMatch(ToolCase):
         self.assertNotEqual(outputs("--distribution", "uniform", "--features", "300"),
                             outputs("--features", "300"))
         self.assertLess(outputs("--T_w", "0.2")[2], usual[2])
-        self.assertLess(outputs("--T_G", "40")[3], usual[3])
+        self.assertLess(outputs("--T_G", "20")[3], usual[3])
         self.assertLess(outputs("--prosac_threshold", "0.3")[4], usual[4])
 
     def test_images_that_do_not_match_give_exit_code_1(self):
@@ -130,20 +130,20 @@ class KtgpMatch(ToolCase):
             self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
 
     def test_thresholds_out_of_range_are_refused_with_the_range(self):
-        for option, value, expected in (("--T_w", "1.5", "(0, 1]"),
-                                        ("--T_w", "0", "(0, 1]"),
-                                        ("--T_w", "nan", "(0, 1]"),
-                                        ("--T_G", "-1", "[0, 1000000]"),
-                                        ("--features", "0", "[1, 1000000]"),
+        for option, value, expected in (("--T_w", "1.5", "[0.01, 1]"),
+                                        ("--T_w", "0", "[0.01, 1]"),
+                                        ("--T_w", "nan", "[0.01, 1]"),
+                                        ("--T_G", "-1", "[0, 20]"),
+                                        ("--features", "0", "[100, 20000]"),
                                         ("--levels", "17", "[1, 16]"),
                                         ("--scale_factor", "1", "2]"),
                                         ("--scale_factor", "2.5", "2]"),
                                         ("--fast_threshold", "256", "[1, 255]"),
                                         ("--threads", "-1", "[0, 256]"),
-                                        ("--gms_columns", "201", "[1, 200]"),
-                                        ("--prosac_threshold", "0", "[1e-6, 1000000]"),
-                                        ("--prosac_iterations", "0", "[1, 1000000]"),
-                                        ("--prosac_confidence", "1", "[1e-6, 0.999999999]"),
+                                        ("--gms_columns", "101", "[5, 100]"),
+                                        ("--prosac_threshold", "0", "[0.1, 20]"),
+                                        ("--prosac_iterations", "0", "[1, 20000]"),
+                                        ("--prosac_confidence", "1", "[0.5, 0.999999]"),
                                         ("--prosac_seed", "-1", "[0, "),
                                         ("--extractor", "slow", "opencv"),
                                         ("--descriptor", "sift", "teblid"),
@@ -175,6 +175,8 @@ class KtgpMatch(ToolCase):
             self.assertEqual(self.options("--params", file)["T_w"], 0.71, file)
         self.assertIs(self.options("--params", "flat.yaml")["gms_rotation"], True)
         self.assertEqual(self.options("--params", "dynparam.yaml")["extractor"], "opencv")
+        (self.folder / "point.yaml").write_text("features: 300.0\n")
+        self.assertEqual(self.options("--params", "point.yaml")["features"], 300)
 
     def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
         (self.folder / "p.yaml").write_text("T_w: 0.71\nmutual: false\n")
@@ -204,9 +206,9 @@ class KtgpMatch(ToolCase):
             self.assertEqual(out["options"]["T_w"], 0.66, arguments)
 
     def test_what_a_parameter_file_has_wrong_is_named(self):
-        for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "(0, 1]"),
-                               ("T_w: .nan\n", "(0, 1]"), ("T_w: [1]\n", "T_w"),
-                               ("features: 10.5\n", "whole number"), ("T_w: {\n", "bad.yaml"),
+        for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "[0.01, 1]"),
+                               ("T_w: .nan\n", "[0.01, 1]"), ("T_w: [1]\n", "T_w"),
+                               ("features: 10.5\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
                                ("extractor: slow\n", "opencv"), ("", "name: value"),
                                ("&a {b: *a}\n", "too deep"),  # a map that holds itself
                                ("&a {dictitems: *a}\n", "too deep")):
@@ -220,12 +222,12 @@ class KtgpMatch(ToolCase):
         self.assertIn("none.yaml", run.stderr)
         run = self.match("a.pgm", "b.pgm", "--preset", "best")
         self.assertEqual(run.returncode, 2)
-        self.assertIn("ktgp, robust", run.stderr)
+        self.assertIn("ktgp, robust, teblid, video", run.stderr)
 
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         self.assertEqual(run.returncode, 0)
-        for text in ("Examples:", "--T_w", "(0, 1]", "0.66", "Exit code"):
+        for text in ("Examples:", "--T_w", "[0.01, 1]", "0.66", "Exit code"):
             self.assertIn(text, run.stdout)
 
     def test_missing_argument(self):

@@ -1,5 +1,6 @@
 """No program destroys a file or calls a failure a success: ktgp_match, ktgp_evaluate and, where they
 are built, ktgp_bag and make_demo_bag from outside."""
+import json
 import os
 import pathlib
 import resource
@@ -39,8 +40,8 @@ class OutputCase(ToolCase):
 
     def run_with(self, tool, *arguments, preexec=None, stdout=subprocess.PIPE):
         return subprocess.run([TOOLS / tool, *map(str, arguments)], cwd=self.folder, stdout=stdout,
-                              stderr=subprocess.PIPE, text=True, timeout=300, check=False,
-                              preexec_fn=preexec)
+                              stderr=subprocess.PIPE, text=True, errors="replace", timeout=300,
+                              check=False, preexec_fn=preexec)
 
     def contents(self):
         return {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
@@ -129,6 +130,33 @@ class MatchOutput(OutputCase):
                 self.assertIn(words, text.replace("\n", " "), tool)
 
 
+    def test_an_ending_that_is_no_pictures_is_refused_before_any_work(self):
+        (self.folder / "text.png").write_text("no image")  # would be read first
+        for name in ("out", "out.xyz", "out.csv"):
+            for option in ("--draw", "--draw-stages", "--draw-final"):
+                self.refused("ktgp_match", "text.png", "b.pgm", option, name, words="expected .png")
+
+    def test_names_that_are_not_utf_8_are_written(self):
+        name = os.fsencode(self.folder) + b"/caf\xe9.pgm"
+        pathlib.Path(os.fsdecode(name)).write_bytes((self.folder / "a.pgm").read_bytes())
+        (self.folder / "latin.txt").write_bytes(b"ab caf\xe9.pgm b.pgm H.txt\nno \xe9 b.pgm H.txt\n")
+        run = self.run_with("ktgp_evaluate", "latin.txt", "--json", "out.json", "--methods", "KT")
+        self.assertEqual(run.returncode, 1, run.stderr)  # one is missing
+        self.assertIn("\ufffd", json.loads((self.folder / "out.json").read_text())["problems"][0])
+        run = self.run_with("ktgp_match", os.fsdecode(name), "b.pgm", "--json", "match.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        found = json.loads((self.folder / "match.json").read_text())
+        self.assertTrue(found["reference"]["file"].endswith("caf\ufffd.pgm"))
+
+    def test_a_device_is_no_parameter_file(self):
+        self.refused("ktgp_match", "a.pgm", "b.pgm", "--params", "/dev/zero", words="longer than 1 MB",
+                     preexec=little_memory(700 << 20))
+
+    def test_usage_lines_have_the_programs_name(self):
+        for tool in ["ktgp_match", "ktgp_evaluate"] + (["ktgp_bag"] if WITH_ROS else []):
+            self.assertIn(f"Usage: {tool} ", self.run_with(tool, "--help").stdout)
+
+
 class EvaluateOutput(OutputCase):
     def test_outputs_are_checked_as_everywhere(self):
         for option in ("--json", "--csv"):
@@ -163,6 +191,25 @@ class EvaluateOutput(OutputCase):
         status.seek(0)
         caught = next(line for line in status if line.startswith("SigCgt"))
         return int(caught.split()[1], 16) & (1 << (signal.SIGINT - 1))
+
+    def test_a_list_without_a_pair_is_named(self):
+        for text in ("", "# nothing\n\n"):
+            (self.folder / "empty.txt").write_text(text)
+            run = self.run_with("ktgp_evaluate", "empty.txt")
+            self.assertEqual(run.returncode, 1)
+            self.assertIn("empty.txt: names no pair", run.stderr)
+
+    def test_a_closed_terminal_is_as_ctrl_c(self):
+        process = subprocess.Popen(
+            [TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json"],
+            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
+            while not self.catches_interrupt(status):
+                self.assertIsNone(process.poll())
+                time.sleep(0.01)
+        process.send_signal(signal.SIGHUP)
+        process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 130)
 
     def test_a_bag_belongs_to_another_program(self):
         self.refused("ktgp_evaluate", "--bag", "some.bag", words="ktgp_evaluate_bag some.bag")
@@ -200,6 +247,93 @@ class BagOutput(OutputCase):
         for option in ("--max_reference_age", "--keyframe_min_overlap", "--max_latency"):
             self.refused("ktgp_bag", self.bag, "no.bag", f"{option}=nan", words="expected a number")
         self.refused("make_demo_bag", "no.bag", "--seconds", "nan", words="--seconds")
+
+    def test_what_appears_during_the_run_is_not_overwritten(self):
+        for option, name in ((None, "out.bag"), ("--csv", "out.csv"), ("--stabilize", "out.mp4"),
+                             ("--mosaic", "out.png")):
+            with self.subTest(name):
+                arguments = [name] if option is None else [f"{name}.bag", option, name]
+                process = subprocess.Popen(
+                    [TOOLS / "ktgp_bag", self.bag, *arguments, "--features", "200", "--threads", "1"],
+                    cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                # Something is in it when all outputs have been checked.
+                self.wait_for(lambda: process.poll() is not None or
+                              any(self.size(path) for path in self.folder.glob("*.unfinished*.bag")))
+                process.send_signal(signal.SIGSTOP)
+                stopped_in_time = not (self.folder / name).exists()
+                (self.folder / name).write_text("mine")
+                process.send_signal(signal.SIGCONT)
+                error = process.communicate(timeout=60)[1]
+                self.assertTrue(stopped_in_time)
+                self.assertEqual(process.returncode, 2, error)
+                self.assertIn("was written by something else meanwhile", error)
+                self.assertEqual((self.folder / name).read_text(), "mine")
+
+    def test_of_two_runs_to_one_output_one_fails(self):
+        runs = [subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag"], cwd=self.folder,
+                                 stderr=subprocess.PIPE) for _ in range(2)]
+        for run in runs:
+            run.communicate(timeout=120)
+        self.assertEqual(sorted(run.returncode for run in runs), [0, 2])
+
+    def test_a_closed_terminal_leaves_what_was_done(self):
+        run = subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag", "--threads", "1"],
+                               cwd=self.folder, stderr=subprocess.PIPE)
+        self.wait_for(lambda: list(self.folder.glob("out.unfinished*")) or run.poll() is not None)
+        run.send_signal(signal.SIGSTOP)
+        with open(f"/proc/{run.pid}/status", encoding="ascii") as status:
+            caught = next(x for x in status if x.startswith("SigCgt")).split()[1]
+        self.assertTrue(int(caught, 16) & 1, "SIGHUP is bit 0")
+        run.send_signal(signal.SIGHUP)
+        run.send_signal(signal.SIGCONT)
+        run.communicate(timeout=60)
+        self.assertIn(run.returncode, (0, 130))
+        self.assertEqual([p.name for p in self.folder.glob("out*")], ["out.bag"])
+
+    @staticmethod
+    def size(path):
+        try:
+            return path.stat().st_size
+        except FileNotFoundError:  # it has its name by now
+            return 0
+
+    @staticmethod
+    def wait_for(condition):
+        while not condition():
+            time.sleep(0.001)
+
+    def test_an_ending_of_no_use_is_refused_before_any_work(self):
+        self.bag.write_text("no bag")  # would be read first
+        for option, expected in (("--mosaic", "expected .png"), ("--stabilize", "expected .mp4")):
+            for name in ("zzz", "x.xyz", "x.csv"):
+                self.refused("ktgp_bag", self.bag, "out.bag", option, name, words=expected)
+
+    def test_options_without_effect_are_refused(self):
+        for arguments, reason in (
+                (("--target_width", "1"), "writes no pose"), (("--target_frame", "x"), "writes no pose"),
+                (("--max_latency", "1"), "diagnostics"), (("--reference_image", "a.pgm"), "fixed"),
+                (("--keyframe_min_inliers", "50"), "keyframe"), (("--overlay_style", "flow"), "--overlay"),
+                (("--stabilizer_lag", "3"), "--stabilize"), (("--mosaic_poses", "x"), "--mosaic")):
+            self.refused("ktgp_bag", self.bag, "out.bag", *arguments, words=reason)
+        self.refused("ktgp_bag", self.bag, "out.bag", "--reference_mode", "fixed",
+                     words="there is no reference")
+        (self.folder / "node.yaml").write_text("target_width: 1.0\nmax_latency: 1.0\n")
+        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
+        self.assertEqual(run.returncode, 0, run.stderr)  # what a node had is no mistake
+
+    def test_the_ranges_are_those_of_the_node(self):
+        for option, value, expected in (("--T_G", "25", "[0, 20]"), ("--max_reference_age", "601", "600]"),
+                                        ("--stabilizer_lag", "31", "[0, 30]")):
+            self.refused("ktgp_bag", self.bag, "out.bag", "--stabilize", "x.mp4", option, value,
+                         words=expected)
+        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--max_reference_age", "120")
+        self.assertEqual(run.returncode, 0, run.stderr)
+
+    def test_what_was_matched_is_counted(self):
+        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--max_rate", "10", "--csv", "out.csv")
+        rows = len((self.folder / "out.csv").read_text().splitlines()) - 1
+        self.assertIn(f"{rows} images of /camera/image_raw matched, 0 refused, {9 - rows} skipped",
+                      run.stderr)
 
     def test_the_recording_is_never_written(self):
         (self.folder / "soft.bag").symlink_to(self.bag.name)

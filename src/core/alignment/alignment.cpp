@@ -4,21 +4,27 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
-#include "core/homography/checks.h"
-#include "core/homography/refiner.h"
+#include "core/homography/covariance.h"
+#include "core/homography/estimate.h"
+#include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
 namespace {
 
+using alignment::AlignedPatch;
+using alignment::bestAlignmentKernels;
+using alignment::PatchAligner;
+using alignment::PatchOutcome;
+using alignment::PointSpread;
+using util::position;
+using util::requireInRange;
+
 constexpr std::size_t kFewest = 12;  // aligned points that a homography is estimated from
-constexpr double kLeastScale = 1.0;  // px of the errors: no scene is more of a plane than that
-constexpr double kNear = 3.0;        // px within which a keypoint agrees
 constexpr double kReach = 4.0;       // px that a point may lie off where H puts it
 
 Eigen::Vector2d checkedPosition(const Features& features, std::int32_t index, const char* frame) {
@@ -34,14 +40,15 @@ bool hasImages(const Features& features) {
   return !features.images.empty() && !features.images[0].empty();
 }
 
-void reset(const Eigen::Matrix3d& homography, const Covariance8& covariance,
-           AlignmentResult& result) {
+void reset(const UncertainHomography& start, AlignmentResult& result) {
   std::vector<AlignedPoint> points = std::move(result.points);  // keep the buffer
   points.clear();
   result = {};
   result.points = std::move(points);
-  result.homography = homography;
-  result.covariance = covariance;
+  result.homography = start.homography;
+  result.covariance = start.covariance;
+  result.shared_covariance = start.shared_covariance;
+  result.plane_deviation = start.plane_deviation;
 }
 
 std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
@@ -70,12 +77,13 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Minus the log-likelihood, up to a constant, of the points under errors of a pixel with Student's
-/// t distribution of four degrees of freedom: what HomographyRefiner minimises.
-double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points) {
+/// Minus the log-likelihood, up to a constant, of the points under errors of that scale with
+/// Student's t distribution of four degrees of freedom: what HomographyRefiner minimises.
+double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points,
+                    double scale) {
   double sum = 0.0;
   for (const AlignedPoint& p : points) {
-    const double error = reprojectionError(homography, p.reference, p.target) / kLeastScale;
+    const double error = reprojectionError(homography, p.reference, p.target) / scale;
     sum += std::log1p(0.25 * error * error);
   }
   return sum;
@@ -83,41 +91,24 @@ double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<Aligned
 
 /// Mean square over the pairs that agree with H of how far they lie off it, px^2; 0 without any.
 double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vector2d>& reference,
-               const std::vector<Eigen::Vector2d>& target) {
+               const std::vector<Eigen::Vector2d>& target, double near) {
   double sum = 0.0;
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference.size(); ++i) {
     const double error = reprojectionError(homography, reference[i], target[i]);
-    if (!(error < kNear)) continue;
+    if (!(error < near)) continue;
     sum += error * error;
     ++count;
   }
   return count == 0 ? 0.0 : sum / static_cast<double>(count);
 }
 
-/// How many times fewer the independent points are than `points` (>= 1), which are put in order of
-/// x: patches that overlap see the same noise. It is the variance of the mean of values that
-/// correlate as their patches overlap, over that of independent ones.
-double sharedPatches(std::vector<Eigen::Vector2d>& points) {
-  constexpr double kSide = kPatchSide;
-  std::sort(points.begin(), points.end(), [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-    return std::tie(a.x(), a.y()) < std::tie(b.x(), b.y());
-  });
-  double shared = 0.0;
-  for (auto a = points.begin(); a != points.end(); ++a) {
-    for (auto b = a + 1; b != points.end() && b->x() - a->x() < kSide; ++b) {
-      const double down = std::abs(b->y() - a->y());
-      if (down < kSide) shared += (1.0 - (b->x() - a->x()) / kSide) * (1.0 - down / kSide);
-    }
-  }
-  return 1.0 + 2.0 * shared / static_cast<double>(points.size());
-}
-
 /// The largest deviation at a corner, in the image where it is smaller, px.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
-  const auto corners = imageCorners(reference_size, {});
-  const CornerDeviation deviation = cornerDeviation(homography, covariance, corners);
+  const auto corners = homography::imageCorners(reference_size, {});
+  const homography::CornerDeviation deviation =
+      homography::cornerDeviation(homography, covariance, corners);
   return std::min(deviation.target, deviation.reference);
 }
 
@@ -140,18 +131,25 @@ const char* toString(AlignmentStatus status) {
 }
 
 struct Alignment::Impl {
+  struct Limits {
+    double near = 0.0;         // within which a keypoint agrees, px
+    double least_scale = 0.0;  // of the errors, px
+  };
+
   explicit Impl(const AlignmentOptions& o) : aligner(bestAlignmentKernels()), options(o) {}
 
   void choosePoints(const Features& reference, const Features& target,
                     const std::vector<Correspondence>& matches);
-  void alignPoints(AlignmentResult& result);
+  void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
-  bool isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
-                const Covariance8& covariance, const AlignmentResult& before) const;
+  Limits limitsFor(const cv::Size& reference_size) const;
+  bool isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
+                const AlignmentResult& before) const;
   std::size_t supporters(const Eigen::Matrix3d& homography) const;
 
   PatchAligner aligner;
-  HomographyRefiner refiner;
+  homography::HomographyRefiner refiner;
+  Limits limits;
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
@@ -162,6 +160,7 @@ struct Alignment::Impl {
 };
 
 Alignment::Alignment(const AlignmentOptions& options) {
+  requireInRange("alignment max_error", options.max_error, 1e-6, 1e6);
   requireInRange("alignment_points", options.points, static_cast<int>(kFewest), 100000);
   impl_ = std::make_unique<Impl>(options);
 }
@@ -175,9 +174,9 @@ const AlignmentOptions& Alignment::options() const {
 }
 
 void Alignment::align(const Features& reference, const Features& target,
-                      const std::vector<Correspondence>& matches, const Eigen::Matrix3d& homography,
-                      const Covariance8& covariance, AlignmentResult& result) {
-  reset(homography, covariance, result);
+                      const std::vector<Correspondence>& matches, const UncertainHomography& start,
+                      AlignmentResult& result) {
+  reset(start, result);
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
   if (!hasImages(reference) || !hasImages(target)) {
@@ -186,7 +185,7 @@ void Alignment::align(const Features& reference, const Features& target,
   }
   impl.choosePoints(reference, target, matches);
   impl.aligner.setImages(reference.images, target.images);
-  impl.alignPoints(result);
+  impl.alignPoints(matches, result);
   impl.estimate(reference.image_size, result);
 }
 
@@ -202,7 +201,8 @@ void Alignment::Impl::choosePoints(const Features& reference, const Features& ta
                 chosen);
 }
 
-void Alignment::Impl::alignPoints(AlignmentResult& result) {
+void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
+                                  AlignmentResult& result) {
   aligned_reference.clear();
   aligned_target.clear();
   result.tried = chosen.size();
@@ -212,64 +212,82 @@ void Alignment::Impl::alignPoints(AlignmentResult& result) {
       ++countOf(patch.outcome, result);
       continue;
     }
-    result.points.push_back({match, patch.reference, patch.target, patch.correlation});
+    result.points.push_back({match, matches[match].reference_index, matches[match].target_index,
+                             patch.reference, patch.target, patch.correlation});
     aligned_reference.push_back(patch.reference);
     aligned_target.push_back(patch.target);
   }
+}
+
+/// Both limits were found with PROSAC's threshold of 3 px on images of 640x480.
+Alignment::Impl::Limits Alignment::Impl::limitsFor(const cv::Size& reference_size) const {
+  constexpr double kFoundWithError = 3.0;       // px
+  constexpr double kFoundWithDiagonal = 800.0;  // px
+  constexpr double kScale = 1.0;                // px: no scene is more of a plane than that
+  const double diagonal = std::hypot(reference_size.width, reference_size.height);
+  const double size = diagonal / kFoundWithDiagonal;
+  return {options.max_error * size, kScale * options.max_error / kFoundWithError * size};
 }
 
 void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& result) {
   result.rmse_before = result.rmse_after = rmse(result.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
-  RefinerOptions refinement;
-  refinement.max_error = kNear;
-  refinement.min_scale = kLeastScale;
-  Eigen::Matrix3d homography = result.homography;
-  Covariance8 covariance;
+  limits = limitsFor(reference_size);
+  homography::EvidenceOptions evidence;
+  evidence.max_error = limits.near;
+  evidence.min_scale = limits.least_scale;
+  evidence.of_patches = true;
+  UncertainHomography candidate;
+  candidate.homography = result.homography;
   result.status = AlignmentStatus::not_better;
-  if (!refiner.refine(aligned_reference, aligned_target, refinement, homography, &covariance) ||
-      !isBetter(reference_size, homography, covariance, result)) {
+  if (!refiner.refine(aligned_reference, aligned_target, reference_size, evidence, candidate) ||
+      !isBetter(reference_size, candidate, result)) {
     return;
   }
-  result.homography = homography;
-  result.covariance = covariance * sharedPatches(aligned_reference);
-  result.rmse_after = rmse(homography, result.points);
+  result.homography = candidate.homography;
+  result.covariance = candidate.covariance;
+  result.shared_covariance = candidate.shared_covariance;
+  result.plane_deviation = candidate.plane_deviation;
+  result.rmse_after = rmse(candidate.homography, result.points);
   result.status = AlignmentStatus::ok;
 }
 
 /// It can be the view of a plane, the images agree better with it, most of the keypoints still do,
 /// the points gained by being aligned, and it is better determined.
-bool Alignment::Impl::isBetter(const cv::Size& reference_size, const Eigen::Matrix3d& homography,
-                               const Covariance8& covariance, const AlignmentResult& before) const {
+bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
+                               const AlignmentResult& before) const {
   // Of the keypoints that agreed. ORB's coarse ones lie off to one side by up to a pixel, so that
   // the homography that serves them best is wrong where the camera turned.
   constexpr double kShare = 0.5;
-  if (!keepsPlaneInView(homography, imageCorners(reference_size, {}))) return false;
-  if (!(unlikeliness(homography, before.points) <=
-        unlikeliness(before.homography, before.points))) {
+  const Eigen::Matrix3d& h = candidate.homography;
+  if (!homography::keepsPlaneInView(h, homography::imageCorners(reference_size, {}))) return false;
+  if (!(unlikeliness(h, before.points, limits.least_scale) <=
+        unlikeliness(before.homography, before.points, limits.least_scale))) {
     return false;
   }
-  if (static_cast<double>(supporters(homography)) <
+  if (static_cast<double>(supporters(h)) <
       kShare * static_cast<double>(supporters(before.homography))) {
     return false;
   }
   // Where a scene is far from a plane its points scatter about H however exact they are, and the
   // aligned ones are fewer than the keypoints: they have to be worth that.
   constexpr double kWorth = 1.0 / 3.0;  // of the keypoints' variance
-  if (scatter(homography, aligned_reference, aligned_target) >
-      kWorth * scatter(before.homography, reference_points, target_points)) {
+  if (scatter(h, aligned_reference, aligned_target, limits.near) >
+      kWorth * scatter(before.homography, reference_points, target_points, limits.near)) {
     return false;
   }
-  return uncertainty(homography, covariance, reference_size) <=
-         uncertainty(before.homography, before.covariance, reference_size);
+  // Smooth errors are the scene's and burden both; from keypoints they are hard to tell from noise.
+  return uncertainty(h, candidate.covariance - candidate.shared_covariance, reference_size) <=
+         uncertainty(before.homography, before.covariance - before.shared_covariance,
+                     reference_size);
 }
 
 /// Matches near where it puts them.
 std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference_points.size(); ++i) {
-    if (reprojectionError(homography, reference_points[i], target_points[i]) < kNear) ++count;
+    if (reprojectionError(homography, reference_points[i], target_points[i]) < limits.near) ++count;
   }
   return count;
 }

@@ -1,6 +1,6 @@
 #include "core/alignment/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 namespace {
 
 /// Sixteen sums, one a column, so that vectors of any width add the same numbers in the same order.
@@ -139,4 +139,4 @@ const AlignmentKernels& bestAlignmentKernels() {
 }
 #endif
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 
 /// Side of the patch that is aligned, px. Sixteen floats fill whole vectors of every width.
 constexpr int kPatchSide = 16;
@@ -91,4 +91,4 @@ const AlignmentKernels& portableAlignmentKernels();
 /// The fastest that this build has and this processor runs.
 const AlignmentKernels& bestAlignmentKernels();
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

@@ -13,7 +13,7 @@
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 namespace HWY_NAMESPACE {
 
 const AlignmentKernels* alignmentKernels() {
@@ -27,11 +27,11 @@ const AlignmentKernels* alignmentKernels() {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 
 HWY_EXPORT(alignmentKernels);
 
@@ -39,5 +39,5 @@ const AlignmentKernels& bestAlignmentKernels() {
   return *HWY_DYNAMIC_DISPATCH(alignmentKernels)();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment
 #endif

@@ -5,7 +5,7 @@
 #include "core/alignment/kernels.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -230,5 +230,5 @@ MatchSums compare(const float* corner, float fx, float fy, const PatchTemplate& 
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment
 HWY_AFTER_NAMESPACE();

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 namespace {
 
 /// x_level0 = factor * x_level + offset, along each axis.
@@ -190,4 +190,4 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
   return PatchOutcome::unsettled;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

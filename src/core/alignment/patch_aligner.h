@@ -7,7 +7,7 @@
 
 #include "core/alignment/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 
 /// What became of a point.
 enum class PatchOutcome : std::uint8_t {
@@ -56,4 +56,4 @@ class PatchAligner {
   alignas(64) float window_[kWindowSide * kWindowPitch];
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

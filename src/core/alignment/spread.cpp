@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 
 void PointSpread::choose(const std::vector<Eigen::Vector2d>& points, const cv::Size& image,
                          std::size_t wanted, std::vector<std::uint32_t>& chosen) {
@@ -66,4 +66,4 @@ void PointSpread::dropTwins(const std::vector<Eigen::Vector2d>& points, Cell& ce
   cell.size = kept;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

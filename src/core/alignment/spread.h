@@ -6,7 +6,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::alignment {
 
 /// Chooses points that lie spread over an image. Keeps its buffers.
 class PointSpread {
@@ -34,4 +34,4 @@ class PointSpread {
   std::vector<std::uint32_t> round_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::alignment

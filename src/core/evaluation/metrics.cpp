@@ -12,6 +12,8 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
+using util::position;
+
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Adds values up without storing them.

@@ -8,6 +8,8 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
+using util::kPi;
+
 constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
 
 /// The points x with (x - centre)^T shape (x - centre) <= 1.

@@ -15,6 +15,9 @@
 namespace ktgp_orb {
 namespace {
 
+using util::imagePoint;
+using util::requireInRange;
+
 using gms::Grid;
 using gms::kNoCell;
 
@@ -104,6 +107,17 @@ struct Winner {
   std::size_t scale = 0;
   Votes votes;
 };
+
+/// What the filter does where it is switched off.
+GmsResult passAll(std::vector<Correspondence>& correspondences) {
+  GmsResult result;
+  for (Correspondence& c : correspondences) {
+    if (c.level != Level::kt) continue;
+    c.level = Level::ktg;
+    ++result.kept;
+  }
+  return result;
+}
 
 }  // namespace
 
@@ -290,6 +304,7 @@ const GmsOptions& GmsFilter::options() const {
 
 GmsResult GmsFilter::filter(const Features& reference, const Features& target,
                             std::vector<Correspondence>& correspondences) {
+  if (!impl_->options.enabled) return passAll(correspondences);
   requireSize(reference, "reference");
   requireSize(target, "target");
   Impl& impl = *impl_;

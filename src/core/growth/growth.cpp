@@ -9,7 +9,7 @@
 #include "core/growth/reference_frames.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
-#include "core/homography/refiner.h"
+#include "core/homography/estimate.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -18,6 +18,7 @@ namespace growth {
 namespace {
 
 constexpr int kFewestVotes = 2;
+constexpr int kDescriptorBits = 8 * kDescriptorBytes;
 
 /// A match that others vote for, in a view of the reference.
 struct Seed {
@@ -52,13 +53,18 @@ struct HomographyGrowth::Impl {
   bool isExplained(const Seed& seed) const;
   bool tryFrom(const Seed& seed, GrowthResult& result);
   bool store(const Eigen::Matrix3d& map, GrowthResult& result);
+  void collect(GrowthResult& result) const;
 
   GrowthOptions options;
   growth::ReferenceFrames reference;
   growth::LocalMatcher matcher;
   growth::Grower grower;
   growth::Verdict verdict;
-  HomographyRefiner refiner;
+  homography::HomographyRefiner refiner;
+  homography::Finaliser finaliser;
+  homography::FinalHomography final;
+  cv::Size image_size;       // of the reference
+  std::size_t own_size = 0;  // its keypoints, without those of its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
@@ -67,6 +73,8 @@ struct HomographyGrowth::Impl {
 };
 
 void HomographyGrowth::Impl::setReference(const Features& features, const ReferenceViews* given) {
+  image_size = features.image_size;
+  own_size = features.size();
   reference.set(features, given);
   const std::size_t count = 1 + (given == nullptr ? 0 : given->size());
   views.resize(count);
@@ -159,35 +167,67 @@ bool HomographyGrowth::Impl::tryFrom(const Seed& seed, GrowthResult& result) {
   return store(map, result);
 }
 
-/// The homography of greatest likelihood, and what it rests on.
+/// The homography of greatest likelihood, and what it rests on. False, and nothing is kept, where
+/// it is none that the whole reference could be seen by.
 bool HomographyGrowth::Impl::store(const Eigen::Matrix3d& map, GrowthResult& result) {
+  collect(result);
+  UncertainHomography estimate;
+  estimate.homography = map / map(2, 2);
+  homography::EvidenceOptions evidence;
+  evidence.max_error = growth::Verdict::kRadius;
+  result.found =
+      refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
+  if (result.found) {
+    finaliser.finalise(estimate, result.pairs, image_size, growth::Verdict::kRadius, final);
+    result.found = final.trusted;
+  }
+  if (!result.found) {
+    result.pairs.clear();
+    result.matches.clear();
+    return false;
+  }
+  result.homography = estimate.homography;
+  result.covariance = estimate.covariance;
+  result.shared_covariance = estimate.shared_covariance;
+  result.plane_deviation = estimate.plane_deviation;
+  return true;
+}
+
+void HomographyGrowth::Impl::collect(GrowthResult& result) const {
   result.pairs.clear();
+  result.matches.clear();
+  const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
   for (std::size_t i = 0; i < grower.pairs().size(); ++i) {
+    const growth::LocalMatch& match = grower.matches()[i];
     result.pairs.reference.push_back(grower.pairs()[i].reference);
     result.pairs.target.push_back(grower.pairs()[i].target);
-    result.pairs.quality.push_back(grower.matches()[i].distance / double{8 * kDescriptorBytes});
+    result.pairs.quality.push_back(match.distance / double{growth::kDescriptorBits});
+    if (match.reference >= own) continue;
+    result.matches.push_back(
+        {match.reference, match.target, match.distance, growth::kDescriptorBits, Level::guided});
   }
-  result.homography = map / map(2, 2);
-  RefinerOptions options;
-  options.max_error = growth::Verdict::kRadius;
-  result.found = refiner.refine(result.pairs.reference, result.pairs.target, options,
-                                result.homography, &result.covariance);
-  return result.found;
+  std::sort(result.matches.begin(), result.matches.end(),
+            [](const Correspondence& a, const Correspondence& b) {
+              return a.target_index < b.target_index;
+            });
 }
 
 void GrowthResult::clear() {
   found = false;
   homography.setZero();
   covariance.setZero();
+  shared_covariance.setZero();
+  plane_deviation = 0.0;
   pairs.clear();
+  matches.clear();
   support = 0;
   by_chance = log_false_alarms = 0.0;
   seeds = judged = 0;
 }
 
 HomographyGrowth::HomographyGrowth(const GrowthOptions& options) : impl_(std::make_unique<Impl>()) {
-  requireInRange("growth_seeds", options.seeds, 1, 10000);
-  requireInRange("views", options.views, 0, 13);
+  util::requireInRange("growth_seeds", options.seeds, 1, 10000);
+  util::requireInRange("views", options.views, 0, 13);
   impl_->options = options;
 }
 
@@ -201,16 +241,15 @@ const GrowthOptions& HomographyGrowth::options() const {
 
 void HomographyGrowth::find(const Features& reference, const ReferenceViews* views,
                             const Features& target, const std::vector<Correspondence>& matches,
-                            bool same_reference, GrowthResult& result) {
+                            GrowthResult& result) {
   Impl& impl = *impl_;
   result.clear();
-  if (!same_reference || impl.views.empty()) impl.setReference(reference, views);
+  impl.setReference(reference, views);
   impl.matcher.setTarget(target);
   impl.vote(impl.views[0], reference, target, matches);
   for (std::size_t v = 1; v < impl.views.size(); ++v) {
     auto& view = impl.views[v];
     const Features& features = (*views)[v - 1].features;
-    if (same_reference) view.knn.keepReference();
     view.knn.matchMutual(features.descriptors, target.descriptors, view.matches);
     impl.vote(view, features, target, view.matches);
   }

@@ -21,7 +21,7 @@ struct LocalFrame {
 };
 
 inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
-  const float angle = keypoint.angle * static_cast<float>(kPi / 180.0);
+  const float angle = keypoint.angle * static_cast<float>(util::kPi / 180.0);
   return {keypoint.pt.x, keypoint.pt.y, std::cos(angle), std::sin(angle),
           std::log(std::max(keypoint.size, 1e-3F))};
 }

@@ -69,7 +69,7 @@ class LocalMatcher {
   static constexpr float kCosine = 0.825336F;    // of 0.6 rad
   static constexpr float kLogScale = 0.587787F;  // of 1.8
 
-  CellGrid cells_;
+  util::CellGrid cells_;
   cv::Size image_size_;
   // Cell by cell.
   std::vector<LocalFrame> frames_;

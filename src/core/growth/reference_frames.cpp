@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/homography/transform.h"
+
 namespace ktgp_orb::growth {
 namespace {
 
@@ -18,11 +20,6 @@ double squeezeOf(const Eigen::Matrix2d& linear) {
 }
 
 }  // namespace
-
-Eigen::Matrix2d jacobianAt(const Eigen::Matrix3d& map, const Eigen::Vector2d& place) {
-  const Eigen::Vector3d p = map * place.homogeneous();
-  return (map.topLeftCorner<2, 2>() - p.hnormalized() * map.block<1, 2>(2, 0)) / p.z();
-}
 
 void ReferenceFrames::set(const Features& reference, const ReferenceViews* views) {
   views_.clear();
@@ -67,7 +64,7 @@ bool ReferenceFrames::predict(const Eigen::Matrix3d& map, const Eigen::Vector2d&
                               double reach, const cv::Size& target,
                               std::vector<Prediction>& predictions) {
   predictions.clear();
-  if (!chooseViews(jacobianAt(map, centre))) return false;
+  if (!chooseViews(homography::jacobianByPoint(map, centre))) return false;
   const float right = static_cast<float>(target.width) + kMargin;
   const float bottom = static_cast<float>(target.height) + kMargin;
   const Eigen::Matrix3f h = map.cast<float>();

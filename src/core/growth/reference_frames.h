@@ -46,7 +46,4 @@ class ReferenceFrames {
   std::vector<Bits> bits_;
 };
 
-/// The derivative of `map` at `place`.
-Eigen::Matrix2d jacobianAt(const Eigen::Matrix3d& map, const Eigen::Vector2d& place);
-
 }  // namespace ktgp_orb::growth

@@ -24,7 +24,7 @@ double logQuadruples(double n) {
 }
 
 cv::Point2f shiftOf(int direction, double length) {
-  const double angle = 2.0 * kPi * direction / kDirections;
+  const double angle = 2.0 * util::kPi * direction / kDirections;
   return {static_cast<float>(length * std::cos(angle)),
           static_cast<float>(length * std::sin(angle))};
 }

@@ -79,13 +79,13 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
 }  // namespace
 
 ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, int views) {
-  requireInRange("views", views, 0, 13);
+  util::requireInRange("views", views, 0, 13);
   ReferenceViews made;
   if (image.empty()) return made;
   for (const auto& [tilt, directions] : kTilts) {
     if (1 + static_cast<int>(made.size()) + directions > views) break;
     for (int d = 0; d < directions; ++d) {
-      made.push_back(simulate(image, options, kPi * d / directions, tilt));
+      made.push_back(simulate(image, options, util::kPi * d / directions, tilt));
     }
   }
   return made;

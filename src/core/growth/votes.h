@@ -43,7 +43,7 @@ class Votes {
 
   bool votesFor(const Similarity& voter, const Similarity& pair) const;
 
-  CellGrid cells_;
+  util::CellGrid cells_;
   std::vector<Similarity> similarities_;
   std::vector<std::uint32_t> from_voted_;  // the last pair that each cell voted for, plus 1
   std::vector<std::uint32_t> to_voted_;

@@ -4,14 +4,26 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/homography/checks.h"
-#include "core/homography/refiner.h"
+#include "core/homography/estimate.h"
+#include "core/homography/transform.h"
 #include "core/knn/near_table.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
 namespace {
+
+using knn::bestNearKernel;
+using knn::kNearIndexBits;
+using knn::kNearIndexMask;
+using knn::kNoNearKey;
+using knn::NearKernel;
+using knn::NearKeys;
+using knn::NearTable;
+using knn::requireCountable;
+using util::imagePoint;
+using util::position;
+using util::requireInRange;
 
 constexpr int kNoDistance = 256;
 
@@ -23,19 +35,16 @@ struct GuidedMatcher::Impl {
 
   GuidedOptions options;
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
-  bool estimate(const cv::Size& reference_size, double threshold, Eigen::Matrix3d& homography,
-                Covariance8& covariance);
+  bool estimate(const cv::Size& reference_size, double threshold, UncertainHomography& estimate);
 
   NearKernel kernel = bestNearKernel();
   std::vector<cv::Point2f> places;           // where the homography puts the reference's keypoints
   NearTable table;                           // these
   std::vector<NearKeys> of_target;           // the nearest two of the reference
   std::vector<std::int32_t> nearest_target;  // the key of the nearest, for each column of the table
-  HomographyRefiner refiner;
-  std::vector<Correspondence> matches;
-  std::vector<Eigen::Vector2d> reference_points;  // of these
+  homography::HomographyRefiner refiner;
+  std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
-  std::vector<std::uint8_t> taken;  // target keypoints that have their correspondence
 };
 
 GuidedMatcher::GuidedMatcher(const GuidedOptions& options) : impl_(std::make_unique<Impl>()) {
@@ -60,6 +69,7 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
   requireCountable(target, "target");
   matches.clear();
   Impl& impl = *impl_;
+  if (!impl.options.enabled) return;
   impl.placeReference(reference, homography);
   impl.findNearest(reference, target);
   for (std::size_t t = 0; t < target.size(); ++t) {
@@ -101,56 +111,40 @@ void GuidedMatcher::Impl::findNearest(const Features& reference, const Features&
   }
 }
 
-bool GuidedMatcher::refine(const Features& reference, const Features& target,
-                           const std::vector<Correspondence>& correspondences, double threshold,
-                           Eigen::Matrix3d& homography, Covariance8& covariance,
-                           std::vector<Correspondence>& added) {
+bool GuidedMatcher::refine(const Features& reference, const Features& target, double threshold,
+                           UncertainHomography& estimate, std::vector<Correspondence>& matches) {
   Impl& impl = *impl_;
-  match(reference, target, homography, impl.matches);
+  match(reference, target, estimate.homography, matches);
   impl.reference_points.clear();
   impl.target_points.clear();
-  for (const Correspondence& c : impl.matches) {
+  for (const Correspondence& c : matches) {
     impl.reference_points.push_back(position(reference, c.reference_index));
     impl.target_points.push_back(position(target, c.target_index));
   }
-  const bool better = impl.estimate(reference.image_size, threshold, homography, covariance);
-  impl.taken.assign(target.size(), 0);
-  for (const Correspondence& c : correspondences) {
-    if (c.level >= Level::ktgp) impl.taken[static_cast<std::size_t>(c.target_index)] = 1;
-  }
-  added.clear();
-  for (std::size_t i = 0; i < impl.matches.size(); ++i) {
-    const Correspondence& c = impl.matches[i];
-    const double error =
-        reprojectionError(homography, impl.reference_points[i], impl.target_points[i]);
-    if (error < threshold && impl.taken[static_cast<std::size_t>(c.target_index)] == 0) {
-      added.push_back(c);
-    }
-  }
-  return better;
+  return impl.estimate(reference.image_size, threshold, estimate);
 }
 
 bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double threshold,
-                                   Eigen::Matrix3d& homography, Covariance8& covariance) {
-  Eigen::Matrix3d candidate = homography;
-  Covariance8 candidate_covariance;
-  RefinerOptions refinement;
-  refinement.max_error = threshold;
-  if (!refiner.refine(reference_points, target_points, refinement, candidate,
-                      &candidate_covariance) ||
-      !keepsPlaneInView(candidate, imageCorners(reference_size, reference_points)) ||
-      supporters(candidate, threshold) < supporters(homography, threshold)) {
+                                   UncertainHomography& estimate) {
+  UncertainHomography candidate = estimate;
+  homography::EvidenceOptions evidence;
+  evidence.max_error = threshold;
+  if (!refiner.refine(reference_points, target_points, reference_size, evidence, candidate)) {
     return false;
   }
-  homography = candidate;
-  covariance = candidate_covariance;
+  const auto corners = homography::imageCorners(reference_size, reference_points);
+  if (!homography::keepsPlaneInView(candidate.homography, corners) ||
+      supporters(candidate.homography, threshold) < supporters(estimate.homography, threshold)) {
+    return false;
+  }
+  estimate = candidate;
   return true;
 }
 
 std::size_t GuidedMatcher::Impl::supporters(const Eigen::Matrix3d& homography,
                                             double threshold) const {
   std::size_t count = 0;
-  for (std::size_t i = 0; i < matches.size(); ++i) {
+  for (std::size_t i = 0; i < reference_points.size(); ++i) {
     if (reprojectionError(homography, reference_points[i], target_points[i]) < threshold) ++count;
   }
   return count;

@@ -1,32 +1,34 @@
 #include "core/homography/fit.h"
 
 #include <algorithm>
+#include <cmath>
+#include <tuple>
 #include <utility>
 
-#include "core/homography/checks.h"
-#include "core/homography/estimator.h"
+#include "core/homography/covariance.h"
+#include "core/homography/four_point.h"
 #include "core/homography/score.h"
+#include "core/homography/transform.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 using Matrix8 = HomographyFit::Matrix8;
 
-FitOutcome HomographyFit::fit(const HomographyProblem& problem, double min_scale,
+FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
                               Eigen::Matrix3d& homography) {
   // The weights tell good pairs from bad ones better than the threshold does, so the refinement
   // sees the pairs just beyond it as well.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
-  const double least = min_scale * problem.target.scale;
-  double scale = std::max(problem.limit / kReach, least);
+  const double least = min_scale * pairs.target.scale;
+  double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
-    const std::size_t near =
-        findInliers(problem.scoring, homography, kReach * problem.limit, near_);
-    if (near <= HomographyEstimator::kSampleSize) return FitOutcome::unsupported;
+    const std::size_t near = findInliers(pairs.scoring, homography, kReach * pairs.limit, near_);
+    if (near <= std::tuple_size<FourPoints>::value) return FitOutcome::unsupported;
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
-    refinement_.select(problem.refinement, used_, near);
-    if (!refinement_.minimise(least, scale, homography)) return FitOutcome::undetermined;
+    estimator_.select(pairs.refinement, used_, near);
+    if (!estimator_.minimise(least, scale, homography)) return FitOutcome::undetermined;
   }
   return FitOutcome::fitted;
 }
@@ -34,23 +36,22 @@ FitOutcome HomographyFit::fit(const HomographyProblem& problem, double min_scale
 /// With all pairs but one on a line, everything hangs on that one. Deviations count in the image
 /// where they are smaller: a strong perspective magnifies a corner that it moves far out of sight,
 /// and the error of it likewise.
-bool HomographyFit::isDetermined(const HomographyProblem& problem,
-                                 const Eigen::Matrix3d& homography,
+bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
                                  const std::array<Eigen::Vector2d, 4>& corners) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
   constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
   constexpr std::size_t kEnough = 100;           // pairs; more would be determined even better
   const auto deviation = [&](const Matrix8& covariance) {
     const CornerDeviation normalised = cornerDeviation(homography, covariance, corners);
-    return std::min(normalised.target / problem.target.scale,
-                    normalised.reference / problem.reference.scale);
+    return std::min(normalised.target / pairs.target.scale,
+                    normalised.reference / pairs.reference.scale);
   };
-  if (!(deviation(refinement_.covariance()) < kMaxDeviation)) return false;
-  const std::size_t all = refinement_.size();
+  if (!(deviation(estimator_.covariance()) < kMaxDeviation)) return false;
+  const std::size_t all = estimator_.size();
   const std::size_t folds = all <= 8 ? all : 4;
   const auto holds_with = [&](std::size_t count) {
     for (std::size_t fold = 0; fold < folds; ++fold) {
-      const Matrix8 without = refinement_.covarianceWithout(homography, count, fold, folds);
+      const Matrix8 without = estimator_.covarianceWithout(homography, count, fold, folds);
       if (!(deviation(without) < kMaxDeviationWithout)) return false;
     }
     return true;
@@ -58,27 +59,54 @@ bool HomographyFit::isDetermined(const HomographyProblem& problem,
   return holds_with(std::min(all, kEnough)) || (all > kEnough && holds_with(all));
 }
 
-/// By the chain rule through T_target^-1 H T_reference and the division by the last entry.
-Covariance8 HomographyFit::pixelCovariance(const HomographyProblem& problem,
-                                           const Eigen::Matrix3d& homography) const {
-  const Eigen::Matrix3d undivided = problem.toPixels(homography);
+namespace {
+
+/// Of the first eight entries in pixels, with H(2,2) = 1, by those of the normalised H: the chain
+/// rule through T_target^-1 H T_reference and the division by the last entry.
+HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
+                                        const Eigen::Matrix3d& homography) {
+  const Eigen::Matrix3d undivided = pairs.toPixels(homography);
   const double divisor = undivided(2, 2);
   const Eigen::Matrix3d pixel = undivided / divisor;
-  Matrix8 jacobian;
+  HomographyFit::Matrix8 jacobian;
   for (int j = 0; j < 8; ++j) {
     Eigen::Matrix3d unit = Eigen::Matrix3d::Zero();
     unit(j / 3, j % 3) = 1.0;
-    const Eigen::Matrix3d column = problem.toPixels(unit);
+    const Eigen::Matrix3d column = pairs.toPixels(unit);
     for (int i = 0; i < 8; ++i) {
       jacobian(i, j) = (column(i / 3, i % 3) - pixel(i / 3, i % 3) * column(2, 2)) / divisor;
     }
   }
-  // With the scale of the errors estimated from f degrees of freedom, H is distributed as Student's
-  // t, whose covariance is f / (f - 2) times what it were with the scale known.
-  const double freedom = refinement_.freedom();
-  const double spread = freedom / std::max(freedom - 2.0, 1.0);
-  const Matrix8 covariance = spread * refinement_.covariance();
-  return jacobian * covariance * jacobian.transpose();
+  return jacobian;
 }
 
-}  // namespace ktgp_orb
+}  // namespace
+
+UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
+                                            const Eigen::Matrix3d& homography,
+                                            const std::array<Eigen::Vector2d, 4>& corners,
+                                            bool of_patches) {
+  constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
+  FieldScales scales;
+  scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
+  scales.nearby = kNearby * pairs.reference.scale;
+  const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
+                                    estimator_.curvature(), homography, scales);
+  // With the scale of the errors estimated from f degrees of freedom, H is distributed as Student's
+  // t, whose covariance is f / (f - 2) times what it were with the scale known.
+  const double freedom = estimator_.freedom();
+  const double spread = freedom / std::max(freedom - 2.0, 1.0);
+  const double shared = of_patches ? field.shared_patches : 1.0;
+  Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
+  if (of_patches) noise += field.common_covariance;
+  const Matrix8 jacobian = jacobianOfPixels(pairs, homography);
+  UncertainHomography result;
+  result.homography = pairs.toPixels(homography);
+  scaleLastToOne(result.homography);
+  result.shared_covariance = jacobian * field.covariance * jacobian.transpose();
+  result.covariance = jacobian * noise * jacobian.transpose() + result.shared_covariance;
+  result.plane_deviation = std::sqrt(field.variance) / pairs.target.scale;
+  return result;
+}
+
+}  // namespace ktgp_orb::homography

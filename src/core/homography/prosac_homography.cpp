@@ -1,23 +1,26 @@
 #include "ktgp_orb/prosac_homography.h"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <tuple>
 #include <utility>
 
-#include "core/homography/checks.h"
-#include "core/homography/estimator.h"
+#include "core/homography/a_contrario.h"
+#include "core/homography/estimate.h"
 #include "core/homography/fit.h"
-#include "core/homography/verdict.h"
-#include "core/prosac/prosac.h"
-#include "core/prosac/quality_order.h"
+#include "core/homography/four_point.h"
+#include "core/homography/prosac.h"
+#include "core/homography/quality_order.h"
+#include "core/homography/transform.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
 namespace {
+
+using util::requireInRange;
 
 void requireValid(const PointPairs& pairs) {
   const std::size_t n = pairs.reference.size();
@@ -43,13 +46,6 @@ void requireValid(const std::optional<Eigen::Matrix3d>& initial) {
       "the initial homography has an entry that is not finite; expected nine finite entries");
 }
 
-void clearModel(ProsacResult& result) {
-  result.homography.setZero();
-  std::fill(result.mask.begin(), result.mask.end(), std::uint8_t{0});
-  result.inliers = 0;
-  result.rmse = 0.0;
-}
-
 void reset(std::size_t pairs, ProsacResult& result) {
   std::vector<std::uint8_t> mask = std::move(result.mask);  // keep the buffer
   mask.assign(pairs, 0);
@@ -57,35 +53,9 @@ void reset(std::size_t pairs, ProsacResult& result) {
   result.mask = std::move(mask);
 }
 
-void store(const ProsacRun& run, ProsacResult& result) {
-  result.iterations = run.iterations;
-  result.local_optimisations = run.local_optimisations;
-  result.growth_set_size = run.growth_set_size;
-  result.stop = run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality;
-}
-
-/// Scales H to H(2,2) = 1, to length 1 where that is not possible; false in that case.
-bool scaleLastToOne(Eigen::Matrix3d& h) {
-  constexpr double kNearZero = 1e-9;  // of H's length
-  const bool possible = std::abs(h(2, 2)) > kNearZero * h.norm();
-  h /= possible ? h(2, 2) : h.norm();
-  return possible;
-}
-
-/// Squared reprojection errors, mask, inliers and RMSE of the homography, in pixels.
-void applyThreshold(const PointPairs& pairs, double threshold, std::vector<double>& squared_error,
-                    ProsacResult& result) {
-  squared_error.resize(pairs.size());
-  double sum = 0.0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = reprojectionError(result.homography, pairs.reference[i], pairs.target[i]);
-    squared_error[i] = error * error;
-    result.mask[i] = error < threshold ? 1 : 0;
-    if (result.mask[i] == 0) continue;
-    ++result.inliers;
-    sum += squared_error[i];
-  }
-  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+ProsacDiagnostics diagnosticsOf(const homography::ProsacRun& run) {
+  return {run.iterations, run.local_optimisations, run.growth_set_size,
+          run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality};
 }
 
 }  // namespace
@@ -93,13 +63,12 @@ void applyThreshold(const PointPairs& pairs, double threshold, std::vector<doubl
 /// Search, fit and verdict, with their buffers.
 struct ProsacHomography::Impl {
   ProsacOptions options;
-  QualityOrder order;
-  HomographyEstimator estimator;
-  Prosac<HomographyEstimator> search;
-  HomographyFit fit;
-  HomographyVerdict verdict;
-  double covered_area = 0.0;          // of the target points, px²
-  std::vector<double> squared_error;  // of the final homography, px², in input order
+  homography::QualityOrder order;
+  homography::NormalisedPairs normalised;
+  homography::ProsacSearch search;
+  homography::HomographyFit fit;
+  homography::Finaliser finaliser;
+  homography::FinalHomography final;
 
   void estimate(const PointPairs& pairs, const cv::Size& reference_size,
                 const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
@@ -116,20 +85,20 @@ void ProsacHomography::Impl::estimate(const PointPairs& pairs, const cv::Size& r
   requireValid(pairs);
   requireValid(initial);
   reset(pairs.size(), result);
-  if (pairs.size() < HomographyEstimator::kSampleSize) {
+  if (pairs.size() < std::tuple_size<homography::FourPoints>::value) {
     result.status = Status::too_few_matches;
     return;
   }
   if (!find(pairs, initial, result)) return;  // no_model
   Eigen::Matrix3d h = search.best();
-  switch (fit.fit(estimator.problem, kMinScale, h)) {
-    case FitOutcome::fitted:
+  switch (fit.fit(normalised, kMinScale, h)) {
+    case homography::FitOutcome::fitted:
       judge(pairs, reference_size, h, result);
       break;
-    case FitOutcome::undetermined:
+    case homography::FitOutcome::undetermined:
       result.status = Status::model_rejected;
       break;
-    case FitOutcome::unsupported:
+    case homography::FitOutcome::unsupported:
       break;  // no_model
   }
 }
@@ -139,44 +108,48 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   const std::optional<Eigen::Matrix3d>& initial,
                                   ProsacResult& result) {
   order.sort(pairs.quality);
-  estimator.problem.load(pairs.reference, pairs.target, order, options.max_error);
-  ProsacRules rules;
+  normalised.load(pairs.reference, pairs.target, order, options.max_error);
+  homography::ProsacRules rules;
   rules.max_iterations = options.max_iterations;
   rules.confidence = options.confidence;
-  covered_area = coveredArea(pairs.target);
-  rules.chance_inlier = chanceInlier(covered_area, options.max_error);
+  rules.chance_inlier =
+      homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
   rules.seed = options.seed;
-  const auto start = initial ? estimator.problem.fromPixels(*initial) : std::nullopt;
-  const ProsacRun run = search.run(rules, start ? &*start : nullptr, estimator);
-  store(run, result);
+  const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
+  const homography::ProsacRun run = search.run(rules, start ? &*start : nullptr, normalised);
+  result.diagnostics = diagnosticsOf(run);
   return run.found;
 }
 
 /// Verdict on the normalised homography; fills in what the verdict allows.
 void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& reference_size,
                                    const Eigen::Matrix3d& h, ProsacResult& result) {
-  const HomographyProblem& problem = estimator.problem;
   result.status = Status::model_rejected;
-  auto corners = imageCorners(reference_size, pairs.reference);
-  Eigen::Matrix3d pixel = problem.toPixels(h);
-  if (!keepsPlaneInView(pixel, corners)) return;
-  for (Eigen::Vector2d& corner : corners) corner = problem.reference.apply(corner);
-  if (!fit.isDetermined(problem, h, corners)) return;
+  const auto corners = homography::imageCorners(reference_size, pairs.reference);
+  UncertainHomography estimate;
+  estimate.homography = normalised.toPixels(h);
+  if (!homography::keepsPlaneInView(estimate.homography, corners)) return;
+  auto normalised_corners = corners;
+  for (Eigen::Vector2d& corner : normalised_corners) corner = normalised.reference.apply(corner);
+  if (!fit.isDetermined(normalised, h, normalised_corners)) return;
+  const bool scaled = homography::scaleLastToOne(estimate.homography);
+  finaliser.finalise(estimate, pairs, reference_size, options.max_error, final);
+  if (!final.trusted) return;
 
-  const bool scaled = scaleLastToOne(pixel);
-  result.homography = pixel;
-  applyThreshold(pairs, options.max_error, squared_error, result);
-  if (verdict.explainableByChance(pairs, result.mask, squared_error, options.max_error,
-                                  covered_area)) {
-    clearModel(result);
-    return;
-  }
-  result.distinct_inliers = verdict.distinctInliers(pairs, result.mask);
+  // Only now, since it costs more than the verdict.
   if (scaled) {
-    result.covariance = fit.pixelCovariance(problem, h);
+    const UncertainHomography known = fit.inPixels(normalised, h, corners, false);
+    result.covariance = known.covariance;
+    result.shared_covariance = known.shared_covariance;
+    result.plane_deviation = known.plane_deviation;
   } else {
     result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    result.shared_covariance = result.covariance;
   }
+  result.homography = estimate.homography;
+  result.mask.swap(final.mask);
+  result.inliers = final.inliers;
+  result.rmse = final.rmse;
   result.status = Status::ok;
 }
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 using Points = PointArrays<float>;
@@ -57,4 +57,4 @@ std::size_t findInliers(const Points& points, const Eigen::Matrix3d& homography,
   return count;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

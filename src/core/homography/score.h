@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/homography/points.h"
+#include "core/homography/point_pairs.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// MSAC cost (Torr & Zisserman, CVIU 2000): sum over the pairs of min(e², limit²), with e the
 /// reprojection error in the target. Stops as soon as the sum exceeds `give_up` and returns what it
@@ -19,4 +19,4 @@ float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homograp
 std::size_t findInliers(const PointArrays<float>& points, const Eigen::Matrix3d& homography,
                         double limit, std::vector<std::uint8_t>& inlier);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

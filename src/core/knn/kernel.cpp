@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstring>
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
 
 constexpr int kLanes = 32;
@@ -112,4 +112,4 @@ const KnnKernel& bestKnnKernel() {
 }
 #endif
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

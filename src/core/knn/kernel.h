@@ -4,7 +4,7 @@
 
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 // The inner loop of the search, one per instruction set. Candidates (reference descriptors) lie in
 // the lanes of vectors, so that one instruction works on the same byte of many of them:
@@ -67,4 +67,4 @@ const KnnKernel& portableKnnKernel();
 /// The fastest that this build has and this processor runs.
 const KnnKernel& bestKnnKernel();
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

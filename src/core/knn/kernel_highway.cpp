@@ -10,7 +10,7 @@
 #include <cstddef>
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace HWY_NAMESPACE {
 #if KTGP_ORB_HAS_VECTORS
 namespace {
@@ -182,11 +182,11 @@ const KnnKernel* kernel() {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 HWY_EXPORT(kernel);
 
@@ -194,5 +194,5 @@ const KnnKernel& bestKnnKernel() {
   return *HWY_DYNAMIC_DISPATCH(kernel)();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn
 #endif

@@ -1,6 +1,5 @@
 #include <optional>
 #include <stdexcept>
-#include <utility>
 
 #include "core/knn/near_search.h"
 #include "core/knn/search.h"
@@ -9,6 +8,12 @@
 
 namespace ktgp_orb {
 namespace {
+
+using knn::bestKnnKernel;
+using knn::bestNearKernel;
+using knn::KnnSearch;
+using knn::NearSearch;
+using util::requireInRange;
 
 const KnnOptions& valid(const KnnOptions& options) {
   requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
@@ -25,27 +30,9 @@ struct KnnMatcher::Impl {
     }
   }
 
-  /// Each search has a layout of its own, which is that of the last reference or none.
-  void beginWhole() {
-    if (std::exchange(keep_reference, false)) {
-      search.keepReference();
-    } else if (near) {
-      near->forgetReference();
-    }
-  }
-
-  void beginNear() {
-    if (std::exchange(keep_reference, false)) {
-      near->keepReference();
-    } else {
-      search.forgetReference();
-    }
-  }
-
   const KnnOptions options;
   KnnSearch search;
   std::optional<NearSearch> near;  // where there is a radius
-  bool keep_reference = false;
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
@@ -60,13 +47,11 @@ const KnnOptions& KnnMatcher::options() const {
 
 void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
                        std::vector<Correspondence>& correspondences) {
-  impl_->beginWhole();
   impl_->search.match(reference, target, correspondences);
 }
 
 void KnnMatcher::matchMutual(const cv::Mat& reference, const cv::Mat& target,
                              std::vector<Correspondence>& correspondences) {
-  impl_->beginWhole();
   impl_->search.matchMutual(reference, target, correspondences);
 }
 
@@ -80,12 +65,7 @@ void KnnMatcher::matchNear(const Features& reference, const Features& target,
         "search_radius is 0; expected a radius above 0 px for a search "
         "near the predicted places");
   }
-  impl_->beginNear();
   impl_->near->match(reference, target, prediction, mutual, correspondences);
-}
-
-void KnnMatcher::keepReference() {
-  impl_->keep_reference = true;
 }
 
 }  // namespace ktgp_orb

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
 
 /// Bits set in each byte of `v`.
@@ -61,4 +61,4 @@ const NearKernel& bestNearKernel() {
 }
 #endif
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

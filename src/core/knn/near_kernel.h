@@ -5,7 +5,7 @@
 
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 // The inner loop of the search by place, one per instruction set. Each query has candidates of its
 // own, some dozens in a few runs, too few to share the rows of kernel.h. Here a lane has 32 bits:
@@ -72,4 +72,4 @@ const NearKernel& portableNearKernel();
 /// The fastest that this build has and this processor runs.
 const NearKernel& bestNearKernel();
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -10,7 +10,7 @@
 #include <cstring>
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace HWY_NAMESPACE {
 #if KTGP_ORB_HAS_VECTORS
 namespace {
@@ -109,11 +109,11 @@ const NearKernel* nearKernel() {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 HWY_EXPORT(nearKernel);
 
@@ -121,5 +121,5 @@ const NearKernel& bestNearKernel() {
   return *HWY_DYNAMIC_DISPATCH(nearKernel)();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn
 #endif

@@ -7,14 +7,16 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
-#include <utility>
 
 #include "core/util/divide.h"
 #include "core/util/keypoint_position.h"
 #include "ktgp_orb/knn_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ceilDivide;
+using util::ThreadPool;
 
 constexpr int kQueriesPerChunk = 64;   // what a thread takes at a time
 constexpr double kCellsPerRadius = 2;  // small cells: fewer candidates in vain; large: longer runs
@@ -48,6 +50,7 @@ NearSearch::NearSearch(const NearKernel& kernel, double radius, ThreadPool& pool
     : kernel_(kernel),
       radius_(radius),
       pool_(pool),
+      index_(radius / kCellsPerRadius),
       nearest_queries_(static_cast<std::size_t>(pool.threads())) {}
 
 void NearSearch::match(const Features& reference, const Features& target,
@@ -56,15 +59,9 @@ void NearSearch::match(const Features& reference, const Features& target,
   requireCountable(reference, "reference");
   requireCountable(target, "target");
   correspondences.clear();
-  const bool kept = std::exchange(keep_reference_, false) && table_.size() == reference.size();
-  if (!kept) table_.clear();
   if (reference.empty() || target.empty()) return;
   placeQueries(target, prediction);
-  if (!kept) {
-    table_.build(
-        reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
-        radius_ / kCellsPerRadius);
-  }
+  index_.setReference(reference);
   correspondences.resize(target.size());
   const int chunks = ceilDivide(static_cast<int>(target.size()), kQueriesPerChunk);
   if (!mutual) {
@@ -75,7 +72,7 @@ void NearSearch::match(const Features& reference, const Features& target,
   std::atomic<int> next_chunk{0};
   pool_.parallelFor(pool_.threads(), [&](int thread) {
     auto& nearest = nearest_queries_[static_cast<std::size_t>(thread)];
-    nearest.assign(table_.columns(), kNoNearKey);
+    nearest.assign(index_.table().columns(), kNoNearKey);
     for (int chunk = next_chunk++; chunk < chunks; chunk = next_chunk++) {
       searchChunk(target, chunk, nearest.data(), correspondences.data());
     }
@@ -112,20 +109,22 @@ void NearSearch::searchChunk(const Features& target, int chunk, std::int32_t* ne
 Correspondence NearSearch::search(const std::uint8_t* descriptor, std::int32_t number,
                                   std::int32_t* nearest_queries) const {
   const cv::Point2f& place = places_[static_cast<std::size_t>(number)];
-  return fromKeys(table_.search(kernel_, descriptor, place, radius_, number, nearest_queries),
-                  number);
+  return fromKeys(
+      index_.table().search(kernel_, descriptor, place, radius_, number, nearest_queries), number);
 }
 
 void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {
   auto& nearest = nearest_queries_.front();
   for (std::size_t thread = 1; thread < nearest_queries_.size(); ++thread) {
     const auto& other = nearest_queries_[thread];
-    for (std::size_t i = 0; i < table_.size(); ++i) nearest[i] = std::min(nearest[i], other[i]);
+    for (std::size_t i = 0; i < index_.table().size(); ++i)
+      nearest[i] = std::min(nearest[i], other[i]);
   }
   for (Correspondence& c : correspondences) {
     if (c.reference_index < 0) continue;
-    c.mutual = (nearest[table_.column(c.reference_index)] & kNearIndexMask) == c.target_index;
+    c.mutual =
+        (nearest[index_.table().column(c.reference_index)] & kNearIndexMask) == c.target_index;
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

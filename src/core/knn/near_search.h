@@ -5,14 +5,14 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/knn/index.h"
 #include "core/knn/near_kernel.h"
-#include "core/knn/near_table.h"
 #include "core/util/cell_grid.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// The search of KnnMatcher::matchNear with a kernel of choice, so that tests and benchmarks can
 /// try each. Reference and target are sorted into cells, so that the candidates of a query lie in
@@ -20,15 +20,11 @@ namespace ktgp_orb {
 class NearSearch {
  public:
   /// `radius`: px, > 0. `pool` must outlive this.
-  NearSearch(const NearKernel& kernel, double radius, ThreadPool& pool);
+  NearSearch(const NearKernel& kernel, double radius, util::ThreadPool& pool);
 
   /// See KnnMatcher::matchNear.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& prediction,
              bool mutual, std::vector<Correspondence>& correspondences);
-
-  /// See KnnMatcher::keepReference.
-  void keepReference() { keep_reference_ = true; }
-  void forgetReference() { table_.clear(); }
 
  private:
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
@@ -40,14 +36,13 @@ class NearSearch {
 
   NearKernel kernel_;
   double radius_;
-  ThreadPool& pool_;
-  bool keep_reference_ = false;
-  NearTable table_;  // the reference
+  util::ThreadPool& pool_;
+  NearIndex index_;  // the reference
   // The target.
-  CellGrid query_cells_;
+  util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // where each keypoint is predicted to come from
   std::vector<std::vector<std::int32_t>>
       nearest_queries_;  // of each candidate, one for each thread
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

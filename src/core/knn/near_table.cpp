@@ -7,8 +7,10 @@
 
 #include "core/util/divide.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 namespace {
+
+using util::ceilDivide;
 
 constexpr std::size_t kMaxRuns = 8;  // more rows of cells than a query meets, but for rounding
 
@@ -68,4 +70,4 @@ NearKeys NearTable::search(const NearKernel& kernel, const std::uint8_t* descrip
                                                                                 nearest_queries);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

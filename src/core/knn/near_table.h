@@ -10,7 +10,7 @@
 #include "core/util/cell_grid.h"
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// Throws std::invalid_argument naming `name` where the keys of near_kernel.h cannot count the
 /// keypoints.
@@ -34,7 +34,6 @@ class NearTable {
       y_[i] = p.y;
     }
   }
-  void clear() { position_.clear(); }
   std::size_t size() const { return position_.size(); }
 
   /// The best two candidates within `radius` of `place` for the query of that `number`. Unless
@@ -42,6 +41,9 @@ class NearTable {
   NearKeys search(const NearKernel& kernel, const std::uint8_t* descriptor,
                   const cv::Point2f& place, double radius, std::int32_t number,
                   std::int32_t* nearest_queries) const;
+
+  /// Where keypoint `index` is.
+  cv::Point2f place(std::int32_t index) const { return {x_[column(index)], y_[column(index)]}; }
 
   std::size_t columns() const { return stride_; }
   /// The column of keypoint `index`.
@@ -52,7 +54,7 @@ class NearTable {
  private:
   void layOut(const Features& features);
 
-  CellGrid cells_;
+  util::CellGrid cells_;
   std::size_t stride_ = 0;  // size(), and room to read beyond
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
@@ -61,4 +63,4 @@ class NearTable {
   std::vector<std::int32_t> position_;  // the column of each keypoint
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

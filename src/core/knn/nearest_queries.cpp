@@ -6,7 +6,9 @@
 #include "core/knn/kernel.h"
 #include "core/util/divide.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
+
+using util::ceilDivide;
 
 void NearestQueries::reset(int candidates) {
   const auto count = static_cast<std::size_t>(candidates);
@@ -43,4 +45,4 @@ void NearestQueries::take(const NearestQueries& other) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// Memory aligned to the widest vector.
 struct alignas(64) CacheLine {
@@ -34,4 +34,4 @@ class NearestQueries {
   std::vector<std::int32_t> query_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

@@ -4,12 +4,13 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "core/knn/index.h"
 #include "core/knn/kernel.h"
 #include "core/knn/nearest_queries.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::knn {
 
 /// The search of KnnMatcher with a kernel of choice, so that tests and benchmarks can try each.
 class KnnSearch {
@@ -25,28 +26,20 @@ class KnnSearch {
   void matchMutual(const cv::Mat& reference, const cv::Mat& target,
                    std::vector<Correspondence>& correspondences);
 
-  /// See KnnMatcher::keepReference.
-  void keepReference() { keep_reference_ = true; }
-  void forgetReference() { candidates_ = 0; }
-
-  ThreadPool& pool() { return pool_; }
+  util::ThreadPool& pool() { return pool_; }
 
  private:
   /// Makes room and lays out the reference; false where there is nothing to search.
   bool prepare(const cv::Mat& reference, const cv::Mat& target,
                std::vector<Correspondence>& correspondences);
-  void layOut(const cv::Mat& reference);
   /// Searches for the targets of one chunk; both ways where `nearest_queries` is given.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);
 
   KnnKernel kernel_;
-  ThreadPool pool_;
-  bool keep_reference_ = false;
-  int candidates_ = 0;  // reference descriptors
-  int group_count_ = 0;
-  std::vector<CacheLine> groups_;                // the reference as described in kernel.h
+  util::ThreadPool pool_;
+  KnnIndex index_;                               // the reference
   std::vector<NearestQueries> nearest_queries_;  // one for each thread
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::knn

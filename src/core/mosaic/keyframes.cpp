@@ -6,9 +6,9 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 namespace {
 
 constexpr std::size_t kTriesOnPath = 2;
@@ -22,12 +22,12 @@ constexpr std::size_t kLeastInliers = 30;  // a place for good: the verdict alon
 double Keyframes::overlap(const Keyframe& keyframe, const cv::Size& size,
                           const Eigen::Matrix3d& from_map) const {
   const Eigen::Matrix3d to_keyframe = keyframe.from_map * from_map.inverse();
-  const auto corners = imageCorners(size, {});
-  if (!keepsPlaneInView(to_keyframe / to_keyframe(2, 2), corners)) return 0.0;
+  const auto corners = homography::imageCorners(size, {});
+  if (!homography::keepsPlaneInView(to_keyframe / to_keyframe(2, 2), corners)) return 0.0;
   // The keyframe's corners as the frame sees them: the area is that of the frame, in its own px.
   const Eigen::Matrix3d to_frame = to_keyframe.inverse();
-  const auto keyframe_corners = imageCorners(keyframe.features.image_size, {});
-  if (!keepsPlaneInView(to_frame / to_frame(2, 2), keyframe_corners)) return 0.0;
+  const auto keyframe_corners = homography::imageCorners(keyframe.features.image_size, {});
+  if (!homography::keepsPlaneInView(to_frame / to_frame(2, 2), keyframe_corners)) return 0.0;
   std::vector<cv::Point2f> frame;
   std::vector<cv::Point2f> other;
   for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -75,4 +75,4 @@ void Keyframes::add(Features features, const Eigen::Matrix3d& from_map) {
   keyframes_.push_back({std::move(features), from_map});
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

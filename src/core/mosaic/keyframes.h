@@ -9,7 +9,7 @@
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/ktgp_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 
 /// The frames whose place in the map others are found by.
 class Keyframes {
@@ -44,4 +44,4 @@ class Keyframes {
   std::vector<Keyframe> keyframes_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

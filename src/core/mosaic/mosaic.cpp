@@ -10,13 +10,16 @@
 #include <utility>
 #include <vector>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 #include "core/mosaic/keyframes.h"
 #include "core/mosaic/tile_map.h"
 #include "ktgp_orb/frame_path.h"
 
 namespace ktgp_orb {
 namespace {
+
+using mosaic::Keyframes;
+using mosaic::TileMap;
 
 constexpr std::size_t kPathLength = 300;  // frames that may come while one is placed
 // A frame may look this much larger or smaller than the first one; beyond that a map of one plane
@@ -59,7 +62,7 @@ Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
 /// Corners of an image of `size` in the map.
 std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d to_map = from_map.inverse();
-  std::array<Eigen::Vector2d, 4> corners = imageCorners(size, {});
+  std::array<Eigen::Vector2d, 4> corners = homography::imageCorners(size, {});
   for (Eigen::Vector2d& corner : corners) corner = (to_map * corner.homogeneous()).hnormalized();
   return corners;
 }
@@ -67,7 +70,9 @@ std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::M
 /// Whether the frame can be drawn into a map of its plane.
 bool isDrawable(const cv::Size& size, const Eigen::Matrix3d& from_map) {
   const Eigen::Matrix3d to_map = normalised(from_map.inverse());
-  if (!to_map.allFinite() || !keepsPlaneInView(to_map, imageCorners(size, {}))) return false;
+  if (!to_map.allFinite() ||
+      !homography::keepsPlaneInView(to_map, homography::imageCorners(size, {})))
+    return false;
   const auto corners = cornersInMap(size, from_map);
   double shortest = 1e18;
   double longest = 0.0;
@@ -105,6 +110,7 @@ struct Mosaic::Impl {
         keyframes(o.matcher) {}
 
   MosaicOptions options;
+  std::function<void(const cv::Mat&)> finished;
   OrbExtractor extractor;
   FramePath path;
   TileMap tiles;
@@ -128,6 +134,7 @@ struct Mosaic::Impl {
   std::size_t maps = 0;
 
   void startMap(std::int64_t stamp, Features features) {
+    if (finished && !tiles.area().empty()) finished(tiles.image(1.0));
     tiles.clear();
     keyframes.clear();
     is_full = false;
@@ -158,7 +165,7 @@ struct Mosaic::Impl {
   bool hasMoved() const {
     const Eigen::Matrix3d to_now = *pose * drawn.inverse();
     const double least = options.min_motion * size.width;
-    for (const Eigen::Vector2d& corner : imageCorners(size, {})) {
+    for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
       if (((to_now * corner.homogeneous()).hnormalized() - corner).norm() >= least) return true;
     }
     return false;
@@ -263,6 +270,10 @@ Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
   self.grey.release();
   self.colour.release();
   return placement;
+}
+
+void Mosaic::onFinishedMap(std::function<void(const cv::Mat&)> callback) {
+  impl_->finished = std::move(callback);
 }
 
 std::optional<Eigen::Matrix3d> Mosaic::pose() const {

@@ -6,9 +6,9 @@
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 namespace {
 
 // What is there counts as this many frames at most: newer ones soon show, noise averages out.
@@ -28,7 +28,7 @@ int tileOf(double coordinate) {
 /// Bounds of the frame in the map, whole px.
 cv::Rect boundsOf(const cv::Size& size, const Eigen::Matrix3d& to_map) {
   Eigen::AlignedBox2d box;
-  for (const Eigen::Vector2d& corner : imageCorners(size, {})) {
+  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
     box.extend(Eigen::Vector2d((to_map * corner.homogeneous()).hnormalized()));
   }
   const Eigen::Vector2d low = box.min().array().floor();
@@ -184,4 +184,4 @@ void TileMap::clear() {
   area_ = {};
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <utility>
 
-namespace ktgp_orb {
+namespace ktgp_orb::mosaic {
 
 /// A picture without borders, in square tiles that exist where something was drawn: memory grows
 /// with the covered area.
@@ -55,4 +55,4 @@ class TileMap {
   cv::Mat patch_weight_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::mosaic

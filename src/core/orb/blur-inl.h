@@ -5,7 +5,7 @@
 #include "core/orb/kernels_common.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -82,5 +82,5 @@ void blurAcrossRows(const float* const* rows, int count, std::uint8_t* out) {
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();

@@ -2,8 +2,10 @@
 
 #include "core/util/divide.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
+
+using util::ceilDivide;
 
 constexpr int kRows = 2 * kBlurRadius + 1;
 constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row
@@ -28,4 +30,4 @@ void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernel
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

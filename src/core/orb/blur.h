@@ -4,7 +4,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Distance from the border beyond which no descriptor reads the blurred image, in px.
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
@@ -22,4 +22,4 @@ using BlurScratch = cv::Mat;
 void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernels& kernels,
               BlurScratch& scratch, cv::Mat& blurred);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

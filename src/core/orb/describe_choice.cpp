@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 constexpr int kRounds = 5;  // the fastest counts: others may have been interrupted
@@ -53,4 +53,4 @@ OrbKernels::Describe fasterDescribe(const OrbKernels& kernels) {
   return by_gathers < one_by_one ? kernels.describe_by_gathers : kernels.describe;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

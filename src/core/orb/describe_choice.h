@@ -2,7 +2,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Of the set's two ways to describe, which give the same bits, the one that this processor is
 /// faster at. The instruction set does not tell: of two processors that have gather instructions
@@ -10,4 +10,4 @@ namespace ktgp_orb {
 /// one takes after its microcode was mended. So it is tried, which takes a tenth of a millisecond.
 OrbKernels::Describe fasterDescribe(const OrbKernels& kernels);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -4,7 +4,7 @@
 
 #include "core/orb/vector_angle.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row of scores
@@ -72,4 +72,4 @@ float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
   return vectorAngle(static_cast<float>(sum.y), static_cast<float>(sum.x));
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

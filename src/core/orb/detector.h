@@ -6,7 +6,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Memory of one thread for fastCorners.
 struct FastScratch {
@@ -37,4 +37,4 @@ inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
 float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,
                              const cv::Point2f& point);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

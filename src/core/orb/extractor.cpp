@@ -16,6 +16,15 @@
 namespace ktgp_orb {
 namespace {
 
+using orb::bestOrbKernels;
+using orb::kEdgeMargin;
+using orb::keypointSizes;
+using orb::kPatchSize;
+using orb::OrbPipeline;
+using orb::OrbPyramid;
+using orb::TeblidDescriber;
+using util::requireInRange;
+
 void requireValid(const OrbOptions& options) {
   requireInRange("max_features", options.max_features, 1, 1000000);
   requireInRange("scale_factor", options.scale_factor, 1.01, 2.0);

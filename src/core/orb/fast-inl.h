@@ -7,7 +7,7 @@
 #include "core/orb/kernels_common.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -122,5 +122,5 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();

@@ -7,7 +7,7 @@
 #include "core/orb/kernels_common.h"
 #include "core/orb/pattern.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 void resizeRow(const std::uint8_t* row, const ResizeBlock* blocks, int count, std::uint16_t* out) {
@@ -158,4 +158,4 @@ const OrbKernels& bestOrbKernels() {
 }
 #endif
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
@@ -89,4 +89,4 @@ const OrbKernels& portableOrbKernels();
 /// The fastest set that this build has and this processor runs.
 const OrbKernels& bestOrbKernels();
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

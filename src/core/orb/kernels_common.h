@@ -4,7 +4,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 struct PixelOffset {
   std::int8_t x;
@@ -45,4 +45,4 @@ inline float harrisResponse(int xx, int yy, int xy) {
   return (a * b - c * c - kK * (a + b) * (a + b)) * kScale4;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -15,7 +15,7 @@
 #endif
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 
 const OrbKernels* kernels() {
@@ -48,11 +48,11 @@ const OrbKernels* kernels() {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 HWY_EXPORT(kernels);
 
@@ -60,5 +60,5 @@ const OrbKernels& bestOrbKernels() {
   return *HWY_DYNAMIC_DISPATCH(kernels)();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 #endif

@@ -9,7 +9,7 @@
 #include "core/orb/pattern.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -155,5 +155,5 @@ void describeByGathers(const std::uint8_t* pixel, std::ptrdiff_t stride, float c
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();

@@ -5,7 +5,7 @@
 #include "core/orb/kernels_common.h"
 #include "core/orb/pattern.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Columns of the orientation disc, rounded up to whole registers.
 constexpr int kDiscColumns = 32;
@@ -50,4 +50,4 @@ constexpr PatternTable makePatternTable() {
 
 constexpr PatternTable kPatternTable = makePatternTable();
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Number of pixel pairs compared, one per bit of a descriptor.
 constexpr int kPatternPairs = 256;
@@ -75,4 +75,4 @@ constexpr OrbPattern kOrbPattern = {
      5,   11,  -6, -12, 9,   4,   -2,  -2,  -11},
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

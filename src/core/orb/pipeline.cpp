@@ -9,9 +9,13 @@
 #include "core/orb/describe_choice.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
+#include "core/util/shared_matrix.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
+
+using util::ceilDivide;
+using util::kPi;
 
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
 constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
@@ -26,8 +30,7 @@ int weakThreshold(int fast_threshold) {
 // Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
 // that somebody else holds too is left to them; one that had no memory has a size all the same.
 void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
-  const bool shared = descriptors.u != nullptr && descriptors.u->refcount > 1;
-  if (shared || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
+  if (util::isShared(descriptors) || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
       descriptors.cols != kDescriptorBytes) {
     descriptors.release();
     descriptors.create(std::max(rows, capacity), kDescriptorBytes, CV_8U);
@@ -198,4 +201,4 @@ void OrbPipeline::describe(cv::KeyPoint& keypoint, const cv::Point2f& direction,
             direction.y, descriptor);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -13,7 +13,7 @@
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/orb_extractor.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// The steps of ORB over all pyramid levels, cut into tasks for the threads. Which thread does a
 /// task makes no difference to what comes out of it.
@@ -54,7 +54,7 @@ class OrbPipeline {
   OrbOptions options_;
   const OrbKernels& kernels_;
   OrbKernels::Describe describe_;
-  ThreadPool pool_;
+  util::ThreadPool pool_;
   OrbPyramid pyramid_;
   std::optional<TeblidDescriber> teblid_;  // where it is not rBRIEF
   std::vector<Level> levels_;
@@ -62,4 +62,4 @@ class OrbPipeline {
   UniformChoice uniform_choice_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

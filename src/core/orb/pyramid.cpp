@@ -4,7 +4,9 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-namespace ktgp_orb {
+#include "core/util/shared_matrix.h"
+
+namespace ktgp_orb::orb {
 namespace {
 
 // Half to even, as every rounding of a scaled length here.
@@ -19,7 +21,7 @@ void shrinkMask(const cv::Mat& finer, const cv::Size& size, cv::Mat& mask) {
 }
 
 bool isSoleOwner(const cv::Mat& image) {
-  return image.u != nullptr && image.u->refcount == 1;
+  return image.u != nullptr && !util::isShared(image);
 }
 
 }  // namespace
@@ -90,4 +92,4 @@ void OrbPyramid::handOut(bool copy_first, std::vector<cv::Mat>& images) const {
   for (std::size_t i = 1; i < images.size(); ++i) images[i] = levels_[i].image;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -6,7 +6,7 @@
 #include "core/orb/kernels.h"
 #include "core/orb/resize.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// One scale of the image and what ORB wants from it.
 struct PyramidLevel {
@@ -48,4 +48,4 @@ class OrbPyramid {
   int used_ = 0;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

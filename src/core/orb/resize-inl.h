@@ -5,7 +5,7 @@
 #include "core/orb/kernels_common.h"
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 namespace {
 
@@ -55,5 +55,5 @@ void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight,
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();

@@ -6,8 +6,10 @@
 
 #include "core/util/divide.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
+
+using util::ceilDivide;
 
 constexpr int kVectorSlack = 64;  // what the kernels may write beyond a row
 constexpr int kReach = 16;        // source pixels that a narrow block loads
@@ -99,4 +101,4 @@ void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKern
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

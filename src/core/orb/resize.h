@@ -6,7 +6,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// How the pixels of a shorter row come from a longer one by linear interpolation, in the fixed
 /// point of OpenCV's INTER_LINEAR_EXACT: weights are multiples of 1/256.
@@ -44,4 +44,4 @@ class Shrinker {
   int buffered_row_[2] = {-1, -1};  // source rows that the buffers hold
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

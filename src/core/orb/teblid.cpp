@@ -6,7 +6,7 @@
 #include "core/orb/teblid_geometry.h"
 #include "core/orb/teblid_table.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 // To the nearest pixel, halves up, by cutting v + 0.5 towards zero. What is far outside any image
@@ -93,4 +93,4 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

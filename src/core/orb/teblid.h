@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <opencv2/core.hpp>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Sums of the pixels above and left of each corner of a pixel: CV_32S, one row and one column more
 /// than the 8-bit grey `image`, modulo 2^32. The buffer of `integral` is reused.
@@ -21,4 +21,4 @@ void integralImage(const cv::Mat& image, cv::Mat& integral);
 void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
                     std::uint8_t* descriptor);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -5,7 +5,7 @@
 
 #include "core/orb/teblid.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 std::vector<float> keypointSizes(float patch, double scale_factor, int levels) {
   std::vector<float> sizes;
@@ -41,4 +41,4 @@ void TeblidDescriber::describe(const cv::KeyPoint& keypoint, std::uint8_t* descr
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -6,7 +6,7 @@
 
 #include "core/orb/teblid_kernel.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Sizes of ORB's keypoints by octave, in px: `patch` at full resolution.
 std::vector<float> keypointSizes(float patch, double scale_factor, int levels);
@@ -31,4 +31,4 @@ class TeblidDescriber {
   std::vector<TeblidScale> scales_;  // by octave, for rows as long as those of integral_
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

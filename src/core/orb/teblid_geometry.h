@@ -5,7 +5,7 @@
 
 #include "core/orb/teblid_table.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Where TEBLID's patch lies in the image: a point (u, v) of the patch at
 /// (x_from_u * u + x_from_v * v + x, y_from_u * u + y_from_v * v + y), in px. The order of the
@@ -40,4 +40,4 @@ inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image)
          keypoint.pt.y >= margin && keypoint.pt.y + margin < static_cast<float>(image.height);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 constexpr float kHalf = 0.5f;  // the authors' program cuts v + 0.5 towards zero
@@ -62,4 +62,4 @@ const TeblidKernel& bestTeblidKernel() {
 }
 #endif
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -7,7 +7,7 @@
 #include "core/orb/teblid_geometry.h"
 #include "core/orb/teblid_table.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// The radii of the table's boxes are 1 to this, in px of the patch.
 constexpr int kTeblidRadii = 7;
@@ -104,4 +104,4 @@ inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

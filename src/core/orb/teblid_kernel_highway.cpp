@@ -8,7 +8,7 @@
 #include <hwy/highway.h>
 
 HWY_BEFORE_NAMESPACE();
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
 
 #if KTGP_ORB_HAS_VECTORS
@@ -73,11 +73,11 @@ const TeblidKernel* teblidKernel() {
 }
 
 }  // namespace HWY_NAMESPACE
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 HWY_EXPORT(teblidKernel);
 
@@ -85,5 +85,5 @@ const TeblidKernel& bestTeblidKernel() {
   return *HWY_DYNAMIC_DISPATCH(teblidKernel)();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb
 #endif

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Bits of a TEBLID descriptor.
 constexpr int kTeblidBits = 256;
@@ -105,4 +105,4 @@ constexpr TeblidTable kTeblidTable = {
      -4.25f, -25.15f, 2.75f},
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -5,7 +5,7 @@
 
 #include "core/orb/detector.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
 
 // Higher response first; of equal ones the upper, then the left.
@@ -120,4 +120,4 @@ void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbK
   corners.swap(level.sorted);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -5,7 +5,7 @@
 
 #include "core/orb/kernels.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// A pyramid level cut into cells of about `keypoints_per_cell` keypoints, less its margin.
 class CellGrid {
@@ -67,4 +67,4 @@ class UniformChoice {
   std::vector<Level> levels_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -6,8 +6,10 @@
 
 #include "core/util/constants.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 namespace {
+
+using util::kPi;
 
 constexpr auto kDegrees = static_cast<float>(180 / kPi);
 
@@ -42,4 +44,4 @@ float vectorAngle(float y, float x) {
   return reflected(reflected(angle, 180.f, x < 0), 360.f, y < 0);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

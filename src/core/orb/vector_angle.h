@@ -1,6 +1,6 @@
 #pragma once
 
-namespace ktgp_orb {
+namespace ktgp_orb::orb {
 
 /// Angle of the vector (x, y) in degrees in [0, 360], to about 0.01; 0 for the null vector.
 ///
@@ -9,4 +9,4 @@ namespace ktgp_orb {
 /// additions, and four angles in a hundred come out one unit in the last place away.
 float vectorAngle(float y, float x);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::orb

@@ -4,7 +4,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 void copyAsBgr(const cv::Mat& image, cv::Mat region) {
   if (image.type() == CV_8UC3) {
@@ -24,4 +24,4 @@ void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& ca
   if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

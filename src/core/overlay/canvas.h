@@ -2,7 +2,7 @@
 
 #include <opencv2/core.hpp>
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 /// The image as 8-bit BGR into `region`, which has its size. Throws std::invalid_argument for an
 /// image that is neither CV_8UC1 nor CV_8UC3.
@@ -11,4 +11,4 @@ void copyAsBgr(const cv::Mat& image, cv::Mat region);
 /// Reference left, target right, black where the lower one ends.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

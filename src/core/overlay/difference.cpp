@@ -6,7 +6,7 @@
 
 #include "core/overlay/canvas.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
 
 cv::Mat toGrey(const cv::Mat& image) {
@@ -51,4 +51,4 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   shown.copyTo(canvas, covered);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

@@ -2,7 +2,7 @@
 
 #include "ktgp_orb/overlay.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 /// OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
 /// values, the images brought to the same mean and contrast first. Darkened target where the
@@ -10,4 +10,4 @@ namespace ktgp_orb {
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

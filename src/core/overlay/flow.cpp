@@ -4,14 +4,16 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "core/homography/checks.h"
+#include "core/homography/transform.h"
 #include "core/overlay/canvas.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
 #include "core/util/keypoint_position.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
+
+using util::imagePoint;
 
 // Positions are drawn to a sixteenth of a pixel, or slow motion would jump.
 constexpr int kFractionBits = 4;
@@ -52,8 +54,8 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
-  const auto corners = imageCorners(reference_size, {});
-  if (!keepsPlaneInView(result.homography, corners)) return;
+  const auto corners = homography::imageCorners(reference_size, {});
+  if (!homography::keepsPlaneInView(result.homography, corners)) return;
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : corners) {
     const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();
@@ -81,4 +83,4 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

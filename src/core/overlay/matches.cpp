@@ -7,8 +7,10 @@
 #include "core/overlay/text.h"
 #include "core/util/keypoint_position.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
+
+using util::imagePoint;
 
 constexpr std::size_t kMaxLines = 150;
 
@@ -50,4 +52,4 @@ void drawMatches(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

@@ -10,6 +10,14 @@
 namespace ktgp_orb {
 namespace {
 
+using overlay::copyAsBgr;
+using overlay::darken;
+using overlay::drawDifference;
+using overlay::drawFlow;
+using overlay::drawMatches;
+using overlay::drawPanel;
+using overlay::Typeface;
+
 /// A line of text along the upper border, on a darkened strip.
 void drawTitle(const std::string& text, cv::Mat& canvas) {
   const Typeface face(canvas.size());

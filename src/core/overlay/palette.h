@@ -6,7 +6,7 @@
 
 #include "ktgp_orb/correspondence.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 /// A stage's colour (BGR) and what the panel calls the matches that it removed.
 struct StageLook {
@@ -29,4 +29,4 @@ inline const StageLook& lookOf(Level level) {
 inline const cv::Scalar kWhite(255, 255, 255);
 inline const cv::Scalar kBlack(0, 0, 0);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

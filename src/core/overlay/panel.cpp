@@ -7,11 +7,12 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "core/homography/checks.h"
+#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
 #include "core/overlay/palette.h"
 #include "core/overlay/text.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 namespace {
 
 constexpr std::array<Level, 4> kLevels{Level::ktgp, Level::ktg, Level::kt, Level::knn};
@@ -30,12 +31,17 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                 result.milliseconds());
   std::string text = buffer;
   if (result.status != Status::ok) return text;
-  const double deviation =
-      cornerDeviation(result.homography, result.covariance, imageCorners(reference_size, {}))
-          .target;
+  const double deviation = homography::cornerDeviation(result.homography, result.covariance,
+                                                       homography::imageCorners(reference_size, {}))
+                               .target;
   if (!std::isfinite(deviation)) return text;
   std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
-  return text + buffer;
+  text += buffer;
+  if (result.plane_deviation > 0.0) {
+    std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.plane_deviation);
+    text += buffer;
+  }
+  return text;
 }
 
 }  // namespace
@@ -69,4 +75,4 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Ma
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

@@ -6,7 +6,7 @@
 
 #include "core/overlay/palette.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 // The capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they run together.
 Typeface::Typeface(const cv::Size& size)
@@ -31,4 +31,4 @@ void darken(cv::Mat& canvas, const cv::Rect& area) {
   region.convertTo(region, -1, 0.3);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

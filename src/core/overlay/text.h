@@ -3,7 +3,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-namespace ktgp_orb {
+namespace ktgp_orb::overlay {
 
 /// Sizes of what is drawn, in px, chosen for an image: text is drawn at the size it is read at.
 class Typeface {
@@ -26,4 +26,4 @@ class Typeface {
 /// Darkens a part of the canvas, so that text on it can be read over any image.
 void darken(cv::Mat& canvas, const cv::Rect& area);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::overlay

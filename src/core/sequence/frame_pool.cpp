@@ -1,6 +1,8 @@
 #include "core/sequence/frame_pool.h"
 
-namespace ktgp_orb {
+#include "core/util/shared_matrix.h"
+
+namespace ktgp_orb::sequence {
 namespace {
 
 // A sequence holds five: new, before, keyframe, fixed, and the one of its last answer. Those that a
@@ -15,7 +17,7 @@ void releaseImage(Frame& frame) {
 
 /// A caller may hold a matrix, though not the frame that had it.
 void releaseIfShared(cv::Mat& matrix) {
-  if (matrix.u != nullptr && matrix.u->refcount > 1) matrix.release();
+  if (util::isShared(matrix)) matrix.release();
 }
 
 void empty(Frame& frame) {
@@ -34,9 +36,16 @@ void empty(Frame& frame) {
 
 }  // namespace
 
+// Copied, which makes all that its last holder read, in another thread maybe, come before what is
+// written into it now; to look at the count orders nothing.
+std::shared_ptr<FramePool::PooledFrame> FramePool::freeFrame(std::size_t i) const {
+  return frames_[i].use_count() == 1 ? frames_[i] : nullptr;
+}
+
 std::shared_ptr<FramePool::PooledFrame> FramePool::takePooled() {
-  for (const auto& frame : frames_) {
-    if (frame.use_count() > 1) continue;
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    std::shared_ptr<PooledFrame> frame = freeFrame(i);
+    if (!frame) continue;
     empty(*frame);
     return frame;
   }
@@ -58,9 +67,9 @@ FramePtr FramePool::takeCopy(const cv::Mat& image) {
 }
 
 void FramePool::releaseImages() {
-  for (const auto& frame : frames_) {
-    if (frame.use_count() == 1) releaseImage(*frame);
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    if (const auto frame = freeFrame(i)) releaseImage(*frame);
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -1,11 +1,12 @@
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Hands out frames and takes them back once nobody holds them, so that their buffers live on.
 class FramePool {
@@ -22,9 +23,11 @@ class FramePool {
     cv::Mat pixels;  ///< the frame's own
   };
 
+  /// Frame `i`, where nobody else holds it; else null.
+  std::shared_ptr<PooledFrame> freeFrame(std::size_t i) const;
   std::shared_ptr<PooledFrame> takePooled();
 
   std::vector<std::shared_ptr<PooledFrame>> frames_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -3,7 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 namespace {
 
 constexpr double kKeptShare = 0.5;  // of the last frame's inliers, that a frame should find again
@@ -62,10 +62,15 @@ void MotionPredictor::advance(const Frame& frame, const Frame& reference,
   inliers_ = result.inliers;
 }
 
+void MotionPredictor::replace(const Frame& frame, const Frame& fresh) {
+  if (last_ == &frame) last_ = &fresh;
+  if (reference_ == &frame) reference_ = &fresh;
+}
+
 void MotionPredictor::restartAt(const Frame& frame) {
   forget();
   last_ = &frame;
   stamp_ = frame.stamp;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -7,7 +7,7 @@
 
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Where the next frame will be: the motion between the last two, carried on at constant velocity.
 /// Frames are told apart by their addresses: the sequence holds on to the last frame and its
@@ -25,6 +25,8 @@ class MotionPredictor {
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
   /// After a frame that was matched to nothing.
   void restartAt(const Frame& frame);
+  /// `fresh` is the same image as `frame`, and stands in its place from now on.
+  void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 
  private:
@@ -39,4 +41,4 @@ class MotionPredictor {
   std::int64_t duration_ = 0;              // of this motion, ns
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -1,25 +1,16 @@
 #include "core/sequence/reference_keeper.h"
 
-#include <Eigen/Geometry>
-#include <array>
-#include <opencv2/imgproc.hpp>
+#include "core/homography/transform.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
+namespace {
 
-double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
-  const double w = size.width;
-  const double h = size.height;
-  const std::array<cv::Point2f, 4> image{cv::Point2f(0.F, 0.F), cv::Point2f(float(w), 0.F),
-                                         cv::Point2f(float(w), float(h)),
-                                         cv::Point2f(0.F, float(h))};
-  std::array<cv::Point2f, 4> warped;
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Eigen::Vector3d p = homography * Eigen::Vector3d(image[i].x, image[i].y, 1.0);
-    if (p.z() <= 0.0) return 0.0;  // a corner beyond the horizon
-    warped[i] = {static_cast<float>(p.x() / p.z()), static_cast<float>(p.y() / p.z())};
-  }
-  return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
+// A caller may make a new lens of the same calibration for every frame.
+bool sameLens(const LensConstPtr& a, const LensConstPtr& b) {
+  return a == b || (a && b && a->calibration() == b->calibration());
 }
+
+}  // namespace
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
   if (options.mode != options_.mode) forget(NoReference::mode_changed);
@@ -49,14 +40,14 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
-  if (next.lens != previous_->lens) return NoReference::lens_changed;
+  if (!sameLens(next.lens, previous_->lens)) return NoReference::lens_changed;
   return NoReference::none;
 }
 
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
   if (result.status != Status::ok) return true;
   return result.inliers < static_cast<std::size_t>(options_.min_inliers) ||
-         overlap(result.homography, frame.features.image_size) < options_.min_overlap;
+         homography::overlap(result.homography, frame.features.image_size) < options_.min_overlap;
 }
 
 FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {
@@ -77,7 +68,9 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
     reference_ = previous_;
     to_reference_ = to_previous_;
   }
-  to_previous_ = chained({result->homography, result->covariance}, to_reference_);
+  to_previous_ = homography::chained(
+      {result->homography, result->covariance, result->shared_covariance, result->plane_deviation},
+      to_reference_);
   accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
   previous_ = frame;
   // Two neighbouring frames of weak support: a keyframe would only be tried in vain.
@@ -94,6 +87,12 @@ void ReferenceKeeper::restartAt(const FramePtr& frame) {
   accumulated_.reset();
 }
 
+void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
+  for (FramePtr* held : {&fixed_, &reference_, &previous_}) {
+    if (*held == frame) *held = fresh;
+  }
+}
+
 void ReferenceKeeper::forget(NoReference reason) {
   // What was asked for weighs more than what follows from it, and the first reason more than later
   // ones.
@@ -104,4 +103,4 @@ void ReferenceKeeper::forget(NoReference reason) {
   accumulated_.reset();
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -2,10 +2,10 @@
 
 #include <optional>
 
-#include "core/sequence/homography_chain.h"
+#include "core/homography/covariance.h"
 #include "ktgp_orb/sequence_matcher.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::sequence {
 
 /// Decides which frame the next one is matched to, when to forget it, and accumulates homographies.
 class ReferenceKeeper {
@@ -33,6 +33,8 @@ class ReferenceKeeper {
   /// Makes `frame` the fixed reference; null: none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
+  /// `fresh` is the same image as `frame`, and a reference wherever that is one.
+  void replace(const FramePtr& frame, const FramePtr& fresh);
   /// Forgets every reference but the fixed one.
   void forget(NoReference reason);
 
@@ -55,7 +57,4 @@ class ReferenceKeeper {
   std::optional<AccumulatedHomography> accumulated_;
 };
 
-/// Share of an image of `size` that the image warped by `homography` covers, 0..1.
-double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
-
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::sequence

@@ -12,6 +12,10 @@
 namespace ktgp_orb {
 namespace {
 
+using sequence::FramePool;
+using sequence::MotionPredictor;
+using sequence::ReferenceKeeper;
+
 void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
@@ -63,13 +67,15 @@ struct SequenceMatcher::Impl {
   }
 
   void setOptions(const SequenceOptions& as_given);
-  bool findFeatures(Frame& frame);
-  const ReferenceViews* viewsOf(const FramePtr& reference, bool changed);
-  void matchTo(const FramePtr& reference, const Frame& target, MatchResult& result);
+  bool isOutdated(const Frame& frame) const;
+  FramePtr withFeatures(const FramePtr& frame);
+  FramePtr foundAnew(const FramePtr& frame);
+  const ReferenceViews* viewsOf(const FramePtr& reference);
+  void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
   void fallBack(const Frame& reference, const Frame& target, const ReferenceViews* of_reference,
                 MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
-  const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead);
+  const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
   void forgetAnswer();
 
   SequenceOptions options;
@@ -78,7 +84,6 @@ struct SequenceMatcher::Impl {
   ReferenceKeeper keeper;
   MotionPredictor predictor;
   FramePool pool;
-  FramePtr laid_out;  // the reference of the matcher's last call
   ReferenceViews views;
   FramePtr viewed;  // the frame that they show
   SequenceMatch answer;
@@ -97,29 +102,25 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   KtgpMatcher new_matcher(wanted.matcher);
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
-  laid_out.reset();
   viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
 
-// Features found before the extractor's options changed would mix two configurations. Returns
-// whether they are new.
-bool SequenceMatcher::Impl::findFeatures(Frame& frame) {
-  if (frame.image.empty() || frame.orb == options.orb) return false;
-  extractFeatures(extractor, frame);
-  return true;
+/// Features found before the extractor's options changed would mix two configurations.
+bool SequenceMatcher::Impl::isOutdated(const Frame& frame) const {
+  return !frame.image.empty() && frame.orb != options.orb;
 }
 
 /// Simulated views are worth their time for a reference that stays; their keypoints are not moved
 /// where a lens has it, so that then there are none.
-const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference, bool changed) {
+const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
   const GrowthOptions& growth = options.matcher.growth;
   const bool wanted = growth.enabled && growth.views > 0 &&
                       options.reference.mode == ReferenceMode::fixed && !reference->lens &&
                       !reference->image.empty();
   if (!wanted) return nullptr;
-  if (changed || viewed != reference) {
+  if (viewed != reference) {
     viewed.reset();
     views = simulateViews(reference->image, options.orb, growth.views);
     viewed = reference;
@@ -127,17 +128,38 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference, 
   return &views;
 }
 
-void SequenceMatcher::Impl::matchTo(const FramePtr& reference, const Frame& target,
-                                    MatchResult& result) {
+/// A frame that comes in, with features of today's options: found in itself where it has none yet.
+FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame) {
+  if (!isOutdated(*frame)) return frame;
+  if (frame->orb) return foundAnew(frame);
+  extractFeatures(extractor, *frame);
+  return frame;
+}
+
+/// A new frame of the same image, which takes the place of `frame`. That one may be in other hands
+/// and stays as it is.
+FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
+  FramePtr fresh = pool.take();
+  fresh->stamp = frame->stamp;
+  fresh->encoding = frame->encoding;
+  fresh->image = frame->image;
+  fresh->mask = frame->mask;
+  fresh->lens = frame->lens;
+  fresh->source = frame;  // whose pixels these are
+  extractFeatures(extractor, *fresh);
+  keeper.replace(frame, fresh);
+  predictor.replace(*frame, *fresh);
+  if (answer.reference == frame) answer.reference = fresh;
+  return fresh;
+}
+
+void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, MatchResult& result) {
   MatchHints hints;
-  const bool changed = findFeatures(*reference);
-  hints.same_reference = !changed && reference == laid_out;
-  hints.views = viewsOf(reference, changed);
-  laid_out.reset();
+  if (isOutdated(*reference)) reference = foundAnew(reference);
+  hints.views = viewsOf(reference);
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
-  laid_out = reference;
   if (result.search == Search::near && predictor.isPoor(result)) {
     fallBack(*reference, target, hints.views, result);
   }
@@ -149,7 +171,6 @@ void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target
   MatchHints hints;
   hints.views = of_reference;
   hints.whole_image = true;
-  hints.same_reference = true;
   matcher.match(reference.features, target.features, hints, whole_result);
   ++answer.fall_backs;
   const bool keep = result.status == Status::ok &&
@@ -171,7 +192,7 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   } else {
     matchTo(reference, frame, answer.match);
   }
-  const FramePtr before = keeper.secondChoice(frame, answer.match);
+  FramePtr before = keeper.secondChoice(frame, answer.match);
   if (!before) return;
   matchTo(before, frame, other_result);
   if (other_result.status == Status::ok) {
@@ -181,8 +202,8 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
   lost_milliseconds += other_result.milliseconds();
 }
 
-const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAhead* ahead) {
-  findFeatures(*frame);
+const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAhead* ahead) {
+  const FramePtr frame = withFeatures(given);
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -192,7 +213,6 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& frame, MatchAh
     predictor.advance(*frame, *reference, answer.match);
   } else {
     predictor.restartAt(*frame);
-    laid_out.reset();
     answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
@@ -217,7 +237,6 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.reference.reset();
   answer.accumulated.reset();
   predictor.forget();
-  laid_out.reset();
   viewed.reset();
   pool.releaseImages();
 }
@@ -270,9 +289,9 @@ FramePtr SequenceMatcher::newFrame() {
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
   // Another mode has no use for it yet: its features are found when the first frame needs them.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
-  if (frame && now) impl_->findFeatures(*frame);
-  if (frame) ktgp_orb::requireValid(frame->features, "reference");
-  impl_->keeper.setFixed(frame);
+  const FramePtr fixed = frame && now ? impl_->withFeatures(frame) : frame;
+  if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
+  impl_->keeper.setFixed(fixed);
 }
 
 FrameConstPtr SequenceMatcher::fixedReference() const {

@@ -7,8 +7,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/checks.h"
-#include "core/homography/solver.h"
+#include "core/homography/four_point.h"
+#include "core/homography/transform.h"
 
 namespace ktgp_orb {
 namespace {
@@ -136,7 +136,7 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
 /// frame to the newest one of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
-  const Corners corners = imageCorners(size_, {});
+  const Corners corners = homography::imageCorners(size_, {});
   LineAtZero line;
   line.add(0.0, 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
@@ -144,7 +144,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
     // Where this frame's corners are in that one.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
-    if (!keepsPlaneInView(there / there(2, 2), corners)) continue;
+    if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;
     for (std::size_t i = 0; i < corners.size(); ++i) {
       seen[i] = (there * corners[i].homogeneous()).hnormalized();
@@ -157,7 +157,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
 /// The homography that moves the corners as wanted, or less, so that nothing beyond the border
 /// shows.
 Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
-  const Corners corners = imageCorners(size_, {});
+  const Corners corners = homography::imageCorners(size_, {});
   const double area = static_cast<double>(size_.area());
   double share = 1.0;
   Eigen::Matrix3d correction = Eigen::Matrix3d::Identity();
@@ -165,7 +165,7 @@ Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
     Corners moved;
     for (std::size_t i = 0; i < corners.size(); ++i) moved[i] = corners[i] + share * wanted[i];
     double used = 1e9;
-    if (solveFourPoints(corners, moved, 1e-3 * area, 1e-3 * area, correction)) {
+    if (homography::solveFourPoints(corners, moved, 1e-3 * area, 1e-3 * area, correction)) {
       used = shareOfMargin(correction, corners, options_.max_crop);
     }
     const double allowed = trial == 0 ? saturated(used) : 1.0;
@@ -185,7 +185,7 @@ void Stabilizer::finishOldest(std::vector<SteadyFrame>& ready) {
   SteadyFrame steady;
   steady.stamp = frame.stamp;
   steady.starts_anew = frame.starts_anew;
-  const Corners corners = imageCorners(size_, {});
+  const Corners corners = homography::imageCorners(size_, {});
   const auto to_newest = path_.between(frame.stamp, path_.steps().back().stamp);
   Corners wanted = smoothed(frame.stamp, *to_newest);
   const double fade = std::exp(-std::max(0.0, seconds(frame.stamp - fading_since_)) / kFadingTime);
@@ -203,7 +203,7 @@ void Stabilizer::finishOldest(std::vector<SteadyFrame>& ready) {
 
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size) {
   if (steps.size() < 2) return 0.0;
-  const auto corners = imageCorners(size, {});
+  const auto corners = homography::imageCorners(size, {});
   double sum = 0.0;
   for (std::size_t i = 1; i < steps.size(); ++i) {
     for (const Eigen::Vector2d& corner : corners) {

@@ -1,6 +1,6 @@
 #include "core/util/cell_grid.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 void CellGrid::divide(const cv::Size& image, double side) {
   constexpr double kMostCells = 1024.0;  // along a side: more would take longer than they save
@@ -21,4 +21,4 @@ void CellGrid::sort() {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

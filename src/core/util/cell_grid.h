@@ -6,7 +6,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// Points sorted into square cells, so that those near a place are found without looking at all.
 /// Points outside the image, those that are not finite too, belong to the nearest cell. Keeps its
@@ -71,4 +71,4 @@ class CellGrid {
   std::vector<std::uint32_t> cell_;  // of each point
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

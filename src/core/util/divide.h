@@ -1,6 +1,6 @@
 #pragma once
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// a / b rounded up, for a >= 0 and b > 0.
 template <typename T>
@@ -8,4 +8,4 @@ constexpr T ceilDivide(T a, T b) {
   return (a + b - 1) / b;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 namespace {
 
 constexpr int kValues = 65536;
@@ -54,4 +54,4 @@ cv::Mat stretchTo8Bit(const cv::Mat& image, const GreyStretch& stretch) {
   return stretched;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -2,7 +2,7 @@
 
 #include <opencv2/core.hpp>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// How 16-bit grey values become 8-bit ones. Cameras deliver 10, 12 or 14 bits in 16, and thermal
 /// ones a few hundred values somewhere in the middle.
@@ -24,4 +24,4 @@ void requireValid(const GreyStretch& stretch);
 /// pixels between the ends are equal the result is 0.
 cv::Mat stretchTo8Bit(const cv::Mat& image, const GreyStretch& stretch = {});
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -7,7 +7,7 @@
 
 #include "ktgp_orb/features.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// Where keypoint `index` is, px; it must exist. For drawing and messages as OpenCV has it.
 inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
@@ -20,4 +20,4 @@ inline Eigen::Vector2d position(const Features& features, std::int32_t index) {
   return {p.x, p.y};
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

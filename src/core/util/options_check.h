@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// Throws std::invalid_argument "<name> is <value>; expected a value in [low, high]" unless
 /// low <= value <= high (NaN is refused).
@@ -16,4 +16,4 @@ void requireInRange(const std::string& name, T value, T low, T high) {
   throw std::invalid_argument(message.str());
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

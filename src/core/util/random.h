@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// SplitMix64 (Steele, Lea & Flood, OOPSLA 2014): 64 bits of state, the same numbers everywhere.
 class Random {
@@ -26,4 +26,4 @@ class Random {
   std::uint64_t state_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

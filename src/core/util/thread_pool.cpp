@@ -6,7 +6,7 @@
 
 #include "core/util/options_check.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 namespace {
 
 // Waking a sleeping thread takes about as long as a short loop. So whoever waits first looks again
@@ -92,4 +92,4 @@ void ThreadPool::takeIterations(const Loop& loop) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

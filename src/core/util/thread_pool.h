@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
 /// Threads that share the iterations of a loop. The caller works too, so a pool of one thread
 /// starts none. Once built it allocates nothing. One parallelFor at a time, and none from inside
@@ -56,4 +56,4 @@ class ThreadPool {
   std::exception_ptr error_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::util

@@ -1,9 +1,9 @@
-#include "core/homography/solver.h"
+#include "core/homography/four_point.h"
 
 #include <Eigen/Geometry>
 #include <cmath>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 /// A projective basis: in homogeneous coordinates, x4 = sum of (area_i / whole) x_i for i = 1..3.
@@ -52,4 +52,4 @@ bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
   return true;
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

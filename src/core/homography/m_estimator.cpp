@@ -1,4 +1,4 @@
-#include "core/homography/refinement.h"
+#include "core/homography/m_estimator.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -7,11 +7,11 @@
 #include <limits>
 #include <utility>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
-using Matrix8 = HomographyRefinement::Matrix8;
-using Vector8 = HomographyRefinement::Vector8;
+using Matrix8 = MEstimator::Matrix8;
+using Vector8 = MEstimator::Vector8;
 using Points = PointArrays<double>;
 using Lanes = Eigen::Array<double, 2, 1>;
 using Map = Eigen::Map<Lanes>;
@@ -130,9 +130,8 @@ Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
 
 }  // namespace
 
-std::size_t HomographyRefinement::select(const Points& points,
-                                         const std::vector<std::uint8_t>& mask,
-                                         std::size_t max_pairs) {
+std::size_t MEstimator::select(const Points& points, const std::vector<std::uint8_t>& mask,
+                               std::size_t max_pairs) {
   std::size_t n = 0;
   selected_.resize(std::min(points.size, max_pairs));
   for (std::size_t i = 0; i < points.size && n < max_pairs; ++i) {
@@ -156,7 +155,7 @@ std::size_t HomographyRefinement::select(const Points& points,
 }
 
 /// Fills squared_, weight_ and `sums` in one pass, with the scale as it is.
-void HomographyRefinement::accumulate(const Eigen::Matrix3d& homography, Sums& sums) {
+void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   NormalEquations normal;
   Lanes weights = Lanes::Zero();
   Lanes derivatives = Lanes::Zero();
@@ -190,7 +189,7 @@ void HomographyRefinement::accumulate(const Eigen::Matrix3d& homography, Sums& s
 /// Maximum likelihood for the scale at given errors by expectation maximisation, in the form that
 /// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994). The entries
 /// of H were fitted to the same errors and made them smaller: of few pairs, much smaller.
-void HomographyRefinement::updateScale(double min_scale) {
+void MEstimator::estimateScale(double min_scale) {
   constexpr int kRounds = 2;
   const double fitted = 2.0 * static_cast<double>(selected_.size) / freedom();
   for (int round = 0; round < kRounds; ++round) {
@@ -213,7 +212,7 @@ namespace {
 /// factor c, derivative over weight, makes J^T w J the second derivative of the likelihood: the
 /// weights fall with the errors, and without it every step would be a fifth too short.
 template <typename Sums>
-bool solve(const Sums& sums, double damping, Vector8& step) {
+bool findStep(const Sums& sums, double damping, Vector8& step) {
   Matrix8 damped = sums.jtj;
   damped.diagonal() *= 1.0 + damping;
   const Eigen::LDLT<Matrix8> ldlt(damped);
@@ -224,37 +223,37 @@ bool solve(const Sums& sums, double damping, Vector8& step) {
 
 }  // namespace
 
-bool HomographyRefinement::step(double scale, Eigen::Matrix3d& homography) {
+bool MEstimator::step(double scale, Eigen::Matrix3d& homography) {
   homography /= homography(2, 2);
   scale2_ = scale * scale;
-  accumulate(homography, sums_);
+  reweight(homography, sums_);
   Vector8 step;
-  if (!solve(sums_, 0.0, step)) return false;
+  if (!findStep(sums_, 0.0, step)) return false;
   homography = plus(homography, step);
   return true;
 }
 
-bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matrix3d& homography) {
+bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homography) {
   constexpr int kMaxSteps = 30;
   constexpr double kConverged = 1e-5;  // of the entries of H, which are of the order of 1
   homography /= homography(2, 2);
   scale2_ = scale * scale;
-  accumulate(homography, sums_);
+  reweight(homography, sums_);
   double damping = 0.0;
   for (int i = 0; i < kMaxSteps; ++i) {
     Vector8 step;
-    if (!solve(sums_, damping, step)) return false;
+    if (!findStep(sums_, damping, step)) return false;
     const Eigen::Matrix3d candidate = plus(homography, step);
     const double cost = sums_.cost;
     Sums sums;
-    updateScale(min_scale);
-    accumulate(candidate, sums);
+    estimateScale(min_scale);
+    reweight(candidate, sums);
     if (sums.former_cost <= cost) {
       homography = candidate;
       sums_ = sums;
       damping *= 0.1;
     } else {
-      accumulate(homography, sums_);
+      reweight(homography, sums_);
       damping = std::max(10.0 * damping, 1e-4);
     }
     if (step.cwiseAbs().maxCoeff() < kConverged) break;
@@ -264,7 +263,7 @@ bool HomographyRefinement::minimise(double min_scale, double& scale, Eigen::Matr
   return true;
 }
 
-double HomographyRefinement::freedom() const {
+double MEstimator::freedom() const {
   return std::max(2.0 * static_cast<double>(selected_.size) - kEntries, 1.0);
 }
 
@@ -273,7 +272,7 @@ double HomographyRefinement::freedom() const {
 /// stands. Eight of the 2n errors went into the eight entries. For finite samples it is K² times as
 /// large, K = 1 + 8/(2n) var(d(w e)/de) / mean(d(w e)/de)²: pairs that the fit pulls towards itself
 /// get the more weight for it. This is what (J^T w J)^-1 is multiplied by.
-double HomographyRefinement::varianceFactor() const {
+double MEstimator::varianceFactor() const {
   const double n = static_cast<double>(selected_.size);
   const double square = sums_.square / freedom();
   const double derivative = sums_.derivative / n;
@@ -303,13 +302,12 @@ Matrix8 inverse(const Matrix8& information) {
 
 }  // namespace
 
-Matrix8 HomographyRefinement::covariance() const {
+Matrix8 MEstimator::covariance() const {
   return variance_factor_ * inverse(sums_.jtj);
 }
 
-Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homography,
-                                                std::size_t count, std::size_t fold,
-                                                std::size_t folds) const {
+Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count,
+                                      std::size_t fold, std::size_t folds) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < count; i += 2) {
     Lanes weight = load(weight_, i);
@@ -323,4 +321,4 @@ Matrix8 HomographyRefinement::covarianceWithout(const Eigen::Matrix3d& homograph
   return variance_factor_ * inverse(jtj);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -5,15 +5,15 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/homography/points.h"
+#include "core/homography/point_pairs.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// Maximum likelihood over H's first eight entries, H(2,2) = 1, for reprojection errors in the
 /// target that follow Student's t distribution with four degrees of freedom. Keypoints of coarse
 /// octaves are several times less exact than those of fine ones: that makes heavy tails, and least
 /// squares would let the least exact pairs dominate. Keeps its buffers from call to call.
-class HomographyRefinement {
+class MEstimator {
  public:
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
@@ -38,12 +38,19 @@ class HomographyRefinement {
   /// entries that were fitted to them.
   double freedom() const;
 
-  /// The same from the first `count` pairs only, and of these without every one whose place leaves
-  /// `fold` when divided by `folds`. Infinite where the rest does not determine H.
+  /// The covariance from the first `count` pairs only, and of these without each pair whose place
+  /// leaves the remainder `fold` when divided by `folds`. Infinite where the rest does not
+  /// determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 
   std::size_t size() const { return selected_.size; }
+
+  /// The selected pairs, their weights in the last iteration of minimise(), and the second
+  /// derivative of the likelihood over J^T w J.
+  const PointArrays<double>& pairs() const { return selected_; }
+  const std::vector<double>& weights() const { return weight_; }
+  double curvature() const { return sums_.derivative / sums_.weight; }
 
  private:
   /// Sums over the selected pairs at one H; e: reprojection error, w: its weight.
@@ -57,17 +64,17 @@ class HomographyRefinement {
     double former_cost = 0.0;  // of w e² with the weights of the H before
   };
 
-  void accumulate(const Eigen::Matrix3d& homography, Sums& sums);
+  void reweight(const Eigen::Matrix3d& homography, Sums& sums);
   double varianceFactor() const;
-  void updateScale(double min_scale);
+  void estimateScale(double min_scale);
 
   PointArrays<double> selected_;
   std::vector<double> squared_;        // e²
-  std::vector<double> weight_;         // w at the H that accumulate() saw last
+  std::vector<double> weight_;         // w at the H that reweight() saw last
   std::vector<double> former_weight_;  // w at the H before
   double scale2_ = 0.0;
   double variance_factor_ = 0.0;  // covariance over (J^T w J)^-1, after minimise()
   Sums sums_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// The order that PROSAC draws in: best quality first. Keeps its buffers.
 class QualityOrder {
@@ -24,4 +24,4 @@ class QualityOrder {
   std::vector<std::uint64_t> sorted_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

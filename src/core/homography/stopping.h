@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// When PROSAC may stop (Chum & Matas, CVPR 2005, section 2.2). For every n, the inliers I_n among
 /// the best n pairs are looked at:
@@ -37,4 +37,4 @@ class ProsacStopping {
   std::vector<std::size_t> min_inliers_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -6,14 +6,14 @@
 
 #include "core/util/random.h"
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// Places of different pairs in the order of quality, as many as determine a model.
 using ProsacSample = std::vector<std::size_t>;
 
 /// Fills sample[first…] with numbers below `end` that the sample does not hold yet. `end` is at
 /// least the sample's size.
-void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample);
+void drawDistinct(std::size_t end, std::size_t first, util::Random& random, ProsacSample& sample);
 
 /// Draws samples of m pairs from a growing set of the best (Chum & Matas, CVPR 2005, section 2).
 ///
@@ -57,7 +57,7 @@ class ProsacSampler {
   int drawn_ = 0;
   int spent_ = 0;
   std::size_t growth_set_size_;
-  Random random_;
+  util::Random random_;
 };
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 
 /// Four points of one image.
 using FourPoints = std::array<Eigen::Vector2d, 4>;
@@ -17,4 +17,4 @@ bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      double min_reference_area, double min_target_area,
                      Eigen::Matrix3d& homography);
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -1,8 +1,10 @@
-#include "core/prosac/sampler.h"
+#include "core/homography/sampler.h"
 
 #include <algorithm>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
+
+using util::Random;
 
 void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample) {
   for (std::size_t i = first; i < sample.size(); ++i) {
@@ -54,4 +56,4 @@ void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

@@ -1,11 +1,11 @@
-#include "core/prosac/quality_order.h"
+#include "core/homography/quality_order.h"
 
 #include <array>
 #include <cstring>
 #include <numeric>
 #include <utility>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 /// An integer that orders as the number does in single precision, which tells all ratios of Hamming
@@ -35,4 +35,4 @@ void QualityOrder::sort(const std::vector<double>& quality) {
   }
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

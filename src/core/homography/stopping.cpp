@@ -1,10 +1,10 @@
-#include "core/prosac/stopping.h"
+#include "core/homography/stopping.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-namespace ktgp_orb {
+namespace ktgp_orb::homography {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -77,4 +77,4 @@ void ProsacStopping::update(const std::vector<std::uint8_t>& inlier) {
   samples_needed_ = samplesFor(best, log_eta_);
 }
 
-}  // namespace ktgp_orb
+}  // namespace ktgp_orb::homography

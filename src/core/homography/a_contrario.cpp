@@ -1,0 +1,124 @@
+#include "core/homography/a_contrario.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/homography/four_point.h"
+#include "core/util/constants.h"
+#include "core/util/divide.h"
+
+namespace ktgp_orb::homography {
+namespace {
+
+using util::ceilDivide;
+using util::kPi;
+
+/// Bounds beyond which one coordinate of a point is far out.
+struct Fences {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+};
+
+/// From the quartiles of a few points, spread over the input. No bounds where these are equal.
+Fences fencesOf(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis) {
+  constexpr std::size_t kEnough = 32;
+  constexpr double kFarOut = 3.0;  // interquartile ranges
+  std::array<double, kEnough> sample{};
+  const std::size_t stride = ceilDivide(points.size(), kEnough);
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < points.size(); i += stride) sample[count++] = points[i][axis];
+  if (count == 0) return {};
+  const auto end = sample.begin() + static_cast<std::ptrdiff_t>(count);
+  const auto quartile = [&](std::size_t place) {
+    const auto at = sample.begin() + static_cast<std::ptrdiff_t>(place);
+    std::nth_element(sample.begin(), at, end);
+    return *at;
+  };
+  const double lower = quartile(count / 4);
+  const double upper = quartile(count - 1 - count / 4);
+  if (!(upper > lower)) return {};
+  const double reach = kFarOut * (upper - lower);
+  return {lower - reach, upper + reach};
+}
+
+}  // namespace
+
+FalseAlarms::FalseAlarms(std::size_t sample_size, std::size_t pairs)
+    : m_(static_cast<double>(sample_size)), n_(static_cast<double>(pairs)), k_(m_) {
+  for (std::size_t i = 1; i <= sample_size; ++i) {
+    const double x = static_cast<double>(i);
+    log_subsets_ += std::log10((n_ - m_ + x) / x);
+  }
+  log_subsets_ += std::log10(std::max(n_ - m_, 1.0));
+}
+
+double FalseAlarms::next(double p) {
+  // From k to k + 1, C(N, k) C(k, m) becomes (N - k) / (k + 1 - m) times as much.
+  log_subsets_ += std::log10((n_ - k_) / (k_ + 1.0 - m_));
+  k_ += 1.0;
+  return log_subsets_ + (k_ - m_) * std::log10(std::min(p, 1.0));
+}
+
+double coveredArea(const std::vector<Eigen::Vector2d>& points) {
+  const Fences x = fencesOf(points, 0);
+  const Fences y = fencesOf(points, 1);
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& p : points) {
+    if (p.x() < x.low || p.x() > x.high || p.y() < y.low || p.y() > y.high) continue;
+    box.extend(p);
+  }
+  return box.isEmpty() ? 0.0 : box.volume();
+}
+
+double chanceInlier(double covered_area, double distance) {
+  constexpr double kLeast = 0.01;
+  constexpr double kMost = 0.5;
+  const double disc = kPi * distance * distance;
+  return std::clamp(disc / std::max(covered_area, disc), kLeast, kMost);
+}
+
+bool ContrarioTest::explainableByChance(const PointPairs& pairs,
+                                        const std::vector<std::uint8_t>& mask,
+                                        const std::vector<double>& squared_error, double threshold,
+                                        double covered_area) {
+  inliers_.clear();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (mask[i] != 0) inliers_.push_back(i);
+  }
+  // The bound holds for any order, with the largest error so far as that of the last inlier. Good
+  // homographies pass in the order of the input after a few inliers; sorting helps only poor ones.
+  if (!explainable(pairs, squared_error, threshold, covered_area)) return false;
+  std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
+    return squared_error[a] != squared_error[b] ? squared_error[a] < squared_error[b] : a < b;
+  });
+  return explainable(pairs, squared_error, threshold, covered_area);
+}
+
+/// The test with the inliers in the order that they are in.
+bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
+                                double threshold, double covered_area) {
+  constexpr double kLogMaxFalseAlarms = -4.0;  // log10
+  constexpr std::size_t kSample = std::tuple_size<FourPoints>::value;
+  const double apart2 = threshold * threshold;
+  FalseAlarms false_alarms(kSample, pairs.size());
+  double largest = 0.0;  // squared error, px²
+  counted_.clear();
+  for (const std::size_t candidate : inliers_) {
+    const auto is_apart = [&](std::size_t other) {
+      return (pairs.reference[other] - pairs.reference[candidate]).squaredNorm() > apart2 &&
+             (pairs.target[other] - pairs.target[candidate]).squaredNorm() > apart2;
+    };
+    if (!std::all_of(counted_.begin(), counted_.end(), is_apart)) continue;
+    counted_.push_back(candidate);
+    largest = std::max(largest, squared_error[candidate]);
+    if (counted_.size() <= kSample) continue;
+    const double chance = kPi * std::max(largest, 1.0 / kPi) / covered_area;
+    if (false_alarms.next(chance) < kLogMaxFalseAlarms) return false;
+  }
+  return true;
+}
+
+}  // namespace ktgp_orb::homography

@@ -1,0 +1,67 @@
+#include "core/homography/estimate.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <optional>
+#include <stdexcept>
+#include <string>
+
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::homography {
+namespace {
+
+/// The pairs as they come.
+struct InputOrder {
+  std::size_t operator[](std::size_t place) const { return place; }
+};
+
+}  // namespace
+
+bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
+                               const std::vector<Eigen::Vector2d>& target,
+                               const cv::Size& reference_size, const EvidenceOptions& options,
+                               UncertainHomography& estimate) {
+  if (reference.size() != target.size()) {
+    throw std::invalid_argument("there are " + std::to_string(reference.size()) +
+                                " reference points and " + std::to_string(target.size()) +
+                                " target points; expected equal numbers");
+  }
+  if (reference.empty()) return false;
+  pairs_.load(reference, target, InputOrder(), options.max_error);
+  std::optional<Eigen::Matrix3d> h = pairs_.fromPixels(estimate.homography);
+  if (!h || fit_.fit(pairs_, options.min_scale, *h) != FitOutcome::fitted) return false;
+  const UncertainHomography refined =
+      fit_.inPixels(pairs_, *h, imageCorners(reference_size, reference), options.of_patches);
+  if (!refined.homography.allFinite()) return false;
+  estimate = refined;
+  return true;
+}
+
+void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,
+                         const cv::Size& reference_size, double max_error,
+                         FinalHomography& result) {
+  result.estimate = estimate;
+  result.mask.resize(pairs.size());
+  squared_error_.resize(pairs.size());
+  result.inliers = 0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double error =
+        reprojectionError(estimate.homography, pairs.reference[i], pairs.target[i]);
+    squared_error_[i] = error * error;
+    result.mask[i] = error < max_error ? 1 : 0;
+    if (result.mask[i] == 0) continue;
+    ++result.inliers;
+    sum += squared_error_[i];
+  }
+  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+  const auto corners = imageCorners(reference_size, pairs.reference);
+  // With an origin far from all points H(2,2) = 1 may turn the sign of the third coordinate.
+  const double sign = estimate.homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
+  result.trusted = keepsPlaneInView(sign * estimate.homography, corners) &&
+                   !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,
+                                                   coveredArea(pairs.target));
+}
+
+}  // namespace ktgp_orb::homography

@@ -1,0 +1,252 @@
+#include "core/homography/smooth_field.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb::homography {
+namespace {
+
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
+
+/// J'K of two Jacobians from the product of their slopes. J has the rows [x y z 0 0 0 -ux -uy] and
+/// [0 0 0 x y z -vx -vy].
+Matrix8 expanded(const Matrix7& slopes) {
+  Matrix8 m = Matrix8::Zero();
+  m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
+  m.block<3, 2>(0, 6) = -slopes.block<3, 2>(0, 3);
+  m.block<3, 2>(3, 6) = -slopes.block<3, 2>(0, 5);
+  m.block<2, 3>(6, 0) = -slopes.block<2, 3>(3, 0);
+  m.block<2, 3>(6, 3) = -slopes.block<2, 3>(5, 0);
+  m.bottomRightCorner<2, 2>() = slopes.block<2, 2>(3, 3) + slopes.block<2, 2>(5, 5);
+  return m;
+}
+
+double traceOfProduct(const Matrix8& a, const Matrix8& b) {
+  return a.cwiseProduct(b.transpose()).sum();
+}
+
+}  // namespace
+
+FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
+                          double curvature, const Eigen::Matrix3d& homography,
+                          const FieldScales& scales) {
+  constexpr double kCells = 16.0;      // along the diagonal
+  constexpr double kLength = 0.6;      // of the diagonal
+  constexpr std::size_t kFewest = 12;  // pairs; of fewer, eight entries explain nearly all
+  FieldFit result;
+  choosePairs(pairs, weights, homography);
+  if (pairs_.size() < kFewest || !(scales.image_diagonal > 0.0)) return result;
+  limitErrors();
+  sortIntoCells(scales.image_diagonal / kCells);
+  step_ = std::exp(-1.0 / (kCells * kLength));
+  smooth();
+  const NearPairs shared = findNear(scales.nearby);
+  result.shared_patches = 1.0 + 2.0 * shared.overlap / static_cast<double>(pairs_.size());
+
+  const PairSums of_pairs = sumPairs();
+  const Eigen::LDLT<Matrix8> information(curvature * expanded(of_pairs.first));
+  const Matrix8 inverse = information.solve(Matrix8::Identity());
+  if (information.info() != Eigen::Success || !inverse.allFinite()) return result;
+  const CellSums of_cells = sumCells();
+  const Matrix8 by_field = inverse * expanded(of_cells.spread) * inverse;
+  const Matrix8 by_noise = inverse * expanded(of_pairs.second) * inverse;
+
+  // Squared errors of single pairs, and products of the errors of near pairs: what they are, and
+  // what each is for tau² = 1 and for sigma² = 1. The fit took away J A^-1 g, g = J'W e.
+  const double weights2 = of_pairs.weights2;
+  Moment single{of_pairs.squared_error, 2.0 * weights2, 2.0 * weights2};
+  single.of_field += -2.0 * traceOfProduct(inverse, expanded(of_cells.single)) +
+                     traceOfProduct(by_field, expanded(of_pairs.second));
+  single.of_noise += -2.0 * traceOfProduct(inverse, expanded(of_pairs.third)) +
+                     traceOfProduct(by_noise, expanded(of_pairs.second));
+  Moment near{of_cells.product, of_cells.expected, 2.0 * weights2};
+  near.of_field += -2.0 * traceOfProduct(inverse, expanded(of_cells.near)) +
+                   traceOfProduct(by_field, expanded(of_cells.fitted));
+  near.of_noise += -2.0 * traceOfProduct(inverse, expanded(of_cells.near_noise)) +
+                   traceOfProduct(by_noise, expanded(of_cells.fitted));
+  // A pair is no neighbour of itself, and one that shares its noise is left out. To the fit two
+  // points so near each other lose what a single one does.
+  const double left_out = 1.0 + 2.0 * shared.weight / weights2;
+  near.measured -= single.measured + 2.0 * shared.product;
+  near.of_field -= left_out * single.of_field;
+  near.of_noise -= left_out * single.of_noise - 2.0 * (left_out - 1.0) * weights2;
+
+  solve(single, near, result);
+  constexpr double kCommon = 0.1;  // of the variance of the noise
+  const double noise = result.noise_share * single.measured / single.of_noise;
+  result.common_covariance =
+      kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
+  // A field that is correlated over most of the image shows in about this many independent values.
+  // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
+  constexpr double kFreedom = 6.0;
+  result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * by_field;
+  return result;
+}
+
+/// tau² and sigma² from the two moments. Products of near pairs, over squared errors, lie between
+/// what noise and what a field would give; their place there is the field's share of the error.
+void SmoothField::solve(const Moment& single, const Moment& near, FieldFit& result) {
+  // Where few cells are covered, the fit of H leaves of a field what it leaves of noise: nearer
+  // than this the two are not told apart by their expectations.
+  constexpr double kLeastContrast = 1.0;
+  const double of_noise = near.of_noise / single.of_noise;
+  const double contrast = near.of_field / single.of_field - of_noise;
+  const double share = std::clamp(
+      (near.measured / single.measured - of_noise) / std::max(contrast, kLeastContrast), 0.0, 1.0);
+  const double variance = share * single.measured / single.of_field;
+  if (!(variance > 0.0) || !std::isfinite(variance)) return;
+  result.variance = variance;
+  result.noise_share = 1.0 - share;
+}
+
+SmoothField::PairSums SmoothField::sumPairs() const {
+  PairSums sums;
+  for (const Pair& p : pairs_) {
+    const Slope weighted = p.weight * p.slope;
+    const Matrix7 product = weighted * p.slope.transpose();
+    sums.slope += weighted;
+    const double weight2 = p.weight * p.weight;
+    sums.first += product;
+    sums.second += p.weight * product;
+    sums.third += weight2 * product;
+    sums.weights2 += weight2;
+    sums.squared_error += weight2 * p.error.squaredNorm();
+  }
+  return sums;
+}
+
+SmoothField::CellSums SmoothField::sumCells() const {
+  CellSums sums;
+  const double kernel[3] = {1.0, step_, step_ * step_};
+  for (std::size_t row = 0; row < rows_; ++row) {
+    for (std::size_t column = 0; column < columns_; ++column) {
+      const Cell& cell = cells_[row * columns_ + column];
+      if (cell.weight == 0.0) continue;
+      Slope around = Slope::Zero();  // of the cell and the eight that touch it
+      for (std::size_t y = row - std::min<std::size_t>(row, 1); y < std::min(row + 2, rows_); ++y) {
+        for (std::size_t x = column - std::min<std::size_t>(column, 1);
+             x < std::min(column + 2, columns_); ++x) {
+          const Cell& other = cells_[y * columns_ + x];
+          const int steps = (y == row ? 0 : 1) + (x == column ? 0 : 1);
+          around += other.slope;
+          sums.product += cell.error.dot(other.error);
+          sums.expected += 2.0 * cell.weight * other.weight * kernel[steps];
+        }
+      }
+      sums.spread += cell.slope * cell.smoothed.transpose();
+      sums.single += cell.slope2 * cell.smoothed.transpose();
+      sums.near += cell.weight * around * cell.smoothed.transpose();
+      sums.near_noise += around * cell.slope2.transpose();
+      sums.fitted += around * cell.slope.transpose();
+    }
+  }
+  return sums;
+}
+
+void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vector<double>& weights,
+                              const Eigen::Matrix3d& homography) {
+  constexpr std::size_t kMost = 400;
+  const std::size_t count = std::min(pairs.size, kMost);
+  pairs_.resize(count);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t from = i * pairs.size / count;
+    Pair& pair = pairs_[i];
+    pair.point = {pairs.x[from], pairs.y[from]};
+    const Eigen::Vector3d p = homography * pair.point.homogeneous();
+    const Eigen::Vector2d place = p.head<2>() / p.z();
+    pair.error = place - Eigen::Vector2d(pairs.u[from], pairs.v[from]);
+    const double x = pair.point.x() / p.z();
+    const double y = pair.point.y() / p.z();
+    pair.slope << x, y, 1.0 / p.z(), place.x() * x, place.x() * y, place.y() * x, place.y() * y;
+    pair.weight = weights[from];
+    sum += pair.weight;
+  }
+  for (Pair& pair : pairs_) pair.weight *= static_cast<double>(count) / sum;
+}
+
+/// A few wrong pairs beside each other would look like a field. Errors are cut at five deviations,
+/// as the median has them.
+void SmoothField::limitErrors() {
+  constexpr double kDeviations = 5.0;
+  constexpr double kMedian = 1.386;  // of squared errors over the variance per coordinate
+  squared_.clear();
+  for (const Pair& pair : pairs_) squared_.push_back(pair.error.squaredNorm());
+  const auto middle = squared_.begin() + static_cast<std::ptrdiff_t>(squared_.size() / 2);
+  std::nth_element(squared_.begin(), middle, squared_.end());
+  const double most2 = kDeviations * kDeviations * *middle / kMedian;
+  for (Pair& pair : pairs_) {
+    const double square = pair.error.squaredNorm();
+    if (square > most2) pair.error *= std::sqrt(most2 / square);
+  }
+}
+
+void SmoothField::sortIntoCells(double cell_side) {
+  Eigen::Vector2d low = pairs_.front().point;
+  Eigen::Vector2d high = low;
+  for (const Pair& pair : pairs_) {
+    low = low.cwiseMin(pair.point);
+    high = high.cwiseMax(pair.point);
+  }
+  // Keypoints may lie outside of the image: the last cells take what is farther.
+  constexpr double kMost = 64.0;
+  const auto number = [&](double length) {
+    return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
+  };
+  columns_ = number(high.x() - low.x()) + 1;
+  rows_ = number(high.y() - low.y()) + 1;
+  cells_.assign(columns_ * rows_, Cell());
+  for (Pair& pair : pairs_) {
+    pair.cell = number(pair.point.y() - low.y()) * columns_ + number(pair.point.x() - low.x());
+    Cell& cell = cells_[pair.cell];
+    const Slope weighted = pair.weight * pair.slope;
+    cell.weight += pair.weight;
+    cell.error += pair.weight * pair.error;
+    cell.slope += weighted;
+    cell.slope2 += pair.weight * weighted;
+  }
+}
+
+/// Sums with exp(-d/l) in city-block distance: along the rows, then along the columns, each with a
+/// pass forth and a pass back.
+void SmoothField::smooth() {
+  const auto along = [this](std::size_t first, std::size_t stride, std::size_t count) {
+    const auto value = [&](std::size_t i) -> Slope& { return cells_[first + i * stride].smoothed; };
+    for (std::size_t i = 1; i < count; ++i) value(i) += step_ * value(i - 1);
+    Slope after = Slope::Zero();  // sum over the cells that come later
+    for (std::size_t i = count; i-- > 0;) {
+      const Slope own = i > 0 ? Slope(value(i) - step_ * value(i - 1)) : value(0);
+      value(i) += step_ * after;
+      after = own + step_ * after;
+    }
+  };
+  for (Cell& cell : cells_) cell.smoothed = cell.slope;
+  for (std::size_t row = 0; row < rows_; ++row) along(row * columns_, 1, columns_);
+  for (std::size_t column = 0; column < columns_; ++column) along(column, columns_, rows_);
+}
+
+SmoothField::NearPairs SmoothField::findNear(double side) {
+  NearPairs sums;
+  if (!(side > 0.0)) return sums;
+  by_x_.clear();
+  for (std::size_t i = 0; i < pairs_.size(); ++i) by_x_.emplace_back(pairs_[i].point.x(), i);
+  std::sort(by_x_.begin(), by_x_.end());
+  for (auto i = by_x_.begin(); i != by_x_.end(); ++i) {
+    const Pair& a = pairs_[i->second];
+    for (auto j = i + 1; j != by_x_.end() && j->first - i->first < side; ++j) {
+      const Pair& b = pairs_[j->second];
+      const double right = (j->first - i->first) / side;
+      const double down = std::abs(b.point.y() - a.point.y()) / side;
+      if (down >= 1.0) continue;
+      sums.overlap += (1.0 - right) * (1.0 - down);
+      sums.weight += a.weight * b.weight;
+      sums.product += a.weight * b.weight * a.error.dot(b.error);
+    }
+  }
+  return sums;
+}
+
+}  // namespace ktgp_orb::homography

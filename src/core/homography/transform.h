@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+namespace ktgp_orb::homography {
+
+/// Where H maps a point.
+Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
+
+/// How that place changes with H's first eight entries, row by row, H(2,2) fixed.
+Eigen::Matrix<double, 2, 8> jacobianByEntries(const Eigen::Matrix3d& homography,
+                                              const Eigen::Vector2d& point);
+
+/// How that place changes with the point.
+Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
+
+/// Scales H to H(2,2) = 1, to length 1 where that is not possible; false in that case.
+bool scaleLastToOne(Eigen::Matrix3d& homography);
+
+/// Corners of the image, in pixels; of the points' bounding box where the size is empty.
+std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
+                                            const std::vector<Eigen::Vector2d>& points);
+
+/// True where H could show the plane over the whole image as seen from one side: it turns nothing
+/// inside out (det H > 0 with the third coordinate positive) and its horizon, the line that goes to
+/// infinity, stays clear of the corners and so of the image between them.
+bool keepsPlaneInView(const Eigen::Matrix3d& homography,
+                      const std::array<Eigen::Vector2d, 4>& corners);
+
+/// Share of an image of `size` that the same image warped by H covers, 0..1.
+double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
+
+}  // namespace ktgp_orb::homography

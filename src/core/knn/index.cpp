@@ -1,0 +1,92 @@
+#include "core/knn/index.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "core/knn/kernel.h"
+#include "core/util/divide.h"
+
+namespace ktgp_orb::knn {
+namespace {
+
+using util::ceilDivide;
+
+/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes beyond
+/// the last candidate keep whatever bytes they had: their number hides them.
+void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
+  const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
+  const int half = h % 2;
+  const int first = h * lanes;
+  const int end = std::clamp(reference.rows, first, first + lanes);
+  for (int candidate = first; candidate < end; ++candidate) {
+    std::uint8_t descriptor[kDescriptorBytes];  // a copy, which writing the column cannot change
+    std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
+    std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;
+    for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
+  }
+  auto* numbers = reinterpret_cast<std::int16_t*>(group + (kDescriptorBytes + half) * row_bytes);
+  std::fill(numbers, numbers + (end - first), static_cast<std::int16_t>(h % (2 * kGroupsPerBlock)));
+  std::fill(numbers + (end - first), numbers + lanes, kNoKey);
+}
+
+}  // namespace
+
+void DescriptorCopy::assign(const cv::Mat& descriptors) {
+  bytes_.resize(static_cast<std::size_t>(descriptors.rows) * kDescriptorBytes);
+  for (int row = 0; row < descriptors.rows; ++row) {
+    std::copy_n(descriptors.ptr(row), kDescriptorBytes,
+                bytes_.data() + std::ptrdiff_t{row} * kDescriptorBytes);
+  }
+}
+
+bool DescriptorCopy::equals(const cv::Mat& descriptors) const {
+  if (bytes_.size() != static_cast<std::size_t>(descriptors.rows) * kDescriptorBytes) return false;
+  for (int row = 0; row < descriptors.rows; ++row) {
+    const std::uint8_t* known = bytes_.data() + std::ptrdiff_t{row} * kDescriptorBytes;
+    if (std::memcmp(known, descriptors.ptr(row), kDescriptorBytes) != 0) return false;
+  }
+  return true;
+}
+
+std::ptrdiff_t KnnIndex::groupBytes() const {
+  return std::ptrdiff_t{kRowsPerGroup} * 2 * lanes_;
+}
+
+void KnnIndex::setReference(const cv::Mat& reference) {
+  if (laid_out_.equals(reference)) return;
+  laid_out_.clear();  // should memory run out half-way
+  layOut(reference);
+  laid_out_.assign(reference);
+}
+
+void KnnIndex::layOut(const cv::Mat& reference) {
+  const std::ptrdiff_t group_bytes = groupBytes();
+  candidates_ = reference.rows;
+  group_count_ = ceilDivide(candidates_, 2 * lanes_);
+  const auto bytes = static_cast<std::size_t>(group_count_ * group_bytes);
+  groups_.resize(ceilDivide(bytes, sizeof(CacheLine)));
+  std::uint8_t* groups = groups_.front().bytes;
+  for (int h = 0; h < 2 * group_count_; ++h) {
+    layOutHalfGroup(reference, lanes_, h, groups + h / 2 * group_bytes);
+  }
+}
+
+void NearIndex::setReference(const Features& reference) {
+  if (holds(reference)) return;
+  laid_out_.clear();
+  table_.build(
+      reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
+      side_);
+  image_size_ = reference.image_size;
+  laid_out_.assign(reference.descriptors);
+}
+
+bool NearIndex::holds(const Features& reference) const {
+  if (reference.image_size != image_size_ || !laid_out_.equals(reference.descriptors)) return false;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    if (table_.place(static_cast<std::int32_t>(i)) != reference.keypoints[i].pt) return false;
+  }
+  return true;
+}
+
+}  // namespace ktgp_orb::knn

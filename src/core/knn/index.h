@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "core/knn/near_table.h"
+#include "core/knn/nearest_queries.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb::knn {
+
+/// A copy of the descriptors that an index was made of, to know them again. To compare costs a
+/// hundredth of laying them out.
+class DescriptorCopy {
+ public:
+  void assign(const cv::Mat& descriptors);
+  void clear() { bytes_.clear(); }
+  bool equals(const cv::Mat& descriptors) const;
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+};
+
+/// A reference laid out for the search of the whole image as described in kernel.h. It is laid out
+/// anew when it changes and only then, by what it holds: nobody has to say whether it did.
+class KnnIndex {
+ public:
+  /// `lanes` of the kernel.
+  explicit KnnIndex(int lanes) : lanes_(lanes) {}
+
+  void setReference(const cv::Mat& reference);
+
+  int candidates() const { return candidates_; }
+  int groupCount() const { return group_count_; }
+  std::ptrdiff_t groupBytes() const;
+  const std::uint8_t* group(int i) const { return groups_.front().bytes + i * groupBytes(); }
+
+ private:
+  void layOut(const cv::Mat& reference);
+
+  int lanes_;
+  int candidates_ = 0;  // reference descriptors
+  int group_count_ = 0;
+  std::vector<CacheLine> groups_;
+  DescriptorCopy laid_out_;
+};
+
+/// The same for the search near predicted places: descriptors and places count.
+class NearIndex {
+ public:
+  /// `side` of a cell, px.
+  explicit NearIndex(double side) : side_(side) {}
+
+  void setReference(const Features& reference);
+
+  const NearTable& table() const { return table_; }
+
+ private:
+  bool holds(const Features& reference) const;
+
+  double side_;
+  NearTable table_;
+  cv::Size image_size_;
+  DescriptorCopy laid_out_;
+};
+
+}  // namespace ktgp_orb::knn

@@ -1,0 +1,351 @@
+#!/usr/bin/python3
+"""Every command of README.md and doc/ works as it stands there, run from a clean clone in a small size.
+
+Commands are the indented lines, and the spans between backticks that begin as a command does. Each one has
+a row in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
+out/release, as if scripts/test had made it."""
+
+import concurrent.futures
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import cv2
+import rosbag
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from ktgp_testing import TIMEOUT, image_message, view
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+BUILD = os.environ['KTGP_ORB_BUILD']
+FIRST_WORDS = ('cmake', 'catkin', 'catkin_make', 'catkin_test_results', 'git', 'rosbag', 'roslaunch',
+               'rosparam', 'rosrun', 'rosservice', 'rostest', 'rostopic', 'source', 'sudo')
+
+
+class Skipped(str):
+    """Why a command is not run here."""
+
+
+class Until(str):
+    """A command that runs on until it is ended; here when it says `text`."""
+
+    def __new__(cls, command, text):
+        made = super().__new__(cls, command)
+        made.text = text
+        return made
+
+
+IN_CI = Skipped('a part of continuous integration, for minutes')
+TOO_LONG = Skipped('takes minutes to hours')
+WORKSPACE = Skipped('scripts/check_workspace runs it in a workspace of its own, in CI')
+SOURCED = Skipped('every command here runs after it')
+MATCHER = 'matches images on /camera/image_raw'
+SMALL = ' --features 300 --repeat 1'
+
+COMMANDS = {
+    'git clone <this repository> ktgp_orb && cd ktgp_orb': Skipped('this is such a clone'),
+    'scripts/demo': Skipped('the test "demo" runs it'),
+    'scripts/test': Skipped('runs this test'),
+    'scripts/test -R robot_': Skipped('runs tests of which this is one'),
+    'scripts/bench': TOO_LONG,
+    'scripts/bench --benchmark_filter=align': TOO_LONG,
+    'scripts/bench --benchmark_filter=preset': TOO_LONG,
+    'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
+    'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
+    'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
+    'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
+    'scripts/check': IN_CI,
+    'scripts/check_arm64': TOO_LONG,
+    'scripts/check_arm64 --fast': IN_CI,
+    'scripts/check_arm64 knn_matcher_test': IN_CI,
+    'scripts/check_includes': 'scripts/check_includes',
+    'scripts/check_platform bullseye': TOO_LONG,
+    'scripts/check_platform trixie': IN_CI,
+    'sudo scripts/check_platform bookworm': IN_CI,
+    'scripts/compare_benchmarks OLD.json NEW.json':
+        'scripts/compare_benchmarks old/benchmarks.json new/benchmarks.json',
+    'scripts/count_arm64_instructions': TOO_LONG,
+    'scripts/count_arm64_instructions 1000': TOO_LONG,
+    'scripts/evaluate':
+        'scripts/evaluate --built out/release --data sets --output report --methods ORB,KT,KTG,KTGP '
+        '--repeat 1 --warp-pairs 2',
+    'scripts/evaluate --data DIR':
+        'scripts/evaluate --built out/release --data sets --methods KTGP --repeat 1 --warp-pairs 0 '
+        '--output one_method',
+    'scripts/faults': TOO_LONG,
+    'scripts/fuzz': IN_CI,
+    'scripts/fuzz gms 600': TOO_LONG,
+    'scripts/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
+    'scripts/latency': TOO_LONG,
+    'scripts/mutate': TOO_LONG,
+    'scripts/mutate core/gms': TOO_LONG,
+    'scripts/sanitize': IN_CI,
+    'scripts/sanitize thread': IN_CI,
+    'scripts/sanitize address': IN_CI,
+    'scripts/sanitize thread full': TOO_LONG,
+    'scripts/soak --frames 20000': IN_CI,
+    'scripts/verdict': TOO_LONG,
+    'source out/release/devel/setup.bash': SOURCED,
+    'source devel/setup.bash': SOURCED,
+    'catkin_make': WORKSPACE,
+    'catkin build': Skipped('as catkin_make; Debian has no catkin_tools'),
+    'catkin_make run_tests': WORKSPACE,
+    'catkin_make -j4 run_tests': WORKSPACE,
+    'catkin_test_results build/test_results': WORKSPACE,
+    'rostest test/ros/robot_overload.test seconds:=120': TOO_LONG,
+    'cmake -DKTGP_ORB_CORE_ONLY=ON': 'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only',
+
+    'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
+        Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
+    'roslaunch ktgp_orb multi_camera.launch cameras:="front left right"':
+        Until('roslaunch ktgp_orb multi_camera.launch cameras:="front left right"',
+              'matches images on /right/image_raw'),
+    'roslaunch --ros-args ktgp_orb matcher.launch': 'roslaunch --ros-args ktgp_orb matcher.launch',
+    'roslaunch ktgp_orb matcher.launch': Until('roslaunch ktgp_orb matcher.launch', MATCHER),
+    'roslaunch ktgp_orb stabilizer.launch':
+        Until('roslaunch ktgp_orb stabilizer.launch', 'takes images on /camera/image_raw'),
+    'roslaunch ktgp_orb mosaic.launch':
+        Until('roslaunch ktgp_orb mosaic.launch', 'takes images on /camera/image_raw'),
+    'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
+        'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
+    'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
+        Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
+              'rqt_plot is not installed'),
+    'roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
+    'target_width:=0.594 target_frame:=poster':
+        Until('roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
+              'target_width:=0.594 target_frame:=poster', MATCHER),
+    'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
+        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
+              'matches images on /camera/image_raw'),
+    'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
+        Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
+              'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
+              'waits for /camera/matcher/match; nobody publishes it'),
+
+    'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
+        'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
+        'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 0.1 --duration 60',
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
+        'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
+    'rosrun ktgp_orb make_demo_bag demo.bag':
+        'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
+    'rosrun ktgp_orb make_demo_bag flight.bag --target place.png':
+        'rosrun ktgp_orb make_demo_bag flight.bag --target place.png --seconds 0.3',
+    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': 'rosrun ktgp_orb ktgp_evaluate_bag demo.bag',
+    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust':
+        'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust',
+    'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large oxford/leuven oxford/bikes oxford/boat '
+    '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW':
+        'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large sets/leuven --warp-pairs 2 '
+        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW' + SMALL,
+    'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
+    '--methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID':
+        'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID' +
+        SMALL,
+    'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
+    '--methods ROBUST,ROBUST-TEBLID --alignment=false':
+        'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods ROBUST,ROBUST-TEBLID '
+        '--alignment=false' + SMALL,
+}
+# Named in the text, not written out.
+ALSO = ['scripts/update_documents --check', 'scripts/evaluate --help', 'scripts/merge_benchmarks --filter',
+        'scripts/setup --list debian build test rqt', 'scripts/setup --list noetic core',
+        'scripts/merge_benchmarks old raw.json', 'scripts/merge_benchmarks new raw.json']
+# Others need these results.
+FIRST = [command for command in COMMANDS.values() if 'make_demo_bag' in command] + [
+    command for command in ALSO if 'raw.json' in command]
+
+
+def commands_of(text):
+    """The commands of a Markdown text, without comments, long lines joined."""
+    text = re.sub(r'^```.*?^```', '', text, flags=re.M | re.S)
+    found = []
+    lines = iter(text.split('\n'))
+    for line in lines:
+        if not line.startswith('    ') or line.strip().startswith('<'):
+            continue
+        while line.endswith('\\'):
+            line = line[:-1].rstrip() + ' ' + next(lines).strip()
+        found.append(re.sub(r'\s+#.*', '', line).strip())
+    for span in re.findall(r'`([^`\n]+)`', text):
+        word = span.split()[0]
+        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'scripts/\w+$', word) or \
+                span == 'catkin_make':
+            found.append(span)
+    helpers = ('scripts/environment', 'scripts/setup', 'scripts/update_documents')
+    return [command for command in found if command and command not in helpers]
+
+
+def documents():
+    yield os.path.join(ROOT, 'README.md')
+    for name in sorted(os.listdir(os.path.join(ROOT, 'doc'))):
+        if name.endswith('.md'):
+            yield os.path.join(ROOT, 'doc', name)
+
+
+def copy_sources(to):
+    """What a clone would have, and what is not yet committed."""
+    if os.path.exists(os.path.join(ROOT, '.git')):
+        names = subprocess.check_output(
+            ['git', '-c', 'safe.directory=*', 'ls-files', '-z', '--cached', '--others',
+             '--exclude-standard'], cwd=ROOT, universal_newlines=True).split('\0')
+    else:
+        names = [os.path.relpath(os.path.join(folder, name), ROOT)
+                 for folder, _, files in os.walk(ROOT) for name in files]
+    for name in names:
+        source = os.path.join(ROOT, name)
+        if os.path.isfile(source):
+            os.makedirs(os.path.dirname(os.path.join(to, name)), exist_ok=True)
+            shutil.copy2(source, os.path.join(to, name))
+
+
+def copy_build(to, clone):
+    """The devel space of this build as that of the clone."""
+    os.makedirs(to)
+    devel = os.path.join(to, 'devel')
+    subprocess.run(['cp', '-rs', os.path.join(BUILD, 'devel'), devel], check=True)
+    with open(os.path.join(BUILD, 'devel', '.catkin')) as file:
+        places = file.read().split(';')
+    os.remove(os.path.join(devel, '.catkin'))
+    with open(os.path.join(devel, '.catkin'), 'w') as file:
+        file.write(';'.join(clone if ROOT == place or ROOT.startswith(place + '/') else place
+                            for place in places))
+
+
+def write_inputs(folder):
+    def path(*names):
+        return os.path.join(folder, *names)
+    with rosbag.Bag(path('my.bag'), 'w') as bag:
+        for i in range(6):
+            stamp = rospy.Time.from_sec(1000 + 0.1 * i)
+            bag.write('/camera/image_raw', image_message(view(100 + 5 * i, 100, 320, 240), stamp), stamp)
+    for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
+        cv2.imwrite(path(name), view(x, 100, 320, 240))
+    for name in ('leuven', 'bikes'):
+        os.makedirs(path('sets', name))
+        for k in range(1, 7):
+            cv2.imwrite(path('sets', name, 'img%d.ppm' % k), cv2.cvtColor(
+                view(100 + 5 * k, 100, 320, 240), cv2.COLOR_GRAY2BGR))
+            with open(path('sets', name, 'H1to%dp' % k), 'w') as file:
+                file.write('1 0 %d\n0 1 0\n0 0 1\n' % (5 - 5 * k))
+    os.mkdir(path('old'))
+    os.mkdir(path('new'))
+    with open(path('raw.json'), 'w') as file:
+        file.write('{"context": {"date": "2026-01-01"}, "benchmarks": [' + ', '.join(
+            '{"name": "knn/2000", "run_name": "knn/2000", "run_type": "iteration", "real_time": %s, '
+            '"cpu_time": 1.0, "time_unit": "ms", "iterations": 1}' % time for time in (1.0, 1.01)) + ']}')
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(('', 0))
+        return s.getsockname()[1]
+
+
+class CommandsTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory(prefix='ktgp_orb ')
+        cls.addClassCleanup(folder.cleanup)
+        cls.clone = os.path.join(folder.name, 'ktgp_orb')
+        copy_sources(cls.clone)
+        copy_build(os.path.join(cls.clone, 'out', 'release'), cls.clone)
+        write_inputs(cls.clone)
+        cls.home = os.path.join(folder.name, 'home')
+
+    def shell(self, command):
+        """A shell of the user's, in the clone, after source ...setup.bash."""
+        environment = {name: value for name, value in os.environ.items()
+                       if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
+                                       'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
+        environment.update(PATH='/usr/bin:' + os.environ['PATH'], ROS_HOSTNAME='localhost',
+                           ROS_HOME=self.home, PWD=self.clone, PYTHONUNBUFFERED='1',
+                           ROSCONSOLE_STDOUT_LINE_BUFFERED='1',
+                           ROS_MASTER_URI='http://localhost:%d' % free_port())
+        return subprocess.Popen(
+            ['timeout', '--signal=INT', '--kill-after=60', str(int(TIMEOUT)), 'bash', '-c',
+             'source out/release/devel/setup.bash && ' + command], cwd=self.clone,
+            env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
+
+    def run_one(self, command):
+        """What it said, where something is wrong with it; else nothing."""
+        process = self.shell(command)
+        if not isinstance(command, Until):
+            output = process.communicate()[0]
+            return '' if process.returncode == 0 else '%d: %s' % (process.returncode, output)
+        output = ''
+        for line in process.stdout:
+            output += line
+            if command.text in line:
+                break
+        os.killpg(process.pid, signal.SIGINT)
+        output += process.communicate()[0]
+        return '' if command.text in output else 'it does not say "%s": %s' % (command.text, output)
+
+    def run_all(self, commands):
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            results = dict(zip(commands, pool.map(self.run_one, commands)))
+        failed = {c: r for c, r in results.items() if r}
+        self.assertFalse(failed, '\n'.join('%s\n%s' % item for item in failed.items()))
+
+    def test_every_command_of_the_documents_is_known(self):
+        found = set()
+        for path in documents():
+            with open(path, encoding='utf-8') as file:
+                found.update(commands_of(file.read()))
+        self.assertEqual(sorted(found - set(COMMANDS)), [], 'say how each is run, or why not')
+        self.assertEqual(sorted(set(COMMANDS) - found), [], 'no document has them any more')
+
+    def test_every_command_works(self):
+        commands = [c for c in COMMANDS.values() if not isinstance(c, Skipped)] + ALSO
+        self.run_all(FIRST)
+        self.run_all([c for c in commands if c not in FIRST])
+        for name in ('report/index.html', 'one_method/report.md', 'matches.png', 'matched.csv', 'map.png',
+                     'new/benchmarks.md'):
+            self.assertTrue(os.path.exists(os.path.join(self.clone, name)), name)
+        with open(os.path.join(self.clone, 'one_method', 'report.md')) as file:
+            self.assertIn('not measured: ORB, KT, KTG', file.read())
+        self.check_the_folder_of_the_programs()
+
+    def check_the_folder_of_the_programs(self):
+        """scripts/evaluate looks for both of them in one folder."""
+        folder = os.path.join(self.clone, 'build', 'core_only')
+        links = [os.path.join(root, 'link.txt') for root, _, files in os.walk(folder)
+                 if 'link.txt' in files]
+        folders = set()
+        for link in links:
+            program = os.path.basename(os.path.dirname(link)).split('.')[0]
+            if program in ('ktgp_match', 'ktgp_evaluate'):
+                with open(link) as file:
+                    output = re.search(r' -o (\S+)', file.read()).group(1)
+                start = os.path.dirname(os.path.dirname(os.path.dirname(link)))
+                folders.add(os.path.dirname(os.path.normpath(os.path.join(start, output))))
+        self.assertEqual(folders, {os.path.join(folder, 'bin')})
+
+    def test_rosrun_finds_one_program_after_every_script(self):
+        program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'ktgp_match')
+        for name in sorted(os.listdir(os.path.join(self.clone, 'scripts'))):
+            with open(os.path.join(self.clone, 'scripts', name), encoding='utf-8') as file:
+                folders = re.findall(r"(?:\$root/|ROOT, '|folder=)((?:out|build)/[\w$]+)", file.read())
+            for folder in folders:
+                if folder == 'out/release':
+                    continue
+                place = os.path.join(self.clone, folder.replace('$kind', 'thread'), 'bin')
+                os.makedirs(place, exist_ok=True)
+                shutil.copy2(program, place)
+        self.assertGreater(len(os.listdir(os.path.join(self.clone, 'build'))), 5)
+        self.assertEqual(self.run_one('rosrun ktgp_orb ktgp_match --version | grep ^ktgp_orb'), '')
+
+
+if __name__ == '__main__':
+    unittest.main()
