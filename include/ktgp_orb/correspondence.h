@@ -13,8 +13,8 @@ enum class Level : std::uint8_t {
   kt = 1,    ///< passed KNN + TF, removed by GMS
   ktg = 2,   ///< passed KNN + TF + GMS, removed by PROSAC
   ktgp = 3,  ///< inlier of the homography
-  /// Found by guided matching where the homography says, and inlier of it. These stand in a list of
-  /// their own, so that they count in none of the four stages.
+  /// Found by guided matching or growth where the homography says, and inlier of it. These stand in
+  /// a list of their own, so that they count in none of the four stages.
   guided = 4,
 };
 

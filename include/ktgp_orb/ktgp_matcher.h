@@ -12,6 +12,7 @@
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/gms_filter.h"
+#include "ktgp_orb/growth.h"
 #include "ktgp_orb/guided_matcher.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/prosac_homography.h"
@@ -29,6 +30,7 @@ struct MatcherOptions {
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
+  GrowthOptions growth;
   GuidedOptions guided;
   AlignmentOptions alignment;
 
@@ -55,6 +57,16 @@ enum class Search : std::uint8_t {
   fell_back = 2,  ///< near, in vain, and then in the whole image, which is the answer
 };
 
+/// Which way the homography came.
+enum class FoundBy : std::uint8_t {
+  none = 0,    ///< there is none
+  prosac = 1,  ///< the matches of level ktg
+  growth = 2,  ///< grown from single matches after PROSAC had found none (HomographyGrowth)
+};
+
+/// The enumerator's own name, e.g. "prosac".
+const char* toString(FoundBy found_by);
+
 /// What is known of two frames before they are matched.
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
@@ -62,6 +74,8 @@ struct MatchHints {
   std::optional<Eigen::Matrix3d> prediction;
   /// Searches the whole image also where there is a search radius and a prediction.
   bool whole_image = false;
+  /// The reference as it looks from other sides, for the growth; null: none.
+  const ReferenceViews* views = nullptr;
 };
 
 /// Everything known about one pair of frames. Reused from call to call for its buffers.
@@ -69,6 +83,7 @@ struct MatchResult {
   Status status = Status::no_reference;
   DescriptorKind descriptor = DescriptorKind::orb;  ///< what was compared
   Search search = Search::whole;                    ///< where; KtgpMatcher never falls back
+  FoundBy found_by = FoundBy::none;                 ///< how
   /// One per target feature, in target order; `level` says how far each came.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
@@ -76,16 +91,18 @@ struct MatchResult {
   /// knn, tf, gms, prosac
   std::array<StageResult, 4> stages{
       {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
-  /// What guided matching added, in target order, all of Level::guided.
+  GrowthResult growth;  ///< of no seeds where it was not needed
+  /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
   std::array<StageResult, 2> refinements;  ///< guided, align
 
-  /// The answer: PROSAC's homography or what guided matching and alignment made of it, with its
-  /// covariance, the shared part of that and the deviation from a plane (see UncertainHomography);
-  /// zero unless status is ok. Levels, `guided`, `inliers` and `rmse` belong to this homography: a
-  /// correspondence that passed GMS has Level::ktgp exactly when its reprojection error is below
-  /// ProsacOptions::max_error. What PROSAC itself found is in `prosac` and `stages`.
+  /// The answer: PROSAC's homography, or the grown one, or what guided matching and alignment made
+  /// of it, with its covariance, the shared part of that and the deviation from a plane (see
+  /// UncertainHomography); zero unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
+  /// to this homography: a correspondence that passed GMS has Level::ktgp exactly when its
+  /// reprojection error is below ProsacOptions::max_error. What PROSAC itself found is in `prosac`
+  /// and `stages`.
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   Covariance8 covariance = Covariance8::Zero();
   Covariance8 shared_covariance = Covariance8::Zero();
@@ -105,8 +122,9 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames; then, where they are switched on,
-/// guided matching and sub-pixel alignment, which do not change the counts of the four stages.
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// growth where there is no homography, guided matching and sub-pixel alignment, which do not
+/// change the counts of the four stages. An instance belongs to one thread at a time; several
+/// instances may run side by side.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

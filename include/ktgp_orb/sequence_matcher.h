@@ -36,7 +36,8 @@ struct SequenceOptions {
 };
 
 /// `options` with `orb.images` as the sequence needs it: shared where the alignment is on, else
-/// none. SequenceMatcher applies it; features found elsewhere should be found with the same.
+/// none, and without growth in mode previous: a video needs none. SequenceMatcher applies it;
+/// features found elsewhere should be found with the same.
 SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The numbers are those of the REASON_ constants in the messages.
@@ -121,6 +122,10 @@ struct MatchAhead {
 /// Matches the frames of a camera one after the other: decides what each is matched to, and
 /// multiplies the homographies. It forgets the reference that cannot belong to the same sequence
 /// as the next frame; NoReference says when that is.
+///
+/// With growth (GrowthOptions) and in fixed mode, the views of the reference are simulated when it
+/// is first matched to. In keyframe and fixed mode a frame whose matches lead PROSAC nowhere takes
+/// longer, by a number of seeds and not a time.
 ///
 /// With a search radius (KnnOptions) matches are looked for where the motion between the last two
 /// frames, carried on, puts them. A frame that so finds no homography, or less than half of the

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/growth/verdict.h"
 #include "core/homography/estimate.h"
 #include "core/util/keypoint_position.h"
 
@@ -36,6 +37,12 @@ AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   return alignment;
 }
 
+/// What a stage found.
+template <typename Result>
+UncertainHomography estimateOf(const Result& result) {
+  return {result.homography, result.covariance, result.shared_covariance, result.plane_deviation};
+}
+
 /// As where there is no homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
@@ -60,6 +67,18 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
   }
 }
 
+const char* toString(FoundBy found_by) {
+  switch (found_by) {
+    case FoundBy::none:
+      return "none";
+    case FoundBy::prosac:
+      return "prosac";
+    case FoundBy::growth:
+      return "growth";
+  }
+  return "unknown";
+}
+
 double MatchResult::milliseconds() const {
   double sum = 0.0;
   for (const StageResult& stage : stages) sum += stage.milliseconds;
@@ -76,6 +95,8 @@ void MatchResult::clear(const MatcherOptions& options) {
   mask.clear();
   prosac = {};
   prosac.mask = std::move(mask);
+  found_by = FoundBy::none;
+  growth.clear();
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
   for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
   nameRefinements(options, *this);
@@ -97,6 +118,7 @@ struct KtgpMatcher::Impl {
         knn(given.knn),
         gms(given.gms),
         prosac(given.prosac),
+        growth(given.growth),
         guided(given.guided),
         alignment(alignmentOptions(given)) {}
 
@@ -105,6 +127,8 @@ struct KtgpMatcher::Impl {
   void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  void grow(const Features& reference, const Features& target, const ReferenceViews* views,
+            MatchResult& result);
   void refine(const Features& reference, const Features& target, MatchResult& result);
   void align(const UncertainHomography& before, const Features& reference, const Features& target,
              MatchResult& result);
@@ -116,11 +140,12 @@ struct KtgpMatcher::Impl {
   GmsFilter gms;
   ProsacHomography prosac;
   PointPairs pairs;
+  HomographyGrowth growth;
   GuidedMatcher guided;
   Alignment alignment;
   homography::Finaliser finaliser;
   homography::FinalHomography final;
-  std::vector<Correspondence> guided_matches;  // all that guided matching found
+  std::vector<Correspondence> guided_matches;  // all that was found where a homography says
   std::vector<std::uint8_t> taken;             // target keypoints that are inliers
   std::vector<Correspondence> matches;         // that are aligned
 };
@@ -170,6 +195,8 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
 
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
+  result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
+  impl.grow(reference, target, hints.views, result);
   impl.refine(reference, target, result);
 }
 
@@ -181,7 +208,7 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
   std::vector<Correspondence>& found = result.correspondences;
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
-  } else if (options.mutual) {
+  } else if (options.mutual || options.growth.enabled) {
     knn.matchMutual(reference.descriptors, target.descriptors, found);
   } else {
     knn.match(reference.descriptors, target.descriptors, found);
@@ -208,6 +235,19 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
 
+/// Where PROSAC found nothing in the whole image.
+void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
+                             const ReferenceViews* views, MatchResult& result) {
+  result.growth.clear();
+  const bool wanted =
+      options.growth.enabled && result.status != Status::ok && result.search == Search::whole;
+  if (!wanted) return;
+  growth.find(reference, views, target, result.correspondences, result.growth);
+  if (!result.growth.found) return;
+  result.status = Status::ok;
+  result.found_by = FoundBy::growth;
+}
+
 /// Guided matching and alignment, where they are on. Whatever homography comes out, adopt() derives
 /// what the result says of it.
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
@@ -218,9 +258,14 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   StageResult& align_stage = result.refinements[1];
   guided_matches.clear();
   if (result.status != Status::ok) return;
-  UncertainHomography answer{result.prosac.homography, result.prosac.covariance,
-                             result.prosac.shared_covariance, result.prosac.plane_deviation};
-  adopt(answer, reference, target, result);
+  const bool grown = result.found_by == FoundBy::growth;
+  UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
+  if (grown) guided_matches = result.growth.matches;
+  if (!adopt(answer, reference, target, result)) {
+    result.status = Status::model_rejected;
+    result.found_by = FoundBy::none;
+    return;
+  }
   if (options.guided.enabled) {
     timeStage(guided_stage, "guided", result.inliers, [&] {
       UncertainHomography candidate = answer;
@@ -244,8 +289,7 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
   AlignmentResult& aligned = result.alignment;
   alignment.align(reference, target, matches, before, aligned);
   if (aligned.status != AlignmentStatus::ok) return;
-  const UncertainHomography candidate{aligned.homography, aligned.covariance,
-                                      aligned.shared_covariance, aligned.plane_deviation};
+  const UncertainHomography candidate = estimateOf(aligned);
   if (adopt(candidate, reference, target, result)) return;
   aligned.status = AlignmentStatus::not_better;
   aligned.homography = before.homography;
@@ -256,11 +300,19 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
 
 /// Makes `candidate` the answer: mask, levels, inliers and RMSE are derived from it, in this one
 /// place. False, and nothing is changed, where the verdict on it is bad.
+///
+/// A grown homography has the verdict of the growth, which the few right ones among the matches
+/// could not give. What is made of it must still agree with the pairs that the growth rests on.
 bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
                               const Features& target, MatchResult& result) {
   const double max_error = options.prosac.max_error;
+  if (result.found_by == FoundBy::growth) {
+    finaliser.finalise(candidate, result.growth.pairs, reference.image_size,
+                       growth::Verdict::kRadius, final);
+    if (!final.trusted) return false;
+  }
   finaliser.finalise(candidate, pairs, reference.image_size, max_error, final);
-  if (!final.trusted) return false;
+  if (!final.trusted && result.found_by != FoundBy::growth) return false;
   result.homography = candidate.homography;
   result.covariance = candidate.covariance;
   result.shared_covariance = candidate.shared_covariance;

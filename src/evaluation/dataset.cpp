@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "cli/files.h"
+#include "evaluation/truth_points.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -32,15 +33,17 @@ bool isFolder(const fs::path& path) {
 struct Layout {
   const char* image_prefix;
   const char* homography_prefix;
+  const char* separator;
   const char* homography_suffix;
 
-  std::string homography(int k) const {
-    return homography_prefix + std::to_string(k) + homography_suffix;
+  std::string homography(int i, int k) const {
+    return homography_prefix + std::to_string(i) + separator + std::to_string(k) +
+           homography_suffix;
   }
 };
 
-constexpr Layout kOxford{"img", "H1to", "p"};
-constexpr Layout kHpatches{"", "H_1_", ""};
+constexpr Layout kOxford{"img", "H", "to", "p"};
+constexpr Layout kHpatches{"", "H_", "_", ""};
 
 /// Image `k` with any of the usual endings; with the first one where there is none.
 fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
@@ -52,16 +55,25 @@ fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
 }
 
 bool isLaidOutAs(const Layout& layout, const fs::path& folder) {
-  return isThere(imageFile(folder, layout, 1)) || isThere(folder / layout.homography(2));
+  return isThere(imageFile(folder, layout, 1)) || isThere(folder / layout.homography(1, 2));
 }
 
+bool endsIn(const std::string& text, const std::string& end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+constexpr const char* kPointsEnding = ".points";
+
 /// Adds the pair, or says which of its files is missing or broken.
-void addPair(ImagePair pair, const std::string& homography_file, Dataset& dataset) {
+void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
   try {
-    for (const std::string& file : {pair.reference, pair.target, homography_file}) {
-      requireRegularFile(file);
+    for (const std::string& file : {pair.reference, pair.target, truth}) requireRegularFile(file);
+    if (endsIn(truth, kPointsEnding)) {
+      pair.points = readPoints(truth);
+      pair.homography = homographyThrough(pair.points);
+    } else {
+      pair.homography = readHomography(truth);
     }
-    pair.homography = readHomography(homography_file);
     dataset.pairs.push_back(std::move(pair));
   } catch (const FileError& error) {
     dataset.problems.emplace_back(error.what());
@@ -70,12 +82,63 @@ void addPair(ImagePair pair, const std::string& homography_file, Dataset& datase
 
 void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
   const std::string set = fs::canonical(folder).filename().string();
-  const std::string reference = imageFile(folder, layout, 1).string();
-  for (int k = 2; k <= kImagesPerSet; ++k) {
-    const std::string target = imageFile(folder, layout, k).string();
-    addPair({set, "1-" + std::to_string(k), reference, target, {}, {}},
-            (folder / layout.homography(k)).string(), dataset);
+  for (int i = 1; i < kImagesPerSet; ++i) {
+    const std::string reference = imageFile(folder, layout, i).string();
+    for (int k = i + 1; k <= kImagesPerSet; ++k) {
+      const fs::path homography = folder / layout.homography(i, k);
+      if (i > 1 && !isThere(homography)) continue;  // most sets have those of image 1 alone
+      const std::string target = imageFile(folder, layout, k).string();
+      addPair({set, std::to_string(i) + "-" + std::to_string(k), reference, target, {}, {}, {}},
+              homography.string(), dataset);
+    }
   }
+}
+
+std::vector<fs::path> filesEndingIn(const char* ending, const fs::path& folder) {
+  std::vector<fs::path> files;
+  if (!isFolder(folder)) return files;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ending) files.push_back(entry.path());
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+/// The file `stem` with any of the usual endings of images; with .png where there is none.
+std::string imageOf(const fs::path& stem) {
+  for (const char* ending : kImageEndings) {
+    if (isThere(stem.string() + ending)) return stem.string() + ending;
+  }
+  return stem.string() + ".png";
+}
+
+bool addExtremeViews(const fs::path& folder, Dataset& dataset) {
+  const std::vector<fs::path> truths = filesEndingIn(".txt", folder / "h");
+  if (!isFolder(folder / "1") || !isFolder(folder / "2")) return false;
+  const std::string set = fs::canonical(folder).filename().string();
+  for (const fs::path& truth : truths) {
+    const fs::path name = truth.stem();
+    addPair({set,
+             name.string(),
+             imageOf(folder / "1" / name),
+             imageOf(folder / "2" / name),
+             {},
+             {},
+             {}},
+            truth.string(), dataset);
+  }
+  return !truths.empty();
+}
+
+bool addAnnotated(const fs::path& folder, Dataset& dataset) {
+  const std::vector<fs::path> truths = filesEndingIn(kPointsEnding, folder);
+  const std::string set = fs::canonical(folder).filename().string();
+  for (const fs::path& truth : truths) {
+    const std::string name = truth.stem().string();
+    addPair({set, name, imageOf(folder / (name + "A")), imageOf(folder / (name + "B")), {}, {}, {}},
+            truth.string(), dataset);
+  }
+  return !truths.empty();
 }
 
 bool addFolder(const fs::path& folder, Dataset& dataset) {
@@ -84,7 +147,7 @@ bool addFolder(const fs::path& folder, Dataset& dataset) {
     addSet(folder, layout, dataset);
     return true;
   }
-  return false;
+  return addExtremeViews(folder, dataset) || addAnnotated(folder, dataset);
 }
 
 void addSubfolders(const fs::path& folder, Dataset& dataset) {
@@ -96,9 +159,11 @@ void addSubfolders(const fs::path& folder, Dataset& dataset) {
   bool found = false;
   for (const fs::path& subfolder : subfolders) found |= addFolder(subfolder, dataset);
   if (!found) {
-    dataset.problems.push_back(folder.string() +
-                               ": holds no image set; expected img1.ppm and H1to2p, or 1.ppm and "
-                               "H_1_2, in it or in its subfolders");
+    dataset.problems.push_back(
+        folder.string() +
+        ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, "
+        "1/NAME.png and h/NAME.txt, or NAMEA.png and NAME.points, in it or "
+        "in its subfolders");
   }
 }
 
@@ -118,13 +183,14 @@ void addList(const fs::path& file, Dataset& dataset) {
     if (fields.empty()) continue;
     if (fields.size() != 4) {
       dataset.problems.push_back(file.string() + ":" + std::to_string(number) +
-                                 ": expected `name imageA imageB homography`");
+                                 ": expected `name imageA imageB truth`");
       continue;
     }
     addPair({file.stem().string(),
              fields[0],
              (folder / fields[1]).string(),
              (folder / fields[2]).string(),
+             {},
              {},
              {}},
             (folder / fields[3]).string(), dataset);
@@ -168,7 +234,8 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
               std::uint64_t seed, Dataset& dataset) {
   const std::optional<WarpLimits> limits = warpLimits(name);
   if (!limits) {
-    throw std::invalid_argument("there are no warps " + name + "; use small, medium or large");
+    throw std::invalid_argument("there are no warps " + name +
+                                "; use small, medium, large or extreme");
   }
   std::vector<std::string> files;
   for (const std::string& path : paths) {
@@ -182,7 +249,7 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
     const int picture = (i + (n % 2 == 0 ? i / n : 0)) % n;
     const std::string& file = files[static_cast<std::size_t>(picture)];
     const Warp warp = drawWarp(*limits, i, seed);
-    dataset.pairs.push_back({name, std::to_string(i), file, file, warp.homography, warp});
+    dataset.pairs.push_back({name, std::to_string(i), file, file, warp.homography, {}, warp});
   }
 }
 

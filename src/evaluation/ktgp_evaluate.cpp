@@ -20,8 +20,12 @@ namespace {
 constexpr const char* kDescription =
     "Runs matching methods over image pairs with a known homography and measures them.\n"
     "DATA is an Oxford/VGG folder (img1.ppm ... img6.ppm, H1to2p ... H1to6p), an HPatches folder\n"
-    "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), a folder of such folders, or a text file with\n"
-    "`name imageA imageB homographyA->B` a line. With --warps, DATA are images or folders of "
+    "(1.ppm ... 6.ppm, H_1_2 ... H_1_6), one of extreme views (1/NAME.png, 2/NAME.png, "
+    "h/NAME.txt)\n"
+    "or of annotated pairs (NAMEA.png, NAMEB.png, NAME.points with rows `xA yA xB yB`), a folder "
+    "of\n"
+    "such folders, or a text file with `name imageA imageB truth` a line. With --warps, DATA are "
+    "images or folders of "
     "images,\n"
     "and the pairs are exact warps of them. For recordings there is ktgp_evaluate_bag.";
 
@@ -47,6 +51,7 @@ struct Arguments {
   bool list_methods = false;
   std::string warps;
   int warp_pairs = 48;
+  int longest_side = 0;
   std::uint64_t warp_seed = 1;
   std::string bag;
   bool force = false;
@@ -121,7 +126,8 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
   std::atomic<std::size_t> next{0};
   ProgressBar progress(pairs.size());
   const auto work = [&] {
-    PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat);
+    PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat,
+                            arguments.longest_side);
     for (std::size_t i = next++; i < pairs.size(); i = next++) {
       scores[i] = evaluator.evaluate(pairs[i]);
       progress.advance(pairs[i].set + " " + pairs[i].name);
@@ -159,10 +165,14 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  app.add_option("--longest-side", arguments.longest_side,
+                 "reduce larger images to this, and the truth with them, px; 0: do not")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
   app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
   const char* const warps = "Warps";
   app.add_option("--warps", arguments.warps,
-                 "make pairs from images: small, medium or large, or several "
+                 "make pairs from images: small, medium, large or extreme, or several "
                  "separated by commas")
       ->type_name("NAMES")
       ->group(warps);

@@ -223,15 +223,22 @@ Step matcher(const MatcherOptions& options) {
   auto chain = std::make_shared<KtgpMatcher>(options);
   auto result = std::make_shared<MatchResult>();
   return {"matcher", [chain, result](const Scene& scene, Matching& m) {
+            MatchHints hints;
+            hints.views = &m.views;
             chain->match(m.own ? m.own->reference : scene.reference,
-                         m.own ? m.own->target : scene.target, *result);
+                         m.own ? m.own->target : scene.target, hints, *result);
             result->surviving(Level::ktgp, m.matches);
             m.matches.insert(m.matches.end(), result->guided.begin(), result->guided.end());
             m.estimated = true;
-            if (result->status == Status::ok) {
-              m.homography = result->homography;
-              m.covariance = result->covariance;
-            }
+            if (result->status != Status::ok) return;
+            m.homography = result->homography;
+            m.covariance = result->covariance;
+          }};
+}
+
+Step simulate(const OrbOptions& orb, int views) {
+  return {"views", [orb, views](const Scene& scene, Matching& m) {
+            m.views = simulateViews(scene.reference_image, orb, views);
           }};
 }
 

@@ -34,6 +34,7 @@ struct Matching {
   std::vector<Correspondence> matches;
   /// Where a method does not use the scene's features: its own, which `matches` refer to.
   std::optional<OwnFeatures> own{};
+  ReferenceViews views{};                       ///< of the reference, from other sides
   bool estimated = false;                       ///< a step has looked for a homography
   std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, where it found one
   std::optional<Covariance8> covariance{};      ///< of it, where the estimator gives one
@@ -81,7 +82,10 @@ Step align(const AlignmentOptions& options);
 // All at once.
 /// Features of the method's own.
 Step extract(const OrbOptions& options);
-/// KtgpMatcher from end to end: its homography and final matches.
+/// KtgpMatcher from end to end: its homography and final matches. Where its growth is on, with the
+/// simulated views of the reference that a step before has made.
 Step matcher(const MatcherOptions& options);
+/// Views of the reference as the growth has use for, found with the options `orb`.
+Step simulate(const OrbOptions& orb, int views);
 
 }  // namespace ktgp_orb::tools

@@ -10,6 +10,7 @@ MatcherOptions robust(const MatcherOptions& options) {
   MatcherOptions preset = MatcherOptions::robust();
   preset.knn = options.knn;
   preset.prosac = options.prosac;
+  preset.growth.seeds = options.growth.seeds;
   preset.guided.radius = options.guided.radius;
   preset.alignment = options.alignment;
   return preset;
@@ -17,6 +18,20 @@ MatcherOptions robust(const MatcherOptions& options) {
 
 OrbOptions withTeblid(OrbOptions options) {
   options.descriptor = DescriptorKind::teblid;
+  return options;
+}
+
+/// What finds most in hard pairs (doc/tuning.md): more and weaker corners, descriptors that see
+/// through changes of light, growth.
+OrbOptions forHardPairs(OrbOptions options) {
+  options.descriptor = DescriptorKind::teblid;
+  options.max_features = 3000;
+  options.fast_threshold = 10;
+  return options;
+}
+
+MatcherOptions withGrowth(MatcherOptions options) {
+  options.growth.enabled = true;
   return options;
 }
 
@@ -67,6 +82,16 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"ROBUST-TEBLID",
        "the same over TEBLID descriptors",
        {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
+      {"ROBUST+GROWTH",
+       "ROBUST, growth from single matches where PROSAC finds nothing",
+       {matcher(withGrowth(robust(options)))}},
+      {"HARD",
+       "ROBUST+GROWTH over 3000 TEBLID features, FAST threshold 10",
+       {extract(forHardPairs(pipeline.orb)), matcher(withGrowth(robust(options)))}},
+      {"HARD-VIEWS",
+       "HARD, the reference also seen from 12 simulated sides",
+       {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
+        matcher(withGrowth(robust(options)))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(motion)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},

@@ -140,7 +140,7 @@ void put(json& out, const std::optional<CornerConsistency>& consistency) {
 }
 
 /// The columns of the CSV file, which are keys of toRow.
-constexpr std::array<const char*, 32> kColumns{"set",
+constexpr std::array<const char*, 33> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -162,6 +162,7 @@ constexpr std::array<const char*, 32> kColumns{"set",
                                                "homography_sought",
                                                "found",
                                                "corner_error",
+                                               "within_covariance",
                                                "zncc",
                                                "predicted_corner_error",
                                                "corner_error_ratio",
@@ -196,6 +197,7 @@ json toRow(const PairScore& pair, const MethodScore& m) {
            {"rep_eq9", m.matched_share},
            {"correct_3px", m.correct},
            {"corner_error", orNull(m.corner_error)},
+           {"within_covariance", m.within_covariance ? json(*m.within_covariance) : json(nullptr)},
            {"homography_sought", m.corner_error.has_value()},
            {"found", m.found},
            {"zncc", orNull(m.zncc)},

@@ -1,13 +1,16 @@
 #include "evaluation/pair_evaluation.h"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <opencv2/imgproc.hpp>
 
 #include "cli/files.h"
 #include "core/homography/transform.h"
 #include "evaluation/overlap.h"
+#include "evaluation/truth_points.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -49,6 +52,28 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
 }
 
+/// Reduces the image; returns px of the original to px of the reduced one.
+Eigen::Matrix3d reduce(int longest_side, cv::Mat& image) {
+  const double scale = longest_side / static_cast<double>(std::max(image.cols, image.rows));
+  if (longest_side == 0 || scale >= 1.0) return Eigen::Matrix3d::Identity();
+  const cv::Size original = image.size();
+  cv::resize(image, image, {}, scale, scale, cv::INTER_AREA);
+  const double x = image.cols / static_cast<double>(original.width);
+  const double y = image.rows / static_cast<double>(original.height);
+  Eigen::Matrix3d m;
+  m << x, 0.0, 0.5 * (x - 1.0), 0.0, y, 0.5 * (y - 1.0), 0.0, 0.0, 1.0;
+  return m;
+}
+
+/// The pair as it is after both images were reduced.
+void reduce(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, ImagePair& pair) {
+  pair.homography = target * pair.homography * reference.inverse();
+  for (AnnotatedPoint& p : pair.points) {
+    p.reference = (reference * p.reference.homogeneous()).head<2>();
+    p.target = (target * p.target.homogeneous()).head<2>();
+  }
+}
+
 CornerConsistency cornerConsistency(const UncertainHomography& found, const Eigen::Matrix3d& truth,
                                     const cv::Size& size) {
   CornerConsistency result;
@@ -70,36 +95,49 @@ CornerConsistency cornerConsistency(const UncertainHomography& found, const Eige
 }
 
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
-                     MethodScore& score) {
+                     const std::vector<AnnotatedPoint>& points, MethodScore& score) {
+  constexpr double kAnnotated = 1.0;  // px: how exact annotated points are
   if (!found.estimated) return;
   score.found = found.homography.has_value();
   score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),
                                                truth, scene.reference_image.size());
   if (!score.found) return;
+  if (!points.empty()) score.corner_error = meanTransferError(*found.homography, points);
   if (found.covariance && found.covariance->allFinite()) {
     UncertainHomography estimate;
     estimate.homography = *found.homography / (*found.homography)(2, 2);
     estimate.covariance = *found.covariance;
-    score.consistency = cornerConsistency(estimate, truth, scene.reference_image.size());
+    if (points.empty()) {
+      score.consistency = cornerConsistency(estimate, truth, scene.reference_image.size());
+    } else {
+      score.within_covariance = isWithinCovariance(estimate, points, kAnnotated);
+    }
   }
   score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
 }
 
 }  // namespace
 
-PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions)
-    : extractor_(withImages(orb)), methods_(std::move(methods)), repetitions_(repetitions) {}
+PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
+                             int longest_side)
+    : extractor_(withImages(orb)),
+      methods_(std::move(methods)),
+      repetitions_(repetitions),
+      longest_side_(longest_side) {}
 
 PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;
   score.pair = pair;
   try {
-    const cv::Mat reference = readGrey(pair.reference);
+    cv::Mat reference = readGrey(pair.reference);
     if (pair.warp) {
       const WarpedImages images = renderWarp(reference, *pair.warp);
       evaluateImages(images.reference, images.target, score);
     } else {
-      evaluateImages(reference, readGrey(pair.target), score);
+      cv::Mat target = readGrey(pair.target);
+      const Eigen::Matrix3d of_reference = reduce(longest_side_, reference);
+      reduce(of_reference, reduce(longest_side_, target), score.pair);
+      evaluateImages(reference, target, score);
     }
   } catch (const FileError& error) {
     score.problem = error.what();
@@ -118,7 +156,8 @@ void PairEvaluator::evaluateImages(const cv::Mat& reference_image, const cv::Mat
       evaluation::detectorRepeatability(reference_, target_, truth).score();
   const Scene scene{reference_image, target_image, reference_, target_};
   for (const Method& method : methods_) {
-    score.methods.push_back(evaluateMethod(method, scene, truth, score.extraction_milliseconds));
+    score.methods.push_back(
+        evaluateMethod(method, scene, truth, score.pair.points, score.extraction_milliseconds));
   }
 }
 
@@ -137,6 +176,7 @@ double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& tar
 
 MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& scene,
                                           const Eigen::Matrix3d& truth,
+                                          const std::vector<AnnotatedPoint>& points,
                                           double extraction_milliseconds) {
   std::vector<std::vector<StepResult>> runs(static_cast<std::size_t>(repetitions_));
   Matching found;
@@ -145,7 +185,7 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
   MethodScore score;
   score.method = method.name;
   scoreMatches(found, scene, truth, score);
-  scoreHomography(found, scene, truth, score);
+  scoreHomography(found, scene, truth, points, score);
   score.steps = medianTimes(runs);
   for (const StepResult& step : score.steps) score.milliseconds += step.milliseconds;
   score.total_milliseconds = score.milliseconds + (found.own ? 0.0 : extraction_milliseconds);

@@ -37,11 +37,15 @@ struct MethodScore {
   evaluation::ErrorSummary reprojection_error;  ///< px, against the truth
   std::array<double, kPrecisionThresholds.size()> precision{};
   std::size_t correct = 0;  ///< matches within evaluation::kCorrectWithin
-  /// px; infinite where the method found no homography; nothing where it does not look for one.
+  /// Mean over the corners, or over the annotated points, px; infinite where the method found no
+  /// homography; nothing where it does not look for one.
   std::optional<double> corner_error;
   bool found = false;  ///< a homography, which the method calls good
+  /// Whether its errors at annotated points are within the 99.9 % bound of its covariance; nothing
+  /// where there are no such points or the method gives no covariance.
+  std::optional<bool> within_covariance;
   /// How the error of the homography at the four corners compares with its covariance there;
-  /// nothing where the method gives no covariance.
+  /// nothing where the method gives no covariance or the truth is annotated points.
   std::optional<CornerConsistency> consistency;
   /// Of the images laid over each other by the homography; see overlapCorrelation.
   std::optional<double> zncc;
@@ -65,7 +69,9 @@ struct PairScore {
 class PairEvaluator {
  public:
   /// Each method is run `repetitions` times and the median of each step's time is kept.
-  PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions);
+  /// Images with a longer side than `longest_side` px are reduced to that; 0: none are.
+  PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
+                int longest_side = 0);
 
   /// A file that cannot be read ends in a problem, not in an exception.
   PairScore evaluate(const ImagePair& pair);
@@ -74,11 +80,13 @@ class PairEvaluator {
   void evaluateImages(const cv::Mat& reference, const cv::Mat& target, PairScore& score);
   double extract(const cv::Mat& reference, const cv::Mat& target);
   MethodScore evaluateMethod(const Method& method, const Scene& scene, const Eigen::Matrix3d& truth,
+                             const std::vector<AnnotatedPoint>& points,
                              double extraction_milliseconds);
 
   OrbExtractor extractor_;
   std::vector<Method> methods_;
   int repetitions_;
+  int longest_side_;
   Features reference_;
   Features target_;
 };

@@ -58,11 +58,11 @@ Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
   return h / h(2, 2);
 }
 
-Degradation drawDegradation(Random& random) {
+Degradation drawDegradation(const WarpLimits& limits, Random& random) {
   Degradation d;
   d.blur = uniform(random, 0.3, 1.0);
-  d.gamma = logUniform(random, 1.0 / 1.3, 1.3);
-  d.gain = uniform(random, 0.8, 1.2);
+  d.gamma = logUniform(random, 1.0 / limits.gamma, limits.gamma);
+  d.gain = uniform(random, 1.0 - limits.gain, 1.0 + limits.gain);
   d.noise = uniform(random, 1.0, 5.0);
   d.seed = random.next();
   return d;
@@ -100,6 +100,7 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
+  if (name == "extreme") return WarpLimits{180.0, 4.0, 70.0, 80.0, 2.0, 0.4};
   return std::nullopt;
 }
 
@@ -108,7 +109,7 @@ Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
   Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
   Warp warp;
   warp.homography = drawHomography(limits, random);
-  if (index % 2 == 1) warp.degradation = drawDegradation(random);
+  if (index % 2 == 1) warp.degradation = drawDegradation(limits, random);
   return warp;
 }
 

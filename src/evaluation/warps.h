@@ -15,9 +15,11 @@ struct WarpLimits {
   double zoom = 1.0;      ///< of the lens
   double tilt = 0.0;      ///< of the plane about an axis of any direction within it, degrees
   double shift = 0.0;     ///< of the image centre along x and along y, px
+  double gamma = 1.3;     ///< of a degraded target, from 1/gamma to gamma on a logarithmic scale
+  double gain = 0.2;      ///< of a degraded target, from 1 - gain to 1 + gain
 };
 
-/// "small", "medium" or "large"; nothing for another name.
+/// "small", "medium", "large" or "extreme"; nothing for another name.
 std::optional<WarpLimits> warpLimits(const std::string& name);
 
 constexpr int kWarpWidth = 640;

@@ -228,6 +228,8 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   message->reference_changed = match.reference_changed;
   message->search = static_cast<std::uint8_t>(match.match.search);
   message->fall_backs = match.fall_backs;
+  message->found_by = static_cast<std::uint8_t>(match.match.found_by);
+  message->growth_seeds = static_cast<std::uint32_t>(match.match.growth.seeds);
   message->descriptor = toString(match.frame->features.descriptor);
   message->target_features = static_cast<std::uint32_t>(match.frame->features.size());
   message->extraction_milliseconds = match.frame->extraction_milliseconds;

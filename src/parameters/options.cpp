@@ -41,6 +41,9 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.prosac.max_iterations = p.prosac_iterations;
   matcher.prosac.confidence = p.prosac_confidence;
   matcher.prosac.seed = static_cast<std::uint64_t>(p.prosac_seed);
+  matcher.growth.enabled = p.growth;
+  matcher.growth.seeds = p.growth_seeds;
+  matcher.growth.views = p.views;
   matcher.guided.enabled = p.guided;
   matcher.guided.radius = p.guided_radius;
   matcher.alignment.enabled = p.alignment;

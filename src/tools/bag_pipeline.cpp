@@ -50,8 +50,9 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     // Tasks start in order, so the frame before is at least in the works: no deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
-    // With a search radius the frame before must be known first.
-    const bool ahead = options_.matcher.knn.search_radius == 0.0;
+    // With a search radius the frame before must be known first; the sequence alone has the views.
+    const bool ahead =
+        options_.matcher.knn.search_radius == 0.0 && options_.matcher.growth.views == 0;
     if (reference && ahead) {
       prepared.ahead = MatchAhead{reference, {}};
       worker.matcher.match(reference->features, prepared.frame->features, prepared.ahead->result);

@@ -214,6 +214,8 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
            {"target", toJson(outcome.target)},
            {"options", tools::toJson(options)},
            {"status", toString(outcome.result.status)},
+           {"found_by", toString(outcome.result.found_by)},
+           {"growth_seeds", outcome.result.growth.seeds},
            {"stages", json::array()},
            {"homography", nullptr}};
   for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));

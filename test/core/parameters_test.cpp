@@ -46,6 +46,9 @@ TEST(Parameters, DefaultsAreThoseOfTheCore) {
   EXPECT_EQ(options.matcher.prosac.max_iterations, core.prosac.max_iterations);
   EXPECT_EQ(options.matcher.prosac.confidence, core.prosac.confidence);
   EXPECT_EQ(options.matcher.prosac.seed, core.prosac.seed);
+  EXPECT_EQ(options.matcher.growth.enabled, core.growth.enabled);
+  EXPECT_EQ(options.matcher.growth.seeds, core.growth.seeds);
+  EXPECT_EQ(options.matcher.growth.views, core.growth.views);
   EXPECT_EQ(options.matcher.guided.enabled, core.guided.enabled);
   EXPECT_EQ(options.matcher.guided.radius, core.guided.radius);
   EXPECT_EQ(options.matcher.alignment.enabled, core.alignment.enabled);

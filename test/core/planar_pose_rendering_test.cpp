@@ -53,12 +53,19 @@ Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose) {
   return h / h(2, 2);
 }
 
-/// What the camera sees of the picture, with some noise of the sensor.
+/// The picture is twice as fine as the reference image, so that both images are views of it.
+constexpr double kFiner = 2.0;
+
+/// What a camera sees of the picture through a homography from the reference image, with some noise
+/// of the sensor.
 cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed) {
   cv::Mat source, noise(kSize, CV_32F), grey;
   picture.convertTo(source, CV_32F);
   cv::RNG(static_cast<std::uint64_t>(seed)).fill(noise, cv::RNG::NORMAL, 0.0, 2.0);
-  const cv::Mat seen = tools::renderView(source, homography.inverse(), kSize) + noise;
+  const double middle = 0.5 * (kFiner - 1.0);
+  Eigen::Matrix3d finer;
+  finer << kFiner, 0.0, middle, 0.0, kFiner, middle, 0.0, 0.0, 1.0;
+  const cv::Mat seen = tools::renderView(source, finer * homography.inverse(), kSize) + noise;
   seen.convertTo(grey, CV_8U);
   return grey;
 }
@@ -67,10 +74,11 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
   constexpr int kPoses = 60;
   constexpr double kChi6 = 22.46;  // 99.9 %
   cv::Mat picture;
-  cv::GaussianBlur(test::textureImage(kSize, 3), picture, cv::Size(), 1.0);
+  cv::GaussianBlur(test::textureImage(kSize * static_cast<int>(kFiner), 3), picture, cv::Size(),
+                   2.0);
   OrbExtractor extractor;
   Features reference, target;
-  extractor.extract(picture, reference);
+  extractor.extract(view(picture, Eigen::Matrix3d::Identity(), 1000), reference);
   KtgpMatcher matcher(MatcherOptions::robust());
   MatchResult result;
   test::Numbers numbers(11);
@@ -95,10 +103,11 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
                                     [](double value) { return value < kChi6; });
   std::sort(normalised.begin(), normalised.end());
   const double median = normalised[normalised.size() / 2];
+  RecordProperty("within", std::to_string(within));
   RecordProperty("median", std::to_string(median));
   EXPECT_GE(static_cast<double>(within), 0.98 * static_cast<double>(normalised.size()));
   EXPECT_GT(median, 1.5);  // 5.35 where the covariance is exactly right
-  EXPECT_LT(median, 8.0);
+  EXPECT_LT(median, 8.5);
 }
 
 }  // namespace

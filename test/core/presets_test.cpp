@@ -21,6 +21,9 @@ void expectEqual(const std::string& name, const MatcherOptions& core,
   EXPECT_EQ(preset.gms.rotation, core.gms.rotation);
   EXPECT_EQ(preset.gms.scale, core.gms.scale);
   EXPECT_EQ(preset.prosac.max_error, core.prosac.max_error);
+  EXPECT_EQ(preset.growth.enabled, core.growth.enabled);
+  EXPECT_EQ(preset.growth.seeds, core.growth.seeds);
+  EXPECT_EQ(preset.growth.views, core.growth.views);
   EXPECT_EQ(preset.guided.enabled, core.guided.enabled);
   EXPECT_EQ(preset.guided.radius, core.guided.radius);
   EXPECT_EQ(preset.alignment.enabled, core.alignment.enabled);

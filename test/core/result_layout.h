@@ -5,6 +5,7 @@
 #include "ktgp_orb/alignment.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/growth.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/lens.h"
 #include "ktgp_orb/mosaic.h"
@@ -52,8 +53,14 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(GmsFilter),
     KTGP_ORB_TYPE(GmsOptions),
     KTGP_ORB_TYPE(GmsResult),
+    KTGP_ORB_TYPE(GrowthOptions),
+    KTGP_ORB_TYPE(GrowthResult),
+    KTGP_ORB_MEMBER(GrowthResult, homography),
+    KTGP_ORB_MEMBER(GrowthResult, covariance),
+    KTGP_ORB_MEMBER(GrowthResult, judged),
     KTGP_ORB_TYPE(GuidedMatcher),
     KTGP_ORB_TYPE(GuidedOptions),
+    KTGP_ORB_TYPE(HomographyGrowth),
     KTGP_ORB_TYPE(KnnMatcher),
     KTGP_ORB_TYPE(KnnOptions),
     KTGP_ORB_TYPE(KtgpMatcher),
@@ -63,7 +70,7 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_MEMBER(MatchAhead, result),
     KTGP_ORB_TYPE(MatcherOptions),
     KTGP_ORB_TYPE(MatchHints),
-    KTGP_ORB_MEMBER(MatchHints, whole_image),
+    KTGP_ORB_MEMBER(MatchHints, views),
     KTGP_ORB_TYPE(MatchResult),
     KTGP_ORB_MEMBER(MatchResult, stages),
     KTGP_ORB_MEMBER(MatchResult, homography),
@@ -83,6 +90,8 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_MEMBER(ProsacResult, homography),
     KTGP_ORB_MEMBER(ProsacResult, covariance),
     KTGP_ORB_TYPE(ReferenceOptions),
+    KTGP_ORB_TYPE(ReferenceView),
+    KTGP_ORB_MEMBER(ReferenceView, to_view),
     KTGP_ORB_TYPE(SequenceMatch),
     KTGP_ORB_MEMBER(SequenceMatch, match),
     KTGP_ORB_MEMBER(SequenceMatch, accumulated),

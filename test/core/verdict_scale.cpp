@@ -38,11 +38,16 @@ std::vector<Preset> presets() {
   mutual.guided.enabled = true;
   MatcherOptions bare = ktgp;
   bare.gms.enabled = false;
+  const MatcherOptions robust = MatcherOptions::robust();
+  MatcherOptions growing = robust;
+  growing.growth.enabled = true;
   return {{"ktgp", ktgp, DescriptorKind::orb},
           {"ktgp, rotation and scale", turned, DescriptorKind::orb},
           {"ktgp, mutual and guided", mutual, DescriptorKind::orb},
           {"ktgp without GMS", bare, DescriptorKind::orb},
-          {"robust", MatcherOptions::robust(), DescriptorKind::orb},
+          {"robust", robust, DescriptorKind::orb},
+          {"robust, growth", growing, DescriptorKind::orb},
+          {"robust, growth, teblid", growing, DescriptorKind::teblid},
           {"teblid", ktgp, DescriptorKind::teblid}};
 }
 

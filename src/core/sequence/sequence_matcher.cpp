@@ -42,6 +42,7 @@ std::int64_t stampOf(double seconds) {
 // Frames are kept, so that nothing need be copied.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
+  if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
   return options;
 }
 
@@ -59,7 +60,7 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
 
 struct SequenceMatcher::Impl {
   explicit Impl(const SequenceOptions& wanted)
-      : options(withImages(wanted)), extractor(options.orb), matcher(wanted.matcher) {
+      : options(withImages(wanted)), extractor(options.orb), matcher(options.matcher) {
     requireValid(wanted.reference);
     keeper.setOptions(wanted.reference);
     answer.match.clear(options.matcher);
@@ -69,8 +70,10 @@ struct SequenceMatcher::Impl {
   bool isOutdated(const Frame& frame) const;
   FramePtr withFeatures(const FramePtr& frame);
   FramePtr foundAnew(const FramePtr& frame);
+  const ReferenceViews* viewsOf(const FramePtr& reference);
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
-  void fallBack(const Frame& reference, const Frame& target, MatchResult& result);
+  void fallBack(const Frame& reference, const Frame& target, const ReferenceViews* of_reference,
+                MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
   void forgetAnswer();
@@ -81,6 +84,8 @@ struct SequenceMatcher::Impl {
   ReferenceKeeper keeper;
   MotionPredictor predictor;
   FramePool pool;
+  ReferenceViews views;
+  FramePtr viewed;  // the frame that they show
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
@@ -97,6 +102,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   KtgpMatcher new_matcher(wanted.matcher);
   if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
+  viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
@@ -104,6 +110,22 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
 /// Features found before the extractor's options changed would mix two configurations.
 bool SequenceMatcher::Impl::isOutdated(const Frame& frame) const {
   return !frame.image.empty() && frame.orb != options.orb;
+}
+
+/// Simulated views are worth their time for a reference that stays; their keypoints are not moved
+/// where a lens has it, so that then there are none.
+const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
+  const GrowthOptions& growth = options.matcher.growth;
+  const bool wanted = growth.enabled && growth.views > 0 &&
+                      options.reference.mode == ReferenceMode::fixed && !reference->lens &&
+                      !reference->image.empty();
+  if (!wanted) return nullptr;
+  if (viewed != reference) {
+    viewed.reset();
+    views = simulateViews(reference->image, options.orb, growth.views);
+    viewed = reference;
+  }
+  return &views;
 }
 
 /// A frame that comes in, with features of today's options: found in itself where it has none yet.
@@ -134,18 +156,20 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
 void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, MatchResult& result) {
   MatchHints hints;
   if (isOutdated(*reference)) reference = foundAnew(reference);
+  hints.views = viewsOf(reference);
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   if (result.search == Search::near && predictor.isPoor(result)) {
-    fallBack(*reference, target, result);
+    fallBack(*reference, target, hints.views, result);
   }
 }
 
 /// Matches once more, as if there were no search radius; `result` becomes the better of the two.
 void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
-                                     MatchResult& result) {
+                                     const ReferenceViews* of_reference, MatchResult& result) {
   MatchHints hints;
+  hints.views = of_reference;
   hints.whole_image = true;
   matcher.match(reference.features, target.features, hints, whole_result);
   ++answer.fall_backs;
@@ -213,6 +237,7 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.reference.reset();
   answer.accumulated.reset();
   predictor.forget();
+  viewed.reset();
   pool.releaseImages();
 }
 

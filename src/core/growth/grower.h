@@ -1,0 +1,40 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/growth/local_matcher.h"
+#include "core/growth/map_fit.h"
+#include "core/growth/reference_frames.h"
+
+namespace ktgp_orb::growth {
+
+/// Grows a map from a seed (Ferrari, Tuytelaars & Van Gool, ECCV 2004, expand and contract): guided
+/// matching in a region around it, the map fitted anew, the region larger and the radius smaller.
+/// Keeps its buffers.
+class Grower {
+ public:
+  static constexpr float kFirstRadius = 15.F;  ///< px
+  static constexpr float kLastRadius = 4.F;
+
+  /// False where too few matches are found on the way. `map`: first guess, then the homography.
+  bool grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
+            Eigen::Matrix3d& map);
+
+  /// What the homography predicts over the whole image, and the matches found there, after grow().
+  const std::vector<Prediction>& predictions() const { return predictions_; }
+  const std::vector<LocalMatch>& matches() const { return matches_; }
+  const std::vector<PlacePair>& pairs() const { return pairs_; }
+
+ private:
+  bool search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach, float radius,
+              ReferenceFrames& reference, LocalMatcher& matcher);
+  std::size_t exactPairs(const Eigen::Matrix3d& map) const;
+  bool refit(float radius, Eigen::Matrix3d& map) const;
+
+  std::vector<Prediction> predictions_;
+  std::vector<LocalMatch> matches_;
+  std::vector<PlacePair> pairs_;
+};
+
+}  // namespace ktgp_orb::growth

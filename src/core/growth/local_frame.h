@@ -1,0 +1,61 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <opencv2/core/types.hpp>
+
+#include "core/util/constants.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb::growth {
+
+/// A keypoint as a place, a direction of length 1 and a size.
+struct LocalFrame {
+  float x, y;      ///< px
+  float dx, dy;    ///< where it points
+  float log_size;  ///< natural logarithm of its diameter in px
+};
+
+inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
+  const float angle = keypoint.angle * static_cast<float>(util::kPi / 180.0);
+  return {keypoint.pt.x, keypoint.pt.y, std::cos(angle), std::sin(angle),
+          std::log(std::max(keypoint.size, 1e-3F))};
+}
+
+/// The frame at the place `to` after a map with the derivative `jacobian`, which scales areas by
+/// exp(2 `log_scale`).
+inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
+                         const Eigen::Matrix2f& jacobian, float log_scale) {
+  const Eigen::Vector2f d = jacobian * Eigen::Vector2f(frame.dx, frame.dy);
+  const float length = std::sqrt(d.squaredNorm());
+  const float per_length = length > 0.F ? 1.F / length : 0.F;
+  return {to.x(), to.y(), d.x() * per_length, d.y() * per_length, frame.log_size + log_scale};
+}
+
+/// 256 bits.
+using Bits = std::array<std::uint64_t, 4>;
+
+inline Bits bitsOf(const Features& features, std::size_t index) {
+  Bits bits;
+  std::memcpy(bits.data(), features.descriptors.ptr(static_cast<int>(index)), kDescriptorBytes);
+  return bits;
+}
+
+/// Hamming distance, without an instruction that not every processor has.
+inline int distance(const Bits& a, const Bits& b) {
+  std::uint64_t bytes = 0;  // each holds four times eight
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::uint64_t v = a[i] ^ b[i];
+    v -= (v >> 1) & 0x5555555555555555U;
+    v = (v & 0x3333333333333333U) + ((v >> 2) & 0x3333333333333333U);
+    bytes += (v + (v >> 4)) & 0x0f0f0f0f0f0f0f0fU;
+  }
+  bytes = (bytes & 0x00ff00ff00ff00ffU) + ((bytes >> 8) & 0x00ff00ff00ff00ffU);
+  return static_cast<int>((bytes * 0x0001000100010001U) >> 48);
+}
+
+}  // namespace ktgp_orb::growth

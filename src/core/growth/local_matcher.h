@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "core/util/cell_grid.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb::growth {
+
+/// A keypoint of the reference as a map says that the target shows it.
+struct Prediction {
+  LocalFrame frame;
+  std::int32_t reference;
+};
+
+struct LocalMatch {
+  std::int32_t reference;
+  std::int32_t target;
+  std::int32_t distance;  ///< Hamming
+  float squared_error;    ///< px², from the predicted place
+};
+
+/// Looks for the keypoints of the reference where, turned as and as large as they are predicted.
+/// Keeps its buffers.
+class LocalMatcher {
+ public:
+  static constexpr int kMaxDistance = 80;
+
+  void setTarget(const Features& target);
+
+  /// The pairs of which each is the other's nearest of those that are within `radius` px of the
+  /// predicted places moved by `shift`, turned by less than 0.6 rad and by less than a factor
+  /// of 1.8 larger or smaller, and at a Hamming distance of at most kMaxDistance; of equal
+  /// distances the lower index. In the order of the predictions. Returns for how many predictions
+  /// there is a keypoint within the radius at all.
+  std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
+                    const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
+
+  /// Calls visit(dx, dy, descriptor) for each keypoint that points the same way and is as large, as
+  /// match() has it, in the square of half side `radius` around `wanted`; dx, dy: from there, px.
+  template <typename Visit>
+  void visitAlike(const LocalFrame& wanted, float radius, Visit visit) const {
+    cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
+      for (std::uint32_t i = begin; i < end; ++i) {
+        const LocalFrame& frame = frames_[i];
+        const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kCosine;
+        const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kLogScale;
+        if (turns_alike & scales_alike) visit(frame.x - wanted.x, frame.y - wanted.y, bits_[i]);
+      }
+    });
+  }
+
+  /// Pairs that pass all of these tests, mutual or not, of the last call of match().
+  std::size_t candidates() const { return candidates_; }
+
+  const LocalFrame& frame(std::int32_t target) const {
+    return frames_[position_[static_cast<std::size_t>(target)]];
+  }
+  std::size_t size() const { return frames_.size(); }
+  const cv::Size& imageSize() const { return image_size_; }
+
+ private:
+  static constexpr float kCell = 8.F;            // px
+  static constexpr float kCosine = 0.825336F;    // of 0.6 rad
+  static constexpr float kLogScale = 0.587787F;  // of 1.8
+
+  util::CellGrid cells_;
+  cv::Size image_size_;
+  // Cell by cell.
+  std::vector<LocalFrame> frames_;
+  std::vector<Bits> bits_;
+  std::vector<std::uint32_t> position_;       // of each keypoint among them
+  std::vector<std::int64_t> best_reference_;  // key of the nearest prediction, of each of them
+  std::size_t candidates_ = 0;
+};
+
+}  // namespace ktgp_orb::growth

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "core/growth/local_matcher.h"
+#include "ktgp_orb/growth.h"
+
+namespace ktgp_orb::growth {
+
+/// The keypoints of the reference and of its simulated views, all in px of the reference. Keeps its
+/// buffers.
+class ReferenceFrames {
+ public:
+  /// `views`: or null.
+  void set(const Features& reference, const ReferenceViews* views);
+
+  /// The keypoints within `reach` px of `centre` where `map`, reference to target, puts them. Of
+  /// the views, those that the target looks like around the centre: in which the map leaves little
+  /// to squeeze, so that descriptors and directions can agree. Without those that fall more than
+  /// `kMargin` px outside the target. False, and none, where the map is no view of a plane around
+  /// the centre that descriptors could follow.
+  bool predict(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
+               const cv::Size& target, std::vector<Prediction>& predictions);
+  static constexpr float kMargin = 50.F;
+
+  const std::vector<LocalFrame>& frames() const { return frames_; }
+  const std::vector<Bits>& bits() const { return bits_; }
+
+ private:
+  struct View {
+    std::size_t begin, end;     // its keypoints
+    Eigen::Matrix2d from_view;  // px of the view to px of the reference, without the shift
+  };
+
+  void add(const Features& features, const Eigen::Matrix<double, 2, 3>& to_view);
+  bool chooseViews(const Eigen::Matrix2d& jacobian);
+
+  std::vector<View> views_;
+  std::vector<double> squeeze_;  // of each view
+  std::vector<std::uint8_t> chosen_;
+  std::vector<LocalFrame> frames_;
+  std::vector<Bits> bits_;
+};
+
+}  // namespace ktgp_orb::growth

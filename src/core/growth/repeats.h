@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "core/growth/local_matcher.h"
+
+namespace ktgp_orb::growth {
+
+/// How a scene repeats itself: windows of a facade, lines of letters. Of all keypoints of the
+/// target that look like a predicted one, within some distance of its place, the displacements that
+/// occur most often. Keeps its buffers.
+class Repeats {
+ public:
+  /// The most frequent shifts in px, at most kMost, none within 10 px of zero.
+  const std::vector<cv::Point2f>& find(const std::vector<Prediction>& predictions,
+                                       const std::vector<Bits>& reference,
+                                       const LocalMatcher& matcher);
+
+  static constexpr std::size_t kMost = 16;
+
+ private:
+  struct Bin {
+    std::int32_t votes;
+    float x, y;  // sums of the displacements
+  };
+
+  std::vector<Bin> bins_;
+  std::vector<std::int32_t> order_;
+  std::vector<cv::Point2f> shifts_;
+};
+
+}  // namespace ktgp_orb::growth

@@ -1,0 +1,186 @@
+#include "core/growth/verdict.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/util/constants.h"
+
+namespace ktgp_orb::growth {
+namespace {
+
+constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
+constexpr int kDirections = 24;
+constexpr double kAboveLargest = 1.5;
+constexpr double kRounds = 10.0;  // of growth
+constexpr float kCell = 12.F;     // px: half of a patch's width is seen by both
+constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
+
+/// log10 of the ways to choose four of n.
+double logQuadruples(double n) {
+  double sum = 0.0;
+  for (int i = 0; i < 4; ++i) sum += std::log10(std::max(n - i, 1.0) / (i + 1.0));
+  return sum;
+}
+
+cv::Point2f shiftOf(int direction, double length) {
+  const double angle = 2.0 * util::kPi * direction / kDirections;
+  return {static_cast<float>(length * std::cos(angle)),
+          static_cast<float>(length * std::sin(angle))};
+}
+
+}  // namespace
+
+double logChance(double count, double mean, double spread) {
+  constexpr double kPoisson = 1.0 + 1e-6;
+  if (!(count > mean)) return 0.0;
+  if (mean <= 0.0) return -std::numeric_limits<double>::infinity();
+  double exponent = count * std::log(count / mean) - count + mean;
+  if (spread > kPoisson) {
+    const double size = mean / (spread - 1.0);  // of the negative binomial
+    exponent = count * std::log(count * (mean + size) / (mean * (count + size))) +
+               size * std::log((mean + size) / (count + size));
+  }
+  return -exponent / std::log(10.0);
+}
+
+bool Verdict::isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells) {
+  const auto cell = [](float v) {
+    return static_cast<std::uint32_t>(static_cast<std::int32_t>(std::floor(v / kCell)));
+  };
+  const std::uint64_t key = (std::uint64_t{cell(frame.x)} << 32) | cell(frame.y);
+  const std::size_t mask = cells.size() - 1;
+  std::size_t slot = ((key * 0x9e3779b97f4a7c15U) >> 32) & mask;
+  while (cells[slot] != kEmpty && cells[slot] != key) slot = (slot + 1) & mask;
+  if (cells[slot] == key) return false;
+  cells[slot] = key;
+  return true;
+}
+
+Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
+                               const ReferenceFrames& reference, const LocalMatcher& matcher) {
+  std::size_t slots = 16;
+  while (slots < 2 * matches.size()) slots *= 2;
+  Counts counts{};
+  std::size_t level = 0;
+  for (const float radius : kRadii) {
+    reference_cells_.assign(slots, kEmpty);
+    target_cells_.assign(slots, kEmpty);
+    double sum = 0.0;
+    int above = -1;  // the nearest first, so that a cell counts with the best that it has
+    for (const int limit : kDistances) {
+      for (const LocalMatch& m : matches) {
+        if (m.distance <= above || m.distance > limit) continue;
+        if (m.squared_error > radius * radius) continue;
+        const bool is_new_reference =
+            isNew(reference.frames()[static_cast<std::size_t>(m.reference)], reference_cells_);
+        const bool is_new_target = isNew(matcher.frame(m.target), target_cells_);
+        if (is_new_reference && is_new_target) sum += 1.0;
+      }
+      above = limit;
+      counts[level++] = sum;
+    }
+  }
+  return counts;
+}
+
+Judgement Verdict::judge(const std::vector<Prediction>& predictions,
+                         const ReferenceFrames& reference, float first_radius, int seeds,
+                         LocalMatcher& matcher) {
+  const auto chances = [&](const cv::Point2f& shift) {
+    return static_cast<double>(
+        matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
+  };
+  matcher.match(predictions, reference.bits(), {}, first_radius, matches_);
+  const double log_tests = std::log10(static_cast<double>(kLevels) * seeds) +
+                           logQuadruples(kRounds * static_cast<double>(matcher.candidates()));
+  const double own_chances = chances({});
+  const Counts own = count(matches_, reference, matcher);
+
+  // As if the decoys had nothing: what would not pass then need not meet them.
+  Judgement hope{static_cast<std::size_t>(own.back()), 0.0,
+                 std::numeric_limits<double>::infinity()};
+  for (const double n : own) {
+    hope.log_false_alarms =
+        std::min(hope.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
+  }
+  if (!(hope.log_false_alarms < kLogMaxFalseAlarms)) return hope;
+
+  std::size_t d = 0;
+  for (const double length : kShifts) {
+    for (int direction = 0; direction < kDirections; ++direction, ++d) {
+      decoys_[d].chances = chances(shiftOf(direction, length));
+      decoys_[d].counts = count(matches_, reference, matcher);
+    }
+  }
+  largest_.fill(0.0);
+  for (const Decoy& decoy : decoys_) raise(decoy);
+  Judgement judgement = best(own, own_chances, log_tests);
+  if (!(judgement.log_false_alarms < kLogMaxFalseAlarms)) return judgement;
+  meetRepeats(predictions, reference, matcher);
+  return best(own, own_chances, log_tests);
+}
+
+/// At the level that says most.
+Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
+  Judgement judgement;
+  judgement.log_false_alarms = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < own.size(); ++k) {
+    const Chance chance = chanceAt(k);
+    const double mean = chance.rate * own_chances;
+    const bool is_unique = own[k] > kAboveLargest * largest_[k] * own_chances;
+    const double log_chance = logChance(own[k] - 4.0, mean, chance.spread);
+    if (!is_unique || log_tests + log_chance >= judgement.log_false_alarms) continue;
+    judgement = {static_cast<std::size_t>(own[k]), mean, log_tests + log_chance};
+  }
+  return judgement;
+}
+
+void Verdict::meetRepeats(const std::vector<Prediction>& predictions,
+                          const ReferenceFrames& reference, LocalMatcher& matcher) {
+  for (const cv::Point2f& shift : repeats_.find(predictions, reference.bits(), matcher)) {
+    const auto chances =
+        static_cast<double>(matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
+    raise({chances, count(matches_, reference, matcher)});
+  }
+}
+
+void Verdict::raise(const Decoy& decoy) {
+  constexpr double kFewChances = 5.0;  // of so few, a single match would say too much
+  for (std::size_t k = 0; k < kLevels; ++k) {
+    largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
+  }
+}
+
+/// Where the scene repeats itself, a shift may meet the next window or letter: a few decoys then
+/// have many matches, which are not chance. What they have beyond the others is left out here; the
+/// homography must be well above the best of them all the same (kAboveLargest).
+Verdict::Chance Verdict::chanceAt(std::size_t k) const {
+  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may meet a repetition
+  constexpr double kBeyond = 2.0;  // matches that chance may add to the other decoys'
+  Chance chance{0.0, 1.0};
+  std::array<double, kDecoys> counts;
+  // One more than were seen (Laplace's rule): what was never seen may still happen.
+  double sum = 1.0;
+  double all_chances = 1.0;
+  for (std::size_t d = 0; d < kDecoys; ++d) {
+    counts[d] = decoys_[d].counts[k];
+  }
+  std::nth_element(counts.begin(), counts.end() - kRepeats - 1, counts.end());
+  const double most = *(counts.end() - kRepeats - 1) + kBeyond;
+  for (const Decoy& decoy : decoys_) {
+    sum += std::min(decoy.counts[k], most);
+    all_chances += decoy.chances;
+  }
+  chance.rate = sum / all_chances;
+  double squares = 0.0;  // of what they have beyond their chances, over these
+  for (const Decoy& decoy : decoys_) {
+    const double expected = chance.rate * std::max(decoy.chances, 1.0);
+    const double excess = std::min(decoy.counts[k], most) - expected;
+    squares += excess * excess / expected;
+  }
+  chance.spread = std::max(1.0, squares / double{kDecoys});
+  return chance;
+}
+
+}  // namespace ktgp_orb::growth

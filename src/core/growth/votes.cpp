@@ -1,0 +1,93 @@
+#include "core/growth/votes.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb::growth {
+namespace {
+
+constexpr float kReach = 120.F;          // px of the reference
+constexpr float kCosine = 0.877583F;     // of 0.5 rad
+constexpr float kLogScale = 0.470004F;   // of 1.6
+constexpr float kSlack = 4.F;            // px of the target
+constexpr float kRelativeSlack = 0.45F;  // of the distance there
+
+constexpr float kCell = 8.F;  // px
+
+std::size_t columns(const cv::Size& size) {
+  return static_cast<std::size_t>(static_cast<float>(std::max(size.width, 0)) / kCell) + 1;
+}
+
+std::size_t rows(const cv::Size& size) {
+  return static_cast<std::size_t>(static_cast<float>(std::max(size.height, 0)) / kCell) + 1;
+}
+
+/// Of a place in an image of that size; of the nearest cell where it is outside.
+std::uint32_t cellOf(float x, float y, const cv::Size& size) {
+  const auto clamped = [](float v, std::size_t count) {
+    // Written so that NaN has a cell.
+    return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
+                      : std::size_t{0};
+  };
+  const std::size_t cell = clamped(y, rows(size)) * columns(size) + clamped(x, columns(size));
+  return static_cast<std::uint32_t>(cell);
+}
+
+}  // namespace
+
+bool Votes::votesFor(const Similarity& voter, const Similarity& pair) const {
+  const float x = voter.x - pair.x;
+  const float y = voter.y - pair.y;
+  const float squared = x * x + y * y;
+  if (squared > kReach * kReach) return false;
+  if (std::abs(voter.log_scale - pair.log_scale) > kLogScale) return false;
+  if (voter.cosine * pair.cosine + voter.sine * pair.sine < kCosine) return false;
+  const float c = pair.scale * pair.cosine;
+  const float s = pair.scale * pair.sine;
+  const float u = pair.u + c * x - s * y - voter.u;
+  const float v = pair.v + s * x + c * y - voter.v;
+  const float slack = kSlack + kRelativeSlack * pair.scale * std::sqrt(squared);
+  return u * u + v * v <= slack * slack;
+}
+
+void Votes::count(const std::vector<FramePair>& pairs, const cv::Size& from_size,
+                  const cv::Size& to_size) {
+  similarities_.clear();
+  for (const auto& [from, to] : pairs) {
+    const float log_scale = to.log_size - from.log_size;
+    similarities_.push_back({from.x, from.y, to.x, to.y, from.dx * to.dx + from.dy * to.dy,
+                             from.dx * to.dy - from.dy * to.dx, std::exp(log_scale), log_scale,
+                             cellOf(from.x, from.y, from_size), cellOf(to.x, to.y, to_size)});
+  }
+  cells_.build(
+      pairs.size(), [&](std::size_t i) { return cv::Point2f(pairs[i].from.x, pairs[i].from.y); },
+      from_size, kReach);
+  from_voted_.assign(columns(from_size) * rows(from_size), 0);
+  to_voted_.assign(columns(to_size) * rows(to_size), 0);
+  votes_.assign(pairs.size(), 0);
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Similarity& pair = similarities_[i];
+    const auto number = static_cast<std::uint32_t>(i + 1);
+    from_voted_[pair.from_cell] = to_voted_[pair.to_cell] = number;
+    std::int32_t votes = 0;
+    cells_.visitNear(pair.x, pair.y, kReach, [&](std::int32_t other) {
+      const Similarity& voter = similarities_[static_cast<std::size_t>(other)];
+      if (from_voted_[voter.from_cell] == number || to_voted_[voter.to_cell] == number) return;
+      if (!votesFor(voter, pair)) return;
+      from_voted_[voter.from_cell] = to_voted_[voter.to_cell] = number;
+      ++votes;
+    });
+    votes_[i] = votes;
+  }
+}
+
+void Votes::voters(std::size_t pair, std::vector<std::int32_t>& voters) const {
+  voters.clear();
+  const Similarity& wanted = similarities_[pair];
+  cells_.visitNear(wanted.x, wanted.y, kReach, [&](std::int32_t other) {
+    if (static_cast<std::size_t>(other) == pair) return;
+    if (votesFor(similarities_[static_cast<std::size_t>(other)], wanted)) voters.push_back(other);
+  });
+}
+
+}  // namespace ktgp_orb::growth

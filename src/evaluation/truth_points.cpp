@@ -1,0 +1,74 @@
+#include "evaluation/truth_points.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <stdexcept>
+
+#include "cli/files.h"
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::tools {
+
+std::vector<AnnotatedPoint> readPoints(const std::string& file) {
+  constexpr std::size_t kFewest = 4;
+  std::ifstream in(file);
+  if (!in) throw FileError(file, "cannot be opened");
+  std::vector<AnnotatedPoint> points;
+  AnnotatedPoint p;
+  while (in >> p.reference.x()) {
+    if (!(in >> p.reference.y() >> p.target.x() >> p.target.y())) break;
+    points.push_back(p);
+  }
+  if (!in.eof() || points.size() < kFewest) {
+    throw FileError(file, "holds no annotated points; expected at least four rows `xA yA xB yB`");
+  }
+  return points;
+}
+
+Eigen::Matrix3d homographyThrough(const std::vector<AnnotatedPoint>& points) {
+  std::vector<cv::Point2d> from, to;
+  for (const AnnotatedPoint& p : points) {
+    from.emplace_back(p.reference.x(), p.reference.y());
+    to.emplace_back(p.target.x(), p.target.y());
+  }
+  const cv::Mat found = cv::findHomography(from, to);
+  if (found.empty()) {
+    throw std::invalid_argument(
+        "the annotated points determine no homography; expected four of "
+        "which no three lie on a line");
+  }
+  Eigen::Matrix3d homography;
+  cv::cv2eigen(found, homography);
+  return homography;
+}
+
+double meanTransferError(const Eigen::Matrix3d& homography,
+                         const std::vector<AnnotatedPoint>& points) {
+  double sum = 0.0;
+  for (const AnnotatedPoint& p : points)
+    sum += reprojectionError(homography, p.reference, p.target);
+  const double mean = sum / static_cast<double>(points.size());
+  return std::isfinite(mean) ? mean : std::numeric_limits<double>::infinity();
+}
+
+bool isWithinCovariance(const UncertainHomography& estimate,
+                        const std::vector<AnnotatedPoint>& points, double sigma) {
+  // Chi-square of two degrees of freedom: exp(-x/2) is the chance to be beyond x.
+  const double limit = -2.0 * std::log(0.001 / static_cast<double>(points.size()));
+  for (const AnnotatedPoint& point : points) {
+    const auto jacobian = homography::jacobianByEntries(estimate.homography, point.reference);
+    const Eigen::Matrix2d spread = jacobian * estimate.covariance * jacobian.transpose() +
+                                   sigma * sigma * Eigen::Matrix2d::Identity();
+    const Eigen::Vector2d error =
+        homography::project(estimate.homography, point.reference) - point.target;
+    if (!(error.dot(spread.inverse() * error) <= limit)) return false;
+  }
+  return true;
+}
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,419 @@
+// The growth of a homography from single matches: on drawn keypoints with known truth, on data
+// without any, and through the matcher.
+#include "ktgp_orb/growth.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+
+#include "core/growth/local_frame.h"
+#include "core/growth/map_fit.h"
+#include "core/growth/verdict.h"
+#include "ktgp_orb/knn_matcher.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/sequence_matcher.h"
+#include "synthetic_pairs.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::Numbers;
+
+const cv::Size kSize(640, 480);
+
+void addKeypoint(const Eigen::Vector2d& at, double angle, double size, Features& features) {
+  const double degrees = angle * 180.0 / M_PI;
+  features.keypoints.emplace_back(
+      static_cast<float>(at.x()), static_cast<float>(at.y()), static_cast<float>(size),
+      static_cast<float>(degrees - 360.0 * std::floor(degrees / 360.0)));
+}
+
+void addDescriptor(const std::vector<std::uint8_t>& bits, Features& features) {
+  features.descriptors.push_back(
+      cv::Mat(1, kDescriptorBytes, CV_8U, const_cast<std::uint8_t*>(bits.data())));
+}
+
+std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
+  std::vector<std::uint8_t> bits(kDescriptorBytes);
+  for (std::uint8_t& b : bits) b = static_cast<std::uint8_t>(numbers.uniform(0.0, 256.0));
+  return bits;
+}
+
+/// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
+/// in some bits; `lures` look the same in both and lie anywhere; the others have nothing to do with
+/// each other.
+struct Pair {
+  Features reference, target;
+};
+
+Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_t seed,
+              int lures = 0) {
+  Numbers numbers(seed);
+  Pair pair;
+  pair.reference.image_size = pair.target.image_size = kSize;
+  for (int i = 0; i < count; ++i) {
+    const double angle = numbers.uniform(0.0, 2.0 * M_PI);
+    const double size = 31.0 * std::pow(1.2, std::floor(numbers.uniform(0.0, 8.0)));
+    Eigen::Vector2d x = numbers.pointIn(kSize);
+    std::vector<std::uint8_t> bits = randomDescriptor(numbers);
+    Eigen::Vector2d u = (truth * x.homogeneous()).hnormalized();
+    while (i < inliers && !test::isInside(u, kSize)) {
+      x = numbers.pointIn(kSize);
+      u = (truth * x.homogeneous()).hnormalized();
+    }
+    addKeypoint(x, angle, size, pair.reference);
+    addDescriptor(bits, pair.reference);
+    if (i >= inliers) {
+      addKeypoint(numbers.pointIn(kSize), numbers.uniform(0.0, 2.0 * M_PI), size, pair.target);
+      addDescriptor(i < inliers + lures ? bits : randomDescriptor(numbers), pair.target);
+      continue;
+    }
+    const Eigen::Vector2d step(std::cos(angle), std::sin(angle));
+    const Eigen::Vector2d v = (truth * (x + step).homogeneous()).hnormalized() - u;
+    for (int flips = 0; flips < 25; ++flips) {
+      const auto bit = static_cast<std::size_t>(numbers.uniform(0.0, 256.0));
+      bits[bit / 8] ^= static_cast<std::uint8_t>(1U << (bit % 8));
+    }
+    addKeypoint(u + Eigen::Vector2d(0.5 * numbers.normal(), 0.5 * numbers.normal()),
+                std::atan2(v.y(), v.x()) + 0.1 * numbers.normal(), size * v.norm(), pair.target);
+    addDescriptor(bits, pair.target);
+  }
+  return pair;
+}
+
+Eigen::Matrix3d tilted() {
+  return (Eigen::Matrix3d() << 0.9, -0.35, 120.0, 0.3, 0.75, 10.0, 2e-4, 3e-4, 1.0).finished();
+}
+
+MatcherOptions growing() {
+  MatcherOptions options = MatcherOptions::robust();
+  options.growth.enabled = true;
+  return options;
+}
+
+GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
+  KnnMatcher knn;
+  std::vector<Correspondence> matches;
+  knn.matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
+  HomographyGrowth growth(options);
+  GrowthResult result;
+  growth.find(pair.reference, nullptr, pair.target, matches, result);
+  return result;
+}
+
+TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
+  int found = 0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const GrowthResult result = grow(makePair(2000, 40, tilted(), seed));
+    if (!result.found) continue;
+    ++found;
+    EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0) << seed;
+    EXPECT_GE(result.pairs.size(), 20U);
+    EXPECT_EQ(result.homography(2, 2), 1.0);
+    EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+    EXPECT_LT(result.log_false_alarms, growth::Verdict::kLogMaxFalseAlarms);
+  }
+  EXPECT_GE(found, 18);
+}
+
+TEST(Growth, FindsNothingWhereThereIsNothing) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    const GrowthResult result = grow(makePair(1000, 0, tilted(), seed));
+    EXPECT_FALSE(result.found) << seed;
+    EXPECT_TRUE(result.homography.isZero());
+    EXPECT_EQ(result.pairs.size(), 0U);
+  }
+}
+
+/// Letters of one alphabet at random places: parts agree wherever one looks.
+cv::Mat letters(std::uint64_t seed) {
+  Numbers numbers(seed);
+  cv::Mat image(kSize, CV_8U, cv::Scalar(230));
+  for (int row = 0; row < 14; ++row) {
+    for (int column = 0; column < 22; ++column) {
+      const std::string letter(1,
+                               static_cast<char>('A' + static_cast<int>(numbers.uniform(0, 26))));
+      cv::putText(image, letter, {column * 28 + 8, row * 33 + 28}, cv::FONT_HERSHEY_SIMPLEX, 0.9,
+                  cv::Scalar(20), 2, cv::LINE_AA);
+    }
+  }
+  return image;
+}
+
+TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
+  OrbOptions orb;
+  orb.fast_threshold = 10;
+  OrbExtractor extractor(orb);
+  MatchResult result;
+  KtgpMatcher matcher(growing());
+  int tried = 0;
+  for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+    Pair pair;
+    extractor.extract(letters(seed), pair.reference);
+    extractor.extract(letters(seed + 100), pair.target);
+    matcher.match(pair.reference, pair.target, result);
+    EXPECT_NE(result.status, Status::ok) << seed;
+    EXPECT_EQ(result.found_by, FoundBy::none);
+    tried += result.growth.seeds;
+  }
+  EXPECT_GT(tried, 0);
+}
+
+/// A picture without repetition.
+cv::Mat scene(std::uint64_t seed) {
+  cv::Mat image(kSize * 2, CV_8U, cv::Scalar(128));
+  Numbers numbers(seed);
+  for (int i = 0; i < 1500; ++i) {
+    const cv::Point p(static_cast<int>(numbers.uniform(0.0, image.cols)),
+                      static_cast<int>(numbers.uniform(0.0, image.rows)));
+    const cv::Size size(static_cast<int>(numbers.uniform(8.0, 40.0)),
+                        static_cast<int>(numbers.uniform(8.0, 40.0)));
+    cv::rectangle(image, cv::Rect(p, size), cv::Scalar(numbers.uniform(0.0, 255.0)), cv::FILLED);
+  }
+  cv::GaussianBlur(image, image, {}, 1.0);
+  return image;
+}
+
+TEST(Growth, TriesNoMoreSeedsThanAllowed) {
+  GrowthOptions options;
+  options.seeds = 3;
+  OrbExtractor extractor;
+  Pair pair;
+  extractor.extract(letters(1), pair.reference);
+  extractor.extract(letters(2), pair.target);
+  EXPECT_EQ(grow(pair, options).seeds, 3);
+  options.seeds = 5;
+  EXPECT_EQ(grow(pair, options).seeds, 5);
+}
+
+TEST(Growth, GivesTheSameAnswerAgain) {
+  const Pair one = makePair(2000, 40, tilted(), 3);
+  const Pair other = makePair(900, 0, tilted(), 4);
+  KnnMatcher knn;
+  HomographyGrowth growth;
+  GrowthResult first, between, again;
+  std::vector<Correspondence> matches, other_matches;
+  knn.matchMutual(one.reference.descriptors, one.target.descriptors, matches);
+  knn.matchMutual(other.reference.descriptors, other.target.descriptors, other_matches);
+  growth.find(one.reference, nullptr, one.target, matches, first);
+  growth.find(other.reference, nullptr, other.target, other_matches, between);
+  growth.find(one.reference, nullptr, one.target, matches, again);
+  ASSERT_TRUE(first.found);
+  EXPECT_EQ(first.homography, again.homography);
+  EXPECT_EQ(first.covariance, again.covariance);
+  EXPECT_EQ(first.seeds, again.seeds);
+}
+
+TEST(Growth, TakesKeypointsWithoutPlaceOrSizeAndFramesWithout) {
+  Pair pair = makePair(300, 0, tilted(), 5);
+  pair.reference.keypoints[3].pt.x = -1e6F;
+  pair.target.keypoints[4].pt.y = 1e7F;
+  pair.target.keypoints[5].size = 0.F;
+  pair.reference.keypoints[6].angle = -1.F;
+  EXPECT_FALSE(grow(pair).found);
+  pair = {};
+  pair.reference.image_size = pair.target.image_size = kSize;
+  EXPECT_FALSE(grow(pair).found);
+}
+
+TEST(Growth, RefusesOptionsOutOfRange) {
+  GrowthOptions options;
+  options.seeds = 0;
+  EXPECT_THROW(HomographyGrowth{options}, std::invalid_argument);
+  options.seeds = 1;
+  options.views = 14;
+  EXPECT_THROW(HomographyGrowth{options}, std::invalid_argument);
+}
+
+TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  MatcherOptions options = growing();
+  options.alignment.enabled = false;
+  options.prosac.max_iterations = 20;  // all spent on the lures
+  options.growth.enabled = false;
+  MatchResult result;
+  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  ASSERT_NE(result.status, Status::ok);
+  EXPECT_EQ(result.found_by, FoundBy::none);
+  options.growth.enabled = true;
+  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.found_by, FoundBy::growth);
+  EXPECT_GT(result.growth.seeds, 0);
+  EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0);
+  EXPECT_EQ(result.inliers,
+            countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
+  const Pair easy = makePair(500, 400, tilted(), 3);
+  options.prosac.max_iterations = 2000;
+  KtgpMatcher(options).match(easy.reference, easy.target, result);
+  EXPECT_EQ(result.found_by, FoundBy::prosac);
+  EXPECT_EQ(result.growth.seeds, 0);
+}
+
+/// Levels, inliers and RMSE are those of the published homography.
+void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
+  std::size_t inliers = 0;
+  double squares = 0.0;
+  const auto error = [&](const Correspondence& c) {
+    const cv::Point2f x = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
+    const cv::Point2f u = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
+    return reprojectionError(result.homography, {x.x, x.y}, {u.x, u.y});
+  };
+  const auto add = [&](const Correspondence& c) {
+    ++inliers;
+    squares += error(c) * error(c);
+  };
+  std::vector<bool> taken(pair.target.size());
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    EXPECT_EQ(c.level == Level::ktgp, error(c) < max_error);
+    if (c.level != Level::ktgp) continue;
+    taken[static_cast<std::size_t>(c.target_index)] = true;
+    add(c);
+  }
+  std::int32_t before = -1;
+  for (const Correspondence& c : result.guided) {
+    EXPECT_EQ(c.level, Level::guided);
+    EXPECT_LT(error(c), max_error);
+    EXPECT_FALSE(taken[static_cast<std::size_t>(c.target_index)]);
+    EXPECT_GT(c.target_index, before);
+    before = c.target_index;
+    add(c);
+  }
+  EXPECT_EQ(result.inliers, inliers);
+  EXPECT_NEAR(result.rmse, std::sqrt(squares / static_cast<double>(inliers)), 1e-9);
+}
+
+TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  for (const bool gms : {false, true}) {
+    for (const bool guided : {false, true}) {
+      for (const double max_error : {0.3, 3.0}) {
+        MatcherOptions options = growing();
+        options.gms.enabled = gms;
+        options.guided.enabled = guided;
+        options.prosac.max_error = max_error;
+        options.prosac.max_iterations = 20;  // all spent on the lures
+        MatchResult result;
+        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        ASSERT_EQ(result.found_by, FoundBy::growth);
+        EXPECT_EQ(result.status, Status::ok);
+        EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
+        EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+        expectOneAnswer(result, pair, max_error);
+        if (guided) continue;
+        EXPECT_EQ(result.homography, result.growth.homography);
+        EXPECT_EQ(result.covariance, result.growth.covariance);
+      }
+    }
+  }
+}
+
+TEST(Growth, IsOffUnlessAskedFor) {
+  EXPECT_FALSE(MatcherOptions().growth.enabled);
+  EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
+  EXPECT_FALSE(MatcherOptions::robust().growth.enabled);
+}
+
+TEST(Growth, IsNeverUsedOnTheFrameBefore) {
+  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  SequenceOptions options;
+  options.matcher = growing();
+  options.matcher.prosac.max_iterations = 20;  // all spent on the lures
+  for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
+    options.reference.mode = mode;
+    SequenceMatcher sequence(options);
+    sequence.match(pair.reference, 0.0);
+    const MatchResult& result = sequence.match(pair.target, 0.1).match;
+    EXPECT_EQ(result.found_by, mode == ReferenceMode::previous ? FoundBy::none : FoundBy::growth);
+  }
+}
+
+TEST(GrowthVerdict, ChanceOfManyIsSmallAndGrowsWithTheSpread) {
+  EXPECT_EQ(growth::logChance(3.0, 4.0, 1.0), 0.0);
+  // P(Poisson(1) >= 10) = 1.1e-7; the bound lies above it, within two orders.
+  EXPECT_NEAR(growth::logChance(10.0, 1.0, 1.0), -6.1, 0.1);
+  EXPECT_GT(growth::logChance(10.0, 1.0, 3.0), growth::logChance(10.0, 1.0, 1.0));
+  EXPECT_GT(growth::logChance(10.0, 2.0, 1.0), growth::logChance(10.0, 1.0, 1.0));
+}
+
+TEST(GrowthFit, RecoversExactMaps) {
+  Numbers numbers(1);
+  std::vector<growth::PlacePair> pairs;
+  for (int i = 0; i < 20; ++i) {
+    const Eigen::Vector2d x = numbers.pointIn(kSize);
+    pairs.push_back({x, (tilted() * x.homogeneous()).hnormalized()});
+  }
+  Eigen::Matrix3d map = tilted();
+  map(0, 2) += 1.0;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(growth::fitHomography(pairs, 2.0, map));
+  EXPECT_LT(test::cornerError(map, tilted(), kSize), 1e-6);
+  const std::vector<growth::PlacePair> line(5, pairs.front());
+  EXPECT_FALSE(growth::fitAffine(line, 2.0, map));
+  EXPECT_FALSE(growth::fitHomography(line, 2.0, map));
+}
+
+TEST(GrowthDistance, CountsBits) {
+  growth::Bits a{}, b{};
+  EXPECT_EQ(growth::distance(a, b), 0);
+  b.fill(~std::uint64_t{0});
+  EXPECT_EQ(growth::distance(a, b), 256);
+  b = {1, 0x8000000000000000U, 0, 0xff};
+  EXPECT_EQ(growth::distance(a, b), 10);
+}
+
+TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
+  OrbOptions orb;
+  orb.max_features = 500;
+  const cv::Mat image = scene(7);
+  EXPECT_EQ(simulateViews(image, orb, 0).size(), 0U);
+  EXPECT_EQ(simulateViews(image, orb, 4).size(), 0U);
+  EXPECT_EQ(simulateViews(image, orb, 5).size(), 4U);
+  const ReferenceViews views = simulateViews(image, orb, 13);
+  ASSERT_EQ(views.size(), 12U);
+  for (const ReferenceView& view : views) {
+    for (const cv::KeyPoint& k : view.features.keypoints) {
+      const Eigen::Vector2d p = view.to_view.leftCols<2>().inverse() *
+                                (Eigen::Vector2d(k.pt.x, k.pt.y) - view.to_view.col(2));
+      EXPECT_TRUE(test::isInside(p, image.size()));
+    }
+  }
+  EXPECT_THROW(simulateViews(image, orb, -1), std::invalid_argument);
+}
+
+TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
+  cv::Mat reference_image;
+  cv::resize(scene(7), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
+  const Eigen::Matrix3d truth =
+      (Eigen::Matrix3d() << 0.28, 0.05, 180.0, 0.0, 0.95, 10.0, 1e-4, 0.0, 1.0).finished();
+  cv::Mat blurred, target_image;
+  cv::GaussianBlur(reference_image, blurred, cv::Size(0, 1), 1.8, 1e-6);
+  cv::Matx33d matrix;
+  for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = truth(k / 3, k % 3);
+  cv::warpPerspective(blurred, target_image, matrix, kSize, cv::INTER_LINEAR);
+  OrbOptions orb;
+  OrbExtractor extractor(orb);
+  Pair pair;
+  extractor.extract(reference_image, pair.reference);
+  extractor.extract(target_image, pair.target);
+  KtgpMatcher matcher(growing());
+  MatchResult result;
+  matcher.match(pair.reference, pair.target, result);
+  EXPECT_NE(result.status, Status::ok);
+  const ReferenceViews views = simulateViews(reference_image, orb, 13);
+  MatchHints hints;
+  hints.views = &views;
+  matcher.match(pair.reference, pair.target, hints, result);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.found_by, FoundBy::growth);
+  EXPECT_LT(test::cornerError(result.homography, truth, kSize), 5.0);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
