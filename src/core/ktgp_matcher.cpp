@@ -7,6 +7,7 @@
 
 #include "core/growth/verdict.h"
 #include "core/homography/estimate.h"
+#include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
@@ -331,8 +332,8 @@ bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Featur
   for (const Correspondence& c : guided_matches) {
     if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
     const double error =
-        reprojectionError(candidate.homography, position(reference, c.reference_index),
-                          position(target, c.target_index));
+        homography::errorOf(candidate.homography, position(reference, c.reference_index),
+                            position(target, c.target_index));
     if (!(error < max_error)) continue;
     result.guided.push_back(c);
     squares += error * error;

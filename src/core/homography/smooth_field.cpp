@@ -153,8 +153,11 @@ SmoothField::CellSums SmoothField::sumCells() const {
 
 void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vector<double>& weights,
                               const Eigen::Matrix3d& homography) {
-  constexpr std::size_t kMost = 400;
+  constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
+  pairs_.reserve(kMost);  // once, and not when a frame has more pairs than any before
+  squared_.reserve(kMost);
+  by_x_.reserve(kMost);
   pairs_.resize(count);
   double sum = 0.0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -203,6 +206,8 @@ void SmoothField::sortIntoCells(double cell_side) {
   };
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
+  constexpr std::size_t kUsual = 17 * 17;  // no image has more, whatever its points
+  cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
     pair.cell = number(pair.point.y() - low.y()) * columns_ + number(pair.point.x() - low.x());

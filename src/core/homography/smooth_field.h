@@ -51,7 +51,7 @@ struct FieldFit {
 class SmoothField {
  public:
   /// `weights`: of the pairs in the fit of H; `curvature`: the second derivative of the likelihood
-  /// over J'WJ, 1 for least squares. From at most 400 of the pairs, spread over the list.
+  /// over J'WJ, 1 for least squares. From at most 300 of the pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 
