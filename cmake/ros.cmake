@@ -49,7 +49,7 @@ install(DIRECTORY include/${PROJECT_NAME}/
 install(DIRECTORY config launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Their first line names /usr/bin/python3, which has ROS, whatever python3 is first on PATH.
-install(PROGRAMS scripts/camera_motion scripts/play_bag scripts/start_rqt
+install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(PROGRAMS scripts/keep_sim_time
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/scripts)

@@ -54,6 +54,7 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.view.roi = roiFrom(parameters.roi);
   c.rectify = parameters.rectify;
   c.max_rate = parameters.max_rate;
+  c.max_pair_megapixels = parameters.max_pair_megapixels;
   c.overlay = parameters.overlay;
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;

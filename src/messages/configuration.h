@@ -4,6 +4,7 @@
 #include <sensor_msgs/Image.h>
 
 #include <cstdint>
+#include <string>
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/overlay.h"
@@ -22,6 +23,8 @@ struct Configuration {
   util::GreyStretch stretch;                   ///< of 16-bit images
   CameraView view;                             ///< of the camera's images, not of reference_image
   bool rectify = false;                        ///< a lens is wanted in `view`
+  std::string lens_problem;                    ///< why `view` has none, where something is wrong
+  double max_pair_megapixels = 64.0;           ///< 10^6 px that an image of ~match_pair may have
   double max_rate = 0.0;                       ///< Hz; 0: all frames
   bool overlay = true;
   OverlayStyle overlay_style = OverlayStyle::flow;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <opencv2/core.hpp>
@@ -24,17 +23,8 @@ struct CameraView {
 /// std::invalid_argument for anything else.
 cv::Rect roiFrom(const std::string& text);
 
-/// The mask in a message of any encoding that greyImage takes; empty for an image without pixels.
-/// Throws RefusedImage.
+/// The mask in a message (see maskImage); empty for an image without pixels. Throws RefusedImage.
 cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message);
-
-/// The mask in an image file; empty for an empty path. Throws RefusedImage naming the file.
-cv::Mat readMaskFile(const std::string& path);
-
-/// The lens of a calibrated camera. Binning and a region of interest of the camera are applied.
-/// Throws std::invalid_argument for an uncalibrated camera (K is zero) and a distortion model that
-/// is not plumb_bob, rational_polynomial or equidistant.
-LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
 
 /// Makes frames of a camera's images. An instance belongs to one thread at a time.
 class FrameMaker {

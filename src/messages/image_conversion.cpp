@@ -3,6 +3,7 @@
 #include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
@@ -139,6 +140,29 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& 
   }
 }
 
+cv::Mat notBlack(const cv::Mat& image) {
+  const int colours = std::min(3, image.channels());  // a fourth is opacity
+  cv::Mat mask;
+  for (int i = 0; i < colours; ++i) {
+    cv::Mat channel = image;
+    if (image.channels() > 1) cv::extractChannel(image, channel, i);
+    const cv::Mat coloured = channel != 0;
+    mask = mask.empty() ? coloured : cv::Mat(mask | coloured);
+  }
+  return mask;
+}
+
+cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message) {
+  const Format& format = formatOf(message->encoding);
+  requireConsistent(*message, format);
+  const cv::Mat pixels = pixelsOf(*message, format);
+  const bool is_yuv = message->encoding == encodings::YUV422;
+  if (!is_yuv) return notBlack(pixels);
+  cv::Mat luma;
+  cv::cvtColor(pixels, luma, format.to_grey);
+  return notBlack(luma);
+}
+
 void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame) {
   toFrame(message, stretch, std::make_shared<PixelMemory>(), frame);
 }
@@ -160,20 +184,34 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
   return frame;
 }
 
-sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path) {
-  if (path.empty()) return nullptr;
+namespace {
+
+/// The picture in a file, read as OpenCV's `flags` say. Throws RefusedImage.
+cv::Mat readPicture(const std::string& name, const std::string& path, int flags) {
   std::error_code unused;
   const auto status = std::filesystem::status(path, unused);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
     throw RefusedImage(name + " '" + path + "' is not a regular file; expected an image file");
   }
-  cv_bridge::CvImage image;
-  image.image = cv::imread(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
-  image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
-  if (image.image.empty()) {
+  cv::Mat picture = cv::imread(path, flags);
+  if (picture.empty()) {
     throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file");
   }
+  return picture;
+}
+
+}  // namespace
+
+sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path) {
+  if (path.empty()) return nullptr;
+  cv_bridge::CvImage image;
+  image.image = readPicture(name, path, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  image.encoding = image.image.depth() == CV_16U ? encodings::MONO16 : encodings::MONO8;
   return image.toImageMsg();
+}
+
+cv::Mat readMaskFile(const std::string& path) {
+  return path.empty() ? cv::Mat() : notBlack(readPicture("mask_image", path, cv::IMREAD_UNCHANGED));
 }
 
 }  // namespace ktgp_orb

@@ -41,6 +41,15 @@ void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch&
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
                    const util::GreyStretch& stretch = {});
 
+/// CV_8UC1: 0 where the image is black, 255 everywhere else. Takes the encodings that greyImage
+/// takes; a Bayer pixel counts by itself, a yuv422 one by its brightness. Throws RefusedImage.
+cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
+/// The same of pixels in memory; of four channels the last one, the opacity, does not count.
+cv::Mat notBlack(const cv::Mat& image);
+
+/// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile.
+cv::Mat readMaskFile(const std::string& path);
+
 /// An image file as a mono8 message, mono16 where the file has 16 bits, with stamp zero; null for
 /// an empty path. Throws RefusedImage, which begins with `name`, for a file that cannot be read,
 /// and for what is no regular file: a pipe would be waited for.

@@ -21,6 +21,11 @@ struct FrameMessages {
   HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
   MatchStatisticsPtr statistics;
   sensor_msgs::ImagePtr overlay;  ///< null unless asked for
+  /// The reference came through the camera's lens; false: from a file or a topic, taken as it is.
+  bool reference_of_camera = true;
+  /// Of the frame, whether or not it bettered the homography; valid until the next one. May be
+  /// null.
+  const AlignmentResult* alignment = nullptr;
 };
 
 /// All but the overlay; `header`: of the target image. What only the caller knows of the statistics

@@ -8,7 +8,7 @@ MessageMatcher::MessageMatcher(const Configuration& configuration)
     : configuration_(configuration),
       sequence_(configuration.sequence),
       frame_maker_(configuration.stretch, configuration.view) {
-  sequence_.setFixedReference(configuredReference(configuration));
+  fixReference(configuredReference(configuration));
 }
 
 FramePtr MessageMatcher::configuredReference(const Configuration& configuration) {
@@ -18,12 +18,17 @@ FramePtr MessageMatcher::configuredReference(const Configuration& configuration)
   return frame;
 }
 
+void MessageMatcher::fixReference(const FramePtr& frame) {
+  sequence_.setFixedReference(frame);
+  configured_reference_ = frame;
+}
+
 void MessageMatcher::configure(const Configuration& configuration) {
   // All that may throw comes before any change.
   const bool another = configuration.reference_image != configuration_.reference_image;
   const FramePtr reference = another ? configuredReference(configuration) : nullptr;
   sequence_.setOptions(configuration.sequence);
-  if (another) sequence_.setFixedReference(reference);
+  if (another) fixReference(reference);
   frame_maker_ = FrameMaker(configuration.stretch, configuration.view);
   configuration_ = configuration;
 }
@@ -41,6 +46,8 @@ FrameMessages MessageMatcher::process(const std_msgs::Header& header, const Fram
   last_header_ = header;
   FrameMessages messages = toMessages(header, *last_);
   messages.statistics->configuration = configuration_.number;
+  messages.alignment = &last_->match.alignment;
+  messages.reference_of_camera = !last_->reference || last_->reference != configured_reference_;
   return messages;
 }
 
@@ -56,7 +63,7 @@ void MessageMatcher::forgetReference() {
 void MessageMatcher::reset() {
   last_ = nullptr;
   sequence_.reset();
-  sequence_.setFixedReference(configuredReference(configuration_));
+  fixReference(configuredReference(configuration_));
 }
 
 }  // namespace ktgp_orb

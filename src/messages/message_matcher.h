@@ -31,6 +31,11 @@ class MessageMatcher {
   /// The reference of the fixed mode, or null.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
+  /// The reference of the fixed mode was a frame of the camera, not the configuration's image.
+  bool holdsSetReference() const {
+    return fixedReference() && fixedReference() != configured_reference_;
+  }
+
   /// Forgets the reference, but not a fixed one.
   void forgetReference();
   /// Forgets every reference; the fixed one becomes the configuration's reference image again.
@@ -38,9 +43,11 @@ class MessageMatcher {
 
  private:
   FramePtr configuredReference(const Configuration& configuration);
+  void fixReference(const FramePtr& frame);
 
   Configuration configuration_;
   SequenceMatcher sequence_;
+  FrameConstPtr configured_reference_;  // not of the camera
   FrameMaker frame_maker_;
   std_msgs::Header last_header_;
   const SequenceMatch* last_ = nullptr;

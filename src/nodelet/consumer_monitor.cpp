@@ -38,6 +38,11 @@ void ConsumerMonitor::dropped(std::size_t count) {
   total_.dropped += count;
 }
 
+void ConsumerMonitor::forgotten(std::size_t count) {
+  const Lock lock(mutex_);
+  total_.forgotten += count;
+}
+
 void ConsumerMonitor::refused(const std::string& reason) {
   const Lock lock(mutex_);
   ++total_.refused;
@@ -55,6 +60,16 @@ void ConsumerMonitor::setWarning(const std::string& warning) {
   warning_ = warning;
 }
 
+void ConsumerMonitor::setParameterError(const std::string& error) {
+  const Lock lock(mutex_);
+  parameter_error_ = error;
+}
+
+void ConsumerMonitor::setMixture(const std::string& mixture) {
+  const Lock lock(mutex_);
+  mixture_ = mixture;
+}
+
 void ConsumerMonitor::setValue(const std::string& name, const std::string& value) {
   const Lock lock(mutex_);
   values_[name] = value;
@@ -65,39 +80,68 @@ std::uint64_t ConsumerMonitor::images() const {
   return total_.images;
 }
 
-void ConsumerMonitor::tick() {
+std::uint64_t ConsumerMonitor::homographies() const {
+  const Lock lock(mutex_);
+  return total_.homographies;
+}
+
+std::uint64_t ConsumerMonitor::found() const {
+  const Lock lock(mutex_);
+  return total_.found;
+}
+
+void ConsumerMonitor::tick(bool clock_stands) {
   const Lock lock(mutex_);
   last_.images = total_.images - before_.images;
   last_.homographies = total_.homographies - before_.homographies;
   last_.refused = total_.refused - before_.refused;
+  last_.forgotten = total_.forgotten - before_.forgotten;
   last_.done = total_.done - before_.done;
   last_.milliseconds = total_.milliseconds - before_.milliseconds;
   before_ = total_;
+  clock_stands_ = clock_stands && last_.images == 0;
+  if (clock_stands_) return;
   silent_images_ = last_.images > 0 ? 0 : silent_images_ + 1;
   silent_homographies_ = last_.homographies > 0 ? 0 : silent_homographies_ + 1;
 }
 
-void ConsumerMonitor::report(diagnostic_updater::DiagnosticStatusWrapper& report) {
-  const Lock lock(mutex_);
+void ConsumerMonitor::summarise(diagnostic_updater::DiagnosticStatusWrapper& report) const {
+  const auto warn = [&report](const std::string& text) {
+    report.summary(DiagnosticStatus::WARN, text);
+  };
   report.summary(DiagnosticStatus::OK, "works");
+  if (!parameter_error_.empty()) return warn("parameters refused: " + parameter_error_);
   if (!listening_) {
     report.summary(DiagnosticStatus::OK, "idle: no subscriber on any output");
   } else if (last_.refused > 0) {
     report.summary(DiagnosticStatus::ERROR, "images refused: " + refusal_);
+  } else if (clock_stands_) {
+    report.summary(DiagnosticStatus::OK,
+                   "the clock stands: a paused bag, or nobody publishes /clock");
+  } else if (!mixture_.empty()) {
+    warn(mixture_);
   } else if (silent_images_ > kPatience) {
-    report.summary(DiagnosticStatus::WARN, "no image on " + image_topic_);
+    warn("no image on " + image_topic_);
   } else if (silent_homographies_ > kPatience) {
-    report.summary(DiagnosticStatus::WARN,
-                   "no homography on " + homography_topic_ + ": does the matcher run?");
+    warn("no homography on " + homography_topic_ + ": does the matcher run?");
+  } else if (last_.forgotten > 0) {
+    warn("images had to go before their homography came: max_memory is too small for them");
   } else if (!warning_.empty()) {
-    report.summary(DiagnosticStatus::WARN, warning_);
+    warn(warning_);
   }
+}
+
+void ConsumerMonitor::report(diagnostic_updater::DiagnosticStatusWrapper& report) {
+  const Lock lock(mutex_);
+  summarise(report);
   report.add("images", total_.images);
   report.add("homographies", total_.homographies);
   report.add("homographies found", total_.found);
   report.add("frames done", total_.done);
   report.add("dropped", total_.dropped);
+  report.add("dropped for max_memory", total_.forgotten);
   report.add("refused", total_.refused);
+  report.add("refused parameters", parameter_error_);
   report.addf("per frame (ms)", "%.2f",
               last_.done > 0 ? last_.milliseconds / static_cast<double>(last_.done) : 0.0);
   for (const auto& [name, value] : values_) report.add(name, value);

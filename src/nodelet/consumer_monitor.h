@@ -19,18 +19,27 @@ class ConsumerMonitor {
   void imageArrived();
   void homographyArrived(bool found);
   void dropped(std::size_t count);
+  /// Images that had to go for max_memory.
+  void forgotten(std::size_t count);
   void refused(const std::string& reason);
   /// A frame was worked on.
   void done(double milliseconds);
   /// Something that people should know; empty: all is well.
   void setWarning(const std::string& warning);
+  /// Why the last change of parameters was refused; empty: it was not.
+  void setParameterError(const std::string& error);
+  /// That several nodes publish the images; empty: one does.
+  void setMixture(const std::string& mixture);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);
 
   std::uint64_t images() const;
+  std::uint64_t homographies() const;
+  std::uint64_t found() const;
 
-  /// Call once a second, before the reports.
-  void tick();
+  /// Call once a second, before the reports. While the clock stands (a paused bag) nothing is
+  /// missed.
+  void tick(bool clock_stands);
   void report(diagnostic_updater::DiagnosticStatusWrapper& report);
 
  private:
@@ -39,10 +48,14 @@ class ConsumerMonitor {
     std::uint64_t homographies = 0;
     std::uint64_t found = 0;
     std::uint64_t dropped = 0;
+    std::uint64_t forgotten = 0;
     std::uint64_t refused = 0;
     std::uint64_t done = 0;
     double milliseconds = 0.0;
   };
+
+  /// With mutex_ locked.
+  void summarise(diagnostic_updater::DiagnosticStatusWrapper& report) const;
 
   mutable std::mutex mutex_;
   std::string image_topic_;
@@ -55,6 +68,9 @@ class ConsumerMonitor {
   Counts last_;    // in the last period
   std::string refusal_;
   std::string warning_;
+  std::string parameter_error_;
+  std::string mixture_;
+  bool clock_stands_ = false;
   std::map<std::string, std::string> values_;
 };
 

@@ -1,12 +1,8 @@
 #include "nodelet/frame_consumer.h"
 
-#include <image_transport/camera_common.h>
-
-#include <algorithm>
 #include <utility>
 
 #include "messages/image_conversion.h"
-#include "nodelet/image_input.h"
 
 namespace ktgp_orb {
 namespace {
@@ -14,7 +10,6 @@ namespace {
 using Lock = std::lock_guard<std::mutex>;
 
 constexpr std::uint32_t kHomographies = 100;  // each is a link of a chain: none should be lost
-constexpr std::chrono::seconds kRepeatRefusal{5};
 
 }  // namespace
 
@@ -22,7 +17,7 @@ FrameConsumer::~FrameConsumer() = default;
 
 // First of all the callbacks end.
 void FrameConsumer::stop() {
-  for (CallbackThread* queue : {&queue_, &data_queue_}) queue->stop();
+  for (CallbackThread* queue : {&queue_, &data_queue_, &slow_queue_}) queue->stop();
   inbox_.close();
   if (worker_.joinable()) worker_.join();
   timer_.stop();
@@ -34,28 +29,16 @@ void FrameConsumer::stop() {
   diagnostics_.reset();
 }
 
-void FrameConsumer::onInit() {
-  try {
-    start();
-  } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
-    throw;
-  }
-}
-
 void FrameConsumer::start() {
   node_ = getNodeHandle();
   node_.setCallbackQueue(&queue_.callbacks);
   data_node_ = getNodeHandle();
   data_node_.setCallbackQueue(&data_queue_.callbacks);
   private_node_ = privateNode(queue_);
-  transport_hints_ = std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(),
-                                                                       private_node_);
-  queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 5)));
-  image_topic_ = node_.resolveName("image");
+  openInput(node_, private_node_, 5);
   homography_topic_ = node_.resolveName("homography");
-  info_topic_ = node_.resolveName(image_transport::getCameraInfoTopic(image_topic_));
-  requireTransport(node_, transport_hints_->getTransport());
+  homography_watch_ = std::make_unique<InputWatch>(InputWatch::ofMessages(
+      homography_topic_, ros::message_traits::datatype<HomographyStamped>(), "homography"));
   monitor_.setTopics(image_topic_, homography_topic_);
   transport_ = std::make_unique<image_transport::ImageTransport>(data_node_);
   private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
@@ -70,9 +53,11 @@ void FrameConsumer::start() {
     advertise();
     advertised_ = true;
   }
-  timer_ =
-      node_.createWallTimer(ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { tick(); });
-  for (CallbackThread* queue : {&queue_, &data_queue_}) queue->start();
+  ros::NodeHandle slow_node = getNodeHandle();
+  slow_node.setCallbackQueue(&slow_queue_.callbacks);
+  timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
+                                     [this](const ros::WallTimerEvent&) { tick(); });
+  for (CallbackThread* queue : {&queue_, &data_queue_, &slow_queue_}) queue->start();
   connectionsChanged();
   NODELET_INFO("takes images on %s (transport %s) and homographies on %s", image_topic_.c_str(),
                transport_hints_->getTransport().c_str(), homography_topic_.c_str());
@@ -85,11 +70,15 @@ ros::NodeHandle FrameConsumer::privateNode(CallbackThread& queue) const {
 }
 
 image_transport::Publisher FrameConsumer::advertiseImage(const std::string& topic,
-                                                         std::uint32_t queue_size) {
+                                                         std::uint32_t queue_size, bool latch) {
   const auto changed = [this](const image_transport::SingleSubscriberPublisher&) {
     connectionsChanged();
   };
-  return private_transport_->advertise(topic, queue_size, changed, changed);
+  const auto came = [this](const image_transport::SingleSubscriberPublisher&) {
+    connectionsChanged();
+    subscriberCame();
+  };
+  return private_transport_->advertise(topic, queue_size, came, changed, ros::VoidPtr(), latch);
 }
 
 void FrameConsumer::connectionsChanged() {
@@ -109,11 +98,12 @@ void FrameConsumer::subscribe() {
         if (last_image_.lock() == image) return;
         last_image_ = image;
         monitor_.imageArrived();
-        if (inbox_.put(image)) monitor_.dropped(1);
+        monitor_.dropped(inbox_.put(image));
       },
       ros::VoidPtr(), *transport_hints_);
   homography_sub_ = data_node_.subscribe<HomographyStamped>(
-      "homography", kHomographies, [this](const HomographyStampedConstPtr& message) {
+      "homography", kHomographies,
+      [this](const HomographyStampedConstPtr& message) {
         if (last_homography_.lock() == message) return;
         last_homography_ = message;
         if (message->rectified && !std::exchange(said_rectified_, true)) {
@@ -124,12 +114,8 @@ void FrameConsumer::subscribe() {
         }
         monitor_.homographyArrived(message->status == HomographyStamped::STATUS_OK);
         inbox_.put(message);
-      });
-  if (needsCameraInfo()) {
-    info_sub_ = data_node_.subscribe<sensor_msgs::CameraInfo>(
-        info_topic_, queue_size_,
-        [this](const sensor_msgs::CameraInfoConstPtr& info) { inbox_.put(info); });
-  }
+      },
+      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
   subscribed_ = true;
   monitor_.setListening(true);
 }
@@ -137,7 +123,6 @@ void FrameConsumer::subscribe() {
 void FrameConsumer::unsubscribe() {
   image_sub_.shutdown();
   homography_sub_.shutdown();
-  info_sub_.shutdown();
   subscribed_ = false;
   inbox_.clear();
   restart_ = true;
@@ -145,9 +130,42 @@ void FrameConsumer::unsubscribe() {
 }
 
 void FrameConsumer::tick() {
-  monitor_.tick();
-  watch();
+  std::uint32_t images = 0;
+  std::uint32_t homographies = 0;
+  bool subscribed = false;
+  {
+    const Lock lock(connect_mutex_);
+    subscribed = subscribed_;
+    if (subscribed) images = image_sub_.getNumPublishers();
+    if (subscribed) homographies = homography_sub_.getNumPublishers();
+  }
+  monitor_.tick(clockStands());
+  watch(*image_watch_, subscribed, monitor_.images(), images);
+  watch(*homography_watch_, subscribed, monitor_.homographies(), homographies);
+  monitor_.setMixture(watchMixture(images));
   diagnostics_->force_update();
+}
+
+bool FrameConsumer::isSubscribed() {
+  const Lock lock(connect_mutex_);
+  return subscribed_;
+}
+
+// The inbox has a quarter of it, and what waits for its homography the rest.
+void FrameConsumer::setMaxMemory(int megabytes) {
+  const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
+  inbox_.setMostBytes(bytes / 4);
+  store_bytes_ = bytes - bytes / 4;
+}
+
+void FrameConsumer::sayParametersRefused(const std::string& reason) {
+  monitor_.setParameterError(reason);
+  NODELET_ERROR("new parameters are refused, the old ones stay: %s", reason.c_str());
+}
+
+void FrameConsumer::keep(const sensor_msgs::ImageConstPtr& image) {
+  images_.setMostBytes(store_bytes_);
+  monitor_.forgotten(images_.put(image));
 }
 
 void FrameConsumer::run() {
@@ -165,10 +183,7 @@ void FrameConsumer::run() {
 
 void FrameConsumer::refuse(const std::string& reason) {
   monitor_.refused(reason);
-  const auto now = std::chrono::steady_clock::now();
-  if (now - last_refusal_ < kRepeatRefusal) return;
-  last_refusal_ = now;
-  NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
+  sayRefused(reason);
 }
 
 std::int64_t stampOf(const ros::Time& time) {

@@ -4,9 +4,7 @@
 #include <dynamic_reconfigure/server.h>
 #include <image_transport/image_transport.h>
 #include <ktgp_orb/HomographyStamped.h>
-#include <nodelet/nodelet.h>
 #include <ros/ros.h>
-#include <sensor_msgs/CameraInfo.h>
 
 #include <Eigen/Core>
 #include <atomic>
@@ -15,13 +13,15 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 
 #include "nodelet/callback_thread.h"
 #include "nodelet/consumer_monitor.h"
 #include "nodelet/frame_inbox.h"
-#include "nodelet/parameters.h"
+#include "nodelet/image_nodelet.h"
+#include "nodelet/image_store.h"
 
 namespace ktgp_orb {
 
@@ -31,7 +31,7 @@ namespace ktgp_orb {
 /// own, not in the manager's.
 ///
 /// A derived class calls stop() first of all in its destructor.
-class FrameConsumer : public nodelet::Nodelet {
+class FrameConsumer : public ImageNodelet {
  public:
   ~FrameConsumer() override;
 
@@ -48,31 +48,42 @@ class FrameConsumer : public nodelet::Nodelet {
   virtual void work(FrameInbox::Content& content) = 0;
   /// The worker's turn: nobody listened for a while.
   virtual void restart() = 0;
-  /// Whether the camera_info of the image is needed.
-  virtual bool needsCameraInfo() const { return false; }
-  /// Once a second, in the queue's thread.
-  virtual void watch() {}
+  /// A subscriber came, to whichever output.
+  virtual void subscriberCame() {}
 
   void stop();
   /// Subscribes or unsubscribes as is wanted now.
   void connectionsChanged();
   ros::NodeHandle privateNode(CallbackThread& queue) const;
   /// An output below the private name, whose connections decide what is subscribed.
-  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size);
+  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size,
+                                            bool latch = false);
   template <typename Message>
   ros::Publisher advertiseData(const std::string& topic, std::uint32_t queue_size) {
     const auto changed = [this](const ros::SingleSubscriberPublisher&) { connectionsChanged(); };
     return private_node_.advertise<Message>(topic, queue_size, changed, changed);
   }
   /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
-  /// the start are out of their range.
+  /// the start are out of their range; later ones of no use are refused, and the old ones stay.
   template <typename Config>
   std::unique_ptr<dynamic_reconfigure::Server<Config>> serveParameters(
       const std::function<void(const Config&)>& changed) {
-    requireAllInRange<Config>(private_node_);
+    checkParameters<Config>(private_node_);
     auto server =
         std::make_unique<dynamic_reconfigure::Server<Config>>(reconfigure_mutex_, private_node_);
-    server->setCallback([changed](Config& config, std::uint32_t /*level*/) { changed(config); });
+    const auto last = std::make_shared<Config>();
+    server->setCallback([this, changed, last](Config& config, std::uint32_t /*level*/) {
+      try {
+        requireFinite(config);
+        setMaxMemory(config.max_memory);
+        changed(config);
+        *last = config;
+        monitor_.setParameterError("");
+      } catch (const std::invalid_argument& error) {
+        sayParametersRefused(error.what());
+        config = *last;
+      }
+    });
     return server;
   }
   /// Drawing of the next turn without waiting for a message.
@@ -80,13 +91,23 @@ class FrameConsumer : public nodelet::Nodelet {
   /// Names it in diagnostics and, not too often, in the log.
   void refuse(const std::string& reason);
 
-  CallbackThread queue_;       // connections, parameters, the watch
+  /// An image that waits for its homography.
+  void keep(const sensor_msgs::ImageConstPtr& image);
+  bool isSubscribed();
+
+  CallbackThread queue_;       // connections, parameters
   CallbackThread data_queue_;  // images, homographies
+  CallbackThread slow_queue_;  // diagnostics and the watch, which ask the master
   ConsumerMonitor monitor_;
+  std::string homography_topic_;
+  ImageStore images_{kImages};  // the worker's own
+
+  static constexpr std::size_t kImages = 40;  // that wait for their homography: a second or more
 
  private:
-  void onInit() override;
-  void start();
+  void start() override;
+  void setMaxMemory(int megabytes);
+  void sayParametersRefused(const std::string& reason);
   void subscribe();
   void unsubscribe();
   void tick();
@@ -98,11 +119,7 @@ class FrameConsumer : public nodelet::Nodelet {
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;          // of the input
   std::unique_ptr<image_transport::ImageTransport> private_transport_;  // of the outputs
-  std::unique_ptr<image_transport::TransportHints> transport_hints_;
-  std::string image_topic_;
-  std::string homography_topic_;
-  std::string info_topic_;
-  std::uint32_t queue_size_ = 5;
+  std::unique_ptr<InputWatch> homography_watch_;                        // the slow queue's own
   ros::WallTimer timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 
@@ -111,12 +128,11 @@ class FrameConsumer : public nodelet::Nodelet {
   bool subscribed_ = false;
   image_transport::Subscriber image_sub_;
   ros::Subscriber homography_sub_;
-  ros::Subscriber info_sub_;
 
   boost::weak_ptr<const sensor_msgs::Image> last_image_;      // the data queue's own
   boost::weak_ptr<const HomographyStamped> last_homography_;  // the same
   bool said_rectified_ = false;                               // the same
-  std::chrono::steady_clock::time_point last_refusal_;        // the worker's own
+  std::atomic<std::size_t> store_bytes_{0};                   // that images_ may take
   std::atomic<bool> restart_{false};
   FrameInbox inbox_;
   std::thread worker_;

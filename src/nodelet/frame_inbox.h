@@ -1,15 +1,15 @@
 #pragma once
 
 #include <ktgp_orb/HomographyStamped.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
-#include <map>
+#include <limits>
 #include <mutex>
 #include <optional>
+#include <utility>
 
 namespace ktgp_orb {
 
@@ -20,18 +20,37 @@ class FrameInbox {
   struct Content {
     std::deque<sensor_msgs::ImageConstPtr> images;
     std::deque<HomographyStampedConstPtr> homographies;
-    std::deque<sensor_msgs::CameraInfoConstPtr> infos;
   };
 
-  // True where something older had to go.
-  bool put(const sensor_msgs::ImageConstPtr& image) {
-    return put(image, kImages, &Content::images);
+  /// How many older ones had to go.
+  std::size_t put(const sensor_msgs::ImageConstPtr& image) {
+    std::size_t gone = 0;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      std::deque<sensor_msgs::ImageConstPtr>& images = content_.images;
+      images.push_back(image);
+      bytes_ += image->data.size();
+      for (; images.size() > kImages || (bytes_ > most_bytes_ && images.size() > 1); ++gone) {
+        bytes_ -= images.front()->data.size();
+        images.pop_front();
+      }
+    }
+    ready_.notify_one();
+    return gone;
   }
-  bool put(const HomographyStampedConstPtr& homography) {
-    return put(homography, kHomographies, &Content::homographies);
+  void put(const HomographyStampedConstPtr& homography) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      content_.homographies.push_back(homography);
+      if (content_.homographies.size() > kHomographies) content_.homographies.pop_front();
+    }
+    ready_.notify_one();
   }
-  bool put(const sensor_msgs::CameraInfoConstPtr& info) {
-    return put(info, kHomographies, &Content::infos);
+
+  /// Of the pixels of the images; the newest stays whatever it takes.
+  void setMostBytes(std::size_t bytes) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    most_bytes_ = bytes;
   }
 
   /// Makes take() return, with nothing where nothing came.
@@ -47,17 +66,18 @@ class FrameInbox {
   std::optional<Content> take() {
     std::unique_lock<std::mutex> lock(mutex_);
     ready_.wait(lock, [this] {
-      return closed_ || woken_ || !content_.images.empty() || !content_.homographies.empty() ||
-             !content_.infos.empty();
+      return closed_ || woken_ || !content_.images.empty() || !content_.homographies.empty();
     });
     if (closed_) return std::nullopt;
     woken_ = false;
+    bytes_ = 0;
     return std::exchange(content_, Content());
   }
 
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
     content_ = {};
+    bytes_ = 0;
   }
 
   /// Wakes the taker for good.
@@ -73,71 +93,13 @@ class FrameInbox {
   static constexpr std::size_t kImages = 10;
   static constexpr std::size_t kHomographies = 300;  // small, and each is a link of a chain
 
-  template <typename Message>
-  bool put(const Message& message, std::size_t most, std::deque<Message> Content::*queue) {
-    bool full = false;
-    {
-      const std::lock_guard<std::mutex> lock(mutex_);
-      std::deque<Message>& messages = content_.*queue;
-      messages.push_back(message);
-      full = messages.size() > most;
-      if (full) messages.pop_front();
-    }
-    ready_.notify_one();
-    return full;
-  }
-
   std::mutex mutex_;
   std::condition_variable ready_;
   Content content_;
+  std::size_t bytes_ = 0;
+  std::size_t most_bytes_ = std::numeric_limits<std::size_t>::max();
   bool woken_ = false;
   bool closed_ = false;
-};
-
-/// Keeps the newest values by the time they belong to, a bounded number of them.
-template <typename Value>
-class ByStamp {
- public:
-  explicit ByStamp(std::size_t most) : most_(most) {}
-
-  void setMost(std::size_t most) { most_ = most; }
-
-  /// Returns how many had to go.
-  std::size_t put(const ros::Time& stamp, const Value& value) {
-    values_[stamp] = value;
-    order_.push_back(stamp);
-    std::size_t gone = 0;
-    while (order_.size() > most_) {
-      gone += values_.erase(order_.front());
-      order_.pop_front();
-    }
-    return gone;
-  }
-
-  const Value* find(const ros::Time& stamp) const {
-    const auto found = values_.find(stamp);
-    return found == values_.end() ? nullptr : &found->second;
-  }
-
-  std::optional<Value> take(const ros::Time& stamp) {
-    const auto found = values_.find(stamp);
-    if (found == values_.end()) return std::nullopt;
-    std::optional<Value> value = std::move(found->second);
-    values_.erase(found);
-    return value;
-  }
-
-  std::size_t size() const { return values_.size(); }
-
-  void clear() {
-    values_.clear();
-    order_.clear();
-  }
-
- private:
-  std::size_t most_;
-  std::map<ros::Time, Value> values_;
-  std::deque<ros::Time> order_;  // as they came; also of those that were taken
 };
 
 }  // namespace ktgp_orb

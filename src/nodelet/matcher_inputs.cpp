@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "nodelet/matcher_nodelet.h"
 
@@ -56,7 +57,7 @@ void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
   countLost(image->header.seq);
   const std::uint64_t number = ++arrivals_;
   if (paused_ || isSkipped(*image)) return;
-  if (newest_.put({image, number})) monitor_.imagesDropped(1);
+  if (newest_.put({image, number})) monitor_.imageDropped();
 }
 
 bool MatcherNodelet::isSkipped(const sensor_msgs::Image& image) {
@@ -71,7 +72,7 @@ bool MatcherNodelet::isSkipped(const sensor_msgs::Image& image) {
 void MatcherNodelet::countLost(std::uint32_t sequence_number) {
   if (new_subscription_.exchange(false) || publishers_ > 1) sequence_numbers_.restart();
   const std::uint32_t lost = sequence_numbers_.lostBefore(sequence_number);
-  if (lost > 0 && !paused_) monitor_.imagesDropped(lost);
+  if (lost > 0 && !paused_) monitor_.imagesLost(lost);
 }
 
 void MatcherNodelet::subscribeSideInputs() {
@@ -84,8 +85,8 @@ void MatcherNodelet::subscribeCameraInfo() {
   const bool wanted = subscribed_ && configuration_.rectify;
   if (!wanted) camera_info_sub_.shutdown();
   if (!wanted || camera_info_sub_) return;
-  camera_info_sub_ =
-      node_.subscribe(camera_info_topic_, 1, &MatcherNodelet::cameraInfoArrived, this);
+  camera_info_sub_ = node_.subscribe(camera_info_topic_, 1, &MatcherNodelet::cameraInfoArrived,
+                                     this, ros::TransportHints().tcpNoDelay());
 }
 
 void MatcherNodelet::cameraInfoArrived(const sensor_msgs::CameraInfoConstPtr& info) {
@@ -96,16 +97,17 @@ void MatcherNodelet::cameraInfoArrived(const sensor_msgs::CameraInfoConstPtr& in
   } catch (const std::exception& error) {
     problem = error.what();
   }
-  if (problem != lens_problem_ && !problem.empty()) {
+  const bool same_problem = problem == configuration_.lens_problem;
+  if (!same_problem && !problem.empty()) {
     NODELET_WARN("%s cannot be used: %s", camera_info_topic_.c_str(), problem.c_str());
   }
-  lens_problem_ = problem;
   // It comes with every image and is nearly always the same: then the old one stays.
   const bool same = lens && lens_ && lens->calibration() == lens_->calibration();
-  if (same || lens == lens_) return;
-  lens_ = lens;
-  change([this](Configuration& configuration) {
+  if (same_problem && (same || lens == lens_)) return;
+  if (!same) lens_ = lens;
+  change([&](Configuration& configuration) {
     configuration.view.lens = configuration.rectify ? lens_ : nullptr;
+    configuration.lens_problem = problem;
   });
 }
 
@@ -137,10 +139,33 @@ void MatcherNodelet::referenceArrived(const sensor_msgs::ImageConstPtr& image) {
   }
 }
 
+// Once a second: the file that is the reference may be another one now. `at_once`: not only when it
+// has been the same for a second, since it may be half written.
+void MatcherNodelet::rereadReference(bool at_once) {
+  if (config_.reference_image.empty()) return;
+  const FileState now = FileState::of(config_.reference_image);
+  const bool settled = at_once || now == file_seen_;
+  file_seen_ = now;
+  if (now == file_state_ || !settled) return;
+  file_state_ = now;
+  try {
+    const auto before =
+        std::exchange(file_reference_, readImageFile("reference_image", config_.reference_image));
+    change([&](Configuration& configuration) {
+      // What came on ~reference since stays.
+      if (configuration.reference_image == before) configuration.reference_image = file_reference_;
+    });
+    monitor_.setParameterError("");
+    NODELET_INFO("reference_image %s has changed and was read again",
+                 config_.reference_image.c_str());
+  } catch (const std::exception& error) {
+    monitor_.setParameterError(error.what());
+    NODELET_ERROR("reference_image has changed, the old one stays: %s", error.what());
+  }
+}
+
 // It asks the master, which may take long.
 void MatcherNodelet::watchInput() {
-  // A paused bag is no broken camera; a clock that never began is.
-  if (clock_stands_ && !ros::Time::now().isZero()) return;
   std::uint32_t publishers = 0;
   bool subscribed = false;
   {
@@ -149,23 +174,38 @@ void MatcherNodelet::watchInput() {
     if (subscribed_) publishers = image_sub_.getNumPublishers();
   }
   publishers_ = publishers;
-  if (input_silence_begins_.exchange(false)) input_watch_->restart();
-  const std::string warning = input_watch_->tick(subscribed, monitor_.arrived(), publishers);
-  if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
+  if (input_silence_begins_.exchange(false)) image_watch_->restart();
+  watch(*image_watch_, subscribed, monitor_.arrived(), publishers);
+  monitor_.setMixture(watchMixture(publishers));
 }
 
 // Not in the services' queue: the updater reads a parameter, which waits for a master that is held
 // up.
 void MatcherNodelet::report() {
-  clock_stands_ = clockStands();
-  monitor_.tick(clock_stands_);
+  monitor_.tick(clockStands(), clockIsMissing());
+  reportTarget();
+  reportReference();
   diagnostics_->force_update();
 }
 
-bool MatcherNodelet::clockStands() {
-  if (!ros::Time::isSimTime()) return false;
-  const ros::Time now = ros::Time::now();
-  return now == std::exchange(last_report_, now);
+// Said once it has lasted: a camera_info may come a moment after the first image.
+void MatcherNodelet::reportTarget() {
+  const std::string problem = target_.problem();
+  const bool lasts = !problem.empty() && problem == target_problem_;
+  if (lasts && !said_target_problem_) NODELET_WARN("%s", problem.c_str());
+  said_target_problem_ = lasts;
+  target_problem_ = problem;
+  monitor_.setTargetProblem(problem);
+}
+
+// A frame that ~set_reference took is gone with the process. The master remembers that there was
+// one, so that whoever comes next can say it.
+void MatcherNodelet::reportReference() {
+  const bool holds = holds_set_reference_;
+  if (holds && !remembers_reference_) private_node_.setParam("reference_was_set", true);
+  if (!holds && remembers_reference_) private_node_.deleteParam("reference_was_set");
+  remembers_reference_ = holds;
+  monitor_.setReferenceProblem(reference_lost_ ? kReferenceLost : "");
 }
 
 }  // namespace ktgp_orb

@@ -26,6 +26,7 @@ void MatcherMonitor::Counts::operator+=(const Counts& other) {
   seconds += other.seconds;
   arrived += other.arrived;
   dropped += other.dropped;
+  lost += other.lost;
   refused += other.refused;
   skipped += other.skipped;
   matched += other.matched;
@@ -50,10 +51,16 @@ void MatcherMonitor::imageArrived() {
   ++total_.arrived;
 }
 
-void MatcherMonitor::imagesDropped(std::uint64_t count) {
+void MatcherMonitor::imageDropped() {
   const Lock lock(mutex_);
-  current_.dropped += count;
-  total_.dropped += count;
+  ++current_.dropped;
+  ++total_.dropped;
+}
+
+void MatcherMonitor::imagesLost(std::uint64_t count) {
+  const Lock lock(mutex_);
+  current_.lost += count;
+  total_.lost += count;
 }
 
 void MatcherMonitor::imageSkipped() {
@@ -79,6 +86,21 @@ void MatcherMonitor::setLensProblem(const std::string& problem) {
   lens_problem_ = problem;
 }
 
+void MatcherMonitor::setTargetProblem(const std::string& problem) {
+  const Lock lock(mutex_);
+  target_problem_ = problem;
+}
+
+void MatcherMonitor::setReferenceProblem(const std::string& problem) {
+  const Lock lock(mutex_);
+  reference_problem_ = problem;
+}
+
+void MatcherMonitor::setMixture(const std::string& mixture) {
+  const Lock lock(mutex_);
+  mixture_ = mixture;
+}
+
 void MatcherMonitor::overlayDrawn(double milliseconds) {
   const Lock lock(mutex_);
   ++current_.overlays;
@@ -101,7 +123,11 @@ void MatcherMonitor::frameMatched(Status status, NoReference reason, std::size_t
   } else {
     frames_without_reference_ = 0;
   }
-  if (status == Status::ok) ++current_.ok;
+  if (status == Status::ok) {
+    ++current_.ok;
+  } else if (status != Status::no_reference) {
+    last_failure_ = status;
+  }
   ++current_.matched;
   current_.inliers += inliers;
   current_.latency_sum += latency_seconds;
@@ -133,6 +159,11 @@ std::uint64_t MatcherMonitor::dropped() const {
   return total_.dropped;
 }
 
+std::uint64_t MatcherMonitor::lost() const {
+  const Lock lock(mutex_);
+  return total_.lost;
+}
+
 std::uint64_t MatcherMonitor::refused() const {
   const Lock lock(mutex_);
   return total_.refused;
@@ -148,13 +179,14 @@ std::uint64_t MatcherMonitor::arrived() const {
   return total_.arrived;
 }
 
-void MatcherMonitor::tick(bool clock_stands) {
+void MatcherMonitor::tick(bool clock_stands, bool clock_is_missing) {
   const Lock lock(mutex_);
   const auto now = Clock::now();
   const double seconds = std::chrono::duration<double>(now - period_start_).count();
   period_start_ = now;
-  clock_stands_ = clock_stands;
-  if (clock_stands) return;
+  clock_is_missing_ = clock_is_missing;
+  clock_stands_ = clock_stands && current_.arrived == 0;
+  if (clock_stands_) return;
   current_.seconds = seconds;
   periods_[next_period_] = current_;
   next_period_ = (next_period_ + 1) % periods_.size();
@@ -181,6 +213,10 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
   level = DiagnosticStatus::ERROR;
   if (counts.arrived == 0) return "no image on " + topic_;
+  if (!mixture_.empty()) {
+    level = DiagnosticStatus::WARN;
+    return mixture_;
+  }
   if (counts.refused >= counts.arrived) return "every image is refused: " + last_error_;
   level = DiagnosticStatus::WARN;
   if (counts.refused > 0) return "images refused: " + last_error_;
@@ -189,6 +225,10 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   level = levelOf(ratio(counts.dropped, counts.arrived), limits_.max_drop_ratio);
   if (level != DiagnosticStatus::OK) {
     return "many images dropped: they arrive faster than they are matched";
+  }
+  level = levelOf(ratio(counts.lost, counts.arrived + counts.lost), limits_.max_lost_ratio);
+  if (level != DiagnosticStatus::OK) {
+    return "many images lost: they were sent, by header.seq, and never arrived";
   }
   return "images arrive";
 }
@@ -203,6 +243,7 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.addf("rate (1/s)", "%.2f", rate(counts));
   report.add("images", total_.arrived);
   report.add("dropped", total_.dropped);
+  report.add("lost on the way", total_.lost);
   report.add("skipped for max_rate", total_.skipped);
   report.add("refused", total_.refused);
   report.add("last error", last_error_);
@@ -213,6 +254,8 @@ std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& 
   level = DiagnosticStatus::WARN;
   if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
   if (!lens_problem_.empty()) return lens_problem_;
+  if (!target_problem_.empty()) return target_problem_;
+  if (!reference_problem_.empty()) return reference_problem_;
   // One frame without a reference is what every sequence begins with.
   if (frames_without_reference_ > 1 && listening_ && !paused_) {
     return std::to_string(frames_without_reference_) +
@@ -225,7 +268,7 @@ std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& 
   if (ok_ratio < limits_.min_ok_ratio) {
     level = DiagnosticStatus::WARN;
     return std::string(counts.ok == 0 ? "no homography found: " : "few homographies found: ") +
-           toString(last_status_);
+           toString(last_failure_);
   }
   return counts.ok == 0 ? "no homography found, and none is asked for" : "homographies found";
 }
@@ -251,7 +294,10 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
   const Counts counts = window();
   const double mean =
       counts.matched > 0 ? counts.latency_sum / static_cast<double>(counts.matched) : 0.0;
-  if (std::abs(mean) > kImplausibleLatency) {
+  if (clock_is_missing_ && listening_) {
+    report.summary(DiagnosticStatus::WARN,
+                   "use_sim_time is set, and nobody publishes /clock: the latency is not known");
+  } else if (std::abs(mean) > kImplausibleLatency) {
     report.summary(
         DiagnosticStatus::WARN,
         "image stamps are of another clock; playing a bag needs use_sim_time and --clock");

@@ -16,6 +16,7 @@ namespace ktgp_orb {
 struct MonitorLimits {
   double min_input_rate = 0.0;  ///< images per second
   double max_drop_ratio = 0.5;  ///< dropped / arrived
+  double max_lost_ratio = 1.0;  ///< never arrived / sent
   double max_latency = 0.5;     ///< s
   double min_ok_ratio = 0.5;    ///< frames with a homography / frames with a reference
   double error_factor = 4.0;    ///< an error, no warning, this many times beyond a limit
@@ -28,7 +29,10 @@ class MatcherMonitor {
   void setLimits(const MonitorLimits& limits);
 
   void imageArrived();
-  void imagesDropped(std::uint64_t count);
+  /// Replaced by a newer one before it was matched.
+  void imageDropped();
+  /// Sent, by the publisher's counter, and never arrived.
+  void imagesLost(std::uint64_t count);
   /// For max_rate.
   void imageSkipped();
   void imageRefused(const std::string& reason);
@@ -36,6 +40,12 @@ class MatcherMonitor {
   void setParameterError(const std::string& error);
   /// Why points are in raw pixels though others are wanted; empty: they are not.
   void setLensProblem(const std::string& problem);
+  /// Why the target has no outline or pose though these are wanted; empty: it has, or they are not.
+  void setTargetProblem(const std::string& problem);
+  /// What became of the reference; empty: nothing that people should know.
+  void setReferenceProblem(const std::string& problem);
+  /// That several nodes publish the images; empty: one does.
+  void setMixture(const std::string& mixture);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);
   /// Not drawn, since a newer image waited.
@@ -45,13 +55,15 @@ class MatcherMonitor {
   void setPaused(bool paused);
 
   std::uint64_t dropped() const;
+  std::uint64_t lost() const;
   std::uint64_t refused() const;
   std::uint64_t skipped() const;
   std::uint64_t arrived() const;
 
   /// Moves the window on by one period; call once before each round of reports. While the clock
-  /// stands (a paused bag) the window stands too.
-  void tick(bool clock_stands);
+  /// stands and nothing comes (a paused bag) the window stands too. `clock_is_missing`: ROS time
+  /// is that of a clock which never began.
+  void tick(bool clock_stands, bool clock_is_missing);
   void reportInput(diagnostic_updater::DiagnosticStatusWrapper& report);
   void reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report);
   void reportLatency(diagnostic_updater::DiagnosticStatusWrapper& report);
@@ -63,6 +75,7 @@ class MatcherMonitor {
     double seconds = 0.0;
     std::uint64_t arrived = 0;
     std::uint64_t dropped = 0;
+    std::uint64_t lost = 0;
     std::uint64_t refused = 0;
     std::uint64_t skipped = 0;
     std::uint64_t matched = 0;
@@ -95,11 +108,16 @@ class MatcherMonitor {
   std::string last_error_;  // of an image, while such ones come
   std::string parameter_error_;
   std::string lens_problem_;
+  std::string target_problem_;
+  std::string reference_problem_;
+  std::string mixture_;
   std::string topic_;
   bool listening_ = false;
   bool paused_ = false;
   bool clock_stands_ = false;
+  bool clock_is_missing_ = false;
   Status last_status_ = Status::no_reference;
+  Status last_failure_ = Status::ok;  // of a frame with a reference; ok: there was none
   NoReference last_reason_ = NoReference::none;
   std::uint64_t frames_without_reference_ = 0;  // in a row, up to the last frame
 };

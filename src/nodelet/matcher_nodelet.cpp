@@ -2,21 +2,17 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
-#include <image_transport/camera_common.h>
 #include <algorithm>
 #include <stdexcept>
 #include <utility>
 
+#include "messages/camera.h"
 #include "messages/image_conversion.h"
-#include "nodelet/image_input.h"
 #include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 namespace {
 
-// ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
-// zero.
-constexpr std::chrono::seconds kRepeatRefusal{5};
 constexpr std::uint32_t kDataQueue = 10;  // messages that wait for a slow subscriber
 
 // A matcher that is always behind still shows something.
@@ -32,12 +28,14 @@ double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
 using Lock = std::lock_guard<std::mutex>;
 
 double latencySeconds(const ros::Time& stamp) {
-  return stamp.isZero() ? 0.0 : secondsBetween(stamp, ros::Time::now());
+  const ros::Time now = ros::Time::now();
+  // A simulated clock that never began tells nothing.
+  return stamp.isZero() || now.isZero() ? 0.0 : secondsBetween(stamp, now);
 }
 
 MonitorLimits limitsFrom(const KtgpConfig& config) {
-  return {config.min_input_rate, config.max_drop_ratio, config.max_latency, config.min_ok_ratio,
-          config.error_factor};
+  return {config.min_input_rate, config.max_drop_ratio, config.max_lost_ratio,
+          config.max_latency,    config.min_ok_ratio,   config.error_factor};
 }
 
 }  // namespace
@@ -49,14 +47,16 @@ MatcherNodelet::~MatcherNodelet() {
 // First of all the callbacks end: a dynamic_reconfigure server that is destroyed in the middle of
 // one takes the manager down.
 void MatcherNodelet::stop() {
-  for (CallbackThread* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
+  for (CallbackThread* queue :
+       {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
     queue->stop();
   }
   newest_.close();
   if (worker_.joinable()) worker_.join();
   for (ros::ServiceServer& service : services_) service.shutdown();
-  watch_timer_.stop();
-  report_timer_.stop();
+  for (ros::WallTimer* timer : {&watch_timer_, &report_timer_, &file_timer_, &reset_timer_}) {
+    timer->stop();
+  }
   mask_sub_.shutdown();
   reference_sub_.shutdown();
   reconfigure_server_.reset();
@@ -75,15 +75,6 @@ void MatcherNodelet::stop() {
   diagnostics_.reset();
 }
 
-void MatcherNodelet::onInit() {
-  try {
-    start();
-  } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
-    throw;
-  }
-}
-
 void MatcherNodelet::start() {
   node_ = getNodeHandle();
   node_.setCallbackQueue(&queue_.callbacks);
@@ -91,22 +82,16 @@ void MatcherNodelet::start() {
   image_node_.setCallbackQueue(&image_queue_.callbacks);
   private_node_ = getPrivateNodeHandle();
   private_node_.setCallbackQueue(&queue_.callbacks);
-  // Read once: what is set later cannot fail in the middle of the work.
-  transport_hints_ = std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(),
-                                                                       private_node_);
-  queue_size_ = static_cast<std::uint32_t>(std::max(1, private_node_.param("queue_size", 1)));
-  image_topic_ = node_.resolveName("image");
-  camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
-  requireTransport(node_, transport_hints_->getTransport());
-  requireParametersInRange(private_node_);
+  openInput(node_, private_node_, 1);
+  checkParameters<KtgpConfig>(private_node_);
+  requireMode(private_node_);
   completeRatioThreshold(private_node_);
-  for (const std::string& name : unknownParameters(private_node_)) {
-    NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
-  }
-
-  input_watch_ = std::make_unique<InputWatch>(image_topic_, transport_hints_->getTransport());
   monitor_.setTopic(image_topic_);
   startReconfigure();
+  if (private_node_.deleteParam("reference_was_set") && config_.reference_mode == "fixed") {
+    reference_lost_ = true;
+    NODELET_WARN("%s", kReferenceLost);
+  }
   matcher_ = std::make_unique<MessageMatcher>(configuration_);
   worker_ = std::thread(&MatcherNodelet::work, this);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
@@ -118,12 +103,15 @@ void MatcherNodelet::start() {
   advertiseServices();
   subscribeSideInputs();
   startTimers();
-  for (CallbackThread* queue : {&queue_, &image_queue_, &service_queue_, &slow_queue_}) {
+  for (CallbackThread* queue :
+       {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
     queue->start();
   }
-  NODELET_INFO("matches images on %s (transport %s) while %s/* has subscribers",
-               image_topic_.c_str(), transport_hints_->getTransport().c_str(),
-               private_node_.getNamespace().c_str());
+  connectionsChanged();  // without a subscriber too: for a transform, or where lazy is off
+  NODELET_INFO(
+      "matches images on %s (transport %s)%s", image_topic_.c_str(),
+      transport_hints_->getTransport().c_str(),
+      lazy_ ? (" while " + private_node_.getNamespace() + "/* has subscribers").c_str() : "");
 }
 
 // Wall time: they must go on while a bag with --clock is paused.
@@ -134,6 +122,12 @@ void MatcherNodelet::startTimers() {
                                            [this](const ros::WallTimerEvent&) { watchInput(); });
   report_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
                                             [this](const ros::WallTimerEvent&) { report(); });
+  // In the queue of the parameters, which may read files too.
+  file_timer_ = node_.createWallTimer(
+      ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { rereadReference(false); });
+  reset_timer_ = node_.createWallTimer(
+      ros::WallDuration(0.001), [this](const ros::WallTimerEvent&) { rereadReference(true); }, true,
+      false);
 }
 
 void MatcherNodelet::advertise() {
@@ -179,6 +173,7 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
     if (configured_ && config.T_w == config_.T_w) {
       config.T_w = followDescriptor(config.T_w, config_.descriptor, config.descriptor);
     }
+    requireFinite(config);
     configureFrom(config);
     const std::string note = noteOnRatioThreshold(config.T_w, config.descriptor);
     if (described_anew && !note.empty()) NODELET_WARN("%s", note.c_str());
@@ -198,8 +193,14 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
 
 void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   Configuration wanted = configurationFrom(config, 0);
+  const Pixels pixels = pixelsFrom(config.calibration, image_topic_);
+  if (config.rectify && pixels == Pixels::rectified) {
+    throw std::invalid_argument("rectify is on, but the images on " + image_topic_ +
+                                " are rectified already (see the parameter calibration)");
+  }
   // What is not said anew stays: the file's content, or what came on ~reference since.
   const bool same_image = configured_ && config.reference_image == config_.reference_image;
+  const FileState state = same_image ? file_state_ : FileState::of(config.reference_image);
   const auto file =
       same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
   wanted.reference_image = same_image ? configuration_.reference_image : file;
@@ -208,16 +209,19 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
       same_mask ? configuration_.view.file_mask : readMaskFile(config.mask_image);
   wanted.view.sent_mask = configuration_.view.sent_mask;
   wanted.view.lens = config.rectify ? lens_ : nullptr;
+  wanted.lens_problem = configuration_.lens_problem;
   file_reference_ = file;  // nothing throws any more
+  file_state_ = file_seen_ = state;
   monitor_.setLimits(limitsFrom(config));
   max_rate_ = config.max_rate;
+  lazy_ = config.lazy;
   change([&](Configuration& configuration) {
     wanted.number = configured_ ? configuration.number : 0;
     configuration = wanted;
   });
   {
     const Lock lock(connect_mutex_);
-    target_.configure(config);
+    target_.configure(config, pixels);
     if (advertised_) subscribeCameraInfo();
   }
   connectionsChanged();  // a transform may be wanted, which nobody subscribes to
@@ -234,10 +238,10 @@ void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
 }
 
 bool MatcherNodelet::anySubscriber() const {
-  return correspondences_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0 ||
-         accumulated_pub_.getNumSubscribers() > 0 || match_pub_.getNumSubscribers() > 0 ||
-         statistics_pub_.getNumSubscribers() > 0 || overlay_pub_.getNumSubscribers() > 0 ||
-         target_.isWanted();
+  return !lazy_ || correspondences_pub_.getNumSubscribers() > 0 ||
+         homography_pub_.getNumSubscribers() > 0 || accumulated_pub_.getNumSubscribers() > 0 ||
+         match_pub_.getNumSubscribers() > 0 || statistics_pub_.getNumSubscribers() > 0 ||
+         overlay_pub_.getNumSubscribers() > 0 || target_.isWanted();
 }
 
 void MatcherNodelet::work() {
@@ -269,15 +273,20 @@ void MatcherNodelet::applyRequests(std::uint64_t arrival) {
   if (configuration) matcher_->configure(*configuration);
   if (requests.forget_reference) matcher_->forgetReference();
   if (requests.reset) matcher_->reset();
-  if (requests.fix_reference_after) matcher_->fixNextFrame();
+  if (requests.fix_reference_after) {
+    matcher_->fixNextFrame();
+    reference_lost_ = false;
+  }
 }
 
 void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
   FrameMessages messages = matcher_->process(image);
+  holds_set_reference_ = matcher_->holdsSetReference();
   MatchStatistics& statistics = *messages.statistics;
   const double latency = latencySeconds(statistics.header.stamp);
   statistics.latency_milliseconds = 1e3 * latency;
   statistics.dropped_frames = monitor_.dropped();
+  statistics.lost_frames = monitor_.lost();
   statistics.skipped_frames = monitor_.skipped();
   statistics.refused_frames = monitor_.refused();
   monitor_.frameMatched(static_cast<Status>(statistics.status),
@@ -290,17 +299,25 @@ void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
 void MatcherNodelet::warnOfRawPoints(const FrameMessages& messages) {
   const bool raw = matcher_->configuration().rectify && !messages.homography->rectified;
   if (!raw) {
-    warned_of_raw_points_ = false;
+    said_raw_points_.clear();
     monitor_.setLensProblem("");
     return;
   }
+  const std::string reason = whyNoLens();
   const std::string problem =
       "rectify is on, but points are in raw pixels: no camera_info of a "
       "calibrated camera and of this image size on " +
-      camera_info_topic_;
+      camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
   monitor_.setLensProblem(problem);
-  if (!warned_of_raw_points_) NODELET_WARN("%s", problem.c_str());
-  warned_of_raw_points_ = true;
+  if (problem != said_raw_points_) NODELET_WARN("%s", problem.c_str());
+  said_raw_points_ = problem;
+}
+
+std::string MatcherNodelet::whyNoLens() const {
+  const Configuration& configuration = matcher_->configuration();
+  if (!configuration.view.lens) return configuration.lens_problem;
+  const cv::Size size = configuration.view.lens->calibration().image_size;
+  return "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {
@@ -328,10 +345,7 @@ void MatcherNodelet::publishOverlay() {
 
 void MatcherNodelet::refuse(const std::string& reason) {
   monitor_.imageRefused(reason);
-  const auto now = std::chrono::steady_clock::now();
-  if (now - last_refusal_ < kRepeatRefusal) return;
-  last_refusal_ = now;
-  NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
+  sayRefused(reason);
 }
 
 }  // namespace ktgp_orb

@@ -4,7 +4,6 @@
 #include <image_transport/image_transport.h>
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchPair.h>
-#include <nodelet/nodelet.h>
 #include <ros/ros.h>
 #include <std_srvs/Trigger.h>
 
@@ -22,13 +21,19 @@
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
 #include "nodelet/callback_thread.h"
-#include "nodelet/input_watch.h"
+#include "nodelet/file_state.h"
+#include "nodelet/image_nodelet.h"
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
 #include "nodelet/sequence_numbers.h"
 #include "nodelet/target_publisher.h"
 
 namespace ktgp_orb {
+
+/// What is said after a restart, where the fixed reference was a frame of the camera.
+constexpr const char* kReferenceLost =
+    "the reference that ~set_reference took is lost, since the process that had it ended: call "
+    "~set_reference again, or ~reset";
 
 /// The matcher as a ROS nodelet. Topics, services and parameters stand in the README.
 ///
@@ -41,14 +46,13 @@ namespace ktgp_orb {
 ///
 /// The member functions are in three files: matcher_inputs.cpp has what comes in on topics,
 /// matcher_services.cpp the services, matcher_nodelet.cpp the rest.
-class MatcherNodelet : public nodelet::Nodelet {
+class MatcherNodelet : public ImageNodelet {
  public:
   MatcherNodelet() = default;
   ~MatcherNodelet() override;
 
  private:
-  void onInit() override;
-  void start();
+  void start() override;
   void stop();
   void advertise();
   void startReconfigure();
@@ -70,7 +74,9 @@ class MatcherNodelet : public nodelet::Nodelet {
   void referenceArrived(const sensor_msgs::ImageConstPtr& image);
   void watchInput();
   void report();
-  bool clockStands();
+  void reportTarget();
+  void reportReference();
+  void rereadReference(bool at_once);
 
   void reconfigured(KtgpConfig& config);
   void configureFrom(const KtgpConfig& config);
@@ -81,6 +87,7 @@ class MatcherNodelet : public nodelet::Nodelet {
   void processImage(const sensor_msgs::ImageConstPtr& image);
   void publish(const FrameMessages& messages);
   void warnOfRawPoints(const FrameMessages& messages);
+  std::string whyNoLens() const;
   void publishOverlay();
   void refuse(const std::string& reason);
 
@@ -114,7 +121,8 @@ class MatcherNodelet : public nodelet::Nodelet {
   CallbackThread queue_;          // connections, parameters, ~mask, ~reference, camera_info
   CallbackThread image_queue_;    // images
   CallbackThread service_queue_;  // services that only store a request: never waits
-  CallbackThread slow_queue_;     // ~match_pair, diagnostics and the watch, which ask the master
+  CallbackThread slow_queue_;     // diagnostics and the watch, which ask the master
+  CallbackThread pair_queue_;     // ~match_pair
   ros::NodeHandle node_;
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
@@ -130,6 +138,8 @@ class MatcherNodelet : public nodelet::Nodelet {
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer watch_timer_;
   ros::WallTimer report_timer_;
+  ros::WallTimer file_timer_;   // looks whether the reference_image is another one now
+  ros::WallTimer reset_timer_;  // the same, once, after ~reset
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   boost::recursive_mutex reconfigure_mutex_;
   KtgpConfig config_;  // what configuration_ was made from
@@ -144,16 +154,12 @@ class MatcherNodelet : public nodelet::Nodelet {
   ros::Subscriber camera_info_sub_;
   ros::Subscriber mask_sub_;
   ros::Subscriber reference_sub_;
-  std::string image_topic_;
-  std::string camera_info_topic_;
-  std::unique_ptr<image_transport::TransportHints> transport_hints_;
-  std::uint32_t queue_size_ = 1;
+  std::atomic<bool> lazy_{true};
   std::atomic<bool> listening_{false};        // as subscribed_, for who must not wait
   std::atomic<std::uint32_t> publishers_{0};  // of the input, as of the last watch
   std::atomic<bool> new_subscription_{false};
   std::atomic<bool> input_silence_begins_{false};  // the watch waits anew
-  std::atomic<bool> clock_stands_{false};
-  std::atomic<double> max_rate_{0.0};  // Hz
+  std::atomic<double> max_rate_{0.0};              // Hz
 
   // The image queue's own
   SequenceNumbers sequence_numbers_;
@@ -162,14 +168,18 @@ class MatcherNodelet : public nodelet::Nodelet {
 
   // Of the first queue alone
   LensConstPtr lens_;  // of the last camera_info
-  std::string lens_problem_;
   sensor_msgs::ImageConstPtr file_reference_;
+  FileState file_state_;  // of the reference_image when it was read
+  FileState file_seen_;   // when it was last looked at
 
   // Of the slow queue alone
-  std::unique_ptr<InputWatch> input_watch_;
-  ros::Time last_report_;
+  std::string target_problem_;  // as of the last report
+  bool said_target_problem_ = false;
+  bool remembers_reference_ = false;  // the master was told that ~set_reference set one
 
   // Shared with the worker
+  std::atomic<bool> holds_set_reference_{false};  // the reference is one that ~set_reference set
+  std::atomic<bool> reference_lost_{false};       // that of the process before was one
   std::mutex state_mutex_;  // guards configuration_ and requests_; never held while anything waits
   Configuration configuration_;
   Requests requests_;
@@ -180,8 +190,7 @@ class MatcherNodelet : public nodelet::Nodelet {
 
   // The worker's own
   std::unique_ptr<MessageMatcher> matcher_;
-  std::chrono::steady_clock::time_point last_refusal_;
-  bool warned_of_raw_points_ = false;
+  std::string said_raw_points_;
   std::chrono::steady_clock::time_point last_overlay_;
   std::thread worker_;
 };

@@ -3,13 +3,24 @@
 
 #include <boost/make_shared.hpp>
 #include <exception>
+#include <sstream>
 
+#include "messages/image_conversion.h"
 #include "nodelet/matcher_nodelet.h"
 
 namespace ktgp_orb {
 namespace {
 
 using Lock = std::lock_guard<std::mutex>;
+
+void requireSize(const std::string& name, const sensor_msgs::Image& image, double most) {
+  const double megapixels = 1e-6 * image.width * static_cast<double>(image.height);
+  if (megapixels <= most) return;
+  std::ostringstream text;
+  text << name << " is " << image.width << "x" << image.height << " (" << megapixels
+       << " megapixels); expected " << most << " at most (max_pair_megapixels)";
+  throw RefusedImage(text.str());
+}
 
 }  // namespace
 
@@ -21,7 +32,7 @@ void MatcherNodelet::advertiseServices() {
   services_.push_back(node.advertiseService("pause", &MatcherNodelet::pauseRequested, this));
   services_.push_back(node.advertiseService("resume", &MatcherNodelet::resumeRequested, this));
   ros::NodeHandle pair_node = getPrivateNodeHandle();
-  pair_node.setCallbackQueue(&slow_queue_.callbacks);
+  pair_node.setCallbackQueue(&pair_queue_.callbacks);
   services_.push_back(pair_node.advertiseService("match_pair", &MatcherNodelet::matchPair, this));
 }
 
@@ -29,6 +40,9 @@ bool MatcherNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& res
   const Lock lock(state_mutex_);
   requests_.reset = true;
   requests_.fix_reference_after.reset();
+  reference_lost_ = false;
+  reset_timer_.stop();
+  reset_timer_.start();
   response.success = true;
   response.message = "every reference is forgotten";
   return true;
@@ -90,6 +104,8 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
   const char* image = "reference: ";  // what an error is about
   try {
+    requireSize("reference", request.reference, configuration.max_pair_megapixels);
+    requireSize("target", request.target, configuration.max_pair_megapixels);
     MessageMatcher matcher(configuration);
     image = "target: ";
     const FrameMessages messages =

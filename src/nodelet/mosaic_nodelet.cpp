@@ -22,8 +22,6 @@ using Clock = std::chrono::steady_clock;
 using Lock = std::lock_guard<std::mutex>;
 using std_srvs::Trigger;
 
-constexpr std::size_t kImages = 40;  // that wait for their homography: a second or more
-
 MosaicOptions optionsFrom(const MosaicConfig& config) {
   MosaicOptions options;
   options.max_megapixels = config.max_megapixels;
@@ -72,6 +70,11 @@ class MosaicNodelet : public FrameConsumer {
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override { images_.clear(); }
+  void subscriberCame() override {
+    picture_wanted_ = true;
+    wake();
+  }
+  std::string whyEmpty();
   void place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image);
   void publishPose(const HomographyStamped& message);
   void publishPicture(const std_msgs::Header& header);
@@ -84,7 +87,8 @@ class MosaicNodelet : public FrameConsumer {
   ros::Publisher homography_pub_;
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<dynamic_reconfigure::Server<MosaicConfig>> server_;
-  std::atomic<bool> lazy_{true};
+  std::atomic<bool> lazy_{false};
+  std::atomic<bool> picture_wanted_{false};  // by a subscriber that is new
   std::atomic<bool> reset_{false};
 
   std::mutex config_mutex_;  // guards config_
@@ -96,7 +100,7 @@ class MosaicNodelet : public FrameConsumer {
 
   // The worker's own
   MosaicConfig current_;
-  ByStamp<sensor_msgs::ImageConstPtr> images_{kImages};
+  std_msgs::Header last_header_;                    // of the image that was placed last
   std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still come
   Clock::time_point last_picture_;
   bool said_full_ = false;
@@ -115,7 +119,7 @@ void MosaicNodelet::configure() {
 }
 
 void MosaicNodelet::advertise() {
-  mosaic_pub_ = advertiseImage("mosaic", 1);
+  mosaic_pub_ = advertiseImage("mosaic", 1, true);
   homography_pub_ = advertiseData<HomographyStamped>("homography", 10);
   ros::NodeHandle service_node = privateNode(service_queue_);
   services_.push_back(service_node.advertiseService("save", &MosaicNodelet::save, this));
@@ -138,7 +142,8 @@ void MosaicNodelet::work(FrameInbox::Content& content) {
     current_ = config_;
     changed = std::exchange(config_changed_, false);
   }
-  for (const auto& image : content.images) images_.put(image->header.stamp, image);
+  for (const auto& image : content.images) keep(image);
+  content.images.clear();
   {
     const Lock lock(map_mutex_);
     if (changed) mosaic_.setOptions(optionsFrom(current_));
@@ -156,9 +161,10 @@ void MosaicNodelet::work(FrameInbox::Content& content) {
     const auto end = unplaced_.begin() + static_cast<std::ptrdiff_t>(i) + 1;
     unplaced_.erase(unplaced_.begin(), end);
     monitor_.dropped(i);
-    place(*message, *image);
+    place(*message, image);
     break;
   }
+  if (picture_wanted_.exchange(false)) publishPicture(last_header_);
 }
 
 void MosaicNodelet::place(const HomographyStamped& message,
@@ -171,6 +177,7 @@ void MosaicNodelet::place(const HomographyStamped& message,
     monitor_.setValue("last frame", toString(placement));
   }
   monitor_.done(std::chrono::duration<double, std::milli>(Clock::now() - start).count());
+  last_header_ = message.header;
   reportMap();
   if (homography_pub_.getNumSubscribers() > 0) publishPose(message);
   const auto period = std::chrono::duration<double>(1.0 / current_.rate);
@@ -197,6 +204,7 @@ void MosaicNodelet::reportMap() {
 void MosaicNodelet::publishPose(const HomographyStamped& message) {
   auto pose = boost::make_shared<HomographyStamped>();
   pose->header = message.header;
+  pose->rectified = message.rectified;
   pose->reference_stamp = timeOf(mosaic_.firstStamp());
   pose->status = HomographyStamped::STATUS_NO_MODEL;
   if (const auto h = mosaic_.pose()) {
@@ -233,7 +241,7 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
     picture = mosaic_.image();
   }
   if (picture.empty()) {
-    response.message = "there is no mosaic yet: no frame was placed";
+    response.message = "there is no mosaic yet: " + whyEmpty();
     return true;
   }
   try {
@@ -246,6 +254,17 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
     response.message = error.what();
   }
   return true;
+}
+
+std::string MosaicNodelet::whyEmpty() {
+  if (!isSubscribed()) return "lazy is on, and no output has a subscriber: no image is received";
+  if (monitor_.images() == 0) return "no image has come on " + image_topic_;
+  if (monitor_.homographies() == 0) {
+    return "no homography has come on " + homography_topic_ + ": does the matcher run?";
+  }
+  return "of " + std::to_string(monitor_.images()) + " images none was placed; " +
+         std::to_string(monitor_.found()) + " of " + std::to_string(monitor_.homographies()) +
+         " homographies were found";
 }
 
 bool MosaicNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& response) {

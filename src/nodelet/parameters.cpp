@@ -2,7 +2,6 @@
 
 #include <boost/any.hpp>
 #include <cmath>
-#include <set>
 #include <sstream>
 #include <stdexcept>
 
@@ -11,8 +10,9 @@
 namespace ktgp_orb {
 namespace {
 
-// Private parameters that are not dynamic: read by image_transport and at start.
-const char* const kStaticParameters[] = {"image_transport", "queue_size"};
+// Private parameters that are not dynamic: read by image_transport and at start, and what the
+// matcher remembers beyond its end.
+const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
                          const std::string& expected) {
@@ -61,8 +61,7 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
   }
 }
 
-void requireParametersInRange(const ros::NodeHandle& node) {
-  requireAllInRange<KtgpConfig>(node);
+void requireMode(const ros::NodeHandle& node) {
   std::string mode;
   if (node.getParam("reference_mode", mode)) referenceModeFrom(mode);
 }
@@ -74,11 +73,9 @@ void completeRatioThreshold(const ros::NodeHandle& node) {
   node.setParam("T_w", followDescriptor(usual.T_w, usual.descriptor, descriptor));
 }
 
-std::vector<std::string> unknownParameters(const ros::NodeHandle& node) {
-  std::set<std::string> known(std::begin(kStaticParameters), std::end(kStaticParameters));
-  for (const auto& description : KtgpConfig::__getParamDescriptions__()) {
-    known.insert(description->name);
-  }
+std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
+                                           std::set<std::string> known) {
+  known.insert(std::begin(kStaticParameters), std::end(kStaticParameters));
   const std::string prefix = node.getNamespace() + "/";
   std::vector<std::string> all;
   std::vector<std::string> unknown;

@@ -3,7 +3,11 @@
 #include <ros/node_handle.h>
 
 #include <boost/any.hpp>
+#include <cmath>
+#include <set>
+#include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace ktgp_orb {
@@ -28,13 +32,37 @@ void requireAllInRange(const ros::NodeHandle& node) {
   }
 }
 
-/// The same for the matcher, and the choices of the strings.
-void requireParametersInRange(const ros::NodeHandle& node);
+/// Of the matcher: that reference_mode is a mode. Throws std::invalid_argument.
+void requireMode(const ros::NodeHandle& node);
 
 /// Sets T_w to that of the descriptor where `node` was started with a descriptor and without T_w.
 void completeRatioThreshold(const ros::NodeHandle& node);
 
-/// Parameters of the matcher below `node` that nothing reads, misspelt ones for example.
-std::vector<std::string> unknownParameters(const ros::NodeHandle& node);
+/// Throws std::invalid_argument naming a number of `config` that is none (NaN) or infinite: no
+/// clamp of dynamic_reconfigure catches it.
+template <typename Config>
+void requireFinite(const Config& config) {
+  for (const auto& description : Config::__getParamDescriptions__()) {
+    boost::any value;
+    description->getValue(config, value);
+    const auto* number = boost::any_cast<double>(&value);
+    if (number == nullptr || std::isfinite(*number)) continue;
+    throw std::invalid_argument("parameter " + description->name + " is " +
+                                std::to_string(*number) + "; expected a number");
+  }
+}
+
+/// Parameters below `node` that are not among `known` and that nothing reads, misspelt ones for
+/// example.
+std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
+                                           std::set<std::string> known);
+template <typename Config>
+std::vector<std::string> unknownParameters(const ros::NodeHandle& node) {
+  std::set<std::string> known;
+  for (const auto& description : Config::__getParamDescriptions__()) {
+    known.insert(description->name);
+  }
+  return unknownParameters(node, std::move(known));
+}
 
 }  // namespace ktgp_orb

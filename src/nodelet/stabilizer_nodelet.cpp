@@ -5,6 +5,7 @@
 #include <boost/make_shared.hpp>
 #include <chrono>
 #include <deque>
+#include <limits>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
@@ -18,8 +19,6 @@ namespace ktgp_orb {
 namespace {
 
 using Lock = std::lock_guard<std::mutex>;
-
-constexpr std::size_t kImages = 40;  // that wait for their homography: a second or more
 
 StabilizerOptions optionsFrom(const StabilizerConfig& config) {
   StabilizerOptions options;
@@ -62,19 +61,18 @@ class StabilizerNodelet : public FrameConsumer {
   void configure() override;
   void advertise() override;
   bool isWanted() const override {
-    return image_pub_.getNumSubscribers() > 0 || info_pub_.getNumSubscribers() > 0;
+    return image_pub_.getNumSubscribers() > 0 || warp_pub_.getNumSubscribers() > 0;
   }
-  bool needsCameraInfo() const override { return true; }
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override;
-  void take(const sensor_msgs::CameraInfoConstPtr& info);
   void follow(const HomographyStamped& message);
   void publishDue();
   void publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image);
+  void publishWarp(const SteadyFrame& frame, const std_msgs::Header& header);
 
   image_transport::Publisher image_pub_;
-  ros::Publisher info_pub_;
+  ros::Publisher warp_pub_;
   std::unique_ptr<dynamic_reconfigure::Server<StabilizerConfig>> server_;
 
   std::mutex mutex_;  // guards options_
@@ -85,9 +83,7 @@ class StabilizerNodelet : public FrameConsumer {
   cv::Size size_;     // of the newest image
   ros::Time newest_;  // its stamp
   std::uint64_t restarts_ = 0;
-  ByStamp<sensor_msgs::ImageConstPtr> images_{kImages};
-  ByStamp<sensor_msgs::CameraInfoConstPtr> infos_{kImages};
-  ByStamp<bool> without_info_{kImages};  // frames that went out before their camera_info came
+  bool rectified_ = false;  // the pixels of the newest homography
   std::vector<SteadyFrame> ready_;
   std::deque<SteadyFrame> due_;  // whose image may still come
 };
@@ -101,20 +97,18 @@ void StabilizerNodelet::configure() {
 
 void StabilizerNodelet::advertise() {
   image_pub_ = advertiseImage("image", 2);
-  info_pub_ = advertiseData<sensor_msgs::CameraInfo>("camera_info", 2);
+  warp_pub_ = advertiseData<HomographyStamped>("warp", 10);
 }
 
 void StabilizerNodelet::shutdown() {
   server_.reset();
   image_pub_.shutdown();
-  info_pub_.shutdown();
+  warp_pub_.shutdown();
 }
 
 void StabilizerNodelet::restart() {
   stabilizer_.reset();
   images_.clear();
-  infos_.clear();
-  without_info_.clear();
   due_.clear();
   size_ = {};
 }
@@ -124,31 +118,21 @@ void StabilizerNodelet::work(FrameInbox::Content& content) {
     const Lock lock(mutex_);
     stabilizer_.setOptions(options_);
     images_.setMost(kImages + static_cast<std::size_t>(options_.lag));
-    infos_.setMost(kImages + static_cast<std::size_t>(options_.lag));
   }
-  for (const auto& info : content.infos) take(info);
   for (const auto& image : content.images) {
-    images_.put(image->header.stamp, image);
+    keep(image);
     newest_ = image->header.stamp;
     size_ = cv::Size(static_cast<int>(image->width), static_cast<int>(image->height));
   }
+  content.images.clear();
   for (const auto& homography : content.homographies) follow(*homography);
   publishDue();
-}
-
-// It has a connection of its own, and drivers publish it after the image: that may be long out.
-void StabilizerNodelet::take(const sensor_msgs::CameraInfoConstPtr& info) {
-  const ros::Time stamp = info->header.stamp;
-  if (without_info_.take(stamp)) {
-    info_pub_.publish(*info);
-  } else {
-    infos_.put(stamp, info);
-  }
 }
 
 void StabilizerNodelet::follow(const HomographyStamped& message) {
   if (size_.empty()) return;  // no image was seen yet
   ready_.clear();
+  rectified_ = message.rectified != 0;
   stabilizer_.add(stampOf(message.header.stamp), stampOf(message.reference_stamp),
                   homographyOf(message), size_, ready_);
   for (const SteadyFrame& frame : ready_) {
@@ -163,7 +147,7 @@ void StabilizerNodelet::follow(const HomographyStamped& message) {
 void StabilizerNodelet::publishDue() {
   const std::size_t most = static_cast<std::size_t>(stabilizer_.options().lag) + 2;
   std::size_t complete = 0;
-  for (const SteadyFrame& frame : due_) complete += images_.find(timeOf(frame.stamp)) ? 1 : 0;
+  for (const SteadyFrame& frame : due_) complete += images_.has(timeOf(frame.stamp)) ? 1 : 0;
   while (!due_.empty()) {
     const SteadyFrame frame = due_.front();
     const ros::Time stamp = timeOf(frame.stamp);
@@ -174,17 +158,12 @@ void StabilizerNodelet::publishDue() {
       monitor_.dropped(1);
       continue;
     }
-    publish(frame, *image);
+    publish(frame, image);
   }
 }
 
 void StabilizerNodelet::publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image) {
-  const ros::Time stamp = image->header.stamp;
-  if (const auto info = infos_.take(stamp)) {
-    info_pub_.publish(*info);
-  } else {
-    without_info_.put(stamp, true);
-  }
+  if (warp_pub_.getNumSubscribers() > 0) publishWarp(frame, image->header);
   if (image_pub_.getNumSubscribers() == 0) return;
   const auto start = std::chrono::steady_clock::now();
   try {
@@ -195,6 +174,18 @@ void StabilizerNodelet::publish(const SteadyFrame& frame, const sensor_msgs::Ima
   }
   monitor_.done(
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
+}
+
+/// From the pixels of the image to those of the steady one.
+void StabilizerNodelet::publishWarp(const SteadyFrame& frame, const std_msgs::Header& header) {
+  auto warp = boost::make_shared<HomographyStamped>();
+  warp->header = header;
+  warp->reference_stamp = header.stamp;
+  warp->status = HomographyStamped::STATUS_OK;
+  warp->rectified = rectified_;
+  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(warp->homography.data()) = frame.warp;
+  warp->covariance.fill(std::numeric_limits<double>::quiet_NaN());
+  warp_pub_.publish(warp);
 }
 
 }  // namespace ktgp_orb

@@ -6,8 +6,7 @@
 
 #include <array>
 #include <boost/make_shared.hpp>
-
-#include "ktgp_orb/planar_pose.h"
+#include <stdexcept>
 
 namespace ktgp_orb {
 namespace {
@@ -15,12 +14,13 @@ namespace {
 using Lock = std::lock_guard<std::mutex>;
 using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
 
-/// K of the image without distortion: that of P, where there is one.
-Eigen::Matrix3d intrinsics(const sensor_msgs::CameraInfo& info) {
-  if (info.P[0] <= 0.0) return Eigen::Map<const RowMajor3>(info.K.data());
-  Eigen::Matrix3d k;
-  k << info.P[0], info.P[1], info.P[2], info.P[4], info.P[5], info.P[6], 0.0, 0.0, 1.0;
-  return k;
+ProsacOptions prosacOptions(const KtgpConfig& config) {
+  ProsacOptions options;
+  options.max_error = config.prosac_threshold;
+  options.max_iterations = config.prosac_iterations;
+  options.confidence = config.prosac_confidence;
+  options.seed = static_cast<std::uint64_t>(config.prosac_seed);
+  return options;
 }
 
 }  // namespace
@@ -39,10 +39,12 @@ void TargetPublisher::advertise(ros::NodeHandle& node, const std::string& info_t
   broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
 }
 
-void TargetPublisher::configure(const KtgpConfig& config) {
+void TargetPublisher::configure(const KtgpConfig& config, Pixels pixels) {
   {
     const Lock lock(mutex_);
-    settings_ = {config.reference_mode == "fixed", config.target_width, config.target_frame};
+    settings_ = {config.reference_mode, config.target_width, config.target_frame, pixels,
+                 prosacOptions(config)};
+    no_pose_.clear();
   }
   updateSubscription();
 }
@@ -52,10 +54,27 @@ TargetPublisher::Settings TargetPublisher::settings() const {
   return settings_;
 }
 
+// Nobody can tell who looks at tf.
+bool TargetPublisher::isPoseWanted(const Settings& settings) const {
+  return pose_pub_.getNumSubscribers() > 0 || !settings.frame.empty();
+}
+
 bool TargetPublisher::isWanted() const {
   if (outline_pub_.getNumSubscribers() > 0 || pose_pub_.getNumSubscribers() > 0) return true;
   const Settings now = settings();
-  return now.fixed && now.width > 0.0 && !now.frame.empty();  // nobody can tell who looks at tf
+  return now.fixed() && now.width > 0.0 && !now.frame.empty();
+}
+
+std::string TargetPublisher::problem() const {
+  const Settings now = settings();
+  const bool pose = isPoseWanted(now);
+  if (!pose && outline_pub_.getNumSubscribers() == 0) return "";
+  if (!now.fixed()) {
+    return "the target is not looked for: reference_mode is " + now.mode + ", not fixed";
+  }
+  if (pose && now.width <= 0.0) return "the target has no pose: target_width is not set";
+  const Lock lock(mutex_);
+  return pose && !no_pose_.empty() ? "the target has no pose: " + no_pose_ : "";
 }
 
 void TargetPublisher::listen(bool listening) {
@@ -65,23 +84,23 @@ void TargetPublisher::listen(bool listening) {
 
 void TargetPublisher::updateSubscription() {
   const Settings now = settings();
-  const bool wanted = listening_ && now.fixed && now.width > 0.0;
+  const bool wanted = listening_ && now.fixed() && now.width > 0.0;
   if (!wanted) info_sub_.shutdown();
   if (!wanted || info_sub_) return;
   info_sub_ = node_.subscribe<sensor_msgs::CameraInfo>(
-      info_topic_, 1, [this](const sensor_msgs::CameraInfoConstPtr& info) {
+      info_topic_, 1,
+      [this](const sensor_msgs::CameraInfoConstPtr& info) {
         const Lock lock(mutex_);
         info_ = info;
-      });
+      },
+      ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
 }
 
 void TargetPublisher::publish(const FrameMessages& messages) {
   const Settings now = settings();
-  if (!now.fixed) return;
+  if (!now.fixed()) return;
   if (outline_pub_.getNumSubscribers() > 0) publishOutline(messages);
-  if (now.width > 0.0 && (pose_pub_.getNumSubscribers() > 0 || !now.frame.empty())) {
-    publishPose(messages, now);
-  }
+  if (now.width > 0.0 && isPoseWanted(now)) publishPose(messages, now);
 }
 
 /// Four corners in px (z = 0), from the reference's upper left one clockwise; none where the target
@@ -106,27 +125,46 @@ void TargetPublisher::publishOutline(const FrameMessages& messages) {
   outline_pub_.publish(message);
 }
 
-void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
+/// Throws std::invalid_argument where there is none for the pixels of the frame.
+PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
+                                      const Settings& settings) const {
   sensor_msgs::CameraInfoConstPtr info;
   {
     const Lock lock(mutex_);
     info = info_;
   }
-  const HomographyStamped& found = *messages.homography;
-  if (!info || !messages.correspondences || found.status != HomographyStamped::STATUS_OK) return;
-  const Eigen::Matrix3d camera = intrinsics(*info);
-  if (!(camera(0, 0) > 0.0 && camera(1, 1) > 0.0)) return;  // not calibrated
-  const cv::Size reference(static_cast<int>(messages.correspondences->reference_width),
-                           static_cast<int>(messages.correspondences->reference_height));
-  using RowMajor8 = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
-  const auto pose = planarPose(Eigen::Map<const RowMajor3>(found.homography.data()),
-                               Eigen::Map<const RowMajor8>(found.covariance.data()), camera,
-                               reference, settings.width);
-  if (!pose) return;
-  const Eigen::Quaterniond rotation(pose->target_to_camera.linear());
-  const Eigen::Vector3d position = pose->target_to_camera.translation();
+  if (!info) throw std::invalid_argument("no camera_info on " + info_topic_);
+  const cv::Size image(static_cast<int>(messages.correspondences->image_width),
+                       static_cast<int>(messages.correspondences->image_height));
+  try {
+    const bool rectified = messages.homography->rectified != 0;
+    return pixelCamera(*info, rectified ? Pixels::rectified : settings.pixels, image);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(info_topic_ + " cannot be used: " + error.what());
+  }
+}
+
+void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
+  if (messages.homography->status != HomographyStamped::STATUS_OK) return;  // there is no target
+  std::string problem;
+  try {
+    const PixelCamera camera = cameraOf(messages, settings);
+    target_pose_.setOptions(settings.prosac);
+    const auto pose = target_pose_.find(messages, camera, settings.width);
+    if (pose) publishPose(messages.homography->header, *pose, settings.frame);
+  } catch (const std::invalid_argument& error) {
+    problem = error.what();
+  }
+  const Lock lock(mutex_);
+  no_pose_ = problem;
+}
+
+void TargetPublisher::publishPose(const std_msgs::Header& header, const PlanarPose& pose,
+                                  const std::string& frame) {
+  const Eigen::Quaterniond rotation(pose.target_to_camera.linear());
+  const Eigen::Vector3d position = pose.target_to_camera.translation();
   const auto message = boost::make_shared<geometry_msgs::PoseWithCovarianceStamped>();
-  message->header = found.header;
+  message->header = header;
   message->pose.pose.position.x = position.x();
   message->pose.pose.position.y = position.y();
   message->pose.pose.position.z = position.z();
@@ -135,12 +173,12 @@ void TargetPublisher::publishPose(const FrameMessages& messages, const Settings&
   message->pose.pose.orientation.z = rotation.z();
   message->pose.pose.orientation.w = rotation.w();
   Eigen::Map<Eigen::Matrix<double, 6, 6, Eigen::RowMajor>>(message->pose.covariance.data()) =
-      pose->covariance;
+      pose.covariance;
   pose_pub_.publish(message);
-  if (settings.frame.empty()) return;
+  if (frame.empty()) return;
   geometry_msgs::TransformStamped transform;
-  transform.header = found.header;
-  transform.child_frame_id = settings.frame;
+  transform.header = header;
+  transform.child_frame_id = frame;
   transform.transform.translation.x = position.x();
   transform.transform.translation.y = position.y();
   transform.transform.translation.z = position.z();

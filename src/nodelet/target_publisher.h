@@ -11,6 +11,7 @@
 #include <string>
 
 #include "messages/message_conversion.h"
+#include "messages/target_pose.h"
 
 namespace ktgp_orb {
 
@@ -25,7 +26,8 @@ class TargetPublisher {
   /// subscriber comes or goes.
   void advertise(ros::NodeHandle& node, const std::string& info_topic,
                  const std::function<void()>& changed);
-  void configure(const KtgpConfig& config);
+  /// `pixels`: of the images that the camera_info is of.
+  void configure(const KtgpConfig& config, Pixels pixels);
   /// Somebody wants to know.
   bool isWanted() const;
   /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
@@ -33,19 +35,29 @@ class TargetPublisher {
   void listen(bool listening);
   /// After the messages of a frame.
   void publish(const FrameMessages& messages);
+  /// Why what is wanted is not published; empty: it is, or nobody wants it.
+  std::string problem() const;
   void shutdown();
 
  private:
   struct Settings {
-    bool fixed = false;
+    std::string mode;
     double width = 0.0;  // m; 0: not known
     std::string frame;
+    Pixels pixels = Pixels::raw;
+    ProsacOptions prosac;
+
+    bool fixed() const { return mode == "fixed"; }
   };
 
   Settings settings() const;
+  bool isPoseWanted(const Settings& settings) const;
   void updateSubscription();
   void publishOutline(const FrameMessages& messages);
   void publishPose(const FrameMessages& messages, const Settings& settings);
+  void publishPose(const std_msgs::Header& header, const PlanarPose& pose,
+                   const std::string& frame);
+  PixelCamera cameraOf(const FrameMessages& messages, const Settings& settings) const;
 
   ros::NodeHandle node_;
   std::string info_topic_;
@@ -55,9 +67,12 @@ class TargetPublisher {
   bool listening_ = false;
   std::unique_ptr<tf2_ros::TransformBroadcaster> broadcaster_;
 
-  mutable std::mutex mutex_;  // guards settings_ and info_
+  mutable std::mutex mutex_;  // guards settings_, info_ and no_pose_
   Settings settings_;
   sensor_msgs::CameraInfoConstPtr info_;
+  std::string no_pose_;  // why the last frame with a target had no pose
+
+  TargetPose target_pose_;  // the worker's own
 };
 
 }  // namespace ktgp_orb

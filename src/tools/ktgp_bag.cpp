@@ -15,6 +15,7 @@
 #include "cli/matcher_cli.h"
 #include "cli/output_file.h"
 #include "cli/program.h"
+#include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
@@ -275,10 +276,17 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   const std::string pose = "ktgp_bag writes no pose; the node publishes it";
   const std::string diagnostics = "it is of the node's diagnostics, and here are none";
   std::map<std::string, std::string> idle{
-      {"target_width", pose},          {"target_frame", pose},
-      {"min_input_rate", diagnostics}, {"max_drop_ratio", diagnostics},
-      {"max_latency", diagnostics},    {"min_ok_ratio", diagnostics},
-      {"error_factor", diagnostics}};
+      {"target_width", pose},
+      {"target_frame", pose},
+      {"calibration", pose},
+      {"lazy", "ktgp_bag matches every image"},
+      {"min_input_rate", diagnostics},
+      {"max_drop_ratio", diagnostics},
+      {"max_lost_ratio", diagnostics},
+      {"max_latency", diagnostics},
+      {"min_ok_ratio", diagnostics},
+      {"error_factor", diagnostics},
+      {"max_pair_megapixels", "it is of the node's service match_pair"}};
   if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
     idle["reference_image"] = "it is looked at with --reference_mode fixed";
   }
@@ -290,8 +298,9 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   if (!parameters.overlay) idle["overlay_style"] = "it is looked at with --overlay";
   for (const auto& [name, reason] : idle) {
     if (app.get_option("--" + name)->count() == 0) continue;
-    throw std::invalid_argument("--" + name + " has no effect: " + reason +
-                                "; expected it to be left out");
+    std::string text = "--" + name;
+    text.append(" has no effect: ").append(reason).append("; expected it to be left out");
+    throw std::invalid_argument(text);
   }
   if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
     throw std::invalid_argument(

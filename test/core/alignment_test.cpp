@@ -90,6 +90,39 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
   }
 }
 
+// A start that is 2.5 px off is beyond twice a threshold of 1 px, and beyond twice one of 2 px in
+// an image of half the size.
+TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
+  const Eigen::Matrix3d start = translation(1.5, 0.0);
+  const auto status = [&](double max_error, const cv::Size& size) {
+    AlignmentOptions options;
+    options.max_error = max_error;
+    const auto shade = [](double grey) { return grey; };
+    return align(planeScene(2, translation(0.0, 0.0), shade, size), start, options).status;
+  };
+  EXPECT_EQ(status(3.0, {640, 480}), AlignmentStatus::ok);
+  EXPECT_EQ(status(2.0, {640, 480}), AlignmentStatus::ok);
+  EXPECT_EQ(status(1.0, {640, 480}), AlignmentStatus::not_better);
+  EXPECT_EQ(status(4.0, {320, 240}), AlignmentStatus::ok);
+  EXPECT_EQ(status(2.0, {320, 240}), AlignmentStatus::not_better);
+}
+
+// Seen at a slant, the middle of a patch is not where the mean of the patch is.
+TEST(Alignment, PerspectiveWithinAPatchShiftsNothing) {
+  Eigen::Matrix3d slant = Eigen::Matrix3d::Identity();
+  slant(2, 0) = 6e-4;
+  slant(2, 1) = -4e-4;
+  const Eigen::Matrix3d truth = translation(319.5, 239.5) * slant * translation(-319.5, -239.5);
+  const AlignmentResult result = align(planeScene(2, truth / truth(2, 2)), truth / truth(2, 2));
+  ASSERT_GT(result.points.size(), 100u);
+  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+  for (const AlignedPoint& p : result.points) {
+    mean += p.target - test::apply(truth, p.reference);
+  }
+  mean /= static_cast<double>(result.points.size());
+  EXPECT_LT(mean.norm(), 0.004) << "px; without the correction 0.015";
+}
+
 TEST(Alignment, GainAndBiasMakeNoDifference) {
   const Eigen::Matrix3d truth = tilt();
   const auto shade = [](double grey) { return 0.6 * grey + 40.0; };

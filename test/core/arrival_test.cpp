@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "nodelet/frame_inbox.h"
+#include "nodelet/image_store.h"
 #include "nodelet/newest_slot.h"
 #include "nodelet/sequence_numbers.h"
 
@@ -17,9 +18,10 @@ ros::Time second(int number) {
   return ros::Time(static_cast<std::uint32_t>(number), 0);
 }
 
-sensor_msgs::ImageConstPtr image(int number) {
+sensor_msgs::ImageConstPtr image(int number, std::size_t bytes = 0) {
   auto message = boost::make_shared<sensor_msgs::Image>();
   message->header.stamp = second(number);
+  message->data.resize(bytes);
   return message;
 }
 
@@ -31,10 +33,9 @@ HomographyStampedConstPtr homography(int number) {
 
 TEST(FrameInbox, ALateWorkerLosesTheOldestImagesAlone) {
   FrameInbox inbox;
-  for (int i = 1; i <= 10; ++i) EXPECT_FALSE(inbox.put(image(i))) << i;
-  EXPECT_TRUE(inbox.put(image(11)));
-  for (int i = 1; i <= 300; ++i) EXPECT_FALSE(inbox.put(homography(i))) << i;
-  EXPECT_TRUE(inbox.put(homography(301)));
+  for (int i = 1; i <= 10; ++i) EXPECT_EQ(inbox.put(image(i)), 0U) << i;
+  EXPECT_EQ(inbox.put(image(11)), 1U);
+  for (int i = 1; i <= 301; ++i) inbox.put(homography(i));
   const auto content = inbox.take();
   ASSERT_TRUE(content);
   ASSERT_EQ(content->images.size(), 10U);
@@ -71,20 +72,55 @@ TEST(FrameInbox, WhatIsClearedIsNotTakenAndAClosedOneGivesNothing) {
   EXPECT_FALSE(inbox.take());
 }
 
-TEST(ByStamp, KeepsSoManyOfTheNewestAndSaysHowManyHadToGo) {
-  ByStamp<int> values(3);
-  for (int i = 1; i <= 3; ++i) EXPECT_EQ(values.put(second(i), i), 0U);
-  EXPECT_EQ(values.size(), 3U);
-  EXPECT_EQ(values.take(second(2)), 2);
-  EXPECT_FALSE(values.take(second(2)));
-  EXPECT_EQ(values.put(second(4), 4), 1U);  // for 1
-  EXPECT_EQ(values.put(second(5), 5), 0U);  // for 2, which was taken
-  EXPECT_EQ(values.find(second(1)), nullptr);
-  ASSERT_NE(values.find(second(3)), nullptr);
-  EXPECT_EQ(*values.find(second(3)), 3);
-  values.setMost(1);
-  EXPECT_EQ(values.put(second(6), 6), 3U);
-  EXPECT_EQ(values.size(), 1U);
+TEST(ImageStore, KeepsTheNewestOfANumberOfImages) {
+  ImageStore store(3);
+  for (int i = 1; i <= 5; ++i) EXPECT_EQ(store.put(image(i, 10)), 0U);
+  EXPECT_EQ(store.size(), 3U);
+  EXPECT_EQ(store.bytes(), 30U);
+  EXPECT_FALSE(store.has(second(2)));
+  EXPECT_EQ(store.take(second(4))->header.stamp, second(4));
+  EXPECT_EQ(store.take(second(4)), nullptr);
+  EXPECT_EQ(store.bytes(), 20U);
+  store.setMost(1);
+  EXPECT_EQ(store.put(image(6, 10)), 0U);
+  EXPECT_EQ(store.size(), 1U);
+}
+
+TEST(ImageStore, KeepsTheNewestOfANumberOfBytesAndCountsTheOthers) {
+  ImageStore store(40);
+  store.setMostBytes(100);
+  std::size_t gone = 0;
+  for (int i = 1; i <= 40; ++i) {
+    gone += store.put(image(i, 30));
+    EXPECT_LE(store.bytes(), 100U);
+  }
+  EXPECT_EQ(gone, 37U);
+  EXPECT_TRUE(store.has(second(40)));
+  EXPECT_EQ(store.put(image(50, 1000)), 3U) << "the newest stays whatever it takes";
+  EXPECT_EQ(store.bytes(), 1000U);
+  store.clear();
+  EXPECT_EQ(store.bytes(), 0U);
+  EXPECT_EQ(store.put(image(51, 30)), 0U);
+}
+
+TEST(ImageStore, OfTwoImagesWithOneStampKeepsTheNewer) {
+  ImageStore store(5);
+  store.put(image(1, 10));
+  store.put(image(1, 20));
+  EXPECT_EQ(store.size(), 1U);
+  EXPECT_EQ(store.bytes(), 20U);
+}
+
+TEST(FrameInbox, IsBoundedInBytes) {
+  FrameInbox inbox;
+  inbox.setMostBytes(100);
+  std::size_t gone = 0;
+  for (int i = 1; i <= 10; ++i) gone += inbox.put(image(i, 30));
+  EXPECT_EQ(gone, 7U);
+  const auto content = inbox.take();
+  ASSERT_EQ(content->images.size(), 3U);
+  EXPECT_EQ(content->images.back()->header.stamp, second(10));
+  EXPECT_EQ(inbox.put(image(11, 30)), 0U) << "what was taken counts no more";
 }
 
 TEST(NewestSlot, ANewValueReplacesTheOneThatWaits) {

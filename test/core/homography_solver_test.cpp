@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <vector>
 
+#include "core/homography/covariance.h"
 #include "core/homography/estimate.h"
 #include "core/homography/m_estimator.h"
 #include "core/homography/point_pairs.h"

@@ -278,5 +278,45 @@ TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   std::remove(path.c_str());
 }
 
+/// `hidden` of a black image, the rest of the darkest value that is not black.
+void expectMask(const sensor_msgs::ImageConstPtr& message) {
+  const cv::Mat mask = maskImage(message);
+  ASSERT_EQ(mask.type(), CV_8UC1) << message->encoding;
+  EXPECT_EQ(cv::countNonZero(mask(cv::Rect(0, 0, kWidth / 2, kHeight))), 0) << message->encoding;
+  EXPECT_EQ(cv::countNonZero(mask), kWidth / 2 * kHeight) << message->encoding;
+}
+
+TEST(Masks, BlackHidesAndEverythingElseIsLookedAtInEveryEncoding) {
+  for (const auto& [encoding, expectation] : taken()) {
+    cv::Mat pixels(expectation.pixels.size(), expectation.pixels.type(), cv::Scalar::all(0));
+    pixels(cv::Rect(kWidth / 2, 0, kWidth / 2, kHeight)).setTo(cv::Scalar::all(1));
+    expectMask(messageOf(encoding, pixels));
+    if (pixels.channels() == 4) {  // opacity is no colour
+      cv::Mat opaque = pixels.clone();
+      cv::insertChannel(cv::Mat(pixels.size(), CV_MAKETYPE(pixels.depth(), 1), cv::Scalar(255)),
+                        opaque, 3);
+      expectMask(messageOf(encoding, opaque));
+    }
+  }
+  for (const double level : {1.0, 117.0, 30000.0, 65535.0}) {
+    const cv::Mat white(kHeight, kWidth, CV_16UC1, cv::Scalar(level));
+    EXPECT_EQ(cv::countNonZero(maskImage(messageOf("mono16", white))), kWidth * kHeight) << level;
+  }
+}
+
+TEST(Masks, OfAFileAreTakenAtEveryDepth) {
+  const std::string path = ::testing::TempDir() + "ktgp_orb_mask_test.png";
+  const cv::Rect right(kWidth / 2, 0, kWidth / 2, kHeight);
+  for (const int type : {CV_8UC1, CV_16UC1, CV_8UC3, CV_16UC3, CV_16UC4}) {
+    cv::Mat mask(kHeight, kWidth, type, cv::Scalar(0, 0, 0, 255));
+    mask(right).setTo(cv::Scalar(1, 0, 0, 255));  // blue alone, of the darkest
+    ASSERT_TRUE(cv::imwrite(path, mask));
+    const cv::Mat read = readMaskFile(path);
+    EXPECT_EQ(cv::countNonZero(read), right.area()) << type;
+    EXPECT_EQ(cv::countNonZero(read(right)), right.area()) << type;
+  }
+  std::remove(path.c_str());
+}
+
 }  // namespace
 }  // namespace ktgp_orb

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "core/homography/a_contrario.h"
+#include "core/homography/quality_order.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {
@@ -17,20 +18,19 @@ using test::Numbers;
 
 const cv::Size kSize(640, 480);
 
-struct InputOrder {
-  std::size_t operator[](std::size_t place) const { return place; }
-};
-
 /// Pairs in random order of quality, `inliers` of 300 of which lie on the homography.
 NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d& truth) {
   test::Scene scene;
   scene.pairs = 300;
   scene.inliers = inliers;
   scene.sigma = 0.3;
+  scene.order = test::Order::random;
   scene.homography = truth = test::randomHomography(kSize, 0.1, numbers);
   const PointPairs pairs = test::makePairs(scene, numbers);
   NormalisedPairs normalised;
-  normalised.load(pairs.reference, pairs.target, InputOrder(), 3.0);
+  QualityOrder order;
+  order.sort(pairs.quality);
+  normalised.load(pairs.reference, pairs.target, order, 3.0);
   return normalised;
 }
 
@@ -83,16 +83,20 @@ TEST(ProsacSearch, CountsEverySampleAndKeepsItsBudget) {
 TEST(ProsacSearch, StartsWhereItIsTold) {
   Numbers numbers(2);
   ProsacSearch search;
-  Eigen::Matrix3d truth;
-  const NormalisedPairs pairs = makePairs(30, numbers, truth);
   ProsacRules rules;
   rules.max_iterations = 1;
-  const auto start = pairs.fromPixels(truth);
-  ASSERT_TRUE(start);
-  search.run(rules, &*start, pairs);
-  EXPECT_LT(cornerError(search, pairs, truth), 3.0);
-  search.run(rules, nullptr, pairs);  // and remembers nothing of it
-  EXPECT_GT(cornerError(search, pairs, truth), 10.0);
+  int found_alone = 0;
+  for (int run = 0; run < 20; ++run) {
+    Eigen::Matrix3d truth;
+    const NormalisedPairs pairs = makePairs(30, numbers, truth);
+    const auto start = pairs.fromPixels(truth);
+    ASSERT_TRUE(start);
+    search.run(rules, &*start, pairs);
+    EXPECT_LT(cornerError(search, pairs, truth), 3.0);
+    const bool found = search.run(rules, nullptr, pairs).found;  // and remembers nothing of it
+    if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
+  }
+  EXPECT_LT(found_alone, 3);
 }
 
 /// log10 of the binomial coefficient.

@@ -83,6 +83,7 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(PlanarPose),
     KTGP_ORB_MEMBER(PlanarPose, covariance),
     KTGP_ORB_TYPE(PointPairs),
+    KTGP_ORB_TYPE(ProsacDiagnostics),
     KTGP_ORB_TYPE(ProsacHomography),
     KTGP_ORB_TYPE(ProsacOptions),
     KTGP_ORB_TYPE(ProsacResult),
@@ -102,6 +103,8 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(StageResult),
     KTGP_ORB_TYPE(SteadyFrame),
     KTGP_ORB_MEMBER(SteadyFrame, starts_anew),
+    KTGP_ORB_TYPE(UncertainHomography),
+    KTGP_ORB_MEMBER(UncertainHomography, plane_deviation),
 };
 
 #undef KTGP_ORB_TYPE

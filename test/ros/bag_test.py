@@ -71,7 +71,7 @@ class BagTest(unittest.TestCase):
         self.assertEqual(statistics[0].reason, MatchStatistics.REASON_FIRST_FRAME)
         self.assertEqual([(s.name, s.output) for s in statistics[0].stages],
                          [(name, 0) for name in STAGES])
-        self.assertEqual(statistics[-1].dropped_frames, 0)
+        self.assertEqual(statistics[-1].dropped_frames + statistics[-1].lost_frames, 0)
         self.assertEqual(len(self.correspondences.messages()), len(self.headers) - 1)
         self.assertEqual(len(self.homographies.messages()), len(self.headers))
         for header, before in self.pairs():

@@ -102,12 +102,13 @@ class Master:
 class Launch:
     """A roslaunch at work; its output as it comes."""
 
-    def __init__(self, master, *arguments, cwd=None, without=None, **environment):
+    def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
+                 **environment):
         self.lines = []
         environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
         environment.pop(without, None)
         self.process = subprocess.Popen(
-            ['roslaunch', 'ktgp_orb'] + list(arguments), stdout=subprocess.PIPE,
+            ['roslaunch', *package, *arguments], stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
             env=environment)
         self.reader = threading.Thread(target=self.read)
@@ -237,7 +238,8 @@ class LaunchRunTest(unittest.TestCase):
         stamps = [round(m.header.stamp.to_sec() - FIRST, 3) for m in statistics]
         # A busy machine may drop frames between, but not the first or the last one.
         self.assertEqual((stamps[0], stamps[-1]), (0.0, round(0.1 * (FRAMES - 1), 3)), output)
-        self.assertEqual(len(stamps) + statistics[-1].dropped_frames, FRAMES)
+        self.assertEqual(len(stamps) + statistics[-1].dropped_frames +
+                         statistics[-1].lost_frames, FRAMES)
         self.assertEqual({m.status for m in statistics}, {MatchStatistics.STATUS_OK})
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
@@ -303,6 +305,40 @@ class LaunchRunTest(unittest.TestCase):
         output, _ = listener.communicate(timeout=TIMEOUT)
         self.assertIn('reason %d' % MatchStatistics.REASON_STAMP_WENT_BACK, output)
 
+    def wait_for_matchers(self, launches, *cameras):
+        """Until the matchers of all cameras answer; no manager was started twice."""
+        for camera in cameras:
+            Master.wait_until(lambda camera=camera: self.has_service(camera + '/matcher/reset'),
+                              camera + ' has its matcher')
+        output = ''.join(launch.output() for launch in launches)
+        self.assertNotIn('process has died', output)
+        self.assertNotIn('new node registered with same name', output)
+
+    def has_service(self, name):
+        try:
+            return bool(self.master.handle.lookupService(name))
+        except rosgraph.MasterException:
+            return False
+
+    def test_two_robots_in_two_groups_have_a_manager_each(self):
+        path = os.path.join(self.folder, 'robots.launch')
+        with open(path, 'w') as file:
+            file.write('<launch>' + ''.join(
+                '<group ns="%s"><include file="%s/launch/multi_camera.launch">'
+                '<arg name="cameras" value="front side/rear"/></include></group>' % (robot, PACKAGE)
+                for robot in ('one', 'two')) + '</launch>')
+        launch = Launch(self.master, path, package=())
+        self.addCleanup(launch.stop)
+        self.wait_for_matchers([launch], '/one/front', '/one/side/rear', '/two/front',
+                               '/two/side/rear')
+        for robot in ('one', 'two'):
+            self.assertTrue(self.master.handle.lookupNode('/%s/front/matcher_manager' % robot))
+
+    def test_two_launches_on_one_master_have_a_manager_each(self):
+        launches = [self.launch('multi_camera.launch', 'cameras:=' + side)
+                    for side in ('left', 'right')]
+        self.wait_for_matchers(launches, '/left', '/right')
+
     def test_a_killed_manager_comes_back_with_its_matchers(self):
         launch = self.launch('multi_camera.launch', 'cameras:=left right')
         Master.wait_until(self.pid_of_manager, 'the matchers are there; ' + launch.output())
@@ -318,7 +354,7 @@ class LaunchRunTest(unittest.TestCase):
                 host, port = self.master.handle.lookupService(
                     '/%s/matcher/reset' % side).replace('rosrpc://', '').split(':')
                 socket.create_connection((host, int(port)), TIMEOUT).close()
-            node = ServerProxy(self.master.handle.lookupNode('/matcher_manager'))
+            node = ServerProxy(self.master.handle.lookupNode('/left/matcher_manager'))
             return node.getPid('/launch_run_test')[2]
         except (rosgraph.MasterException, OSError):
             return None

@@ -7,8 +7,9 @@ import unittest
 import numpy as np
 import rospy
 import rostest
+from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
-from ktgp_testing import Camera, Recorder, check_each, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, wait_until
 from sensor_msgs.msg import Image
 
 OUTPUTS = {
@@ -92,6 +93,20 @@ class LazyTest(unittest.TestCase):
         for _ in range(5):
             stamp = self.camera.send_view()
             recorder.wait_for(stamp)
+
+    def test_without_laziness_every_frame_is_matched(self):
+        client = Client('/camera/matcher', timeout=TIMEOUT)
+        client.update_configuration({'lazy': False})
+        self.camera.wait_for_subscriber()
+        before = [self.camera.send_view() for _ in range(3)]  # nobody looks
+        recorder = subscribe('statistics')
+        statistics = recorder.wait_for(self.camera.send_view())
+        if statistics.dropped_frames == 0:
+            self.assertEqual(statistics.reference_stamp, before[-1], 'the chain has no gap')
+        self.assertEqual(statistics.status, MatchStatistics.STATUS_OK)
+        recorder.close()
+        client.update_configuration({'lazy': True})
+        self.camera.wait_for_no_subscriber()
 
     def test_the_last_to_go_takes_the_reference_along(self):
         recorder = subscribe('statistics')

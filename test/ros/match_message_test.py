@@ -43,6 +43,26 @@ class MatchMessageTest(unittest.TestCase):
             for name, recorder in self.parts.items():
                 self.assert_same(getattr(match, name), recorder.wait_for(stamp))
 
+    def test_levels_inliers_and_rmse_belong_to_the_published_homography(self):
+        self.matches.wait_for(self.camera.send_view())
+        for _ in range(5):
+            match = self.matches.wait_for(self.camera.send_view())
+            self.assertEqual(match.homography.status, HomographyStamped.STATUS_OK)
+            found = match.correspondences
+            h = np.array(match.homography.homography).reshape(3, 3)
+            points = np.stack([found.reference_x, found.reference_y, np.ones(len(found.level))])
+            seen = h @ points
+            error = np.hypot(*(seen[:2] / seen[2] - np.stack([found.target_x, found.target_y])))
+            level = np.frombuffer(found.level, np.uint8)
+            tried = level >= Correspondences.LEVEL_KTG
+            inlier = level >= Correspondences.LEVEL_KTGP
+            np.testing.assert_array_equal(inlier[tried], error[tried] < 3.0)
+            self.assertEqual(match.homography.inliers, inlier.sum())
+            self.assertEqual(match.statistics.inliers, inlier.sum())
+            self.assertAlmostEqual(match.homography.reprojection_rmse,
+                                   np.sqrt((error[inlier] ** 2).mean()), delta=1e-3)
+            self.assertGreaterEqual(match.homography.plane_deviation, 0.0)
+
     def test_the_example_in_python_says_the_motion(self):
         script = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'scripts',
                               'camera_motion')

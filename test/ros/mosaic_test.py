@@ -10,9 +10,12 @@ import cv2
 import numpy as np
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import Camera, Recorder, image_message, texture, view, wait_until, warm_up
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, view, wait_until,
+                          warm_up)
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -88,9 +91,41 @@ class MosaicTest(unittest.TestCase):
             self.assertFalse(response.success)
             self.assertTrue(response.message)
 
-    def test_nothing_is_subscribed_without_subscribers(self):
+    def test_nothing_is_subscribed_without_subscribers_where_it_is_lazy(self):
+        client = Client('/camera/mosaic', timeout=TIMEOUT)
+        client.update_configuration({'lazy': True})
+        self.addCleanup(client.update_configuration, {'lazy': False})
+        self.begin()
         self.poses.close()
         self.camera.wait_for_no_subscriber()
+        self.assertTrue(self.reset().success)
+
+        def reason():
+            return self.save('/tmp/never.png').message
+        wait_until(lambda: 'lazy is on, and no output has a subscriber' in reason(), '~save says why')
+
+    def test_the_map_grows_unseen_and_is_there_for_who_comes_late(self):
+        self.begin()
+        stamp = self.send(START[0] + 60, START[1]).header.stamp
+        self.poses.close()  # nobody looks any more
+        pictures = Recorder('/camera/mosaic/mosaic', Image)
+        self.addCleanup(pictures.close)
+        # No image comes meanwhile; the last picture that was published is of an older map.
+        pictures.wait_for(stamp)
+
+    def test_numbers_that_are_none_are_refused(self):
+        client = Client('/camera/mosaic', timeout=TIMEOUT)
+        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        self.addCleanup(diagnostics.close)
+        answer = client.update_configuration({'min_motion': float('nan')})
+        self.assertEqual(answer['min_motion'], 0.03)
+
+        def said():
+            return [s for array in diagnostics.messages() for s in array.status
+                    if s.name.endswith('mosaic: frames') and 'min_motion is nan' in s.message]
+        wait_until(said, 'diagnostics say what is refused')
+        client.update_configuration({'min_motion': 0.03})
+        self.begin()  # and it goes on
 
 
 if __name__ == '__main__':

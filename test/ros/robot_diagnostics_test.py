@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Diagnostics: each trouble is reported at its level, beyond the limits that the parameters set."""
 
+import subprocess
 import sys
 import threading
 import unittest
@@ -137,6 +138,18 @@ class DiagnosticsTest(unittest.TestCase):
         self.traffic.encoding = 'mono8'
         values = self.wait_for('input', OK, 'images arrive')
         self.assertEqual(values['last error'], '', 'all is well again')
+
+    def test_two_publishers_are_named(self):
+        other = subprocess.Popen(['rostopic', 'pub', '/camera/image_raw', 'sensor_msgs/Image', '{}'],
+                                 stdout=subprocess.DEVNULL)
+        try:
+            self.wait_for('input', WARN, '2 nodes publish /camera/image_raw (/robot_diagnostics')
+            self.wait_for('input', WARN, '/rostopic_')
+            self.wait_for('input', WARN, 'their images are mixed')
+        finally:
+            other.terminate()
+            other.wait()
+        self.wait_for('input', OK, 'images arrive')
 
     def test_silence(self):
         self.traffic.stop()

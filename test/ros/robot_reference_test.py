@@ -11,11 +11,13 @@ import cv2
 import numpy as np
 import rospy
 import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
 from ktgp_orb.srv import MatchPair
 from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation, view,
-                          wait_for_matcher)
+                          wait_for_matcher, wait_until)
+from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
@@ -217,6 +219,34 @@ class ReferenceTest(unittest.TestCase):
         self.assertGreater(max(answer.correspondences.reference_x), 400)
         self.assertEqual(len(answer.correspondences.level), answer.statistics.stages[1].output)
         self.assertEqual(self.send(140).reference_stamp, before.header.stamp)
+
+    def test_match_pair_refuses_what_is_larger_than_asked_for(self):
+        match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        good = image_message(view(400, 300), rospy.Time(5))
+        large = Image(width=9000, height=8000, encoding='mono8', step=9000)
+        for pair, name in (((good, large), 'target'), ((large, good), 'reference')):
+            answer = match(*pair)
+            self.assertFalse(answer.success)
+            self.assertEqual(answer.message, name + ' is 9000x8000 (72 megapixels); expected 64 at '
+                             'most (max_pair_megapixels)')
+        self.client.update_configuration({'max_pair_megapixels': 100.0})
+        self.addCleanup(self.client.update_configuration, {'max_pair_megapixels': 64.0})
+        self.assertIn('data has 0 bytes', match(good, large).message)
+
+    def test_diagnostics_go_on_while_a_pair_is_matched(self):
+        """Of a pair that takes seconds, one report a second."""
+        reports = Recorder('/diagnostics', DiagnosticArray)
+        self.addCleanup(reports.close)
+        wait_until(reports.messages, 'the matcher reports')
+        large = image_message(np.tile(view(0, 0, 1600, 1200), (5, 5)), rospy.Time(5))
+        self.client.update_configuration({'features': 20000, 'gms_rotation': True})
+        self.addCleanup(self.client.update_configuration,
+                        {'features': 2000, 'gms_rotation': False})
+        before, start = len(reports.messages()), time.time()
+        rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)(large, large)
+        seconds, count = time.time() - start, len(reports.messages()) - before
+        print('%d reports in %.1f s' % (count, seconds))
+        self.assertGreaterEqual(count, 0.5 * seconds - 1)
 
     def test_match_pair_says_what_is_wrong_with_an_image(self):
         match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)

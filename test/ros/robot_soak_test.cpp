@@ -7,6 +7,7 @@
 #include <malloc.h>
 #include <netinet/in.h>
 #include <ros/xmlrpc_manager.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
 #include <sys/socket.h>
 #include <unistd.h>
@@ -26,7 +27,9 @@ int frames = 20000;
 constexpr int kCycle = 1000;          // frames, from one loading of the nodelet to the next
 constexpr double kGrowthLimit = 2.0;  // MB
 
-const std::string kMatcher = "/camera/matcher/";
+constexpr int kThinned = 10;  // every so many frames the second robot sees one
+
+const std::string kMatcher = "/one/camera/matcher/";
 
 /// What the process holds.
 struct Held {
@@ -79,10 +82,12 @@ ros::Time stampOf(int number) {
 /// Shows frames one at a time and waits for the answer to each.
 class Feeder {
  public:
-  Feeder() : publisher_(ros::NodeHandle().advertise<sensor_msgs::Image>("/camera/image_raw", 1)) {
+  explicit Feeder(const std::string& camera)
+      : publisher_(ros::NodeHandle().advertise<sensor_msgs::Image>(camera + "image_raw", 1)) {
     node_.setCallbackQueue(&queue_);
-    subscriber_ = node_.subscribe<MatchStatistics>(
-        kMatcher + "statistics", 0, [this](const MatchStatisticsConstPtr& m) { newest_ = m; });
+    subscriber_ =
+        node_.subscribe<MatchStatistics>(camera + "matcher/statistics", 0,
+                                         [this](const MatchStatisticsConstPtr& m) { newest_ = m; });
   }
 
   /// The matcher is there and listens.
@@ -168,6 +173,7 @@ bool reconfigure(int turn) {
 struct Tally {
   std::vector<double> ms;
   int ok = 0;
+  int infos = 0, thinned = 0;
   int pairs = 0, changes = 0, pauses = 0, resets = 0, sizes = 0, loads = 0, viewers = 0;
   std::uint64_t dropped = 0;
 };
@@ -190,7 +196,9 @@ class Soak {
  public:
   bool run() {
     nodelet::Loader loader(false);
-    Feeder feeder;
+    Feeder feeder("/one/camera/");
+    Feeder other("/two/camera/");  // the second robot stays while the first comes and goes
+    if (!test::loadMatcher(loader, "/two/camera") || !other.connected()) return false;
     int report_every = std::max(kCycle, frames / 20 / kCycle * kCycle);
     std::optional<Held> warm;
     Held last;
@@ -198,10 +206,10 @@ class Soak {
     std::printf("%9s %7s %9s %6s %8s %8s %8s %8s %8s\n", "frames", "Hz", "MB", "files", "threads",
                 "p50 ms", "p99 ms", "max ms", "dropped");
     for (int done = 0; done < frames; done += kCycle) {
-      if (!test::loadMatcher(loader, "/camera") || !feeder.connected()) return false;
+      if (!test::loadMatcher(loader, "/one/camera") || !feeder.connected()) return false;
       ++tally_.loads;
       ros::service::waitForService(kMatcher + "set_parameters");
-      if (!reconfigure(5) || !cycle(feeder, done)) return false;
+      if (!reconfigure(5) || !cycle(feeder, other, done)) return false;
       last = held();
       megabytes_.push_back(last.megabytes);
       if (warm) {  // connections are closed by ROS's own threads, in their time
@@ -218,13 +226,15 @@ class Soak {
         report(done + kCycle, last, tally_, std::chrono::duration<double>(now - since).count());
         since = now;
       }
-      if (!loader.unload("/camera/matcher")) return false;
+      if (!loader.unload("/one/camera/matcher")) return false;
     }
     std::printf(
         "%d loads, %d changes of parameters, %d viewers, %d pairs, %d pauses, %d resets, "
-        "%d changes of size; %d frames ok\n",
+        "%d changes of size, %d times camera_info came; %d frames ok; the other robot saw %d "
+        "frames of a "
+        "thinned topic\n",
         tally_.loads, tally_.changes, tally_.viewers, tally_.pairs, tally_.pauses, tally_.resets,
-        tally_.sizes, tally_.ok);
+        tally_.sizes, tally_.infos, tally_.ok, tally_.thinned);
     const double growth = megabytes(3) - megabytes(1);
     std::printf(
         "%+.1f MB from the second quarter to the last (medians; limit %+.1f); since the first "
@@ -235,11 +245,13 @@ class Soak {
     EXPECT_LE(last.threads, warm->threads);
     EXPECT_EQ(tally_.dropped, 0U) << "each frame was shown after the answer to the one before";
     EXPECT_GT(tally_.ok, frames / 2);
+    EXPECT_EQ(tally_.thinned, frames / kThinned);
+    EXPECT_EQ(tally_.infos, frames / kCycle);
     return true;
   }
 
  private:
-  bool cycle(Feeder& feeder, int first) {
+  bool cycle(Feeder& feeder, Feeder& other, int first) {
     std::unique_ptr<test::Recorder<sensor_msgs::Image>> viewer;
     for (int i = 0; i < kCycle; ++i) {
       const int number = first + i;
@@ -263,6 +275,10 @@ class Soak {
         tally_.pauses += trigger("pause") ? 1 : 0;
         if (!trigger("resume")) return false;
       }
+      if (i == 650) rectify(true);
+      if (i == 750) rectify(false);
+      if (info_) info_.publish(calibration(view, number));
+      if (number % kThinned == 0 && !showThinned(other, number)) return false;
       double ms = 0.0;
       const MatchStatisticsConstPtr answer = feeder.show(view, number, ms);
       if (!answer) {
@@ -274,6 +290,43 @@ class Soak {
       tally_.dropped = std::max(tally_.dropped, static_cast<std::uint64_t>(answer->dropped_frames));
     }
     return reconfigure(5);
+  }
+
+  /// A frame for the second robot, whose topic is thinned: lost on the way, none dropped.
+  bool showThinned(Feeder& other, int number) {
+    double ms = 0.0;
+    const MatchStatisticsConstPtr answer = other.show(views_[0], number, ms);
+    if (!answer) {
+      ADD_FAILURE() << "the second robot has no answer to frame " << number;
+      return false;
+    }
+    ++tally_.thinned;
+    EXPECT_EQ(answer->dropped_frames, 0U);
+    return true;
+  }
+
+  /// camera_info comes, or goes.
+  void rectify(bool on) {
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config.bools.emplace_back();
+    call.request.config.bools.back().name = "rectify";
+    call.request.config.bools.back().value = on;
+    EXPECT_TRUE(ros::service::call(kMatcher + "set_parameters", call));
+    info_ = on ? ros::NodeHandle().advertise<sensor_msgs::CameraInfo>("/one/camera/camera_info", 1)
+               : ros::Publisher();
+    tally_.infos += on ? 1 : 0;
+  }
+
+  static sensor_msgs::CameraInfo calibration(const test::View& view, int number) {
+    const sensor_msgs::ImagePtr image = view.image(number, stampOf(number));
+    sensor_msgs::CameraInfo info;
+    info.header = image->header;
+    info.width = image->width;
+    info.height = image->height;
+    info.distortion_model = "plumb_bob";
+    info.D = {-0.05, 0.01, 0.0, 0.0, 0.0};
+    info.K = {300.0, 0.0, image->width / 2.0, 0.0, 300.0, image->height / 2.0, 0.0, 0.0, 1.0};
+    return info;
   }
 
   /// The median over a quarter of the run, 0 to 3: single values go up and down by 2 MB.
@@ -298,6 +351,7 @@ class Soak {
                              test::View({256, 256})};
   std::vector<double> megabytes_;  // at the end of each cycle
   Tally tally_;
+  ros::Publisher info_;
 };
 
 TEST(Soak, NothingGrows) {

@@ -18,6 +18,8 @@ target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTES
   Threads::Threads)
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
+ktgp_orb_rostest(robot_clock robot_clock.test)
+ktgp_orb_rostest(robot_pose robot_pose.test)
 ktgp_orb_rostest(robot_time robot_time.test)
 ktgp_orb_rostest(robot_diagnostics robot_diagnostics.test)
 ktgp_orb_rostest(robot_paused_bag robot_paused_bag.test bag:=DATA/bags/tum_fr2desk_raw.bag)

@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped
 from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until, warm_up
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import Image
 
 FRAMES = 40
 
@@ -38,35 +38,27 @@ class StabilizerTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.camera = Camera()
-        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=10)
 
     def setUp(self):
         self.images = Recorder('/camera/stabilizer/image', Image)
-        self.infos = Recorder('/camera/stabilizer/camera_info', CameraInfo)
+        self.warps = Recorder('/camera/stabilizer/warp', HomographyStamped)
         self.addCleanup(self.images.close)
-        self.addCleanup(self.infos.close)
+        self.addCleanup(self.warps.close)
         self.diagnostics = Recorder('/diagnostics', DiagnosticArray)
         self.addCleanup(self.diagnostics.close)
-        wait_until(lambda: self.images.publishers() and self.infos.publishers(), 'it runs')
+        wait_until(lambda: self.images.publishers() and self.warps.publishers(), 'it runs')
         warm_up(self.camera, self.images)
         # A connection that counts may be that of the test before, on its way out.
-        wait_until(self.camera_info_passes, 'a camera_info comes out')
+        wait_until(self.warp_comes, 'a warp comes out')
 
-    def camera_info_passes(self):
+    def warp_comes(self):
         self.send(view(100, 100))
         time.sleep(0.1)
-        return self.infos.messages()
-
-    def send_info(self, stamp):
-        info = CameraInfo()
-        info.header.stamp = stamp
-        info.K[0] = 500.0
-        self.info.publish(info)
+        return self.warps.messages()
 
     def send(self, picture, encoding='mono8'):
-        """Sends an image and its camera_info and returns the steady image."""
+        """Sends an image and returns the steady image."""
         stamp = self.camera.next_stamp()
-        self.send_info(stamp)
         self.camera.send(image_message(picture, stamp, encoding))
         return self.images.wait_for(stamp)
 
@@ -89,14 +81,12 @@ class StabilizerTest(unittest.TestCase):
         # And it is the scene that is shown: sharp, not black.
         self.assertGreater(steady[-1].std(), 0.6 * given[-1].std())
 
-    def test_header_encoding_and_camera_info_are_the_inputs(self):
+    def test_header_and_encoding_are_the_inputs(self):
         picture = np.dstack([view(300, 300)] * 3)
         message = self.send(picture, 'rgb8')
         self.assertEqual(message.encoding, 'rgb8')
         self.assertEqual((message.width, message.height, message.step), (640, 480, 1920))
         self.assertEqual(message.header.frame_id, 'camera')
-        info = self.infos.wait_for(message.header.stamp)
-        self.assertEqual(info.K[0], 500.0)
 
     def counts(self):
         """Homographies that the stabilizer says it had, and how many of these were found."""
@@ -118,12 +108,24 @@ class StabilizerTest(unittest.TestCase):
         had, found = self.counts()[-1]
         self.assertGreaterEqual(had - found, 3)
 
-    def test_camera_info_may_come_after_the_steady_image(self):
-        stamp = self.camera.send(image_message(view(300, 300), self.camera.next_stamp()))
-        self.images.wait_for(stamp)
-        self.assertIsNone(self.infos.with_stamp(stamp))
-        self.send_info(stamp)
-        self.assertEqual(self.infos.wait_for(stamp).K[0], 500.0)
+    def test_the_warp_leads_from_the_image_to_the_steady_one(self):
+        for i in range(5):
+            given = view(300 + 6 * i, 300 + (-1) ** i)
+            steady = self.send(given)
+        warp = self.warps.wait_for(steady.header.stamp)
+        self.assertEqual(warp.status, HomographyStamped.STATUS_OK)
+        self.assertEqual(warp.reference_stamp, steady.header.stamp)
+        self.assertFalse(warp.rectified)
+        h = np.reshape(warp.homography, (3, 3))
+        again = cv2.warpPerspective(given, h, (640, 480), borderMode=cv2.BORDER_REPLICATE)
+        difference = np.abs(again.astype(int) - pixels(steady)[:, :, 0])
+        self.assertLess(difference.mean(), 1.0)
+        self.assertGreater(np.abs(h - np.eye(3)).max(), 1.0, 'else it shows nothing')
+
+    def test_no_camera_info_that_is_not_that_of_the_image(self):
+        names = {name for name, _ in rospy.get_published_topics('/camera/stabilizer')}
+        self.assertIn('/camera/stabilizer/image', names)
+        self.assertNotIn('/camera/stabilizer/camera_info', names)
 
     def test_waits_for_as_many_later_frames_as_asked(self):
         client = Client('/camera/stabilizer', timeout=TIMEOUT)
@@ -181,7 +183,7 @@ class StabilizerTest(unittest.TestCase):
         wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
         before = int(self.report()[1]['starts anew'])
         self.images.close()
-        self.infos.close()
+        self.warps.close()
         wait_until(lambda: 'no subscriber' in self.report()[0], 'the stabilizer sleeps')
         self.images = Recorder('/camera/stabilizer/image', Image)
         self.addCleanup(self.images.close)
@@ -192,9 +194,9 @@ class StabilizerTest(unittest.TestCase):
 
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()
-        self.infos.close()
+        self.warps.close()
         self.camera.wait_for_no_subscriber()
-        for topic, kind in (('image', Image), ('camera_info', CameraInfo)):
+        for topic, kind in (('image', Image), ('warp', HomographyStamped)):
             alone = Recorder('/camera/stabilizer/' + topic, kind)
             self.camera.wait_for_subscriber()
             alone.close()

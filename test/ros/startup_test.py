@@ -81,7 +81,7 @@ class StartupTest(unittest.TestCase):
     def test_a_threshold_out_of_range_is_refused_with_its_range(self):
         words = {
             'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
-            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 20]',
+            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 40]',
             'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
             'reference_mode:=nearest': "reference_mode is 'nearest'; expected previous"}
 

@@ -30,9 +30,9 @@ class TargetTest(unittest.TestCase):
                    transforms.publishers(), 'it runs')
         camera.wait_for_subscriber()
         calibration = CameraInfo(width=640, height=480)
-        # K of the distorted image, which is not what is looked at: P counts.
-        calibration.K = [3 * FOCAL, 0, 100, 0, 3 * FOCAL, 100, 0, 0, 1]
-        calibration.P = [FOCAL, 0, 319.5, 0, 0, FOCAL, 239.5, 0, 0, 0, 1, 0]
+        # P is of the rectified image, which is not what is looked at: K counts.
+        calibration.K = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
+        calibration.P = [3 * FOCAL, 0, 100, 0, 0, 3 * FOCAL, 100, 0, 0, 0, 1, 0]
         info.publish(calibration)
 
         rospy.wait_for_service('/camera/matcher/set_reference', 120.0)

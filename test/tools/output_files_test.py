@@ -322,7 +322,7 @@ class BagOutput(OutputCase):
         self.assertEqual(run.returncode, 0, run.stderr)  # what a node had is no mistake
 
     def test_the_ranges_are_those_of_the_node(self):
-        for option, value, expected in (("--T_G", "25", "[0, 20]"), ("--max_reference_age", "601", "600]"),
+        for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
                                         ("--stabilizer_lag", "31", "[0, 30]")):
             self.refused("ktgp_bag", self.bag, "out.bag", "--stabilize", "x.mp4", option, value,
                          words=expected)

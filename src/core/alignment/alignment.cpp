@@ -131,25 +131,19 @@ const char* toString(AlignmentStatus status) {
 }
 
 struct Alignment::Impl {
-  struct Limits {
-    double near = 0.0;         // within which a keypoint agrees, px
-    double least_scale = 0.0;  // of the errors, px
-  };
-
   explicit Impl(const AlignmentOptions& o) : aligner(bestAlignmentKernels()), options(o) {}
 
   void choosePoints(const Features& reference, const Features& target,
                     const std::vector<Correspondence>& matches);
   void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
-  Limits limitsFor(const cv::Size& reference_size) const;
   bool isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
                 const AlignmentResult& before) const;
   std::size_t supporters(const Eigen::Matrix3d& homography) const;
 
   PatchAligner aligner;
   homography::HomographyRefiner refiner;
-  Limits limits;
+  homography::EvidenceOptions limits;
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
@@ -219,29 +213,15 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
   }
 }
 
-/// Both limits were found with PROSAC's threshold of 3 px on images of 640x480.
-Alignment::Impl::Limits Alignment::Impl::limitsFor(const cv::Size& reference_size) const {
-  constexpr double kFoundWithError = 3.0;       // px
-  constexpr double kFoundWithDiagonal = 800.0;  // px
-  constexpr double kScale = 1.0;                // px: no scene is more of a plane than that
-  const double diagonal = std::hypot(reference_size.width, reference_size.height);
-  const double size = diagonal / kFoundWithDiagonal;
-  return {options.max_error * size, kScale * options.max_error / kFoundWithError * size};
-}
-
 void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& result) {
   result.rmse_before = result.rmse_after = rmse(result.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
-  limits = limitsFor(reference_size);
-  homography::EvidenceOptions evidence;
-  evidence.max_error = limits.near;
-  evidence.min_scale = limits.least_scale;
-  evidence.of_patches = true;
+  limits = homography::evidenceOfPatches(options.max_error, reference_size);
   UncertainHomography candidate;
   candidate.homography = result.homography;
   result.status = AlignmentStatus::not_better;
-  if (!refiner.refine(aligned_reference, aligned_target, reference_size, evidence, candidate) ||
+  if (!refiner.refine(aligned_reference, aligned_target, reference_size, limits, candidate) ||
       !isBetter(reference_size, candidate, result)) {
     return;
   }
@@ -262,8 +242,8 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHo
   constexpr double kShare = 0.5;
   const Eigen::Matrix3d& h = candidate.homography;
   if (!homography::keepsPlaneInView(h, homography::imageCorners(reference_size, {}))) return false;
-  if (!(unlikeliness(h, before.points, limits.least_scale) <=
-        unlikeliness(before.homography, before.points, limits.least_scale))) {
+  if (!(unlikeliness(h, before.points, limits.min_scale) <=
+        unlikeliness(before.homography, before.points, limits.min_scale))) {
     return false;
   }
   if (static_cast<double>(supporters(h)) <
@@ -273,8 +253,8 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHo
   // Where a scene is far from a plane its points scatter about H however exact they are, and the
   // aligned ones are fewer than the keypoints: they have to be worth that.
   constexpr double kWorth = 1.0 / 3.0;  // of the keypoints' variance
-  if (scatter(h, aligned_reference, aligned_target, limits.near) >
-      kWorth * scatter(before.homography, reference_points, target_points, limits.near)) {
+  if (scatter(h, aligned_reference, aligned_target, limits.max_error) >
+      kWorth * scatter(before.homography, reference_points, target_points, limits.max_error)) {
     return false;
   }
   // Smooth errors are the scene's and burden both; from keypoints they are hard to tell from noise.
@@ -287,7 +267,8 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHo
 std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference_points.size(); ++i) {
-    if (reprojectionError(homography, reference_points[i], target_points[i]) < limits.near) ++count;
+    if (reprojectionError(homography, reference_points[i], target_points[i]) < limits.max_error)
+      ++count;
   }
   return count;
 }

@@ -49,6 +49,15 @@ Eigen::Matrix2d derivative(const Eigen::Matrix3d& h, const Eigen::Vector2d& x,
   return (h.topLeftCorner<2, 2>() - image * h.block<1, 2>(2, 0)) / w;
 }
 
+/// How far the middle of a patch seems to be off because H is no affine map: the mean over the
+/// patch of the second-order part of H, target px. The patch is seen through `back`, the inverse of
+/// H's derivative at its middle; `w`: third coordinate there; `side`: of the patch, target px.
+Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
+                          const Eigen::Vector2d& side) {
+  const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
+  return -slope.cwiseProduct(side.cwiseAbs2()) / (12.0 * w);
+}
+
 Eigen::Vector2d betweenPixels(const Eigen::Vector2d& x) {
   return {std::floor(x.x()) + 0.5, std::floor(x.y()) + 0.5};
 }
@@ -81,9 +90,9 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
   result.reference = in_reference.up(centre);
   const Eigen::Vector3d q = homography * result.reference.homogeneous();
   Eigen::Vector2d position = in_target.down(q.hnormalized());
-  const Eigen::Matrix2d local = in_target.factor.cwiseInverse().asDiagonal() *
-                                derivative(homography, result.reference, q.hnormalized()) *
-                                in_reference.factor.asDiagonal();
+  const Eigen::Matrix2d slope = derivative(homography, result.reference, q.hnormalized());
+  const Eigen::Matrix2d local =
+      in_target.factor.cwiseInverse().asDiagonal() * slope * in_reference.factor.asDiagonal();
   const Eigen::Matrix2d back = local.inverse();
   if (!(back.cwiseAbs().maxCoeff() < kMaxStretch && local.cwiseAbs().maxCoeff() < kMaxStretch)) {
     return result;
@@ -91,7 +100,8 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
   result.outcome = PatchOutcome::outside;
   if (!takePatch((*reference_)[reference_level], centre, back)) return result;
   result.outcome = settle((*target_)[target_level], reach, position, result.correlation);
-  result.target = in_target.up(position);
+  result.target = in_target.up(position) -
+                  curvature(homography, q.z(), slope.inverse(), kPatchSide * in_target.factor);
   return result;
 }
 

@@ -18,6 +18,16 @@ struct InputOrder {
 
 }  // namespace
 
+// Both limits were found with PROSAC's threshold of 3 px on images of 640x480.
+EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
+  constexpr double kFoundWithError = 3.0;       // px
+  constexpr double kFoundWithDiagonal = 800.0;  // px
+  constexpr double kScale = 1.0;                // px: no scene is more of a plane than that
+  const double diagonal = std::hypot(reference_size.width, reference_size.height);
+  const double size = diagonal / kFoundWithDiagonal;
+  return {max_error * size, kScale * max_error / kFoundWithError * size, true};
+}
+
 bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
                                const std::vector<Eigen::Vector2d>& target,
                                const cv::Size& reference_size, const EvidenceOptions& options,

@@ -19,6 +19,10 @@ struct EvidenceOptions {
   bool of_patches = false;  ///< the pairs come from the alignment of patches, not from keypoints
 };
 
+/// For points from the alignment of patches. `max_error`: inlier threshold of keypoints in an image
+/// of 640x480 px, px; it and a third of it, the least scale, grow in proportion to the diagonal.
+EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
+
 /// Estimates a homography anew from points that have become more exact, or more: starts at the one
 /// there is and samples nothing. Keeps its buffers.
 class HomographyRefiner {

@@ -87,7 +87,12 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
                                             const std::array<Eigen::Vector2d, 4>& corners,
                                             bool of_patches) {
   constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
+  // A field that is not there costs keypoints much, since their noise is large, and aligned points
+  // next to nothing.
+  constexpr double kSignificantOfPatches = 1.0;
+  constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
+  scales.significance = of_patches ? kSignificantOfPatches : kSignificantOfKeypoints;
   scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
   scales.nearby = kNearby * pairs.reference.scale;
   const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),

@@ -73,9 +73,10 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   near.measured -= single.measured + 2.0 * shared.product;
   near.of_field -= left_out * single.of_field;
   near.of_noise -= left_out * single.of_noise - 2.0 * (left_out - 1.0) * weights2;
+  near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
 
-  solve(single, near, result);
-  constexpr double kCommon = 0.1;  // of the variance of the noise
+  solve(single, near, scales.significance, result);
+  constexpr double kCommon = 0.12; // of the variance of the noise
   const double noise = result.noise_share * single.measured / single.of_noise;
   result.common_covariance =
       kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
@@ -88,14 +89,17 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
 
 /// tau² and sigma² from the two moments. Products of near pairs, over squared errors, lie between
 /// what noise and what a field would give; their place there is the field's share of the error.
-void SmoothField::solve(const Moment& single, const Moment& near, FieldFit& result) {
+/// There is no field where noise alone could give as much.
+void SmoothField::solve(const Moment& single, const Moment& near, double significance,
+                        FieldFit& result) {
   // Where few cells are covered, the fit of H leaves of a field what it leaves of noise: nearer
   // than this the two are not told apart by their expectations.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;
-  const double share = std::clamp(
-      (near.measured / single.measured - of_noise) / std::max(contrast, kLeastContrast), 0.0, 1.0);
+  const double excess = near.measured / single.measured - of_noise;
+  if (!(excess > significance * near.deviation / single.of_noise)) return;
+  const double share = std::clamp(excess / std::max(contrast, kLeastContrast), 0.0, 1.0);
   const double variance = share * single.measured / single.of_field;
   if (!(variance > 0.0) || !std::isfinite(variance)) return;
   result.variance = variance;
@@ -133,6 +137,7 @@ SmoothField::CellSums SmoothField::sumCells() const {
           const int steps = (y == row ? 0 : 1) + (x == column ? 0 : 1);
           around += other.slope;
           sums.product += cell.error.dot(other.error);
+          sums.pairs += cell.weight * other.weight;
           sums.expected += 2.0 * cell.weight * other.weight * kernel[steps];
         }
       }

@@ -12,6 +12,8 @@ namespace ktgp_orb::homography {
 /// Sizes that the smooth field is told with, all in the units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
+  /// A field is told from noise beyond so many deviations of what noise alone gives.
+  double significance = 0.0;
   double nearby = 0.0;  ///< pairs that are nearer than this, in x and y, may share their noise
 };
 
@@ -77,6 +79,7 @@ class SmoothField {
     double measured = 0.0;
     double of_field = 0.0;
     double of_noise = 0.0;
+    double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
   };
   /// Pairs that share their noise.
   struct NearPairs {
@@ -102,6 +105,7 @@ class SmoothField {
     Matrix7 near_noise = Matrix7::Zero();  // V' slope2
     Matrix7 fitted = Matrix7::Zero();      // V' slope
     double product = 0.0;   // of the errors of two cells that touch, or of one with itself
+    double pairs = 0.0;     // w w of the pairs in them, each with itself too
     double expected = 0.0;  // of that, for tau² = 1 and without a fit
   };
 
@@ -113,7 +117,8 @@ class SmoothField {
   NearPairs findNear(double side);
   PairSums sumPairs() const;
   CellSums sumCells() const;
-  static void solve(const Moment& single, const Moment& near, FieldFit& result);
+  static void solve(const Moment& single, const Moment& near, double significance,
+                    FieldFit& result);
 
   std::vector<Pair> pairs_;
   std::vector<double> squared_;  // errors, for their median

@@ -1,0 +1,126 @@
+#include "messages/camera.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+std::string text(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+LensModel modelFrom(const std::string& name) {
+  if (name == "plumb_bob" || name == "rational_polynomial") return LensModel::radial_tangential;
+  if (name == "equidistant") return LensModel::equidistant;
+  throw std::invalid_argument("distortion_model is '" + name.substr(0, 64) +
+                              "'; expected plumb_bob, rational_polynomial or equidistant");
+}
+
+template <typename Numbers>
+void requireFinite(const Numbers& numbers, const std::string& name) {
+  if (std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); })) {
+    return;
+  }
+  throw std::invalid_argument(name + " of the camera_info has a number that is not finite");
+}
+
+void requireCalibrated(const sensor_msgs::CameraInfo& info) {
+  requireFinite(info.K, "K");
+  requireFinite(info.D, "D");
+  requireFinite(info.R, "R");
+  requireFinite(info.P, "P");
+  if (info.K[0] == 0.0) {
+    throw std::invalid_argument("the camera is not calibrated: K of its camera_info is zero");
+  }
+}
+
+/// `camera`, which is of the whole sensor, for an image that is a part of it, made smaller.
+void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
+  camera(0, 2) -= info.roi.x_offset;
+  camera(1, 2) -= info.roi.y_offset;
+  for (int column = 0; column < 3; ++column) {
+    camera(0, column) /= std::max(1U, info.binning_x);
+    camera(1, column) /= std::max(1U, info.binning_y);
+  }
+}
+
+cv::Size imageSize(const sensor_msgs::CameraInfo& info) {
+  const std::uint32_t width = info.roi.width > 0 ? info.roi.width : info.width;
+  const std::uint32_t height = info.roi.height > 0 ? info.roi.height : info.height;
+  return {static_cast<int>(width / std::max(1U, info.binning_x)),
+          static_cast<int>(height / std::max(1U, info.binning_y))};
+}
+
+/// Moves no point.
+bool isStraight(const LensCalibration& lens) {
+  const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
+                                    [](double coefficient) { return coefficient != 0.0; });
+  return !distorts && lens.model == LensModel::radial_tangential &&
+         lens.rotation == cv::Matx33d::eye();
+}
+
+}  // namespace
+
+Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
+  if (name == "raw") return Pixels::raw;
+  if (name == "rectified") return Pixels::rectified;
+  if (name != "by_name") {
+    throw std::invalid_argument("calibration is '" + name +
+                                "'; expected by_name, raw or rectified");
+  }
+  const std::string last = image_topic.substr(image_topic.rfind('/') + 1);  // npos + 1 is zero
+  return last.rfind("image_rect", 0) == 0 ? Pixels::rectified : Pixels::raw;
+}
+
+LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
+  requireCalibrated(info);
+  LensCalibration calibration;
+  calibration.model = modelFrom(info.distortion_model);
+  calibration.image_size = imageSize(info);
+  calibration.distortion = info.D;
+  std::copy(info.K.begin(), info.K.end(), calibration.camera.val);
+  std::copy(info.R.begin(), info.R.end(), calibration.rotation.val);
+  const bool has_rotation = cv::norm(calibration.rotation) > 0.0;
+  if (!has_rotation) calibration.rotation = cv::Matx33d::eye();
+  const cv::Matx34d projection(info.P.data());
+  calibration.rectified_camera = projection.get_minor<3, 3>(0, 0);
+  if (info.P[0] == 0.0) calibration.rectified_camera = calibration.camera;
+  shrink(info, calibration.camera);
+  shrink(info, calibration.rectified_camera);
+  return std::make_shared<const Lens>(calibration);
+}
+
+PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
+                        const cv::Size& image_size) {
+  requireCalibrated(info);
+  sensor_msgs::CameraInfo known = info;
+  // Where there is no distortion the model has no say, and drivers leave it empty.
+  const bool distorts =
+      info.distortion_model == "equidistant" ||
+      std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });
+  if (pixels == Pixels::rectified || !distorts) {
+    known.distortion_model = "plumb_bob";
+    known.D.clear();
+  }
+  const LensConstPtr lens = lensFrom(known);
+  const LensCalibration& calibration = lens->calibration();
+  if (calibration.image_size != image_size) {
+    throw std::invalid_argument("the camera_info is of " + text(calibration.image_size) +
+                                " images (width and height, roi and binning applied); expected " +
+                                text(image_size) + " like the image");
+  }
+  PixelCamera found;
+  if (pixels == Pixels::raw && isStraight(calibration)) {
+    cv::cv2eigen(calibration.camera, found.camera);
+    return found;
+  }
+  cv::cv2eigen(calibration.rectified_camera, found.camera);
+  if (pixels == Pixels::raw) found.lens = lens;
+  return found;
+}
+
+}  // namespace ktgp_orb

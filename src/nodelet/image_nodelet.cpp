@@ -1,0 +1,76 @@
+#include "nodelet/image_nodelet.h"
+
+#include <image_transport/camera_common.h>
+
+#include <algorithm>
+#include <exception>
+
+#include "nodelet/image_input.h"
+
+namespace ktgp_orb {
+namespace {
+
+// ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
+// zero.
+constexpr std::chrono::seconds kRepeatRefusal{5};
+
+}  // namespace
+
+void ImageNodelet::onInit() {
+  try {
+    start();
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
+    throw;
+  }
+}
+
+void ImageNodelet::openInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
+                             int queue_size) {
+  transport_hints_ =
+      std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(), private_node);
+  const std::string transport = transport_hints_->getTransport();
+  queue_size_ =
+      static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)));
+  image_topic_ = node.resolveName("image");
+  camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
+  requireTransport(node, transport);
+  image_watch_ = std::make_unique<InputWatch>(image_topic_, transport);
+}
+
+void ImageNodelet::sayUnknown(const std::vector<std::string>& parameters) {
+  for (const std::string& name : parameters) {
+    NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
+  }
+}
+
+void ImageNodelet::sayRefused(const std::string& reason) {
+  const auto now = std::chrono::steady_clock::now();
+  if (now - last_refusal_ < kRepeatRefusal) return;
+  last_refusal_ = now;
+  NODELET_ERROR("image on %s is refused: %s", image_topic_.c_str(), reason.c_str());
+}
+
+bool ImageNodelet::clockStands() {
+  const ros::Time now = ros::Time::now();
+  clock_stands_ = ros::Time::isSimTime() && now == last_time_;
+  last_time_ = now;
+  return clock_stands_;
+}
+
+void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arrived,
+                         std::uint32_t publishers) {
+  // A paused bag is no broken camera; a clock that never began is.
+  if (clock_stands_ && !clockIsMissing()) return;
+  const std::string warning = watch.tick(subscribed, arrived, publishers);
+  if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
+}
+
+std::string ImageNodelet::watchMixture(std::uint32_t publishers) {
+  std::string mixture = image_watch_->mixture(publishers);
+  if (!mixture.empty() && !said_mixture_) NODELET_WARN("%s", mixture.c_str());
+  said_mixture_ = !mixture.empty();
+  return mixture;
+}
+
+}  // namespace ktgp_orb

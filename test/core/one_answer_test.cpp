@@ -1,0 +1,165 @@
+// Every number in a result belongs to the published homography, whatever made it.
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <cmath>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/util/keypoint_position.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "orb_test_images.h"
+#include "synthetic_pairs.h"
+#include "test_data.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::Numbers;
+using util::position;
+
+struct Pair {
+  Features reference, target;
+};
+
+Pair extract(const cv::Mat& reference, const cv::Mat& target, int features) {
+  OrbOptions options;
+  options.max_features = features;
+  Pair pair;
+  OrbExtractor extractor(options);
+  extractor.extract(reference, pair.reference);
+  extractor.extract(target, pair.target);
+  return pair;
+}
+
+/// A textured plane that moves, with a part that moves by itself, so that stages disagree.
+Pair drawnPair(Numbers& numbers, int seed) {
+  const cv::Size size(320, 240);
+  cv::Mat image;
+  cv::GaussianBlur(test::textureImage(size, seed), image, cv::Size(), 1.0);
+  cv::Mat h, target;
+  cv::eigen2cv(test::randomHomography(size, 0.08, numbers), h);
+  cv::warpPerspective(image, target, h, size, cv::INTER_CUBIC);
+  const cv::Rect part(40, 40, 120, 90);
+  cv::Mat moved;
+  const cv::Mat shift = (cv::Mat_<double>(2, 3) << 1, 0, numbers.uniform(0.5, 6.0), 0, 1, 2.0);
+  cv::warpAffine(target, moved, shift, size, cv::INTER_CUBIC);
+  moved(part).copyTo(target(part));
+  return extract(image, target, 500);
+}
+
+MatcherOptions drawnOptions(Numbers& numbers) {
+  const auto coin = [&] { return numbers.uniform(0.0, 1.0) < 0.5; };
+  MatcherOptions options = coin() ? MatcherOptions::ktgp() : MatcherOptions::robust();
+  options.guided.enabled = coin();
+  options.alignment.enabled = numbers.uniform(0.0, 1.0) < 0.8;
+  options.prosac.max_error = numbers.uniform(0.5, 5.0);
+  options.prosac.seed = static_cast<std::uint64_t>(numbers.uniform(0.0, 1e6));
+  return options;
+}
+
+/// Counts what changed its label after PROSAC, so that a test sees that there was something to do.
+std::size_t expectOneAnswer(const Pair& pair, const MatcherOptions& options,
+                            const MatchResult& result) {
+  std::size_t inliers = 0;
+  std::size_t relabelled = 0;
+  double squares = 0.0;
+  std::size_t place = 0;
+  const auto add = [&](const Correspondence& c) {
+    const double error =
+        reprojectionError(result.homography, position(pair.reference, c.reference_index),
+                          position(pair.target, c.target_index));
+    if (error < options.prosac.max_error) {
+      ++inliers;
+      squares += error * error;
+    }
+    return error;
+  };
+  std::vector<int> uses(pair.target.size(), 0);
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    const bool inlier = add(c) < options.prosac.max_error;
+    EXPECT_EQ(c.level == Level::ktgp, inlier);
+    if (inlier) ++uses[static_cast<std::size_t>(c.target_index)];
+    if (inlier != (result.prosac.mask[place++] != 0)) ++relabelled;
+  }
+  for (const Correspondence& c : result.guided) {
+    EXPECT_LT(add(c), options.prosac.max_error);
+    EXPECT_EQ(c.level, Level::guided);
+    ++uses[static_cast<std::size_t>(c.target_index)];
+  }
+  for (const int count : uses) EXPECT_LE(count, 1) << "a target keypoint has one partner";
+  EXPECT_EQ(result.inliers, inliers);
+  EXPECT_NEAR(result.rmse, std::sqrt(squares / static_cast<double>(inliers)), 1e-9);
+  EXPECT_EQ(result.stages[3].output, result.prosac.inliers) << "the stage says what it passed on";
+  return relabelled;
+}
+
+TEST(OneAnswer, LabelsInliersAndRmseBelongToThePublishedHomography) {
+  constexpr int kPairs = 40;
+  constexpr int kSettings = 25;
+  Numbers numbers(3);
+  std::size_t found = 0;
+  std::size_t relabelled = 0;
+  MatchResult result;
+  for (int i = 0; i < kPairs; ++i) {
+    const Pair pair = drawnPair(numbers, i);
+    for (int k = 0; k < kSettings; ++k) {
+      const MatcherOptions options = drawnOptions(numbers);
+      KtgpMatcher(options).match(pair.reference, pair.target, result);
+      if (result.status != Status::ok) continue;
+      ++found;
+      relabelled += expectOneAnswer(pair, options, result);
+    }
+  }
+  EXPECT_GT(found, 700u);
+  EXPECT_GT(relabelled, 500u);
+}
+
+TEST(OneAnswer, OnRealPairs) {
+  const auto data = test::dataFolder();
+  KTGP_ORB_REQUIRE_FOLDER(data, "KTGP_ORB_DATA");
+  Numbers numbers(4);
+  std::size_t relabelled = 0;
+  for (const char* set : {"leuven", "bikes", "boat"}) {
+    const std::string folder = *data + "/oxford/" + set;
+    const auto read = [&](int i) {
+      for (const char* extension : {".ppm", ".pgm", ".png"}) {
+        cv::Mat image =
+            cv::imread(folder + "/img" + std::to_string(i) + extension, cv::IMREAD_GRAYSCALE);
+        if (!image.empty()) return image;
+      }
+      return cv::Mat();
+    };
+    for (int i = 2; i <= 6; ++i) {
+      const Pair pair = extract(read(1), read(i), 2000);
+      for (int k = 0; k < 4; ++k) {
+        const MatcherOptions options = drawnOptions(numbers);
+        MatchResult result;
+        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        if (result.status == Status::ok) relabelled += expectOneAnswer(pair, options, result);
+      }
+    }
+  }
+  EXPECT_GT(relabelled, 50u);
+}
+
+TEST(OneAnswer, WithoutRefinementsAllIsProsacs) {
+  Numbers numbers(5);
+  MatcherOptions options;
+  options.alignment.enabled = false;
+  const Pair pair = drawnPair(numbers, 7);
+  MatchResult result;
+  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  ASSERT_EQ(result.status, Status::ok);
+  EXPECT_EQ(result.homography, result.prosac.homography);
+  EXPECT_EQ(result.covariance, result.prosac.covariance);
+  EXPECT_EQ(result.inliers, result.prosac.inliers);
+  EXPECT_EQ(result.rmse, result.prosac.rmse);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

@@ -1,0 +1,114 @@
+// Poses from exact renderings of a picture that hangs at known places, tilted by up to 60 degrees.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "evaluation/rendering.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/planar_pose.h"
+#include "orb_test_images.h"
+#include "synthetic_pairs.h"
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+constexpr double kWidth = 0.4;  // m
+constexpr double kPi = 3.14159265358979;
+
+Eigen::Matrix3d camera() {
+  Eigen::Matrix3d k;
+  k << 500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0;
+  return k;
+}
+
+/// Tilted by `tilt` about an axis of any direction within the picture, and turned by up to 20
+/// degrees; the farther, the more it is tilted, so that it stays in view.
+Eigen::Isometry3d drawPose(double tilt, test::Numbers& numbers) {
+  const double direction = numbers.uniform(0.0, 2.0 * kPi);
+  const Eigen::Vector3d axis(std::cos(direction), std::sin(direction), 0.0);
+  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+  pose.linear() = (Eigen::AngleAxisd(tilt, axis) *
+                   Eigen::AngleAxisd(numbers.uniform(-0.35, 0.35), Eigen::Vector3d::UnitZ()))
+                      .toRotationMatrix();
+  pose.translation() << numbers.uniform(-0.04, 0.04), numbers.uniform(-0.03, 0.03),
+      numbers.uniform(0.4, 0.55);
+  return pose;
+}
+
+Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose) {
+  const double metre = kWidth / kSize.width;
+  Eigen::Matrix3d target;
+  target << metre, 0.0, -0.5 * metre * (kSize.width - 1), 0.0, metre,
+      -0.5 * metre * (kSize.height - 1), 0.0, 0.0, 1.0;
+  Eigen::Matrix3d plane;
+  plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
+  const Eigen::Matrix3d h = camera() * plane * target;
+  return h / h(2, 2);
+}
+
+/// The picture is twice as fine as the reference image, so that both images are views of it.
+constexpr double kFiner = 2.0;
+
+/// What a camera sees of the picture through a homography from the reference image, with some noise
+/// of the sensor.
+cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed) {
+  cv::Mat source, noise(kSize, CV_32F), grey;
+  picture.convertTo(source, CV_32F);
+  cv::RNG(static_cast<std::uint64_t>(seed)).fill(noise, cv::RNG::NORMAL, 0.0, 2.0);
+  const double middle = 0.5 * (kFiner - 1.0);
+  Eigen::Matrix3d finer;
+  finer << kFiner, 0.0, middle, 0.0, kFiner, middle, 0.0, 0.0, 1.0;
+  const cv::Mat seen = tools::renderView(source, finer * homography.inverse(), kSize) + noise;
+  seen.convertTo(grey, CV_8U);
+  return grey;
+}
+
+TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
+  constexpr int kPoses = 60;
+  constexpr double kChi6 = 22.46;  // 99.9 %
+  cv::Mat picture;
+  cv::GaussianBlur(test::textureImage(kSize * static_cast<int>(kFiner), 3), picture, cv::Size(),
+                   2.0);
+  OrbExtractor extractor;
+  Features reference, target;
+  extractor.extract(view(picture, Eigen::Matrix3d::Identity(), 1000), reference);
+  KtgpMatcher matcher(MatcherOptions::robust());
+  MatchResult result;
+  test::Numbers numbers(11);
+  std::vector<double> normalised;
+  for (int i = 0; i < kPoses; ++i) {
+    const double tilt = i * (kPi / 3.0) / (kPoses - 1);
+    const Eigen::Isometry3d truth = drawPose(tilt, numbers);
+    extractor.extract(view(picture, homographyOf(truth), i), target);
+    matcher.match(reference, target, result);
+    if (result.status != Status::ok) continue;
+    const auto found = planarPose(result.homography, result.covariance, camera(), kSize, kWidth);
+    ASSERT_TRUE(found);
+    const Eigen::Isometry3d pose = found->target_to_camera;
+    const Eigen::AngleAxisd turn(Eigen::Matrix3d(pose.linear() * truth.linear().transpose()));
+    Eigen::Matrix<double, 6, 1> error;
+    error << pose.translation() - truth.translation(), turn.angle() * turn.axis();
+    const Eigen::Matrix<double, 6, 6> covariance = found->covariance;
+    normalised.push_back(error.dot(covariance.ldlt().solve(error)));
+  }
+  ASSERT_GE(normalised.size(), 50u) << "found";
+  const auto within = std::count_if(normalised.begin(), normalised.end(),
+                                    [](double value) { return value < kChi6; });
+  std::sort(normalised.begin(), normalised.end());
+  const double median = normalised[normalised.size() / 2];
+  RecordProperty("within", std::to_string(within));
+  RecordProperty("median", std::to_string(median));
+  EXPECT_GE(static_cast<double>(within), 0.98 * static_cast<double>(normalised.size()));
+  EXPECT_GT(median, 1.5);  // 5.35 where the covariance is exactly right
+  EXPECT_LT(median, 8.5);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

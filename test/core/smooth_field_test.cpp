@@ -1,0 +1,199 @@
+// The covariance says how far off the homography is, also where the errors of neighbours are alike.
+#include "core/homography/smooth_field.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include "core/homography/estimate.h"
+#include "core/homography/transform.h"
+#include "synthetic_pairs.h"
+
+namespace ktgp_orb::homography {
+namespace {
+
+using test::Numbers;
+
+const cv::Size kSize(640, 480);
+
+/// What came of many scenes of which the truth is known.
+struct Consistency {
+  double median = 0.0;        ///< of e' S^-1 e at the corners; 1.39 where S is right
+  double within = 0.0;        ///< share below 13.8, the 99.9 % bound
+  double noise_within = 0.0;  ///< the same with the noise's part of S alone
+  double deviation = 0.0;     ///< median of plane_deviation, px
+};
+
+/// Errors at the points of one scene.
+using Errors =
+    std::function<std::vector<Eigen::Vector2d>(const std::vector<Eigen::Vector2d>&, Numbers&)>;
+
+double normalised(const Eigen::Vector2d& error, const Eigen::Matrix<double, 2, 8>& jacobian,
+                  const Covariance8& covariance) {
+  const Eigen::Matrix2d spread = jacobian * covariance * jacobian.transpose();
+  return error.dot(spread.inverse() * error);
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+Consistency measure(const Errors& errors, std::size_t points, double min_scale) {
+  constexpr int kScenes = 300;
+  Numbers numbers(1);
+  HomographyRefiner refiner;
+  EvidenceOptions options;
+  options.min_scale = min_scale;
+  std::vector<double> all, of_noise, deviations;
+  for (int scene = 0; scene < kScenes; ++scene) {
+    const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
+    std::vector<Eigen::Vector2d> reference, target;
+    while (reference.size() < points) reference.push_back(numbers.pointIn(kSize));
+    const std::vector<Eigen::Vector2d> off = errors(reference, numbers);
+    for (std::size_t i = 0; i < points; ++i)
+      target.push_back(project(truth, reference[i]) + off[i]);
+    UncertainHomography found;
+    found.homography = truth;
+    EXPECT_TRUE(refiner.refine(reference, target, kSize, options, found));
+    deviations.push_back(found.plane_deviation);
+    for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
+      const Eigen::Vector2d error = project(found.homography, corner) - project(truth, corner);
+      const auto jacobian = jacobianByEntries(found.homography, corner);
+      all.push_back(normalised(error, jacobian, found.covariance));
+      of_noise.push_back(normalised(error, jacobian, found.covariance - found.shared_covariance));
+    }
+  }
+  const auto share = [](const std::vector<double>& values) {
+    const auto below = [](double value) { return value < 13.8; };
+    return static_cast<double>(std::count_if(values.begin(), values.end(), below)) /
+           static_cast<double>(values.size());
+  };
+  return {median(all), share(all), share(of_noise), median(deviations)};
+}
+
+Eigen::Vector2d white(double sigma, Numbers& numbers) {
+  const double x = sigma * numbers.normal();
+  return {x, sigma * numbers.normal()};
+}
+
+/// A field of standard deviation about `tau`: a few broad hills of random place and height.
+Errors hills(double tau, double sigma) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    constexpr int kHills = 40;
+    constexpr double kWidth = 150.0;  // px
+    std::vector<Eigen::Vector2d> places, heights;
+    for (int i = 0; i < kHills; ++i) {
+      places.emplace_back(numbers.uniform(-200.0, 840.0), numbers.uniform(-200.0, 680.0));
+      heights.push_back(white(1.0, numbers));
+    }
+    std::vector<Eigen::Vector2d> errors;
+    double squares = 0.0;
+    for (const Eigen::Vector2d& p : points) {
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      for (int i = 0; i < kHills; ++i) {
+        const double d2 = (p - places[static_cast<std::size_t>(i)]).squaredNorm();
+        sum += std::exp(-0.5 * d2 / (kWidth * kWidth)) * heights[static_cast<std::size_t>(i)];
+      }
+      errors.push_back(sum);
+      squares += sum.squaredNorm() / 2.0;
+    }
+    const double scale = tau / std::sqrt(squares / static_cast<double>(points.size()));
+    for (Eigen::Vector2d& e : errors) e = scale * e + white(sigma, numbers);
+    return errors;
+  };
+}
+
+/// What a lens bends outwards: r³ from the middle.
+Errors lens(double at_corner, double sigma) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    const Eigen::Vector2d middle(319.5, 239.5);
+    std::vector<Eigen::Vector2d> errors;
+    for (const Eigen::Vector2d& p : points) {
+      const Eigen::Vector2d out = (p - middle) / middle.norm();
+      errors.emplace_back(at_corner * out.squaredNorm() * out + white(sigma, numbers));
+    }
+    return errors;
+  };
+}
+
+TEST(SmoothField, WhiteNoiseHasNone) {
+  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    std::vector<Eigen::Vector2d> errors(points.size());
+    for (Eigen::Vector2d& e : errors) e = white(0.5, numbers);
+    return errors;
+  };
+  for (const std::size_t points : {40, 150, 400, 1500}) {
+    const Consistency c = measure(noise, points, 1e-4);
+    EXPECT_GT(c.median, 0.8) << points;
+    EXPECT_LT(c.median, 1.8) << points;
+    EXPECT_GT(c.within, 0.99) << points;
+    EXPECT_LT(c.deviation, 0.1) << points;
+  }
+}
+
+// Keypoints of octave o are 1.2^o times as far off.
+TEST(SmoothField, NoiseThatGrowsWithThePyramidLevelIsCovered) {
+  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    std::vector<Eigen::Vector2d> errors(points.size());
+    for (Eigen::Vector2d& e : errors) {
+      const int octave = static_cast<int>(numbers.uniform(0.0, 8.0));
+      e = white(0.4 * std::pow(1.2, octave), numbers);
+    }
+    return errors;
+  };
+  const Consistency c = measure(noise, 300, 1e-4);
+  EXPECT_GT(c.median, 0.5);
+  EXPECT_LT(c.median, 1.8);
+  EXPECT_GT(c.within, 0.99);
+}
+
+TEST(SmoothField, ASceneThatIsNoPlaneIsCovered) {
+  for (const double sigma : {0.03, 0.3}) {
+    const Consistency c = measure(hills(0.5, sigma), 400, 1.0);
+    EXPECT_LT(c.median, 2.5) << sigma;
+    EXPECT_GT(c.median, 0.2) << sigma;
+    EXPECT_GT(c.within, 0.95) << sigma;
+    EXPECT_LT(c.noise_within, 0.7) << "as if the errors were independent, " << sigma;
+    EXPECT_GT(c.deviation, 0.25) << sigma;
+    EXPECT_LT(c.deviation, 1.5) << sigma;
+  }
+}
+
+TEST(SmoothField, ALensThatBendsIsCovered) {
+  const Consistency c = measure(lens(2.0, 0.05), 400, 1.0);
+  EXPECT_LT(c.median, 6.0);  // its errors at the corners, where H is held to it, are the largest
+  EXPECT_GT(c.within, 0.9);
+  EXPECT_GT(c.deviation, 0.1);
+}
+
+// One error is one error, however many points show it.
+TEST(SmoothField, MorePointsDoNotAverageItOut) {
+  const Consistency few = measure(hills(0.5, 0.05), 100, 1.0);
+  const Consistency many = measure(hills(0.5, 0.05), 1600, 1.0);
+  EXPECT_GT(few.within, 0.9);
+  EXPECT_GT(many.within, 0.9);
+}
+
+TEST(SmoothField, IsZeroForTooFewPairs) {
+  PointArrays<double> pairs;
+  pairs.resize(8);
+  Numbers numbers(2);
+  for (std::size_t i = 0; i < 8; ++i) {
+    const Eigen::Vector2d x(numbers.uniform(-1.0, 1.0), numbers.uniform(-1.0, 1.0));
+    pairs.set(i, x, x + white(0.01, numbers));
+  }
+  const FieldFit fit = SmoothField().fit(pairs, std::vector<double>(8, 1.0), 1.0,
+                                         Eigen::Matrix3d::Identity(), {4.0, 0.0, 0.1});
+  EXPECT_EQ(fit.variance, 0.0);
+  EXPECT_EQ(fit.noise_share, 1.0);
+  EXPECT_TRUE(fit.covariance.isZero());
+}
+
+}  // namespace
+}  // namespace ktgp_orb::homography

@@ -1,0 +1,72 @@
+#!/usr/bin/python3
+"""Simulated time without a clock, a clock that stands, and a stabilizer with a wrong topic and a
+misspelt parameter: what is measured and what is said."""
+
+import subprocess
+import sys
+import unittest
+
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from ktgp_orb.msg import MatchStatistics
+from ktgp_testing import Camera, Recorder, wait_for_matcher, wait_until
+from rosgraph_msgs.msg import Clock, Log
+from sensor_msgs.msg import Image
+
+OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+
+
+class ClockTest(unittest.TestCase):
+    def test_each_trouble_is_said(self):
+        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        log = Recorder('/rosout', Log)
+        camera = Camera()
+        statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        wait_for_matcher(camera, statistics)
+        steady = Recorder('/camera/stabilizer/image', Image)
+        wait_until(steady.publishers, 'the stabilizer runs')
+
+        def says(task, level, words, send=True):
+            seen = len(diagnostics.messages())
+
+            def said():
+                if send:
+                    camera.send_view()
+                return [s for array in diagnostics.messages()[seen:] for s in array.status
+                        if s.name.endswith(task) and s.level == level and words in s.message]
+            wait_until(said, '%s says "%s"' % (task, words))
+
+        # No clock at all.
+        says('latency', WARN, 'nobody publishes /clock')
+        says('matcher: matcher', OK, 'homographies found')
+        self.assertEqual({m.latency_milliseconds for m in statistics.messages()}, {0.0})
+        # Nothing comes from the topic that the stabilizer was given.
+        says('stabilizer: frames', WARN, 'no homography on /camera/matcher/nowhere')
+        words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): nobody publishes '
+                 '/camera/matcher/nowhere: is the topic name right?')
+        wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)
+        # A clock that began and stands: nothing is amiss.
+        clock = rospy.Publisher('/clock', Clock, queue_size=1, latch=True)
+        clock.publish(Clock(rospy.Time(1000)))
+        says('matcher: input', OK, 'the clock stands', send=False)
+        says('stabilizer: frames', OK, 'the clock stands', send=False)
+
+    def test_unknown_parameters_are_named(self):
+        for kind in ('matcher', 'stabilizer', 'mosaic'):
+            process = subprocess.Popen(
+                ['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/' + kind,
+                 '__name:=misspelt_' + kind, '_T_w_:=1.0'],
+                stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, universal_newlines=True)
+            try:
+                words = 'parameter /misspelt_%s/T_w_ is not known to this node' % kind
+                self.assertTrue(any(words in line for line in process.stderr), words)
+            finally:
+                process.terminate()
+                process.wait()
+                process.stderr.close()
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_clock_test')
+    rostest.rosrun('ktgp_orb', 'robot_clock', ClockTest, sys.argv)
