@@ -146,8 +146,8 @@ void lucasKanade(benchmark::State& state) {
   ktgp_orb::UncertainHomography estimate = pair.answer();
   ktgp_orb::homography::EvidenceOptions evidence;
   evidence.min_scale = 1.0;  // as the alignment's
-  ktgp_orb::homography::HomographyRefiner().refine(
-      reference_points, target_points, pair.reference.image_size, evidence, estimate);
+  ktgp_orb::homography::HomographyRefiner().refine(reference_points, target_points,
+                                                   pair.reference.image_size, evidence, estimate);
   run(state, pair, estimate.homography, track);
 }
 

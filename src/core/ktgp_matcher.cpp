@@ -261,7 +261,11 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   const bool grown = result.found_by == FoundBy::growth;
   UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
   if (grown) guided_matches = result.growth.matches;
-  adopt(answer, reference, target, result);
+  if (!adopt(answer, reference, target, result)) {
+    result.status = Status::model_rejected;
+    result.found_by = FoundBy::none;
+    return;
+  }
   if (options.guided.enabled) {
     timeStage(guided_stage, "guided", result.inliers, [&] {
       UncertainHomography candidate = answer;

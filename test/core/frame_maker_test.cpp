@@ -1,8 +1,8 @@
 // What of a camera's images is looked at: masks, region of interest, lens, and how many of them.
 // No ROS master is needed.
 
-#include "messages/camera.h"
 #include "messages/frame_maker.h"
+#include "messages/camera.h"
 
 #include <gtest/gtest.h>
 

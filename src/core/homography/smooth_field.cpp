@@ -76,7 +76,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
 
   solve(single, near, scales.significance, result);
-  constexpr double kCommon = 0.12; // of the variance of the noise
+  constexpr double kCommon = 0.06;  // of the variance of the noise
   const double noise = result.noise_share * single.measured / single.of_noise;
   result.common_covariance =
       kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;

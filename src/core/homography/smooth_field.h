@@ -23,9 +23,9 @@ struct FieldFit {
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same from an error that all pairs have in common, a third of the deviation of their noise.
-  /// Interpolation makes sub-pixel registration of patches err alike where they lie alike between
-  /// the pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
+  /// The same from an error that all pairs have in common, a quarter of the deviation of their
+  /// noise. Interpolation makes sub-pixel registration of patches err alike where they lie alike
+  /// between the pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// How many times fewer the independent pairs are than the pairs, >= 1, where each was found with
   /// a patch of the side FieldScales::nearby and patches overlap: the variance of the mean of
