@@ -52,8 +52,8 @@ std::optional<PlanarPose> TargetPose::find(const FrameMessages& messages, const 
 /// That of `result_`; from aligned points it is estimated again as the alignment does, since their
 /// errors are not those of keypoints.
 UncertainHomography TargetPose::homographyOfPairs(const cv::Size& reference) {
-  const UncertainHomography found{result_.homography, result_.covariance, result_.shared_covariance,
-                                  result_.plane_deviation};
+  UncertainHomography found{result_.homography, result_.covariance, result_.shared_covariance,
+                            result_.plane_deviation};
   if (!of_patches_) return found;
   const auto evidence = homography::evidenceOfPatches(prosac_.options().max_error, reference);
   UncertainHomography refined = found;

@@ -102,10 +102,11 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.view = {};  // of the camera; these two come from anywhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  const char* image = "reference: ";  // what an error is about
+  const char* image = "";  // what an error is about, where it does not say so itself
   try {
     requireSize("reference", request.reference, configuration.max_pair_megapixels);
     requireSize("target", request.target, configuration.max_pair_megapixels);
+    image = "reference: ";
     MessageMatcher matcher(configuration);
     image = "target: ";
     const FrameMessages messages =
