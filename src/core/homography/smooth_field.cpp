@@ -8,12 +8,11 @@
 namespace ktgp_orb::homography {
 namespace {
 
-using Matrix7 = Eigen::Matrix<double, 7, 7>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
 /// J'K of two Jacobians from the product of their slopes. J has the rows [x y z 0 0 0 -ux -uy] and
 /// [0 0 0 x y z -vx -vy].
-Matrix8 expanded(const Matrix7& slopes) {
+Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
   m.block<3, 2>(0, 6) = -slopes.block<3, 2>(0, 3);
@@ -110,7 +109,7 @@ SmoothField::PairSums SmoothField::sumPairs() const {
   PairSums sums;
   for (const Pair& p : pairs_) {
     const Slope weighted = p.weight * p.slope;
-    const Matrix7 product = weighted * p.slope.transpose();
+    const Matrix8 product = weighted * p.slope.transpose();
     sums.slope += weighted;
     const double weight2 = p.weight * p.weight;
     sums.first += product;
@@ -169,7 +168,8 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
     pair.error = place - Eigen::Vector2d(pairs.u[from], pairs.v[from]);
     const double x = pair.point.x() / p.z();
     const double y = pair.point.y() / p.z();
-    pair.slope << x, y, 1.0 / p.z(), place.x() * x, place.x() * y, place.y() * x, place.y() * y;
+    pair.slope << x, y, 1.0 / p.z(), place.x() * x, place.x() * y, place.y() * x, place.y() * y,
+        0.0;
     pair.weight = weights[from];
     sum += pair.weight;
   }
