@@ -196,8 +196,24 @@ class KtgpEvaluate(ToolCase):
         plain, aligned, _ = out["summary"]
         self.assertLess(aligned["median_corner_error"], 0.5 * plain["median_corner_error"])
         self.assertGreater(aligned["auc_1"], plain["auc_1"])
-        for word in ("AUC@1", "median", "found", "wrong", "ZNCC"):
+        for word in ("AUC@1", "median", "found", "wrong", "ZNCC", "true/p", "e'S^-1e", "99.9%"):
             self.assertIn(word, run.stdout)
+
+    def test_the_covariance_is_held_to_the_truth(self):
+        _, rows = self.warps("small", "data/first/img1.pgm", "--methods", "KTGP,ROBUST,ECC")
+        for row in rows:
+            if row["method"] == "ECC":  # gives none
+                self.assertEqual(row["predicted_corner_error"], "")
+                continue
+            self.assertAlmostEqual(
+                float(row["corner_error_ratio"]) * float(row["predicted_corner_error"]),
+                float(row["corner_error"]), delta=0.5 * float(row["corner_error"]))
+            self.assertGreaterEqual(int(row["corners_consistent"]), 3, row)
+        summaries = json.loads((self.folder / "out.json").read_text())["summary"]
+        robust = next(s for s in summaries if s["method"] == "ROBUST")
+        self.assertGreater(robust["corners_consistent"], 0.9)
+        self.assertGreater(robust["corner_normalised_median"], 0.1)
+        self.assertLess(robust["corner_normalised_median"], 4.0)
 
     def test_warps_of_a_folder_by_kind_and_by_seed(self):
         def errors(*arguments):
