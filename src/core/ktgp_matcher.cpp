@@ -7,6 +7,7 @@
 
 #include "core/growth/verdict.h"
 #include "core/homography/estimate.h"
+#include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
@@ -134,6 +135,9 @@ struct KtgpMatcher::Impl {
              MatchResult& result);
   bool adopt(const UncertainHomography& candidate, const Features& reference,
              const Features& target, MatchResult& result);
+  void publish(const UncertainHomography& answer, const std::vector<std::uint8_t>& mask,
+               std::size_t inliers, double rmse, const Features& reference, const Features& target,
+               MatchResult& result);
 
   MatcherOptions options;
   KnnMatcher knn;
@@ -261,7 +265,10 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   const bool grown = result.found_by == FoundBy::growth;
   UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
   if (grown) guided_matches = result.growth.matches;
-  if (!adopt(answer, reference, target, result)) {
+  if (!grown) {
+    const ProsacResult& found = result.prosac;  // which the same Finaliser has labelled
+    publish(answer, found.mask, found.inliers, found.rmse, reference, target, result);
+  } else if (!adopt(answer, reference, target, result)) {
     result.status = Status::model_rejected;
     result.found_by = FoundBy::none;
     return;
@@ -298,49 +305,57 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
   aligned.plane_deviation = before.plane_deviation;
 }
 
-/// Makes `candidate` the answer: mask, levels, inliers and RMSE are derived from it, in this one
-/// place. False, and nothing is changed, where the verdict on it is bad.
+/// Makes `candidate` the answer, with mask, inliers and RMSE derived from it. False, and nothing is
+/// changed, where the verdict on it is bad.
 ///
 /// A grown homography has the verdict of the growth, which the few right ones among the matches
 /// could not give. What is made of it must still agree with the pairs that the growth rests on.
 bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
                               const Features& target, MatchResult& result) {
-  const double max_error = options.prosac.max_error;
   if (result.found_by == FoundBy::growth) {
     finaliser.finalise(candidate, result.growth.pairs, reference.image_size,
                        growth::Verdict::kRadius, final);
     if (!final.trusted) return false;
   }
-  finaliser.finalise(candidate, pairs, reference.image_size, max_error, final);
+  finaliser.finalise(candidate, pairs, reference.image_size, options.prosac.max_error, final);
   if (!final.trusted && result.found_by != FoundBy::growth) return false;
-  result.homography = candidate.homography;
-  result.covariance = candidate.covariance;
-  result.shared_covariance = candidate.shared_covariance;
-  result.plane_deviation = candidate.plane_deviation;
+  publish(candidate, final.mask, final.inliers, final.rmse, reference, target, result);
+  return true;
+}
+
+/// Sets the answer and all that belongs to it: levels, the guided matches that agree, inliers and
+/// RMSE. `mask`, `inliers` and `rmse`: of the pairs that passed GMS.
+void KtgpMatcher::Impl::publish(const UncertainHomography& answer,
+                                const std::vector<std::uint8_t>& mask, std::size_t inliers,
+                                double rmse, const Features& reference, const Features& target,
+                                MatchResult& result) {
+  result.homography = answer.homography;
+  result.covariance = answer.covariance;
+  result.shared_covariance = answer.shared_covariance;
+  result.plane_deviation = answer.plane_deviation;
 
   taken.assign(target.size(), 0);
   std::size_t i = 0;
   for (Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-    const bool inlier = final.mask[i++] != 0;
+    const bool inlier = mask[i++] != 0;
     c.level = inlier ? Level::ktgp : Level::ktg;
     if (inlier) taken[static_cast<std::size_t>(c.target_index)] = 1;
   }
-  double squares = final.rmse * final.rmse * static_cast<double>(final.inliers);
+  double squares = rmse * rmse * static_cast<double>(inliers);
   result.guided.clear();
   for (const Correspondence& c : guided_matches) {
     if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
     const double error =
-        reprojectionError(candidate.homography, position(reference, c.reference_index),
-                          position(target, c.target_index));
-    if (!(error < max_error)) continue;
+        homography::errorOf(answer.homography, position(reference, c.reference_index),
+                            position(target, c.target_index));
+    if (!(error < options.prosac.max_error)) continue;
     result.guided.push_back(c);
     squares += error * error;
   }
-  result.inliers = final.inliers + result.guided.size();
+  result.inliers = inliers + result.guided.size();
   result.rmse =
-      result.guided.empty() ? final.rmse : std::sqrt(squares / static_cast<double>(result.inliers));
-  return true;
+      result.guided.empty() ? rmse : std::sqrt(squares / static_cast<double>(result.inliers));
 }
 
 }  // namespace ktgp_orb

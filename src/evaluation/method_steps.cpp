@@ -183,6 +183,7 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
             const HomographyEstimate model =
                 estimateHomography(estimator, pairs, reference.image_size, options);
             m.estimated = true;
+            m.candidates = m.matches;
             if (model.found) m.homography = model.homography;
             m.covariance = model.covariance;
             std::size_t i = 0;
@@ -196,16 +197,24 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
 Step align(const AlignmentOptions& options) {
   auto alignment = std::make_shared<Alignment>(options);
   auto result = std::make_shared<AlignmentResult>();
-  return {"align", [alignment, result](const Scene& scene, Matching& m) {
-            if (!m.homography) return;
-            // Where none is known, any is better determined than a deviation of 1 of every entry.
-            UncertainHomography start;
-            start.homography = *m.homography;
-            start.covariance = m.covariance.value_or(Covariance8::Identity());
-            alignment->align(scene.reference, scene.target, m.matches, start, *result);
-            m.homography = result->homography;
-            if (result->status == AlignmentStatus::ok) m.covariance = result->covariance;
-          }};
+  return {
+      "align", [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
+        if (!m.homography) return;
+        // Where none is known, any is better determined than a deviation of 1 of every entry.
+        UncertainHomography start;
+        start.homography = *m.homography;
+        start.covariance = m.covariance.value_or(Covariance8::Identity());
+        alignment->align(scene.reference, scene.target, m.matches, start, *result);
+        if (result->status != AlignmentStatus::ok) return;
+        m.homography = result->homography;
+        m.covariance = result->covariance;
+        m.matches = m.candidates;
+        const auto is_outlier = [&](const Correspondence& c) {
+          return !(reprojectionError(*m.homography, position(scene.reference, c.reference_index),
+                                     position(scene.target, c.target_index)) < max_error);
+        };
+        removeIf(is_outlier, m.matches);
+      }};
 }
 
 Step extract(const OrbOptions& options) {

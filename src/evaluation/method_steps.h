@@ -32,6 +32,7 @@ struct OwnFeatures {
 /// What a method has found so far. Every step takes from `matches` what does not pass it.
 struct Matching {
   std::vector<Correspondence> matches;
+  std::vector<Correspondence> candidates{};  ///< what the homography was estimated from
   /// Where a method does not use the scene's features: its own, which `matches` refer to.
   std::optional<OwnFeatures> own{};
   ReferenceViews views{};                       ///< of the reference, from other sides
@@ -76,7 +77,8 @@ Step gms(const GmsOptions& options);
 Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 /// Keeps the inliers of the homography.
 Step homography(Estimator estimator, const ProsacOptions& options);
-/// Aligns matches by the images and corrects the homography by them; both stay where it cannot.
+/// Aligns matches by the images, corrects the homography by them, and keeps of those that it was
+/// estimated from the matches that agree with the corrected one; all stays where it cannot.
 Step align(const AlignmentOptions& options);
 
 // All at once.

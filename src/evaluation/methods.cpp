@@ -44,6 +44,8 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
   motion.enabled = true;  // a method's name says whether it has GMS
   GmsOptions rotating = motion;
   rotating.rotation = rotating.scale = true;
+  AlignmentOptions alignment = options.alignment;
+  alignment.max_error = options.prosac.max_error;
   const double t_w = options.ratio_threshold.value_or(ratioThreshold(pipeline.orb.descriptor));
   const auto knn = [&] { return nearest(options.knn); };
   const auto both_ways = [&] { return bidirectional(options.knn); };
@@ -67,7 +69,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
        {knn(), ratio(t_w), gms(motion), model(Estimator::prosac)}},
       {"KTGP+ALIGN",
        "KTGP, sub-pixel alignment",
-       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac), align(options.alignment)}},
+       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac), align(alignment)}},
       {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
       {"KTGP-RS",
        "KTGP with rotation and scale",
@@ -77,7 +79,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
        {mutualNearest(options.knn), model(Estimator::prosac)}},
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
-       {mutualNearest(options.knn), model(Estimator::prosac), align(options.alignment)}},
+       {mutualNearest(options.knn), model(Estimator::prosac), align(alignment)}},
       {"ROBUST", "the preset: MUTUAL, a guided round, alignment", {matcher(robust(options))}},
       {"ROBUST-TEBLID",
        "the same over TEBLID descriptors",

@@ -1,7 +1,10 @@
 #include "messages/message_conversion.h"
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "core/util/keypoint_position.h"
 
@@ -110,24 +113,32 @@ void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
 }
 
-/// The aligned points, each with the place in the message of the correspondence it stands for. A
-/// guided match that does not agree with the aligned homography is not in the message.
-void appendAligned(const AlignmentResult& alignment, Correspondences& message) {
-  if (alignment.status != AlignmentStatus::ok) return;
-  std::unordered_map<std::uint64_t, std::uint32_t> place_of;
-  const auto key = [](std::uint32_t reference, std::uint32_t target) {
-    return std::uint64_t{reference} << 32U | target;
-  };
-  place_of.reserve(message.level.size());
-  for (std::size_t i = 0; i < message.level.size(); ++i) {
-    place_of.emplace(key(message.reference_index[i], message.target_index[i]),
-                     static_cast<std::uint32_t>(i));
+/// Where the message has the correspondence of an aligned point; nothing where it is a guided match
+/// that does not agree with the aligned homography. The guided ones stand from place `guided` on.
+/// Both parts are in the order of the target's keypoints.
+std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
+                                     const Correspondences& message) {
+  const auto target = static_cast<std::uint32_t>(point.target_index);
+  const auto& targets = message.target_index;
+  const auto middle = targets.begin() + static_cast<std::ptrdiff_t>(guided);
+  for (const auto& [first, last] :
+       {std::pair(targets.begin(), middle), std::pair(middle, targets.end())}) {
+    const auto found = std::lower_bound(first, last, target);
+    if (found == last || *found != target) continue;
+    const auto place = static_cast<std::size_t>(found - targets.begin());
+    if (message.reference_index[place] == static_cast<std::uint32_t>(point.reference_index)) {
+      return static_cast<std::uint32_t>(place);
+    }
   }
+  return std::nullopt;
+}
+
+void appendAligned(const AlignmentResult& alignment, std::size_t guided, Correspondences& message) {
+  if (alignment.status != AlignmentStatus::ok) return;
   for (const AlignedPoint& p : alignment.points) {
-    const auto place = place_of.find(key(static_cast<std::uint32_t>(p.reference_index),
-                                         static_cast<std::uint32_t>(p.target_index)));
-    if (place == place_of.end()) continue;
-    message.aligned.push_back(place->second);
+    const std::optional<std::uint32_t> place = placeOf(p, guided, message);
+    if (!place) continue;
+    message.aligned.push_back(*place);
     message.aligned_reference_x.push_back(static_cast<float>(p.reference.x()));
     message.aligned_reference_y.push_back(static_cast<float>(p.reference.y()));
     message.aligned_target_x.push_back(static_cast<float>(p.target.x()));
@@ -158,7 +169,7 @@ CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const Seque
     append(c, imagePoint(reference.features, c.reference_index),
            imagePoint(target.features, c.target_index), *message);
   }
-  appendAligned(match.match.alignment, *message);
+  appendAligned(match.match.alignment, message->level.size() - guided.size(), *message);
   return message;
 }
 

@@ -87,7 +87,8 @@ class BagTest(unittest.TestCase):
             for stage, following in zip(m.stages, m.stages[1:]):
                 self.assertEqual(stage.output, following.input)
                 self.assertLessEqual(following.output, following.input)
-            self.assertEqual([m.kt, m.ktg, m.inliers], [stage.output for stage in m.stages[1:4]])
+            self.assertEqual([m.kt, m.ktg], [stage.output for stage in m.stages[1:3]])
+            self.assertLessEqual(m.inliers, m.ktg)  # no guided matching here
             self.assertAlmostEqual(m.retention, m.stages[1].output / m.stages[1].input)
             parts = m.extraction_milliseconds + sum(stage.milliseconds for stage in m.stages)
             self.assertAlmostEqual(m.total_milliseconds, parts, places=6)
@@ -101,8 +102,7 @@ class BagTest(unittest.TestCase):
             statistics = self.statistics.with_stamp(m.header.stamp)
             homography = self.homographies.with_stamp(m.header.stamp)
             levels = np.frombuffer(m.level, np.uint8)
-            for level, stage in ((Correspondences.LEVEL_KT, 1), (Correspondences.LEVEL_KTG, 2),
-                                 (Correspondences.LEVEL_KTGP, 3)):
+            for level, stage in ((Correspondences.LEVEL_KT, 1), (Correspondences.LEVEL_KTG, 2)):
                 self.assertEqual((levels >= level).sum(), statistics.stages[stage].output)
             arrays = (m.reference_x, m.reference_y, m.target_x, m.target_y, m.distance, m.ratio,
                       m.reference_index, m.target_index)
@@ -115,12 +115,11 @@ class BagTest(unittest.TestCase):
             self.assertEqual(homography.status, statistics.status)
             if homography.status != HomographyStamped.STATUS_OK:
                 continue
-            # The final matches are those within 3 px of PROSAC's homography, and the aligned one is
-            # near it.
+            # The final matches are those within 3 px of the published homography.
             reference = np.column_stack([m.reference_x, m.reference_y]).astype(float)
             target = np.column_stack([m.target_x, m.target_y]).astype(float)
             errors = np.linalg.norm(transform(matrix(homography), reference) - target, axis=1)
-            clear = np.abs(errors - 3.0) > 1.0
+            clear = np.abs(errors - 3.0) > 1e-6
             survived = levels >= Correspondences.LEVEL_KTG
             np.testing.assert_array_equal((levels == Correspondences.LEVEL_KTGP)[clear & survived],
                                           (errors < 3.0)[clear & survived])

@@ -71,7 +71,7 @@ std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
 double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points) {
   double sum = 0.0;
   for (const AlignedPoint& p : points) {
-    const double error = reprojectionError(homography, p.reference, p.target);
+    const double error = homography::errorOf(homography, p.reference, p.target);
     sum += error * error;
   }
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
@@ -83,7 +83,7 @@ double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<Aligned
                     double scale) {
   double sum = 0.0;
   for (const AlignedPoint& p : points) {
-    const double error = reprojectionError(homography, p.reference, p.target) / scale;
+    const double error = homography::errorOf(homography, p.reference, p.target) / scale;
     sum += std::log1p(0.25 * error * error);
   }
   return sum;
@@ -95,7 +95,7 @@ double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vecto
   double sum = 0.0;
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference.size(); ++i) {
-    const double error = reprojectionError(homography, reference[i], target[i]);
+    const double error = homography::errorOf(homography, reference[i], target[i]);
     if (!(error < near)) continue;
     sum += error * error;
     ++count;
@@ -267,7 +267,7 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHo
 std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference_points.size(); ++i) {
-    if (reprojectionError(homography, reference_points[i], target_points[i]) < limits.max_error)
+    if (homography::errorOf(homography, reference_points[i], target_points[i]) < limits.max_error)
       ++count;
   }
   return count;

@@ -145,7 +145,7 @@ std::size_t GuidedMatcher::Impl::supporters(const Eigen::Matrix3d& homography,
                                             double threshold) const {
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference_points.size(); ++i) {
-    if (reprojectionError(homography, reference_points[i], target_points[i]) < threshold) ++count;
+    if (homography::errorOf(homography, reference_points[i], target_points[i]) < threshold) ++count;
   }
   return count;
 }

@@ -57,8 +57,7 @@ void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& 
   result.inliers = 0;
   double sum = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error =
-        reprojectionError(estimate.homography, pairs.reference[i], pairs.target[i]);
+    const double error = errorOf(estimate.homography, pairs.reference[i], pairs.target[i]);
     squared_error_[i] = error * error;
     result.mask[i] = error < max_error ? 1 : 0;
     if (result.mask[i] == 0) continue;

@@ -147,7 +147,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
     result.shared_covariance = result.covariance;
   }
   result.homography = estimate.homography;
-  result.mask.swap(final.mask);
+  result.mask = final.mask;  // into the buffer it has: swapped ones would grow in turn
   result.inliers = final.inliers;
   result.rmse = final.rmse;
   result.status = Status::ok;

@@ -8,12 +8,11 @@
 namespace ktgp_orb::homography {
 namespace {
 
-using Matrix7 = Eigen::Matrix<double, 7, 7>;
 using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
 /// J'K of two Jacobians from the product of their slopes. J has the rows [x y z 0 0 0 -ux -uy] and
 /// [0 0 0 x y z -vx -vy].
-Matrix8 expanded(const Matrix7& slopes) {
+Matrix8 expanded(const Matrix8& slopes) {
   Matrix8 m = Matrix8::Zero();
   m.topLeftCorner<3, 3>() = m.block<3, 3>(3, 3) = slopes.topLeftCorner<3, 3>();
   m.block<3, 2>(0, 6) = -slopes.block<3, 2>(0, 3);
@@ -110,7 +109,7 @@ SmoothField::PairSums SmoothField::sumPairs() const {
   PairSums sums;
   for (const Pair& p : pairs_) {
     const Slope weighted = p.weight * p.slope;
-    const Matrix7 product = weighted * p.slope.transpose();
+    const Matrix8 product = weighted * p.slope.transpose();
     sums.slope += weighted;
     const double weight2 = p.weight * p.weight;
     sums.first += product;
@@ -153,8 +152,11 @@ SmoothField::CellSums SmoothField::sumCells() const {
 
 void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vector<double>& weights,
                               const Eigen::Matrix3d& homography) {
-  constexpr std::size_t kMost = 400;
+  constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
+  pairs_.reserve(kMost);  // once, and not when a frame has more pairs than any before
+  squared_.reserve(kMost);
+  by_x_.reserve(kMost);
   pairs_.resize(count);
   double sum = 0.0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -166,7 +168,8 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
     pair.error = place - Eigen::Vector2d(pairs.u[from], pairs.v[from]);
     const double x = pair.point.x() / p.z();
     const double y = pair.point.y() / p.z();
-    pair.slope << x, y, 1.0 / p.z(), place.x() * x, place.x() * y, place.y() * x, place.y() * y;
+    pair.slope << x, y, 1.0 / p.z(), place.x() * x, place.x() * y, place.y() * x, place.y() * y,
+        0.0;
     pair.weight = weights[from];
     sum += pair.weight;
   }
@@ -203,6 +206,8 @@ void SmoothField::sortIntoCells(double cell_side) {
   };
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
+  constexpr std::size_t kUsual = 17 * 17;  // no image has more, whatever its points
+  cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
     pair.cell = number(pair.point.y() - low.y()) * columns_ + number(pair.point.x() - low.x());

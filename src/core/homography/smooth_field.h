@@ -51,15 +51,15 @@ struct FieldFit {
 class SmoothField {
  public:
   /// `weights`: of the pairs in the fit of H; `curvature`: the second derivative of the likelihood
-  /// over J'WJ, 1 for least squares. From at most 400 of the pairs, spread over the list.
+  /// over J'WJ, 1 for least squares. From at most 300 of the pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
   /// The entries of a pair's Jacobian that differ: x y z, u x, u y, v x, v y (see m_estimator.cpp).
-  using Slope = Eigen::Matrix<double, 7, 1>;
-  using Matrix7 = Eigen::Matrix<double, 7, 7>;
+  /// The eighth is zero: Eigen has vector code for eight doubles and none for seven.
+  using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {
     Slope slope;
@@ -90,20 +90,20 @@ class SmoothField {
 
   /// Sums over the pairs of J'J times w, w² and w³; of w² and w² r².
   struct PairSums {
-    Matrix7 first = Matrix7::Zero();
-    Matrix7 second = Matrix7::Zero();
-    Matrix7 third = Matrix7::Zero();
+    Matrix8 first = Matrix8::Zero();
+    Matrix8 second = Matrix8::Zero();
+    Matrix8 third = Matrix8::Zero();
     Slope slope = Slope::Zero();  // of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
   };
   /// Sums over the cells; V: the slopes of a cell and of those that touch it.
   struct CellSums {
-    Matrix7 spread = Matrix7::Zero();      // slope' smoothed: J'W K W J for tau² = 1
-    Matrix7 single = Matrix7::Zero();      // slope2' smoothed
-    Matrix7 near = Matrix7::Zero();        // weight V' smoothed
-    Matrix7 near_noise = Matrix7::Zero();  // V' slope2
-    Matrix7 fitted = Matrix7::Zero();      // V' slope
+    Matrix8 spread = Matrix8::Zero();      // slope' smoothed: J'W K W J for tau² = 1
+    Matrix8 single = Matrix8::Zero();      // slope2' smoothed
+    Matrix8 near = Matrix8::Zero();        // weight V' smoothed
+    Matrix8 near_noise = Matrix8::Zero();  // V' slope2
+    Matrix8 fitted = Matrix8::Zero();      // V' slope
     double product = 0.0;   // of the errors of two cells that touch, or of one with itself
     double pairs = 0.0;     // w w of the pairs in them, each with itself too
     double expected = 0.0;  // of that, for tau² = 1 and without a fit

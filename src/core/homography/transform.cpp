@@ -87,8 +87,7 @@ namespace ktgp_orb {
 
 double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                          const Eigen::Vector2d& target) {
-  const Eigen::Vector3d p = homography * reference.homogeneous();
-  return (p.hnormalized() - target).norm();
+  return ktgp_orb::homography::errorOf(homography, reference, target);
 }
 
 }  // namespace ktgp_orb

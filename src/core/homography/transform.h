@@ -1,11 +1,20 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <array>
 #include <opencv2/core/types.hpp>
 #include <vector>
 
 namespace ktgp_orb::homography {
+
+/// reprojectionError() for the loops of the core, where a call for each pair would cost more than
+/// the arithmetic.
+inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                      const Eigen::Vector2d& target) {
+  const Eigen::Vector3d p = homography * reference.homogeneous();
+  return (p.hnormalized() - target).norm();
+}
 
 /// Where H maps a point.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
