@@ -158,10 +158,11 @@ class ReferenceTest(unittest.TestCase):
         depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
                               '32FC1')
         self.camera.send(depth)
-        # The depth image may be replaced by the next one before it is looked at.
+        # The depth image may be replaced by the next one before it is looked at, or before it arrives.
         fixed = self.send(200)
         self.assertEqual(fixed.refused_frames - before.refused_frames +
-                         fixed.dropped_frames - before.dropped_frames, 1)
+                         fixed.dropped_frames - before.dropped_frames +
+                         fixed.lost_frames - before.lost_frames, 1)
         self.assertEqual((fixed.status, fixed.reference_stamp), (OK, fixed.header.stamp))
         after = self.send(220)
         self.assertEqual(after.reference_stamp, fixed.header.stamp)
