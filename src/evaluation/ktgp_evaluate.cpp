@@ -52,6 +52,7 @@ struct Arguments {
   std::string warps;
   int warp_pairs = 48;
   int longest_side = 0;
+  double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
   bool force = false;
@@ -127,7 +128,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
   ProgressBar progress(pairs.size());
   const auto work = [&] {
     PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat,
-                            arguments.longest_side);
+                            arguments.longest_side, arguments.truth_deviation);
     for (std::size_t i = next++; i < pairs.size(); i = next++) {
       scores[i] = evaluator.evaluate(pairs[i]);
       progress.advance(pairs[i].set + " " + pairs[i].name);
@@ -168,6 +169,12 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--longest-side", arguments.longest_side,
                  "reduce larger images to this, and the truth with them, px; 0: do not")
       ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
+  app.add_option(
+         "--truth-deviation", arguments.truth_deviation,
+         "how exact the true homographies are at the corners, px (a standard deviation): it "
+         "is added to that of the covariances that are held against them")
+      ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
   app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
   const char* const warps = "Warps";

@@ -75,7 +75,7 @@ void reduce(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, Ima
 }
 
 CornerConsistency cornerConsistency(const UncertainHomography& found, const Eigen::Matrix3d& truth,
-                                    const cv::Size& size) {
+                                    double truth_deviation, const cv::Size& size) {
   CornerConsistency result;
   double predicted2 = 0.0;
   double error2 = 0.0;
@@ -84,7 +84,9 @@ CornerConsistency cornerConsistency(const UncertainHomography& found, const Eige
     const Eigen::Vector2d error =
         homography::project(found.homography, corners[i]) - homography::project(truth, corners[i]);
     const auto jacobian = homography::jacobianByEntries(found.homography, corners[i]);
-    const Eigen::Matrix2d spread = jacobian * found.covariance * jacobian.transpose();
+    const Eigen::Matrix2d of_truth =
+        Eigen::Matrix2d::Identity() * truth_deviation * truth_deviation;
+    const Eigen::Matrix2d spread = jacobian * found.covariance * jacobian.transpose() + of_truth;
     predicted2 += spread.trace() / 4.0;
     error2 += error.squaredNorm() / 4.0;
     result.normalised[i] = error.dot(spread.inverse() * error);
@@ -95,7 +97,8 @@ CornerConsistency cornerConsistency(const UncertainHomography& found, const Eige
 }
 
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
-                     const std::vector<AnnotatedPoint>& points, MethodScore& score) {
+                     const std::vector<AnnotatedPoint>& points, double truth_deviation,
+                     MethodScore& score) {
   constexpr double kAnnotated = 1.0;  // px: how exact annotated points are
   if (!found.estimated) return;
   score.found = found.homography.has_value();
@@ -108,7 +111,8 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
     estimate.homography = *found.homography / (*found.homography)(2, 2);
     estimate.covariance = *found.covariance;
     if (points.empty()) {
-      score.consistency = cornerConsistency(estimate, truth, scene.reference_image.size());
+      score.consistency =
+          cornerConsistency(estimate, truth, truth_deviation, scene.reference_image.size());
     } else {
       score.within_covariance = isWithinCovariance(estimate, points, kAnnotated);
     }
@@ -119,11 +123,12 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
 }  // namespace
 
 PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
-                             int longest_side)
+                             int longest_side, double truth_deviation)
     : extractor_(withImages(orb)),
       methods_(std::move(methods)),
       repetitions_(repetitions),
-      longest_side_(longest_side) {}
+      longest_side_(longest_side),
+      truth_deviation_(truth_deviation) {}
 
 PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;
@@ -185,7 +190,7 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
   MethodScore score;
   score.method = method.name;
   scoreMatches(found, scene, truth, score);
-  scoreHomography(found, scene, truth, points, score);
+  scoreHomography(found, scene, truth, points, truth_deviation_, score);
   score.steps = medianTimes(runs);
   for (const StepResult& step : score.steps) score.milliseconds += step.milliseconds;
   score.total_milliseconds = score.milliseconds + (found.own ? 0.0 : extraction_milliseconds);

@@ -70,8 +70,10 @@ class PairEvaluator {
  public:
   /// Each method is run `repetitions` times and the median of each step's time is kept.
   /// Images with a longer side than `longest_side` px are reduced to that; 0: none are.
+  /// `truth_deviation`: standard deviation of the true homographies at the corners, px; it is added
+  /// to that of the covariances that are held against them.
   PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
-                int longest_side = 0);
+                int longest_side = 0, double truth_deviation = 0.0);
 
   /// A file that cannot be read ends in a problem, not in an exception.
   PairScore evaluate(const ImagePair& pair);
@@ -87,6 +89,7 @@ class PairEvaluator {
   std::vector<Method> methods_;
   int repetitions_;
   int longest_side_;
+  double truth_deviation_;
   Features reference_;
   Features target_;
 };
