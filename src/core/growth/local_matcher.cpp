@@ -40,7 +40,9 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
   const float squared_radius = radius * radius;
   std::size_t near = 0;
   candidates_ = 0;
-  for (const auto& [wanted, index] : predictions) {
+  for (const Prediction& prediction : predictions) {
+    const LocalFrame& wanted = prediction.frame;
+    const std::int32_t index = prediction.reference;
     const float x = wanted.x + shift.x;
     const float y = wanted.y + shift.y;
     const Bits& bits = reference[static_cast<std::size_t>(index)];

@@ -24,7 +24,9 @@ const std::vector<cv::Point2f>& Repeats::find(const std::vector<Prediction>& pre
       if (distance(bits, other) > kMaxDistance) return;
       const int column = std::clamp(static_cast<int>((dx + kReach) / kBin), 0, kSide - 1);
       const int row = std::clamp(static_cast<int>((dy + kReach) / kBin), 0, kSide - 1);
-      Bin& bin = bins_[static_cast<std::size_t>(row * kSide + column)];
+      const std::size_t place =
+          static_cast<std::size_t>(row) * kSide + static_cast<std::size_t>(column);
+      Bin& bin = bins_[place];
       ++bin.votes;
       bin.x += dx;
       bin.y += dy;
