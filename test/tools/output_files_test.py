@@ -311,6 +311,9 @@ class BagOutput(OutputCase):
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
                 (("--target_width", "1"), "writes no pose"), (("--target_frame", "x"), "writes no pose"),
+                (("--calibration", "raw"), "writes no pose"), (("--lazy", "false"), "every image"),
+                (("--max_lost_ratio", "0.5"), "diagnostics"),
+                (("--max_pair_megapixels", "9"), "match_pair"),
                 (("--max_latency", "1"), "diagnostics"), (("--reference_image", "a.pgm"), "fixed"),
                 (("--keyframe_min_inliers", "50"), "keyframe"), (("--overlay_style", "flow"), "--overlay"),
                 (("--stabilizer_lag", "3"), "--stabilize"), (("--mosaic_poses", "x"), "--mosaic")):
