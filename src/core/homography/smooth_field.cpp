@@ -206,7 +206,8 @@ void SmoothField::sortIntoCells(double cell_side) {
   };
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
-  constexpr std::size_t kUsual = 17 * 17;  // no image has more, whatever its points
+  constexpr std::size_t kSide = 17;
+  constexpr std::size_t kUsual = kSide * kSide;  // no image has more, whatever its points
   cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
