@@ -43,7 +43,9 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   step_ = std::exp(-1.0 / (kCells * kLength));
   smooth();
   const NearPairs shared = findNear(scales.nearby);
-  result.shared_patches = 1.0 + 2.0 * shared.overlap / static_cast<double>(pairs_.size());
+  const double chosen = static_cast<double>(pairs_.size());
+  const double each_of_all = static_cast<double>(pairs.size) / chosen;  // that a pair stands for
+  result.shared_patches = 1.0 + 2.0 * each_of_all * shared.overlap / chosen;
 
   const PairSums of_pairs = sumPairs();
   const Eigen::LDLT<Matrix8> information(curvature * expanded(of_pairs.first));
@@ -75,7 +77,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
 
   solve(single, near, scales.significance, result);
-  constexpr double kCommon = 0.06;  // of the variance of the noise
+  constexpr double kCommon = 0.02;  // of the variance of the noise
   const double noise = result.noise_share * single.measured / single.of_noise;
   result.common_covariance =
       kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
