@@ -37,7 +37,7 @@ class ImageStore {
   sensor_msgs::ImageConstPtr take(const ros::Time& stamp) {
     const auto found = images_.find(stamp);
     if (found == images_.end()) return nullptr;
-    const sensor_msgs::ImageConstPtr image = found->second;
+    sensor_msgs::ImageConstPtr image = found->second;
     bytes_ -= image->data.size();
     images_.erase(found);
     return image;
