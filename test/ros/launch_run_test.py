@@ -53,8 +53,8 @@ def free_port():
         return s.getsockname()[1]
 
 
-def fake_package(folder, package, program):
-    """A package whose program says how it was called and waits."""
+def fake_package(folder, package, program, then='exec sleep 1000'):
+    """A package whose program says how it was called and then waits."""
     os.makedirs(os.path.join(folder, 'lib', package))
     os.makedirs(os.path.join(folder, 'share', package))
     open(os.path.join(folder, '.catkin'), 'w').close()
@@ -65,7 +65,7 @@ def fake_package(folder, package, program):
     path = os.path.join(folder, 'lib', package, program)
     with open(path, 'w') as file:
         file.write('#!/bin/sh\necho "$@" >"$FAKE_OUTPUT.new"\nmv "$FAKE_OUTPUT.new" "$FAKE_OUTPUT"\n'
-                   'exec sleep 1000\n')
+                   '%s\n' % then)
     os.chmod(path, 0o755)
 
 
@@ -130,8 +130,10 @@ class Launch:
 
     def wait(self):
         """Until it ends by itself."""
-        Master.wait_until(lambda: self.process.poll() is not None,
-                          'it ends; so far: ' + self.output())
+        try:
+            self.process.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            raise AssertionError('timed out waiting until it ends; so far: ' + self.output())
         self.reader.join()
         return self.output()
 
@@ -171,7 +173,8 @@ class LaunchRunTest(unittest.TestCase):
                           expected, seconds=15)
 
     def test_use_sim_time_is_put_back_however_the_launch_ends(self):
-        self.launch('bag.launch', 'bag:=' + self.bag, DISPLAY='').wait()  # rviz cannot start
+        no_display = self.with_fake('rviz', 'rviz', then='exit 1')
+        self.launch('bag.launch', 'bag:=' + self.bag, **no_display).wait()
         self.check_sim_time(None)
         # True: a simulation runs.
         for file, before in (('demo.launch', None), ('demo.launch', False), ('bag.launch', True)):
@@ -267,10 +270,10 @@ class LaunchRunTest(unittest.TestCase):
                              'delay:=100')
         self.assertIn('T_w is 1.5; expected a value in [0.01, 1]', launch.wait())
 
-    def with_fake(self, package, program):
+    def with_fake(self, package, program, **behaviour):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
-        fake_package(folder.name, package, program)
+        fake_package(folder.name, package, program, **behaviour)
         return {'CMAKE_PREFIX_PATH': folder.name + ':' + os.environ['CMAKE_PREFIX_PATH'],
                 'ROS_PACKAGE_PATH': os.path.join(folder.name, 'share') + ':' +
                 os.environ['ROS_PACKAGE_PATH'],
