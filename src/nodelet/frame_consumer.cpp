@@ -144,6 +144,7 @@ void FrameConsumer::tick() {
   monitor_.tick(clockStands());
   watch(*image_watch_, subscribed, monitor_.images(), images);
   watch(*homography_watch_, subscribed, monitor_.homographies(), homographies);
+  monitor_.setTroubles(image_watch_->trouble(), homography_watch_->trouble());
   monitor_.setMixture(watchMixture(images));
   diagnostics_->force_update();
 }

@@ -158,8 +158,7 @@ class MatcherNodelet : public ImageNodelet {
   std::atomic<bool> listening_{false};        // as subscribed_, for who must not wait
   std::atomic<std::uint32_t> publishers_{0};  // of the input, as of the last watch
   std::atomic<bool> new_subscription_{false};
-  std::atomic<bool> input_silence_begins_{false};  // the watch waits anew
-  std::atomic<double> max_rate_{0.0};              // Hz
+  std::atomic<double> max_rate_{0.0};  // Hz
 
   // The image queue's own
   SequenceNumbers sequence_numbers_;
