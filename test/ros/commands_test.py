@@ -131,10 +131,10 @@ COMMANDS = {
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
-    'roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-    'target_width:=0.594 target_frame:=poster':
-        Until('roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-              'target_width:=0.594 target_frame:=poster', MATCHER),
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png, '
+    'target_width: 0.594, target_frame: poster}"':
+        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
+              'reference_image: $PWD/poster.png, target_width: 0.594, target_frame: poster}"', MATCHER),
     'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
         Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
               'matches images on /camera/image_raw'),

@@ -230,7 +230,8 @@ class LaunchRunTest(unittest.TestCase):
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))
         launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
-                             'reference_mode:=fixed', 'reference_image:=target.png')
+                             "set:={reference_mode: fixed, reference_image: '%s'}" %
+                             os.path.join(self.folder, 'target.png').replace("'", "''"))
         output = launch.wait()
         with rosbag.Bag(os.path.join(self.folder, 'out.bag')) as bag:
             messages = list(bag.read_messages())
