@@ -40,29 +40,15 @@ class FrameConsumer : public ImageNodelet {
   virtual void configure() = 0;
   /// Advertises all outputs.
   virtual void advertise() = 0;
-  /// Whether anybody wants an output.
-  virtual bool isWanted() const = 0;
-  /// Ends publishers, services and the parameter server; callbacks have ended.
+  /// Ends services and the parameter server; callbacks have ended.
   virtual void shutdown() = 0;
   /// The worker's turn: what has arrived since the last one.
   virtual void work(FrameInbox::Content& content) = 0;
   /// The worker's turn: nobody listened for a while.
   virtual void restart() = 0;
-  /// A subscriber came, to whichever output.
-  virtual void subscriberCame() {}
 
   void stop();
-  /// Subscribes or unsubscribes as is wanted now.
-  void connectionsChanged();
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// An output below the private name, whose connections decide what is subscribed.
-  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size,
-                                            bool latch = false);
-  template <typename Message>
-  ros::Publisher advertiseData(const std::string& topic, std::uint32_t queue_size) {
-    const auto changed = [this](const ros::SingleSubscriberPublisher&) { connectionsChanged(); };
-    return private_node_.advertise<Message>(topic, queue_size, changed, changed);
-  }
   /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
   /// the start are out of their range; later ones of no use are refused, and the old ones stay.
   template <typename Config>
@@ -93,7 +79,6 @@ class FrameConsumer : public ImageNodelet {
 
   /// An image that waits for its homography.
   void keep(const sensor_msgs::ImageConstPtr& image);
-  bool isSubscribed();
 
   CallbackThread queue_;       // connections, parameters
   CallbackThread data_queue_;  // images, homographies
@@ -108,8 +93,8 @@ class FrameConsumer : public ImageNodelet {
   void start() override;
   void setMaxMemory(int megabytes);
   void sayParametersRefused(const std::string& reason);
-  void subscribe();
-  void unsubscribe();
+  void subscribe() override;
+  void unsubscribe() override;
   void tick();
   void run();
 
@@ -117,15 +102,11 @@ class FrameConsumer : public ImageNodelet {
   ros::NodeHandle node_;
   ros::NodeHandle data_node_;
   ros::NodeHandle private_node_;
-  std::unique_ptr<image_transport::ImageTransport> transport_;          // of the input
-  std::unique_ptr<image_transport::ImageTransport> private_transport_;  // of the outputs
-  std::unique_ptr<InputWatch> homography_watch_;                        // the slow queue's own
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<InputWatch> homography_watch_;  // the slow queue's own
   ros::WallTimer timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 
-  std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
-  bool advertised_ = false;
-  bool subscribed_ = false;
   image_transport::Subscriber image_sub_;
   ros::Subscriber homography_sub_;
 

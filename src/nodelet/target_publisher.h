@@ -12,6 +12,7 @@
 
 #include "messages/message_conversion.h"
 #include "messages/target_pose.h"
+#include "nodelet/outputs.h"
 
 namespace ktgp_orb {
 
@@ -22,14 +23,12 @@ namespace ktgp_orb {
 /// run at the same time.
 class TargetPublisher {
  public:
-  /// `node`: private; its queue gets the connections and the camera_info. `changed`: called when a
-  /// subscriber comes or goes.
-  void advertise(ros::NodeHandle& node, const std::string& info_topic,
-                 const std::function<void()>& changed);
+  /// `node`: private; its queue gets the camera_info.
+  void advertise(Outputs& outputs, const ros::NodeHandle& node, const std::string& info_topic);
   /// `pixels`: of the images that the camera_info is of.
   void configure(const KtgpConfig& config, Pixels pixels);
-  /// Somebody wants to know.
-  bool isWanted() const;
+  /// Whether a transform is sent: no subscriber of it can be seen.
+  bool sendsTransform() const;
   /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
   /// configure(), by one thread at a time.
   void listen(bool listening);

@@ -263,8 +263,19 @@ class LaunchRunTest(unittest.TestCase):
     def test_that_nobody_wants_the_results_is_said(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
         self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
+        self.check_outputs_are_documented()
         launch.stop()
         self.check_no_sim_time()
+
+    def check_outputs_are_documented(self):
+        prefix = '/camera/matcher/'
+        types = dict(self.master.handle.getTopicTypes())
+        published = {name[len(prefix):]: types[name]
+                     for name, _ in self.master.handle.getSystemState()[0]
+                     if name.startswith(prefix) and name.count('/') == 3 and '/parameter_' not in name}
+        with open(os.path.join(PACKAGE, 'doc', 'topics.md')) as file:
+            documented = dict(re.findall(r'^\| `~(\w+)`(?:, tf)? \| (\w+/\w+) \|', file.read(), re.M))
+        self.assertEqual(published, documented)
 
     def test_a_matcher_that_dies_at_the_start_ends_the_launch(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'T_w:=1.5', 'loop:=true',
