@@ -1,9 +1,9 @@
-"""Results of scripts/bench as the other scripts read them: one file a machine, one row a benchmark."""
+"""Reads the results of scripts/bench: one file per machine, one row per benchmark."""
 import json
 import re
 
-# The rows of the README's table: what it says, its benchmark, the counter with the time and its unit,
-# the counter with the ratio to the peer. {simd} stands for the instruction set of the machine.
+# The rows of the table of speeds: text, benchmark, the counter with the time and its unit in ms, the
+# counter with the ratio to the peer, the peer. {simd} stands for the instruction set of the machine.
 ROWS = [
     ('ORB, 640×480, 2000 features: cv::ORB\'s own keypoints and descriptors',
      'extract/ranked/width:640/height:480/features:2000/threads:1', 'ms', 1.0, 'times_cvORB',
@@ -32,10 +32,11 @@ ROWS = [
     ('whole frame with GMS\'s rotation and scale', 'frame/rotation_and_scale:1/radius:0/threads:1',
      'ms', 1.0, 'times_OpenCV', 'OpenCV\'s parts without GMS'),
 ]
+MAIN_ROWS = [ROWS[i] for i in (0, 1, 4, 6, 8, 9, 10)]  # those that the README shows
 
 
 def readme_filter():
-    """A regular expression for Google Benchmark: the README's benchmarks and their peers."""
+    """A regular expression for Google Benchmark: the benchmarks of the table and their peers."""
     names = []
     for _, name, _, _, peer, _ in ROWS:
         names += [name] + ([peer] if '/' in peer else [])
@@ -63,7 +64,7 @@ def shown(number):
     return '%.3g' % number if number < 100 else '%.0f' % number
 
 
-def readme_table(all_results):
+def table(all_results, rows):
     """Markdown; a machine has two columns."""
     head = '| one thread, medians |'
     line = '|---|'
@@ -71,7 +72,7 @@ def readme_table(all_results):
         head += ' %s | times as fast as |' % results['machine']
         line += '---:|---|'
     lines = [head, line]
-    for text, name, counter, unit, peer, peer_name in ROWS:
+    for text, name, counter, unit, peer, peer_name in rows:
         cells = [cells_of(results, name, counter, unit, peer, peer_name) for results in all_results]
         if any(cell != ' | |' for cell in cells):
             lines.append('| %s |%s' % (text, ''.join(cells)))

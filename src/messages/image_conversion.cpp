@@ -195,7 +195,11 @@ cv::Mat readPicture(const std::string& name, const std::string& path, int flags)
   }
   cv::Mat picture = cv::imread(path, flags);
   if (picture.empty()) {
-    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file");
+    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file" +
+                       (std::filesystem::path(path).is_relative()
+                            ? ", with an absolute name: this one is looked for in " +
+                                  std::filesystem::current_path(unused).string()
+                            : ""));
   }
   return picture;
 }

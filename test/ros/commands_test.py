@@ -96,6 +96,9 @@ COMMANDS = {
     'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT': TOO_LONG,
     'ktgp_evaluate --warps extreme --warp-pairs 240 IMAGES --methods '
     'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'rostopic echo /usb_cam/matcher/homography': Skipped('waits for images; rostopic\'s own'),
+    'sudo apt install ros-noetic-usb-cam': Skipped('Ubuntu\'s package of the driver'),
+    'rosrun usb_cam usb_cam_node _video_device:=/dev/video0': Skipped('needs a camera'),
     'rosparam set use_sim_time false': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo -n 1 ~mask/encoding': Skipped('waits for a mask; rostopic\'s own'),
     'rostopic echo /diagnostics': Skipped('waits for diagnostics; rostopic\'s own'),
@@ -111,6 +114,9 @@ COMMANDS = {
 
     'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
         Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
+    'roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video':
+        Until('roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video',
+              'matches images on /usb_cam/image_raw'),
     'roslaunch ktgp_orb multi_camera.launch cameras:="front left right"':
         Until('roslaunch ktgp_orb multi_camera.launch cameras:="front left right"',
               'matches images on /right/image_raw'),
@@ -125,10 +131,10 @@ COMMANDS = {
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
-    'roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-    'target_width:=0.594 target_frame:=poster':
-        Until('roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-              'target_width:=0.594 target_frame:=poster', MATCHER),
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png, '
+    'target_width: 0.594, target_frame: poster}"':
+        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
+              'reference_image: $PWD/poster.png, target_width: 0.594, target_frame: poster}"', MATCHER),
     'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
         Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
               'matches images on /camera/image_raw'),
@@ -194,9 +200,10 @@ def commands_of(text):
 
 def documents():
     yield os.path.join(ROOT, 'README.md')
-    for name in sorted(os.listdir(os.path.join(ROOT, 'doc'))):
-        if name.endswith('.md'):
-            yield os.path.join(ROOT, 'doc', name)
+    for folder, _, names in os.walk(os.path.join(ROOT, 'doc')):
+        for name in sorted(names):
+            if name.endswith('.md'):
+                yield os.path.join(folder, name)
 
 
 def copy_sources(to):

@@ -88,8 +88,8 @@ class BagTest(unittest.TestCase):
         """Messages of every topic of a nodelet that is shown the images one at a time."""
         nodelet = subprocess.Popen(
             ['roslaunch', 'ktgp_orb', 'matcher.launch', 'manager:=/manager', 'namespace:=' + mode,
-             'image:=/camera/image_raw', 'reference_mode:=' + mode,
-             'reference_image:=' + reference_image])
+             'image:=/camera/image_raw',
+             "set:={reference_mode: %s, reference_image: '%s'}" % (mode, reference_image)])
         recorders = {name: Recorder('/%s/matcher/%s' % (mode, name), kind)
                      for name, kind in TOPICS.items()}
         camera = rospy.Publisher('/camera/image_raw', Image, queue_size=5)

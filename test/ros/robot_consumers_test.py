@@ -9,7 +9,7 @@ import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
-from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import Camera, Recorder, check_each, image_message, no_delay, view, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
@@ -69,7 +69,7 @@ class ConsumersTest(unittest.TestCase):
         right = rospy.Publisher('/camera/nowhere', HomographyStamped, queue_size=10)
 
         def works():
-            right.publish(HomographyStamped(status=HomographyStamped.STATUS_NO_MODEL))
+            right.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
             self.camera.send_view()
             return all(self.reports(name)[-1].message == 'works'
                        for name in ('stabilizer_of_a_name', 'mosaic_of_a_name'))
@@ -106,14 +106,14 @@ class ConsumersTest(unittest.TestCase):
         def said():
             for name in names:
                 stamp = self.send_small() - rospy.Duration(500.0)  # of an image that never comes
-                self.homographies.publish(HomographyStamped(status=HomographyStamped.STATUS_NO_MODEL))
+                self.homographies.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
                 self.homographies.publish(self.homography(stamp, False))
             return all('max_memory is too small' in self.reports(name)[-1].message for name in names)
         wait_until(said, 'diagnostics say that max_memory is too small')
 
     @staticmethod
     def homography(stamp, rectified):
-        message = HomographyStamped(status=HomographyStamped.STATUS_OK, rectified=rectified)
+        message = HomographyStamped(status=MatchStatus.STATUS_OK, rectified=rectified)
         message.header.stamp = message.reference_stamp = stamp
         message.homography = np.eye(3).flatten().tolist()
         return message

@@ -4,6 +4,7 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <malloc.h>
 #include <netinet/in.h>
 #include <ros/xmlrpc_manager.h>
@@ -310,7 +311,7 @@ class Soak {
         return false;
       }
       tally_.ms.push_back(ms);
-      tally_.ok += answer->status == MatchStatistics::STATUS_OK ? 1 : 0;
+      tally_.ok += answer->status == MatchStatus::STATUS_OK ? 1 : 0;
       tally_.dropped = std::max(tally_.dropped, static_cast<std::uint64_t>(answer->dropped_frames));
     }
     return reconfigure(5);

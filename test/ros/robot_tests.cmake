@@ -5,6 +5,7 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
   target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
   target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
     Threads::Threads)
+  ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()

@@ -83,7 +83,7 @@ class StartupTest(unittest.TestCase):
             'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
             'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 40]',
             'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
-            'reference_mode:=nearest': "reference_mode is 'nearest'; expected previous"}
+            'set:={reference_mode: nearest}': "reference_mode is 'nearest'; expected previous"}
 
         def check(parameter):
             expected = (words[parameter], 'process has died')
@@ -102,10 +102,10 @@ class StartupTest(unittest.TestCase):
                 found.append(rospy.get_param('/other/matcher/T_w'))
             output_of_node(*parameters, until=until, look=look)
             return found[0]
-        self.assertEqual(ratio_threshold('descriptor:=teblid'), 0.8)
-        self.assertEqual(ratio_threshold('preset:=robust', 'descriptor:=teblid'), 1.0)
+        self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
+        self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
         note = 'T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured'
-        self.assertEqual(ratio_threshold('descriptor:=teblid', 'T_w:=0.66', until=(note,)), 0.66)
+        self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):
         expected = ("image transport 'no_such_transport' is not installed",

@@ -32,7 +32,7 @@ struct KnnMatcher::Impl {
 
   const KnnOptions options;
   KnnSearch search;
-  std::optional<NearSearch> near;  // where there is a radius
+  std::optional<NearSearch> near;  // only with a search radius
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
