@@ -22,7 +22,7 @@ int fail(const char* name, const char* message) {
 void handleSignals(void (*handler)(int)) {
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
-  // Under nohup the end of the terminal is to be ignored.
+  // nohup ignores SIGHUP, and so do we.
   if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
 }
 

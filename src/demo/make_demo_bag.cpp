@@ -26,7 +26,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-constexpr std::uint32_t kStart = 1600000000;  // s; fixed, so that the same bag comes out every time
+constexpr std::uint32_t kStart = 1600000000;  // s; fixed, so that the bag is always the same
 
 std_msgs::Header headerOf(int frame) {
   std_msgs::Header header;
@@ -62,7 +62,7 @@ sensor_msgs::CameraInfo cameraInfo(int frame) {
   return info;
 }
 
-/// The true homography from the frame before to `frame`.
+/// The true homography from the previous frame to `frame`.
 HomographyStamped truth(int frame, double shake) {
   const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate, shake);
   const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate, shake);
@@ -105,7 +105,7 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
   if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
-/// What lies below the camera halfway, as a picture: a flat target to look for.
+/// A picture of the ground below the camera halfway: a flat target to find.
 void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake,
                  bool force) {
   const int halfway = frames / 2;
@@ -115,8 +115,8 @@ void writeTarget(const std::string& path, const cv::Mat& map, int frames, double
 void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
               double shake, bool force) {
   tools::OutputFile file(path, force);
-  // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
-  // is left to the end of the process.
+  // Its destructor closes it and throws if the disk is full, which would end the program; the
+  // object then lives until the process ends.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
     writeFrames(map, frames, seed, shake, *bag);

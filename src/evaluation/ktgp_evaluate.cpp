@@ -1,4 +1,4 @@
-// ktgp_evaluate: named methods over image sets of which the truth is known.
+// ktgp_evaluate: runs named methods on image sets with known truth.
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -76,14 +76,14 @@ std::vector<Method> knownMethods(const Arguments& arguments) {
   return methods;
 }
 
-/// Those that this build can run.
+/// Those that this build supports.
 std::vector<Method> available(std::vector<Method> methods) {
   const auto is_missing = [](const Method& m) { return !m.unavailable.empty(); };
   methods.erase(std::remove_if(methods.begin(), methods.end(), is_missing), methods.end());
   return methods;
 }
 
-/// The methods named in the arguments, in that order. Throws std::invalid_argument.
+/// The methods named in the arguments, in their order. Throws std::invalid_argument.
 std::vector<Method> wantedMethods(const Arguments& arguments) {
   std::vector<Method> all = knownMethods(arguments);
   std::vector<Method> wanted;
@@ -109,7 +109,7 @@ void listMethods(const Arguments& arguments) {
   }
 }
 
-/// "all" leaves out what this build has not, but not silently.
+/// "all" skips methods that this build does not have, with a message.
 void warnOfMissingMethods(const Arguments& arguments) {
   const std::vector<std::string>& names = arguments.methods;
   if (std::find(names.begin(), names.end(), "all") == names.end()) return;
@@ -120,7 +120,7 @@ void warnOfMissingMethods(const Arguments& arguments) {
   }
 }
 
-/// Shares the pairs among the jobs; the order of the scores is that of the pairs.
+/// Distributes the pairs over the jobs; the scores have the order of the pairs.
 std::vector<PairScore> evaluatePairs(const Arguments& arguments,
                                      const std::vector<ImagePair>& pairs) {
   std::vector<PairScore> scores(pairs.size());
@@ -134,7 +134,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
       progress.advance(pairs[i].set + " " + pairs[i].name);
     }
   };
-  // Their ends are waited for whatever happens, and what one of them throws is thrown here.
+  // All jobs are joined in any case; then an exception of a job is rethrown.
   std::vector<std::future<void>> helpers;
   for (int i = 1; i < arguments.jobs; ++i) {
     helpers.push_back(std::async(std::launch::async, work));
@@ -199,7 +199,7 @@ Dataset findPairs(const Arguments& arguments) {
   Dataset dataset;
   std::istringstream names(arguments.warps);
   for (std::string name; std::getline(names, name, ',');) {
-    dataset.problems.clear();  // the same images again, and the same problems
+    dataset.problems.clear();  // the same images, so the same problems again
     addWarps(name, arguments.data, arguments.warp_pairs, arguments.warp_seed, dataset);
   }
   if (!arguments.warps.empty()) return dataset;
@@ -241,7 +241,7 @@ int evaluate(int argc, char** argv) {
   app.footer(kExamples);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
-  cv::setNumThreads(1);  // the jobs are the threads
+  cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {
     listMethods(arguments);
     return 0;

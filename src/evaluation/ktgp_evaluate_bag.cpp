@@ -1,4 +1,4 @@
-// ktgp_evaluate_bag: the four stages from frame to frame of a recording.
+// ktgp_evaluate_bag: evaluates the four stages on consecutive frames of a recording.
 #include <algorithm>
 #include <cstdio>
 #include <opencv2/core/utility.hpp>

@@ -1,4 +1,4 @@
-// The matcher as a program of its own: loads the same nodelet that a manager would load.
+// The matcher as a standalone program: loads the same nodelet as a manager.
 
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -8,7 +8,8 @@
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
-  cv::setNumThreads(1);  // the matcher has threads of its own; in a manager OpenCV is left alone
+  cv::setNumThreads(
+      1);  // the matcher has its own threads; in a manager OpenCV's setting is not changed
   try {
     nodelet::Loader loader;
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",

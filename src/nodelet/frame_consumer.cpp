@@ -9,13 +9,13 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr std::uint32_t kHomographies = 100;  // each is a link of a chain: none should be lost
+constexpr std::uint32_t kHomographies = 100;  // each is a link of the chain, so none should be lost
 
 }  // namespace
 
 FrameConsumer::~FrameConsumer() = default;
 
-// First of all the callbacks end.
+// Callbacks must end before anything else.
 void FrameConsumer::stop() {
   for (CallbackThread* queue : {&queue_, &data_queue_, &slow_queue_}) queue->stop();
   inbox_.close();
@@ -48,7 +48,7 @@ void FrameConsumer::start() {
   diagnostics_->setHardwareID(image_topic_);
   diagnostics_->add("frames", &monitor_, &ConsumerMonitor::report);
   {
-    // Locked until all are there, so that an early subscriber does not find half of them.
+    // Locked until all outputs exist, so that an early subscriber does not find only some.
     const Lock lock(connect_mutex_);
     advertise();
     advertised_ = true;
@@ -90,7 +90,7 @@ void FrameConsumer::connectionsChanged() {
 }
 
 void FrameConsumer::subscribe() {
-  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // If publisher and subscriber of one process start at the same time, ROS may connect them twice
   // and deliver everything twice.
   image_sub_ = transport_->subscribe(
       "image", queue_size_,
@@ -151,7 +151,7 @@ bool FrameConsumer::isSubscribed() {
   return subscribed_;
 }
 
-// The inbox has a quarter of it, and what waits for its homography the rest.
+// A quarter is for the inbox, the rest for images that wait for their homography.
 void FrameConsumer::setMaxMemory(int megabytes) {
   const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
   inbox_.setMostBytes(bytes / 4);
@@ -175,7 +175,7 @@ void FrameConsumer::run() {
       work(*content);
     } catch (const RefusedImage& error) {
       refuse(error.what());
-    } catch (const std::exception& error) {  // out of memory and the like: the next may work
+    } catch (const std::exception& error) {  // out of memory, for example: the next frame may work
       refuse(std::string("frame lost: ") + error.what());
     }
   }

@@ -15,7 +15,7 @@ constexpr int kSecondsBetweenWarnings = 30;
 const char* const kImage = "sensor_msgs/Image";
 const char* const kCompressed = "sensor_msgs/CompressedImage";
 
-/// Type of a topic that somebody publishes; empty: nobody does.
+/// Type of a published topic; empty if it has no publisher.
 std::string typeOf(const ros::master::V_TopicInfo& topics, const std::string& name) {
   const auto found = std::find_if(topics.begin(), topics.end(),
                                   [&name](const auto& topic) { return topic.name == name; });
@@ -64,7 +64,8 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   silent_seconds_ = arrived == arrived_before_ ? silent_seconds_ + 1 : 0;
   arrived_before_ = arrived;
   if (!subscribed) {
-    // For want of subscribers, but a wrong topic name should show all the same.
+    // The publisher is idle without subscribers, but a wrong topic name should be reported all the
+    // same.
     return silent_seconds_ == kSecondsBeforeWarning ? trouble() : "";
   }
   if (silent_seconds_ % kSecondsBetweenWarnings != kSecondsBeforeWarning) return "";

@@ -141,7 +141,7 @@ void MatcherMonitor::setTopic(const std::string& topic) {
 
 void MatcherMonitor::setListening(bool listening) {
   const Lock lock(mutex_);
-  // What came before says nothing about the new subscription.
+  // Old values do not apply to the new subscription.
   if (listening && !listening_) {
     periods_ = {};
     frames_without_reference_ = 0;
@@ -249,14 +249,14 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.add("last error", last_error_);
 }
 
-// A robot that faces a wall finds no homography and is well: a warning at most.
+// A robot in front of a wall finds no homography and is not faulty: only a warning.
 std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& level) const {
   level = DiagnosticStatus::WARN;
   if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
   if (!lens_problem_.empty()) return lens_problem_;
   if (!target_problem_.empty()) return target_problem_;
   if (!reference_problem_.empty()) return reference_problem_;
-  // One frame without a reference is what every sequence begins with.
+  // Every sequence begins with one frame without a reference.
   if (frames_without_reference_ > 1 && listening_ && !paused_) {
     return std::to_string(frames_without_reference_) +
            " frames in a row without a reference: " + toString(last_reason_);

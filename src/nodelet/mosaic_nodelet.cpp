@@ -40,7 +40,8 @@ std::string withOneDigit(double value) {
   return text;
 }
 
-/// Writes beside the file and renames: nobody finds half a picture. Throws std::runtime_error.
+/// Writes a temporary file and renames it, so that readers never find half a picture. Throws
+/// std::runtime_error.
 void writePicture(const std::string& file, const cv::Mat& picture) {
   const std::string unfinished = file + ".part.png";
   if (!cv::imwrite(unfinished, picture) || std::rename(unfinished.c_str(), file.c_str()) != 0) {
@@ -51,8 +52,8 @@ void writePicture(const std::string& file, const cv::Mat& picture) {
 
 }  // namespace
 
-/// Images and homographies in, a growing mosaic out. Topics, services and parameters stand in
-/// doc/topics.md.
+/// Images and homographies in, a growing mosaic out. doc/views.md describes topics, services and
+/// parameters.
 class MosaicNodelet : public FrameConsumer {
  public:
   ~MosaicNodelet() override {
@@ -88,20 +89,20 @@ class MosaicNodelet : public FrameConsumer {
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<dynamic_reconfigure::Server<MosaicConfig>> server_;
   std::atomic<bool> lazy_{false};
-  std::atomic<bool> picture_wanted_{false};  // by a subscriber that is new
+  std::atomic<bool> picture_wanted_{false};  // by a new subscriber
   std::atomic<bool> reset_{false};
 
   std::mutex config_mutex_;  // guards config_
   MosaicConfig config_;
   bool config_changed_ = true;
 
-  std::mutex map_mutex_;  // held to change mosaic_, which the worker does, and to read it elsewhere
+  std::mutex map_mutex_;  // held by the worker to change mosaic_, and by others to read it
   Mosaic mosaic_;
 
-  // The worker's own
+  // Used only by the worker
   MosaicConfig current_;
-  std_msgs::Header last_header_;                    // of the image that was placed last
-  std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still come
+  std_msgs::Header last_header_;                    // of the last placed image
+  std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive
   Clock::time_point last_picture_;
   bool said_full_ = false;
 };
@@ -134,7 +135,7 @@ void MosaicNodelet::shutdown() {
   homography_pub_.shutdown();
 }
 
-// All homographies are links of the chain; of the images the newest that has one is placed.
+// All homographies are links of the chain; only the newest image with a homography is placed.
 void MosaicNodelet::work(FrameInbox::Content& content) {
   bool changed = false;
   {

@@ -10,8 +10,8 @@
 namespace ktgp_orb {
 namespace {
 
-// Private parameters that are not dynamic: read by image_transport and at start, and what the
-// matcher remembers beyond its end.
+// Private parameters that are not dynamic: those read by image_transport, those read once at start,
+// and those that the matcher stores across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
@@ -49,7 +49,7 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
     const double number = is_int      ? static_cast<int>(value)
                           : is_double ? static_cast<double>(value)
                                       : std::nan("");
-    // 2000.0 is what YAML makes of a number that went through a program.
+    // YAML written by a program may have 2000.0 for an integer.
     if (number != std::floor(number)) refuse(parameter, given.str(), "a whole number");
     check(number, boost::any_cast<int>(low), boost::any_cast<int>(high));
   } else if (low.type() == typeid(bool)) {
@@ -83,7 +83,7 @@ std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
-    // Plugins keep their own parameters below a topic, such as matches_image/compressed.
+    // Plugins have their own parameters below a topic, such as matches_image/compressed.
     if (own.find('/') == std::string::npos && known.count(own) == 0) unknown.push_back(name);
   }
   return unknown;

@@ -1,5 +1,5 @@
-// Matches the images of a bag without playing it: nothing is dropped, every core works, and the
-// result is the nodelet's, message for message.
+// Matches the images of a bag without playing it: uses all cores, drops no image, and gives the
+// same messages as the nodelet.
 
 #include <unistd.h>
 
@@ -37,7 +37,7 @@ struct Arguments {
   Parameters parameters;
 };
 
-/// Prints how far it got, on a terminal only.
+/// Prints the progress, only on a terminal.
 class Progress {
  public:
   explicit Progress(std::size_t total) : total_(total), shown_(isatty(STDERR_FILENO) != 0) {}
@@ -63,12 +63,12 @@ class Progress {
   bool shown_;
 };
 
-/// Namespace of the output: beside the image topic, as the nodelet has it.
+/// Namespace of the output: beside the image topic, as for the nodelet.
 std::string outputNames(const std::string& name, const std::string& topic) {
   return name.empty() ? cameraOf(topic) + "/matcher" : name;
 }
 
-/// The part of the work that goes frame by frame.
+/// The sequential part of the work, frame by frame.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -102,7 +102,7 @@ class Run {
   std::size_t matched() const { return matched_; }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
-  /// Why the first of them was.
+  /// The reason for the first of them.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
   std::string viewReport() const { return views_.report(); }
@@ -157,7 +157,8 @@ class Run {
   RateLimiter rate_limiter_;
   std::size_t matched_ = 0;
   std::uint64_t skipped_ = 0;
-  std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;  // in the pipeline; skipped before
+  std::deque<std::pair<RecordedImage, std::uint64_t>>
+      waiting_;  // in the pipeline; number skipped before
   std::uint64_t refused_ = 0;
   std::string refusal_;
 };
@@ -169,7 +170,7 @@ int threadsFrom(const Parameters& parameters) {
 
 Configuration configurationFor(Parameters parameters, const std::string& bag,
                                const std::string& topic) {
-  parameters.threads = 1;  // for one image; several are worked on at a time
+  parameters.threads = 1;  // per image; several images are processed in parallel
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
   configuration.view.file_mask = readMaskFile(parameters.mask_image);
@@ -187,7 +188,7 @@ void checkFiles(Arguments& arguments) {
   plan.writeVideo(arguments.views.stabilized);
   plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
-  // How many maps there will be is not known; what an earlier run left is.
+  // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
 }
@@ -197,7 +198,7 @@ int matchBag(Arguments& arguments) {
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
   checkFiles(arguments);
-  cv::setNumThreads(1);  // the images themselves are spread over the cores
+  cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openBag(arguments.in, arguments.selection);
   const Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
@@ -271,7 +272,7 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
       ->group(group);
 }
 
-/// Each would be read and change nothing.
+/// Options that would be accepted without effect.
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   const std::string pose = "ktgp_bag writes no pose; the node publishes it";
   const std::string diagnostics = "it is of the node's diagnostics, and here are none";

@@ -1,4 +1,4 @@
-// ktgp_match A B: matches two images and says what each of the four stages kept.
+// ktgp_match A B: matches two images and prints what each of the four stages kept.
 #include <unistd.h>
 
 #include <array>
@@ -36,7 +36,7 @@ constexpr const char* kExamples =
     "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
 
-/// Precision and corner errors are quoted at the estimator's default inlier threshold.
+/// Precision and corner errors use the estimator's default inlier threshold.
 
 struct Arguments {
   std::string reference;
@@ -58,12 +58,12 @@ struct Frame {
   double extraction_milliseconds = 0.0;
 };
 
-/// What is left after one stage, and how good it is.
+/// The matches left after one stage, and their quality.
 struct StageQuality {
   StageResult statistics;
   std::vector<Correspondence> matches;
   evaluation::ErrorSummary distance;
-  std::vector<double> errors;  ///< against the truth, px; empty where there is none
+  std::vector<double> errors;  ///< against the truth, px; empty without one
 };
 
 struct Outcome {
@@ -74,7 +74,7 @@ struct Outcome {
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// One line on a terminal's stderr that says what is being done; large images take a while.
+/// A status line on a terminal's stderr, since large images take a while.
 class Progress {
  public:
   void say(const std::string& what) const {
@@ -245,7 +245,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   return out;
 }
 
-/// One row per nearest neighbour; `level` says how far it came.
+/// One row per nearest neighbour; `level` is the last stage that it passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.stages[0].errors;
