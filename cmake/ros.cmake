@@ -20,6 +20,7 @@ add_message_files(FILES
   HomographyStamped.msg
   Match.msg
   MatchStatistics.msg
+  MatchStatus.msg
   StageStatistics.msg
 )
 add_service_files(FILES MatchPair.srv SaveMosaic.srv)

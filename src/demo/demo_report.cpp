@@ -4,6 +4,7 @@
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
@@ -187,7 +188,7 @@ class Report {
     const ros::Time& stamp = match->header.stamp;
     FrameResult result;
     result.segment = truth_.segment(stamp);
-    if (statistics.status == MatchStatistics::STATUS_OK) {
+    if (statistics.status == MatchStatus::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
       result.error = evaluation::cornerError(matrix(match->homography), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
@@ -219,7 +220,7 @@ class Report {
   }
 
   void onPlace(const HomographyStampedConstPtr& message) {
-    if (message->status == HomographyStamped::STATUS_OK) last_place_ = message;
+    if (message->status == MatchStatus::STATUS_OK) last_place_ = message;
   }
 
   /// The stages for one pair of frames of the bag, matched here with the default options.

@@ -1,6 +1,7 @@
 // Writes the demo bag: a camera that flies over a drawn map, with the true homographies.
 
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -70,7 +71,7 @@ HomographyStamped truth(int frame, double shake) {
   HomographyStamped message;
   message.header = headerOf(frame);
   message.reference_stamp = headerOf(frame - 1).stamp;
-  message.status = HomographyStamped::STATUS_OK;
+  message.status = MatchStatus::STATUS_OK;
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = h / h(2, 2);
   return message;
 }

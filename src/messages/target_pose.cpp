@@ -1,5 +1,7 @@
 #include "messages/target_pose.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <vector>
 
 namespace ktgp_orb {
@@ -31,7 +33,7 @@ void TargetPose::setOptions(const ProsacOptions& options) {
 
 std::optional<PlanarPose> TargetPose::find(const FrameMessages& messages, const PixelCamera& camera,
                                            double width) {
-  if (!messages.correspondences || messages.homography->status != HomographyStamped::STATUS_OK) {
+  if (!messages.correspondences || messages.homography->status != MatchStatus::STATUS_OK) {
     return std::nullopt;
   }
   const cv::Size reference(static_cast<int>(messages.correspondences->reference_width),

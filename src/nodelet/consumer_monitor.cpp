@@ -1,5 +1,7 @@
 #include "nodelet/consumer_monitor.h"
 
+#include "nodelet/input_watch.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -70,6 +72,13 @@ void ConsumerMonitor::setMixture(const std::string& mixture) {
   mixture_ = mixture;
 }
 
+void ConsumerMonitor::setTroubles(const std::string& of_images,
+                                  const std::string& of_homographies) {
+  const Lock lock(mutex_);
+  image_trouble_ = of_images;
+  homography_trouble_ = of_homographies;
+}
+
 void ConsumerMonitor::setValue(const std::string& name, const std::string& value) {
   const Lock lock(mutex_);
   values_[name] = value;
@@ -121,9 +130,10 @@ void ConsumerMonitor::summarise(diagnostic_updater::DiagnosticStatusWrapper& rep
   } else if (!mixture_.empty()) {
     warn(mixture_);
   } else if (silent_images_ > kPatience) {
-    warn("no image on " + image_topic_);
+    warn(noneOn("image", image_topic_, image_trouble_));
   } else if (silent_homographies_ > kPatience) {
-    warn("no homography on " + homography_topic_ + ": does the matcher run?");
+    warn(noneOn("homography", homography_topic_,
+                homography_trouble_.empty() ? "does the matcher run?" : homography_trouble_));
   } else if (last_.forgotten > 0) {
     warn("images had to go before their homography came: max_memory is too small for them");
   } else if (!warning_.empty()) {

@@ -30,6 +30,8 @@ class ConsumerMonitor {
   void setParameterError(const std::string& error);
   /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
+  /// What keeps images and homographies away; empty: nothing that is known.
+  void setTroubles(const std::string& of_images, const std::string& of_homographies);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);
 
@@ -70,6 +72,8 @@ class ConsumerMonitor {
   std::string warning_;
   std::string parameter_error_;
   std::string mixture_;
+  std::string image_trouble_;
+  std::string homography_trouble_;
   bool clock_stands_ = false;
   std::map<std::string, std::string> values_;
 };

@@ -1,5 +1,7 @@
 #include "nodelet/frame_consumer.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <utility>
 
 #include "messages/image_conversion.h"
@@ -112,7 +114,7 @@ void FrameConsumer::subscribe() {
               "images are those",
               homography_topic_.c_str(), image_topic_.c_str());
         }
-        monitor_.homographyArrived(message->status == HomographyStamped::STATUS_OK);
+        monitor_.homographyArrived(message->status == MatchStatus::STATUS_OK);
         inbox_.put(message);
       },
       ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
@@ -142,6 +144,7 @@ void FrameConsumer::tick() {
   monitor_.tick(clockStands());
   watch(*image_watch_, subscribed, monitor_.images(), images);
   watch(*homography_watch_, subscribed, monitor_.homographies(), homographies);
+  monitor_.setTroubles(image_watch_->trouble(), homography_watch_->trouble());
   monitor_.setMixture(watchMixture(images));
   diagnostics_->force_update();
 }
@@ -197,7 +200,7 @@ ros::Time timeOf(std::int64_t nanoseconds) {
 }
 
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
-  if (message.status != HomographyStamped::STATUS_OK) return std::nullopt;
+  if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
 }
 

@@ -10,8 +10,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBeforeWarning = 5;
-constexpr int kSecondsBetweenWarnings = 30;
+constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing comes
 const char* const kImage = "sensor_msgs/Image";
 const char* const kCompressed = "sensor_msgs/CompressedImage";
 
@@ -43,6 +42,10 @@ std::set<std::string> publishersOf(const std::string& topic) {
 
 }  // namespace
 
+std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble) {
+  return "no " + what + " on " + topic + (trouble.empty() ? "" : ": " + trouble);
+}
+
 InputWatch::InputWatch(std::string topic, std::string transport)
     : InputWatch(std::move(topic), std::move(transport), kImage, "image") {}
 
@@ -60,23 +63,29 @@ std::string InputWatch::wanted() const {
   return transport_ == "raw" ? topic_ : topic_ + "/" + transport_;
 }
 
+void InputWatch::restart() {
+  silent_seconds_ = 0;
+  trouble_.clear();
+  said_ = false;
+}
+
 std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers) {
-  silent_seconds_ = arrived == arrived_before_ ? silent_seconds_ + 1 : 0;
+  const bool silent = arrived == arrived_before_ && subscribed == subscribed_;
   arrived_before_ = arrived;
-  if (!subscribed) {
-    // The publisher is idle without subscribers, but a wrong topic name should be reported all the
-    // same.
-    return silent_seconds_ == kSecondsBeforeWarning ? trouble() : "";
-  }
-  if (silent_seconds_ % kSecondsBetweenWarnings != kSecondsBeforeWarning) return "";
-  const std::string reason = trouble();
+  subscribed_ = subscribed;
+  if (!silent) restart();
+  if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
+  const std::string before = std::exchange(trouble_, askMaster());
+  if (std::exchange(said_, true) && trouble_ == before) return "";
+  // For want of subscribers nothing comes either, but a wrong topic name should show all the same.
+  if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +
          (type_ == kImage ? ", transport " + transport_ : "") + ")" +
-         (reason.empty() ? "" : ": " + reason);
+         (trouble_.empty() ? "" : ": " + trouble_);
 }
 
-std::string InputWatch::trouble() const {
+std::string InputWatch::askMaster() const {
   ros::master::V_TopicInfo topics;
   if (!ros::master::getTopics(topics)) return "";
   const std::string name = wanted();

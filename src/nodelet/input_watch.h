@@ -5,7 +5,10 @@
 
 namespace ktgp_orb {
 
-/// Detects, once a second, that nothing arrives on a topic, and reports likely causes. It asks the
+/// "no WHAT on TOPIC", and what keeps it away where that is known.
+std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
+
+/// Finds out, once a second, that nothing comes on a topic, and says what may be wrong. It asks the
 /// master, which may take long.
 class InputWatch {
  public:
@@ -14,22 +17,24 @@ class InputWatch {
   /// For messages of a type; `what`: its name, for example "homography".
   static InputWatch ofMessages(std::string topic, std::string type, std::string what);
 
-  /// `arrived`: messages since the start; `publishers`: of the topic, if subscribed. Returns a
-  /// warning to print, or an empty string.
+  /// `arrived`: messages since the start; `publishers`: of the topic, where subscribed. A warning
+  /// to print, or an empty string: once, and again when what may be wrong changes.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
-  /// A message that several nodes publish the topic, with their names; empty if only one does.
-  std::string mixture(std::uint32_t publishers) const;
+  /// What keeps messages away, as the master knew it at last; empty: nothing, or they come.
+  const std::string& trouble() const { return trouble_; }
 
-  /// Starts to wait again.
-  void restart() { silent_seconds_ = 0; }
+  /// That several nodes publish the topic, whose images are then mixed, and who; empty: one does.
+  std::string mixture(std::uint32_t publishers) const;
 
  private:
   InputWatch(std::string topic, std::string transport, std::string type, std::string what);
 
-  /// What the master knows about the missing messages; empty if nothing.
-  std::string trouble() const;
-  /// The topic that the transport subscribes to.
+  /// Starts to wait anew.
+  void restart();
+  /// What the master knows that keeps messages away; empty: nothing.
+  std::string askMaster() const;
+  /// The topic as the transport has it.
   std::string wanted() const;
 
   std::string topic_;
@@ -38,6 +43,9 @@ class InputWatch {
   std::string what_;
   std::uint64_t arrived_before_ = 0;
   int silent_seconds_ = 0;
+  bool subscribed_ = false;
+  std::string trouble_;
+  bool said_ = false;
 };
 
 }  // namespace ktgp_orb

@@ -29,7 +29,6 @@ void MatcherNodelet::subscribe() {
   image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
                                      *transport_hints_);
   subscribed_ = listening_ = true;
-  input_silence_begins_ = true;
   monitor_.setListening(true);
   subscribeCameraInfo();
   target_.listen(true);
@@ -40,7 +39,6 @@ void MatcherNodelet::unsubscribe() {
   camera_info_sub_.shutdown();
   target_.listen(false);
   subscribed_ = listening_ = false;
-  input_silence_begins_ = true;
   newest_.clear();
   monitor_.setListening(false);
   const Lock lock(state_mutex_);
@@ -174,8 +172,8 @@ void MatcherNodelet::watchInput() {
     if (subscribed_) publishers = image_sub_.getNumPublishers();
   }
   publishers_ = publishers;
-  if (input_silence_begins_.exchange(false)) image_watch_->restart();
   watch(*image_watch_, subscribed, monitor_.arrived(), publishers);
+  monitor_.setInputTrouble(image_watch_->trouble());
   monitor_.setMixture(watchMixture(publishers));
 }
 

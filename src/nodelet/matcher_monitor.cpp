@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nodelet/input_watch.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -99,6 +101,11 @@ void MatcherMonitor::setReferenceProblem(const std::string& problem) {
 void MatcherMonitor::setMixture(const std::string& mixture) {
   const Lock lock(mutex_);
   mixture_ = mixture;
+}
+
+void MatcherMonitor::setInputTrouble(const std::string& trouble) {
+  const Lock lock(mutex_);
+  input_trouble_ = trouble;
 }
 
 void MatcherMonitor::overlayDrawn(double milliseconds) {
@@ -212,7 +219,7 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   if (clock_stands_) return "the clock stands: a paused bag, or nobody publishes /clock";
   if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
   level = DiagnosticStatus::ERROR;
-  if (counts.arrived == 0) return "no image on " + topic_;
+  if (counts.arrived == 0) return noneOn("image", topic_, input_trouble_);
   if (!mixture_.empty()) {
     level = DiagnosticStatus::WARN;
     return mixture_;

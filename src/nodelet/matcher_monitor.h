@@ -46,6 +46,8 @@ class MatcherMonitor {
   void setReferenceProblem(const std::string& problem);
   /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
+  /// What keeps images away; empty: nothing that is known.
+  void setInputTrouble(const std::string& trouble);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);
   /// Not drawn, because a newer image waited.
@@ -111,6 +113,7 @@ class MatcherMonitor {
   std::string target_problem_;
   std::string reference_problem_;
   std::string mixture_;
+  std::string input_trouble_;
   std::string topic_;
   bool listening_ = false;
   bool paused_ = false;

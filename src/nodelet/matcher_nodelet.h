@@ -158,8 +158,7 @@ class MatcherNodelet : public ImageNodelet {
   std::atomic<bool> listening_{false};        // copy of subscribed_ that needs no lock
   std::atomic<std::uint32_t> publishers_{0};  // of the input, at the last watch
   std::atomic<bool> new_subscription_{false};
-  std::atomic<bool> input_silence_begins_{false};  // the watch starts again
-  std::atomic<double> max_rate_{0.0};              // Hz
+  std::atomic<double> max_rate_{0.0};  // Hz
 
   // Used only in the image queue
   SequenceNumbers sequence_numbers_;

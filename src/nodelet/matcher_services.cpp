@@ -7,6 +7,8 @@
 #include "messages/image_conversion.h"
 #include "nodelet/matcher_nodelet.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 namespace ktgp_orb {
 namespace {
 
@@ -117,8 +119,8 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   } catch (const std::exception& error) {
     response.success = false;
     response.message = std::string(image) + error.what();
-    response.homography.status = HomographyStamped::STATUS_NO_REFERENCE;
-    response.statistics.status = MatchStatistics::STATUS_NO_REFERENCE;
+    response.homography.status = MatchStatus::STATUS_NO_REFERENCE;
+    response.statistics.status = MatchStatus::STATUS_NO_REFERENCE;
   }
   return true;
 }

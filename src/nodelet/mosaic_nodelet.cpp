@@ -1,3 +1,4 @@
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/MosaicConfig.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <std_srvs/Trigger.h>
@@ -207,9 +208,9 @@ void MosaicNodelet::publishPose(const HomographyStamped& message) {
   pose->header = message.header;
   pose->rectified = message.rectified;
   pose->reference_stamp = timeOf(mosaic_.firstStamp());
-  pose->status = HomographyStamped::STATUS_NO_MODEL;
+  pose->status = MatchStatus::STATUS_NO_MODEL;
   if (const auto h = mosaic_.pose()) {
-    pose->status = HomographyStamped::STATUS_OK;
+    pose->status = MatchStatus::STATUS_OK;
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose->homography.data()) = *h;
     pose->covariance.fill(std::numeric_limits<double>::quiet_NaN());
   }

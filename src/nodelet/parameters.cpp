@@ -19,6 +19,16 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
+/// A double where an int is declared: dynamic_reconfigure would cut it off without a word.
+[[noreturn]] void refusePoint(const std::string& parameter, double number) {
+  std::ostringstream digits;
+  digits.precision(15);
+  digits << number;
+  if (number != std::floor(number)) refuse(parameter, digits.str(), "a whole number");
+  refuse(parameter, digits.str() + ".0, a number with a point",
+         "a whole number: write " + digits.str());
+}
+
 }  // namespace
 
 void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, const boost::any& low,
@@ -45,13 +55,9 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
     const double number = is_int ? static_cast<int>(value) : static_cast<double>(value);
     check(number, boost::any_cast<double>(low), boost::any_cast<double>(high));
   } else if (low.type() == typeid(int)) {
-    const bool is_double = value.getType() == XmlRpc::XmlRpcValue::TypeDouble;
-    const double number = is_int      ? static_cast<int>(value)
-                          : is_double ? static_cast<double>(value)
-                                      : std::nan("");
-    // YAML written by a program may have 2000.0 for an integer.
-    if (number != std::floor(number)) refuse(parameter, given.str(), "a whole number");
-    check(number, boost::any_cast<int>(low), boost::any_cast<int>(high));
+    if (value.getType() == XmlRpc::XmlRpcValue::TypeDouble) refusePoint(parameter, value);
+    if (!is_int) refuse(parameter, given.str(), "a whole number");
+    check(static_cast<int>(value), boost::any_cast<int>(low), boost::any_cast<int>(high));
   } else if (low.type() == typeid(bool)) {
     if (value.getType() != XmlRpc::XmlRpcValue::TypeBoolean) {
       refuse(parameter, given.str(), "true or false");

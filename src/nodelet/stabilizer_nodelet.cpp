@@ -1,3 +1,4 @@
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/StabilizerConfig.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -181,7 +182,7 @@ void StabilizerNodelet::publishWarp(const SteadyFrame& frame, const std_msgs::He
   auto warp = boost::make_shared<HomographyStamped>();
   warp->header = header;
   warp->reference_stamp = header.stamp;
-  warp->status = HomographyStamped::STATUS_OK;
+  warp->status = MatchStatus::STATUS_OK;
   warp->rectified = rectified_;
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(warp->homography.data()) = frame.warp;
   warp->covariance.fill(std::numeric_limits<double>::quiet_NaN());

@@ -1,5 +1,7 @@
 #include "nodelet/target_publisher.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <geometry_msgs/PolygonStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <geometry_msgs/TransformStamped.h>
@@ -108,7 +110,7 @@ void TargetPublisher::publish(const FrameMessages& messages) {
 void TargetPublisher::publishOutline(const FrameMessages& messages) {
   const auto message = boost::make_shared<geometry_msgs::PolygonStamped>();
   message->header = messages.homography->header;
-  if (messages.correspondences && messages.homography->status == HomographyStamped::STATUS_OK) {
+  if (messages.correspondences && messages.homography->status == MatchStatus::STATUS_OK) {
     const Eigen::Matrix3d h = Eigen::Map<const RowMajor3>(messages.homography->homography.data());
     const double right = messages.correspondences->reference_width - 1.0;
     const double bottom = messages.correspondences->reference_height - 1.0;
@@ -145,7 +147,7 @@ PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
 }
 
 void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
-  if (messages.homography->status != HomographyStamped::STATUS_OK) return;  // no target found
+  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // there is no target
   std::string problem;
   try {
     const PixelCamera camera = cameraOf(messages, settings);

@@ -88,11 +88,7 @@ bool parse(const std::string& text, double& number) {
 }
 
 bool parse(const std::string& text, int& number) {
-  // YAML written by a program may have 2000.0 for an integer.
-  const std::size_t point = text.find('.');
-  const bool whole = point == std::string::npos || point == 0 || point + 1 == text.size() ||
-                     text.find_first_not_of('0', point + 1) != std::string::npos;
-  const char* const end = text.data() + (whole ? text.size() : point);
+  const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, number);
   return error == std::errc() && stop == end;
 }

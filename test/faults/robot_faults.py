@@ -29,7 +29,7 @@ os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
-from ktgp_orb.msg import MatchStatistics  # noqa: E402
+from ktgp_orb.msg import E402, MatchStatistics, MatchStatus, noqa
 from ktgp_testing import Recorder, image_message, view, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
@@ -96,7 +96,7 @@ class FaultTest(unittest.TestCase):
         """Ten frames on, nearly all are matched again."""
         self.wait_for_more(recorder, 3, what)
         messages = self.wait_for_more(recorder, 10, what)
-        ok = sum(m.status == MatchStatistics.STATUS_OK for m in messages)
+        ok = sum(m.status == MatchStatus.STATUS_OK for m in messages)
         self.assertGreaterEqual(ok, 8, what + ': %d of 10 ok' % ok)
 
     @staticmethod

@@ -1,6 +1,7 @@
 """What the integration tests share: images with a known motion, a camera, a recorder of topics."""
 
 import os
+import socket
 import threading
 import time
 
@@ -85,6 +86,12 @@ def translation(message):
     return message.homography[2], message.homography[5]
 
 
+def no_delay(publisher):
+    """Whether the subscribers' connections have TCP_NODELAY, which each asks for when it connects."""
+    return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+            for connection in publisher.impl.connections}
+
+
 class Recorder:
     """Keeps every message of a topic."""
 
@@ -121,18 +128,18 @@ class Camera:
     """Publishes images one by one on /camera/image_raw, 33 ms of stamps apart."""
 
     def __init__(self, topic='/camera/image_raw'):
-        self._publisher = rospy.Publisher(topic, Image, queue_size=5)
+        self.publisher = rospy.Publisher(topic, Image, queue_size=5)
         self._stamp = rospy.Time(1000, 0)
         self._count = 0
 
     def wait_for_subscriber(self):
-        wait_until(lambda: self._publisher.get_num_connections() > 0, 'the matcher subscribes')
+        wait_until(lambda: self.publisher.get_num_connections() > 0, 'the matcher subscribes')
 
     def wait_for_no_subscriber(self):
-        wait_until(lambda: self._publisher.get_num_connections() == 0, 'the matcher unsubscribes')
+        wait_until(lambda: self.publisher.get_num_connections() == 0, 'the matcher unsubscribes')
 
     def subscribers(self):
-        return self._publisher.get_num_connections()
+        return self.publisher.get_num_connections()
 
     def next_stamp(self):
         self._stamp += rospy.Duration(0.033)
@@ -142,7 +149,7 @@ class Camera:
         return self._stamp
 
     def send(self, message):
-        self._publisher.publish(message)
+        self.publisher.publish(message)
         return message.header.stamp
 
     def send_view(self, encoding='mono8', convert=lambda grey: grey):

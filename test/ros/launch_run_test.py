@@ -21,7 +21,7 @@ import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
-from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, image_message, view
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -244,7 +244,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertEqual((stamps[0], stamps[-1]), (0.0, round(0.1 * (FRAMES - 1), 3)), output)
         self.assertEqual(len(stamps) + statistics[-1].dropped_frames +
                          statistics[-1].lost_frames, FRAMES)
-        self.assertEqual({m.status for m in statistics}, {MatchStatistics.STATUS_OK})
+        self.assertEqual({m.status for m in statistics}, {MatchStatus.STATUS_OK})
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
@@ -307,7 +307,7 @@ class LaunchRunTest(unittest.TestCase):
             stdout=subprocess.PIPE, universal_newlines=True)
         # More frames than the bag has: it came round.
         output, _ = listener.communicate(timeout=TIMEOUT)
-        self.assertIn('reason %d' % MatchStatistics.REASON_STAMP_WENT_BACK, output)
+        self.assertIn('reason %d' % MatchStatus.REASON_STAMP_WENT_BACK, output)
 
     def wait_for_matchers(self, launches, *cameras):
         """Until the matchers of all cameras answer; no manager was started twice."""

@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, wait_until
 from sensor_msgs.msg import Image
 
@@ -103,7 +103,7 @@ class LazyTest(unittest.TestCase):
         statistics = recorder.wait_for(self.camera.send_view())
         if statistics.dropped_frames == 0:
             self.assertEqual(statistics.reference_stamp, before[-1], 'the chain has no gap')
-        self.assertEqual(statistics.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(statistics.status, MatchStatus.STATUS_OK)
         recorder.close()
         client.update_configuration({'lazy': True})
         self.camera.wait_for_no_subscriber()
@@ -113,13 +113,13 @@ class LazyTest(unittest.TestCase):
         self.camera.wait_for_subscriber()
         recorder.wait_for(self.camera.send_view())
         self.assertEqual(recorder.wait_for(self.camera.send_view()).status,
-                         MatchStatistics.STATUS_OK)
+                         MatchStatus.STATUS_OK)
         recorder.close()
         self.camera.wait_for_no_subscriber()
         recorder = subscribe('statistics')
         self.camera.wait_for_subscriber()
         self.assertEqual(recorder.wait_for(self.camera.send_view()).status,
-                         MatchStatistics.STATUS_NO_REFERENCE)
+                         MatchStatus.STATUS_NO_REFERENCE)
         recorder.close()
         self.camera.wait_for_no_subscriber()
 

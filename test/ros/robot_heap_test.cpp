@@ -8,6 +8,7 @@
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
 #include <array>
@@ -162,7 +163,7 @@ TEST(RobotHeap, IsAskedForMessagesAlone) {
   counting = true;
   run(kFrames);
   counting = false;
-  EXPECT_GE(statuses[MatchStatistics::STATUS_OK], kFrames * 9 / 10)
+  EXPECT_GE(statuses[MatchStatus::STATUS_OK], kFrames * 9 / 10)
       << "statuses: " << testing::PrintToString(statuses);
   ASSERT_FALSE(stacks.full());
 

@@ -14,7 +14,7 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, image_message, texture, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
@@ -246,12 +246,12 @@ class PoseTest(unittest.TestCase):
 
         def status():
             return self.send(picture, info).status
-        self.assertNotEqual(status(), HomographyStamped.STATUS_OK)
+        self.assertNotEqual(status(), MatchStatus.STATUS_OK)
         cv2.imwrite(file, POSTER)
-        wait_until(lambda: status() == HomographyStamped.STATUS_OK, 'the file is read again')
+        wait_until(lambda: status() == MatchStatus.STATUS_OK, 'the file is read again')
         cv2.imwrite(file, texture(300, 400, seed=9))
         rospy.ServiceProxy('/camera/matcher/reset', Trigger)()
-        wait_until(lambda: status() != HomographyStamped.STATUS_OK, '~reset reads it again')
+        wait_until(lambda: status() != MatchStatus.STATUS_OK, '~reset reads it again')
 
     def test_a_transform_alone_is_reason_enough_to_match(self):
         camera = Camera('/poster/image_raw')

@@ -4,6 +4,7 @@
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
 
 #include <map>
@@ -140,7 +141,7 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   const FramePtr target = frameAt(statistics.header.stamp, extractor);
   ASSERT_TRUE(target);
   EXPECT_EQ(statistics.target_features, target->features.size());
-  if (statistics.status == MatchStatistics::STATUS_NO_REFERENCE) return;
+  if (statistics.status == MatchStatus::STATUS_NO_REFERENCE) return;
   const FramePtr reference = frameAt(statistics.reference_stamp, extractor);
   ASSERT_TRUE(reference);
   EXPECT_EQ(statistics.reference_features, reference->features.size());
@@ -172,7 +173,7 @@ TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
     SCOPED_TRACE("configuration " + std::to_string(s->configuration));
     ASSERT_NO_FATAL_FAILURE(expectAsComputedAgain(*s));
     ++seen[s->configuration];
-    matched += s->status != MatchStatistics::STATUS_NO_REFERENCE ? 1 : 0;
+    matched += s->status != MatchStatus::STATUS_NO_REFERENCE ? 1 : 0;
   }
   EXPECT_EQ(statistics.back()->configuration, configurations_.size() - 1);
   std::printf("%zu messages, %zu of them with a reference, over %zu configurations\n",

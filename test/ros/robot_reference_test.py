@@ -13,7 +13,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
 from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation, view,
                           wait_for_matcher, wait_until)
@@ -22,8 +22,8 @@ from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
             'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
-OK = MatchStatistics.STATUS_OK
-NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
+OK = MatchStatus.STATUS_OK
+NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
 
@@ -114,7 +114,7 @@ class ReferenceTest(unittest.TestCase):
         self.pan(3)
         flat = image_message(np.full((HEIGHT, WIDTH), 128, np.uint8), self.camera.next_stamp())
         lost = self.statistics.wait_for(self.camera.send(flat))
-        self.assertEqual(lost.status, MatchStatistics.STATUS_TOO_FEW_FEATURES)
+        self.assertEqual(lost.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
         self.assertEqual(self.homographies.wait_for(lost.header.stamp).inliers, 0)
         self.assertNotEqual(self.send(100).status, OK)  # matched to the flat frame
         last = self.send(100 + PAN)
@@ -153,7 +153,7 @@ class ReferenceTest(unittest.TestCase):
     def test_set_reference_waits_for_a_usable_frame(self):
         self.client.update_configuration({'reference_mode': 'fixed'})
         before = self.send(150)
-        self.assertEqual(before.reason, MatchStatistics.REASON_NOT_SET)
+        self.assertEqual(before.reason, MatchStatus.REASON_NOT_SET)
         self.call('set_reference')
         depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
                               '32FC1')

@@ -5,6 +5,7 @@
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
 
 #include <opencv2/core/utility.hpp>
@@ -145,12 +146,12 @@ TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
   load("fixed");
   send(view());
   ASSERT_TRUE(call("set_reference").success);
-  EXPECT_EQ(send(view()).status, MatchStatistics::STATUS_OK);
+  EXPECT_EQ(send(view()).status, MatchStatus::STATUS_OK);
   ASSERT_TRUE(waitUntil([] { return ros::param::has(kMatcher + "reference_was_set"); }));
   EXPECT_FALSE(said());
   loader_.clear();
   load("fixed");
-  EXPECT_EQ(send(view()).reason, MatchStatistics::REASON_NOT_SET);
+  EXPECT_EQ(send(view()).reason, MatchStatus::REASON_NOT_SET);
   EXPECT_TRUE(waitUntil(said));
   EXPECT_TRUE(call("reset").success);
   reports.clear();
@@ -183,7 +184,7 @@ TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
     const auto answer = call("set_reference");
     ASSERT_TRUE(answer.success) << answer.message;
     ASSERT_TRUE(waitUntil([&] { return statisticsOf(before->header.stamp) != nullptr; }));
-    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatistics::REASON_NOT_SET);
+    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatus::REASON_NOT_SET);
     const MatchStatistics after = send(view());
     EXPECT_EQ(after.reference_stamp, after.header.stamp);
   }
@@ -221,15 +222,15 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
   load();
   const auto expect = [&](const MatchStatistics& statistics, int reason) {
     EXPECT_EQ(statistics.reason, reason);
-    EXPECT_EQ(statistics.status == MatchStatistics::STATUS_NO_REFERENCE,
-              reason != MatchStatistics::REASON_NONE);
+    EXPECT_EQ(statistics.status == MatchStatus::STATUS_NO_REFERENCE,
+              reason != MatchStatus::REASON_NONE);
     ASSERT_EQ(statistics.stages.size(), 5U);
     const char* const names[] = {"knn", "tf", "gms", "prosac", "align"};
     for (int i = 0; i < 5; ++i) EXPECT_EQ(statistics.stages[i].name, names[i]);
     EXPECT_EQ(statistics.kt, statistics.stages[1].output);
     EXPECT_EQ(statistics.ktg, statistics.stages[2].output);
-    EXPECT_EQ(statistics.stages[3].output > 0, reason == MatchStatistics::REASON_NONE);
-    EXPECT_EQ(statistics.inliers > 0, reason == MatchStatistics::REASON_NONE);
+    EXPECT_EQ(statistics.stages[3].output > 0, reason == MatchStatus::REASON_NONE);
+    EXPECT_EQ(statistics.inliers > 0, reason == MatchStatus::REASON_NONE);
     ASSERT_TRUE(waitUntil([&] {
       return !homographies.messages().empty() &&
              homographies.messages().back()->header.stamp == statistics.header.stamp;
@@ -239,16 +240,16 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
     EXPECT_EQ(homography.reason, reason);
     EXPECT_EQ(homography.inliers, statistics.inliers) << "of the published homography";
   };
-  expect(send(view()), MatchStatistics::REASON_FIRST_FRAME);
-  expect(send(view()), MatchStatistics::REASON_NONE);
-  expect(send(view({240, 320})), MatchStatistics::REASON_SIZE_CHANGED);
-  expect(send(view({240, 320})), MatchStatistics::REASON_NONE);
+  expect(send(view()), MatchStatus::REASON_FIRST_FRAME);
+  expect(send(view()), MatchStatus::REASON_NONE);
+  expect(send(view({240, 320})), MatchStatus::REASON_SIZE_CHANGED);
+  expect(send(view({240, 320})), MatchStatus::REASON_NONE);
   count_ += 11;
-  expect(send(view({240, 320})), MatchStatistics::REASON_GAP);
+  expect(send(view({240, 320})), MatchStatus::REASON_GAP);
   count_ -= 5;
-  expect(send(view({240, 320})), MatchStatistics::REASON_STAMP_WENT_BACK);
+  expect(send(view({240, 320})), MatchStatus::REASON_STAMP_WENT_BACK);
   call("reset");
-  expect(send(view({240, 320})), MatchStatistics::REASON_RESET);
+  expect(send(view({240, 320})), MatchStatus::REASON_RESET);
 }
 
 // Both topics through one queue, in the order in which they were published.
@@ -385,7 +386,7 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
     ASSERT_TRUE(waitUntil([&] { return matchOf(one, stamp) && matchOf(three, stamp); }));
     const Match& a = *matchOf(one, stamp);
     const Match& b = *matchOf(three, stamp);
-    ASSERT_EQ(a.statistics.status, MatchStatistics::STATUS_OK);
+    ASSERT_EQ(a.statistics.status, MatchStatus::STATUS_OK);
     ASSERT_EQ(a.homography.reference_stamp, b.homography.reference_stamp);
     EXPECT_GT(a.correspondences.level.size(), 100U);
     EXPECT_EQ(a.correspondences, b.correspondences);

@@ -5,6 +5,7 @@
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
 
@@ -201,7 +202,7 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
   ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
   EXPECT_TRUE(test::waitUntil([&] {
     const auto& messages = statistics.messages();
-    return !messages.empty() && messages.back()->status == MatchStatistics::STATUS_OK;
+    return !messages.empty() && messages.back()->status == MatchStatus::STATUS_OK;
   }));
   loader.clear();
 }

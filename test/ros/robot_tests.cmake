@@ -5,6 +5,7 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
   target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
   target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
     Threads::Threads)
+  ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
@@ -17,6 +18,7 @@ target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
   Threads::Threads)
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
+ktgp_orb_rostest(robot_consumers robot_consumers.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_clock robot_clock.test)
 ktgp_orb_rostest(robot_pose robot_pose.test)

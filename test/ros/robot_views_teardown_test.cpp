@@ -3,6 +3,7 @@
 // hang or leave half a file behind.
 
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
@@ -58,8 +59,7 @@ class Views {
     auto message = boost::make_shared<HomographyStamped>();
     message->header.stamp = stamp;
     message->reference_stamp = stamp - ros::Duration(0.01);
-    message->status =
-        i % 31 == 0 ? HomographyStamped::STATUS_NO_MODEL : HomographyStamped::STATUS_OK;
+    message->status = i % 31 == 0 ? MatchStatus::STATUS_NO_MODEL : MatchStatus::STATUS_OK;
     message->homography = {1.0, 0.0, 5.0 * step, 0.0, 1.0, 3.0 * step, 0.0, 0.0, 1.0};
     return message;
   }
@@ -149,7 +149,7 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
   EXPECT_TRUE(steady.waitForMore(3));
   EXPECT_TRUE(test::waitUntil([&] {
     const auto& messages = pose.messages();
-    return !messages.empty() && messages.back()->status == HomographyStamped::STATUS_OK;
+    return !messages.empty() && messages.back()->status == MatchStatus::STATUS_OK;
   }));
   EXPECT_TRUE(test::waitUntil([] {
     SaveMosaic call;

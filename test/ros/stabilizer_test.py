@@ -11,7 +11,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 
@@ -115,7 +115,7 @@ class StabilizerTest(unittest.TestCase):
             given = view(300 + 6 * i, 300 + (-1) ** i)
             steady = self.send(given)
         warp = self.warps.wait_for(steady.header.stamp)
-        self.assertEqual(warp.status, HomographyStamped.STATUS_OK)
+        self.assertEqual(warp.status, MatchStatus.STATUS_OK)
         self.assertEqual(warp.reference_stamp, steady.header.stamp)
         self.assertFalse(warp.rectified)
         h = np.reshape(warp.homography, (3, 3))

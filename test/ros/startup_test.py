@@ -121,20 +121,22 @@ class StartupTest(unittest.TestCase):
             expected = '/other/matcher/ratio_treshold is not known'
             self.assertIn(expected, output_of_node('params:=' + file.name, until=(expected,)))
 
-    def test_text_for_a_number_is_called_text_and_a_whole_number_may_have_a_point(self):
-        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
-            file.write('T_w: "0.7"\n')
-            file.flush()
-            expected = "/other/matcher/T_w is the text '0.7'; expected a number, without quotes"
-            self.assertIn(expected, output_of_node('params:=' + file.name, until=(expected,)))
-        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
-            file.write('features: 1500.0\n')
-            file.flush()
-            expected = 'nobody publishes /other/nothing_here'  # it runs
-            found = []
-            output_of_node('image:=nothing_here', 'params:=' + file.name, until=(expected,),
-                           look=lambda: found.append(rospy.get_param('/other/matcher/features')))
-            self.assertEqual(found, [1500])
+    def test_what_is_no_number_or_no_whole_number_is_called_so(self):
+        words = {
+            'T_w: "0.7"': "T_w is the text '0.7'; expected a number, without quotes",
+            'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '
+                                'write 1500',
+            'features: 1500.5': 'features is 1500.5; expected a whole number'}
+
+        def check(line):
+            with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
+                file.write(line + '\n')
+                file.flush()
+                expected = ('/other/matcher/' + words[line], 'process has died')
+                output = output_of_node('params:=' + file.name, until=expected)
+                for text in expected:
+                    self.assertIn(text, output)
+        check_each(words, check)
 
 
 if __name__ == '__main__':
