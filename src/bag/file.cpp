@@ -40,11 +40,11 @@ BagFile::BagFile(const std::string& path) : file_(path, std::ios::binary | std::
   size_ = static_cast<std::size_t>(std::max<std::streamoff>(file_.tellg(), 0));
   const auto line = bytesAt(0, std::strlen(kFirstLine));
   if (std::string(line.begin(), line.end()) != kFirstLine) {
-    throw std::runtime_error(path + " is no bag of format 2.0");
+    throw std::runtime_error(path + " is not a bag of format 2.0");
   }
   scan();
   if (header_ && !text(header_->fields, "encryptor").empty()) {
-    throw std::runtime_error(path + " is encrypted; 'rosbag decrypt' makes a plain bag of it");
+    throw std::runtime_error(path + " is encrypted; decrypt it with 'rosbag decrypt'");
   }
 }
 
@@ -243,7 +243,7 @@ void BagFile::addConnection(const Record& record, View data) {
   auto& topics = connections_[*connection];
   topics.insert({text(record.fields, "topic"), text(*fields, "type")});
   if (topics.size() == 2) {
-    damage_.note("connection " + std::to_string(*connection) + " is described in two ways");
+    damage_.note("connection " + std::to_string(*connection) + " has two different descriptions");
   }
 }
 
@@ -251,7 +251,8 @@ void BagFile::readFileHeader(const Record& record) {
   header_ = record;
   const auto low = number(record.fields, "index_pos");
   const auto high = number(record.fields, "index_pos", 4);
-  if (low && high && *low == 0 && *high == 0) damage_.note("no index; was its recording cut off?");
+  if (low && high && *low == 0 && *high == 0)
+    damage_.note("no index; was the recording interrupted?");
 }
 
 void BagFile::checkAgainstHeader() {

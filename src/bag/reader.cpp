@@ -90,7 +90,7 @@ class BagImages : public ImageSource {
     std::sort(order_.begin(), order_.end());
     if (total_ == 0) {
       const std::string damage = file_.damage().text();
-      throw UnusableBag(path + " has no image on '" + topic_ + "' in the time asked for" +
+      throw UnusableBag(path + " has no image on '" + topic_ + "' in the selected time" +
                         (damage.empty() ? "" : "; the bag is damaged: " + damage));
     }
   }
@@ -112,7 +112,7 @@ class BagImages : public ImageSource {
         return RecordedImage{std::move(*image), time};
       }
       file_.damage().note("an image message at " + std::to_string(time.toSec()) +
-                          " s is no image message");
+                          " s is not an image message");
     }
   }
 

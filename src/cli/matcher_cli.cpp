@@ -89,7 +89,7 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
                 const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
   const char* const group = "Parameters";
-  app.add_option("--preset", given->preset, "start from these: " + namesOfPresets())
+  app.add_option("--preset", given->preset, "preset to start from: " + namesOfPresets())
       ->type_name("NAME")
       ->group(group);
   app.add_option("--params", given->file,
@@ -159,14 +159,14 @@ std::string textOf(const nlohmann::json& json, int indentation) {
 }
 
 void addCommonOptions(CLI::App& app, bool& force) {
-  app.add_flag("--force", force, "replace output files that exist");
+  app.add_flag("--force", force, "overwrite existing output files");
   app.add_flag_callback(
       "--version",
       [] {
         std::puts("ktgp_orb " KTGP_ORB_VERSION);
         throw CLI::Success();
       },
-      "say the version and end");
+      "print the version and exit");
 }
 
 CLI::Validator numberIn(const Limits& range) {

@@ -102,14 +102,15 @@ void OutputPlan::write(const std::string& output) {
 
 void OutputPlan::writeImage(const std::string& output) {
   if (!output.empty() && (endingOf(output).empty() || !cv::haveImageWriter(output))) {
-    throw FileError(output, "has no ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
+    throw FileError(
+        output, "does not have the ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
   }
   write(output);
 }
 
 void OutputPlan::writeVideo(const std::string& output) {
   if (!output.empty() && endingOf(output) != ".mp4") {
-    throw FileError(output, "has no ending of a video; expected .mp4");
+    throw FileError(output, "does not have the ending of a video; expected .mp4");
   }
   write(output);
 }
@@ -142,7 +143,7 @@ void OutputFile::commit() {
                            : renameToNew(unfinished_.c_str(), target_.c_str());
   if (!done && errno == EEXIST) {
     throw FileError(path_,
-                    "was written by something else meanwhile; expected a new name, or --force");
+                    "was written by another program meanwhile; expected a new name, or --force");
   }
   if (!done) throw FileError(path_, "cannot be written: " + reason());
   unfinished_.clear();

@@ -17,7 +17,7 @@ YAML::Node parametersIn(YAML::Node node) {
   for (int depth = 0; node.IsMap(); ++depth) {
     if (depth > kDeepest) {
       throw std::invalid_argument(
-          "its maps go too deep; expected `name: value` lines in one or two");
+          "it is nested too deeply; expected `name: value` lines in one or two");
     }
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);

@@ -136,22 +136,21 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
       "/camera/camera_info, the true homography from each frame to the next on "
-      "/camera/ground_truth/homography, and on /camera/segment what is hard about the frame: "
-      "clean, "
-      "lighting, blur or noise.\nThe same seed and length give the same bag.");
+      "/camera/ground_truth/homography, and on /camera/segment the difficulty of the frame: "
+      "clean, lighting, blur or noise.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
       ->check(tools::numberIn({0.2, 600.0}))
       ->capture_default_str();
-  app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
+  app.add_option("--seed", seed, "seed of the map and the noise")->capture_default_str();
   double shake = 0.0;
-  app.add_option("--shake", shake, "how far the camera trembles, root mean square [px]")
+  app.add_option("--shake", shake, "shake of the camera, root mean square [px]")
       ->check(tools::numberIn({0.0, 50.0}))
       ->capture_default_str();
   std::string target;
   app.add_option("--target", target,
-                 "also write what the camera sees halfway (frame number: half of all) as an image, "
-                 "to be a reference_image");
+                 "also write the view halfway (the frame in the middle) as an image, "
+                 "for use as a reference_image");
   bool force = false;
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);

@@ -145,7 +145,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
-  app.add_option("DATA", arguments.data, "image sets or lists of pairs; with --warps images")
+  app.add_option("DATA", arguments.data, "image sets or lists of pairs; images with --warps")
       ->type_name("PATH");
   app.add_option("--methods", arguments.methods, "names, separated by commas, or `all`")
       ->delimiter(',')
@@ -160,23 +160,22 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--json", arguments.json, "write rows, summary and options")->type_name("FILE");
   app.add_option("--csv", arguments.csv, "write a row per pair and method")->type_name("FILE");
   app.add_option("--jobs", arguments.jobs,
-                 "pairs evaluated at the same time; times are only good with 1")
+                 "pairs evaluated in parallel; times are accurate only with 1")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--longest-side", arguments.longest_side,
-                 "reduce larger images to this, and the truth with them, px; 0: do not")
+                 "reduce larger images, and the truth, to this size, px; 0: never")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
-  app.add_option(
-         "--truth-deviation", arguments.truth_deviation,
-         "how exact the true homographies are at the corners, px (a standard deviation): it "
-         "is added to that of the covariances that are held against them")
+  app.add_option("--truth-deviation", arguments.truth_deviation,
+                 "standard deviation of the true homographies at the corners, px; added to the "
+                 "covariances that are compared with them")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
+  app.add_flag("--list-methods", arguments.list_methods, "list the methods and exit");
   const char* const warps = "Warps";
   app.add_option("--warps", arguments.warps,
                  "make pairs from images: small, medium, large or extreme, or several "

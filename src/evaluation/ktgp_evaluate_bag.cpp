@@ -15,9 +15,9 @@ namespace ktgp_orb::tools {
 namespace {
 
 constexpr const char* kDescription =
-    "Matches each frame of a recording to the one before and says how many homographies are "
-    "found,\n"
-    "how long tracks survive and, where the recording has the truth, how large the errors are.";
+    "Matches each frame of a recording to the previous one and prints how many homographies are\n"
+    "found, "
+    "how long tracks survive and, if the recording has the truth, how large the errors are.";
 
 struct Arguments {
   std::string bag;

@@ -15,7 +15,7 @@ namespace {
 
 using util::imagePoint;
 
-// The messages' constants and the core's enumerators are one numbering.
+// The constants of the messages and the enumerators of the core have the same numbers.
 static_assert(int(Status::ok) == MatchStatus::STATUS_OK, "");
 static_assert(int(Status::no_reference) == MatchStatus::STATUS_NO_REFERENCE, "");
 static_assert(int(Status::too_few_features) == MatchStatus::STATUS_TOO_FEW_FEATURES, "");
@@ -269,7 +269,7 @@ std::string explanation(NoReference reason) {
     case NoReference::first_frame:
       return "no reference: the first frame";
     case NoReference::gap:
-      return "no reference: the frame before is older than max_reference_age";
+      return "no reference: the previous frame is older than max_reference_age";
     case NoReference::stamp_went_back:
       return "no reference: the stamp went back";
     case NoReference::size_changed:

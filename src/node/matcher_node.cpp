@@ -16,12 +16,12 @@ int main(int argc, char** argv) {
                                     ros::names::getRemappings(), nodelet::V_string());
     if (!loaded) {
       ROS_FATAL(
-          "nodelet ktgp_orb/matcher does not start; if no reason stands above: is the "
-          "workspace sourced?");
+          "nodelet ktgp_orb/matcher does not start; if no reason is given above: is "
+          "the workspace sourced?");
       return 1;
     }
     ros::spin();
-  } catch (const std::exception& /*said by the nodelet itself*/) {
+  } catch (const std::exception& /*reported by the nodelet*/) {
     return 1;
   }
   return 0;

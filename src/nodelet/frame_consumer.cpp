@@ -111,7 +111,7 @@ void FrameConsumer::subscribe() {
         if (message->rectified && !std::exchange(said_rectified_, true)) {
           NODELET_WARN(
               "the homographies on %s are of rectified images: they fit %s only if its "
-              "images are those",
+              "images are rectified, too",
               homography_topic_.c_str(), image_topic_.c_str());
         }
         monitor_.homographyArrived(message->status == MatchStatus::STATUS_OK);

@@ -98,7 +98,7 @@ std::string InputWatch::askMaster() const {
     }
     return problem;
   }
-  std::string problem = "nobody publishes " + name + ": is the topic name right?";
+  std::string problem = "no node publishes " + name + ": is the topic name right?";
   if (type_ != kImage) return problem;
   for (const std::string other : {"raw", "compressed"}) {
     const std::string sibling = other == "raw" ? topic_ : topic_ + "/" + other;

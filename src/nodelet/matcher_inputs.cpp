@@ -132,7 +132,7 @@ void MatcherNodelet::referenceArrived(const sensor_msgs::ImageConstPtr& image) {
     configuration.reference_image = none ? file_reference_ : image;
   });
   if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
-    NODELET_WARN("a reference came on %s; it counts when reference_mode is fixed",
+    NODELET_WARN("a reference arrived on %s; it is used when reference_mode is fixed",
                  reference_sub_.getTopic().c_str());
   }
 }

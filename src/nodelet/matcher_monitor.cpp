@@ -216,7 +216,7 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   level = DiagnosticStatus::OK;
   if (!listening_) return "idle: no subscriber on any output";
   if (paused_) return "paused";
-  if (clock_stands_) return "the clock stands: a paused bag, or nobody publishes /clock";
+  if (clock_stands_) return "the clock stands: a paused bag, or /clock has no publisher";
   if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
   level = DiagnosticStatus::ERROR;
   if (counts.arrived == 0) return noneOn("image", topic_, input_trouble_);
@@ -251,7 +251,7 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.add("images", total_.arrived);
   report.add("dropped", total_.dropped);
   report.add("lost on the way", total_.lost);
-  report.add("skipped for max_rate", total_.skipped);
+  report.add("skipped because of max_rate", total_.skipped);
   report.add("refused", total_.refused);
   report.add("last error", last_error_);
 }
@@ -277,7 +277,7 @@ std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& 
     return std::string(counts.ok == 0 ? "no homography found: " : "few homographies found: ") +
            toString(last_failure_);
   }
-  return counts.ok == 0 ? "no homography found, and none is asked for" : "homographies found";
+  return counts.ok == 0 ? "no homography found, and no output wants one" : "homographies found";
 }
 
 void MatcherMonitor::reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report) {
@@ -303,7 +303,7 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
       counts.matched > 0 ? counts.latency_sum / static_cast<double>(counts.matched) : 0.0;
   if (clock_is_missing_ && listening_) {
     report.summary(DiagnosticStatus::WARN,
-                   "use_sim_time is set, and nobody publishes /clock: the latency is not known");
+                   "use_sim_time is set, and /clock has no publisher: the latency is not known");
   } else if (std::abs(mean) > kImplausibleLatency) {
     report.summary(
         DiagnosticStatus::WARN,
@@ -311,7 +311,7 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
   } else {
     const unsigned char level = levelOf(counts.latency_max, limits_.max_latency);
     report.summary(level,
-                   level == DiagnosticStatus::OK ? "results are in time" : "results are late");
+                   level == DiagnosticStatus::OK ? "results are on time" : "results are late");
   }
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
   report.addf("maximum (ms)", "%.2f", 1e3 * counts.latency_max);

@@ -55,7 +55,7 @@ bool MatcherNodelet::setReference(Trigger::Request& /*request*/, Trigger::Respon
   response.success = response.message.empty();
   if (!response.success) return true;
   requests_.fix_reference_after = arrivals_;
-  response.message = "the next image to arrive becomes the fixed reference";
+  response.message = "the next image becomes the fixed reference";
   return true;
 }
 
@@ -64,7 +64,7 @@ std::string MatcherNodelet::whyNoReferenceCanBeSet() {
   if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
     return "reference_mode is not fixed; set it first";
   }
-  if (paused_) return "paused: no image is looked at; call resume first";
+  if (paused_) return "paused: images are ignored; call resume first";
   if (!listening_) return "idle: no image is received, since no output has a subscriber";
   return "";
 }

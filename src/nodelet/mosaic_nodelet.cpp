@@ -195,9 +195,9 @@ void MosaicNodelet::reportMap() {
   monitor_.setValue("keyframes", std::to_string(mosaic_.keyframes()));
   monitor_.setValue("maps begun", std::to_string(mosaic_.maps()));
   const bool full = mosaic_.full();
-  monitor_.setWarning(full ? "the mosaic is full (max_megapixels): it grows no further" : "");
+  monitor_.setWarning(full ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
   if (full && !said_full_) {
-    NODELET_WARN("the mosaic has reached max_megapixels (%.1f) and grows no further",
+    NODELET_WARN("the mosaic has reached max_megapixels (%.1f) and does not grow any more",
                  current_.max_megapixels);
   }
   said_full_ = full;
@@ -260,11 +260,11 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
 
 std::string MosaicNodelet::whyEmpty() {
   if (!isSubscribed()) return "lazy is on, and no output has a subscriber: no image is received";
-  if (monitor_.images() == 0) return "no image has come on " + image_topic_;
+  if (monitor_.images() == 0) return "no image has arrived on " + image_topic_;
   if (monitor_.homographies() == 0) {
-    return "no homography has come on " + homography_topic_ + ": does the matcher run?";
+    return "no homography has arrived on " + homography_topic_ + ": is the matcher running?";
   }
-  return "of " + std::to_string(monitor_.images()) + " images none was placed; " +
+  return "of " + std::to_string(monitor_.images()) + " images, none was placed; " +
          std::to_string(monitor_.found()) + " of " + std::to_string(monitor_.homographies()) +
          " homographies were found";
 }

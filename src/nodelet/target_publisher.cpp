@@ -72,7 +72,7 @@ std::string TargetPublisher::problem() const {
   const bool pose = isPoseWanted(now);
   if (!pose && outline_pub_.getNumSubscribers() == 0) return "";
   if (!now.fixed()) {
-    return "the target is not looked for: reference_mode is " + now.mode + ", not fixed";
+    return "the target is not searched: reference_mode is " + now.mode + ", not fixed";
   }
   if (pose && now.width <= 0.0) return "the target has no pose: target_width is not set";
   const Lock lock(mutex_);

@@ -226,18 +226,18 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
           ->type_name("FILE")
           ->group(group);
   app.add_option("--stabilizer_strength", views.stabilizer.strength,
-                 "quicker motion is shake and is taken out [s]")
+                 "faster motion is shake and is removed [s]")
       ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
       ->capture_default_str()
       ->needs(video)
       ->group(group);
-  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames that are waited for")
+  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames to wait for")
       ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
       ->capture_default_str()
       ->needs(video)
       ->group(group);
   app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
-                 "share of width and height cut off at each border")
+                 "share of width and height to cut off at each border")
       ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
       ->capture_default_str()
       ->needs(video)
@@ -251,16 +251,17 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
   CLI::Option* const map =
       app.add_option(
              "--mosaic", views.mosaic,
-             "write a picture (png) of all that was seen; where the map breaks off, after a cut "
-             "for example, the next one is in FILE-2, and so on")
+             "write the mosaic as a picture (png); further maps, after a cut for example, are in "
+             "FILE-2 and so on")
           ->type_name("FILE")
           ->group(group);
   app.add_option("--mosaic_keyframes", views.map.keyframes,
-                 "place frames by keyframes; false: by the homographies alone")
+                 "place frames by matches to keyframes; false: by the homographies alone")
       ->capture_default_str()
       ->needs(map)
       ->group(group);
-  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels, "it grows no further")
+  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels,
+                 "size at which the map stops growing")
       ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
       ->capture_default_str()
       ->needs(map)
@@ -275,7 +276,7 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
 /// Options that would be accepted without effect.
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   const std::string pose = "ktgp_bag writes no pose; the node publishes it";
-  const std::string diagnostics = "it is of the node's diagnostics, and here are none";
+  const std::string diagnostics = "it is for the diagnostics of the node";
   std::map<std::string, std::string> idle{
       {"target_width", pose},
       {"target_frame", pose},
@@ -287,20 +288,20 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
       {"max_latency", diagnostics},
       {"min_ok_ratio", diagnostics},
       {"error_factor", diagnostics},
-      {"max_pair_megapixels", "it is of the node's service match_pair"}};
+      {"max_pair_megapixels", "it is for the service match_pair of the node"}};
   if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
-    idle["reference_image"] = "it is looked at with --reference_mode fixed";
+    idle["reference_image"] = "it is used only with --reference_mode fixed";
   }
   if (parameters.reference_mode != "keyframe") {
     for (const char* name : {"keyframe_min_overlap", "keyframe_min_inliers"}) {
-      idle[name] = "it is looked at with --reference_mode keyframe";
+      idle[name] = "it is used only with --reference_mode keyframe";
     }
   }
-  if (!parameters.overlay) idle["overlay_style"] = "it is looked at with --overlay";
+  if (!parameters.overlay) idle["overlay_style"] = "it is used only with --overlay";
   for (const auto& [name, reason] : idle) {
     if (app.get_option("--" + name)->count() == 0) continue;
     std::string text = "--" + name;
-    text.append(" has no effect: ").append(reason).append("; expected it to be left out");
+    text.append(" has no effect: ").append(reason).append("; leave it out");
     throw std::invalid_argument(text);
   }
   if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
@@ -313,10 +314,11 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN.bag", arguments.in, "bag to read")->required()->check(CLI::ExistingFile);
   app.add_option("OUT.bag", arguments.out, "bag to write")->required();
   app.add_option("--topic", arguments.selection.topic,
-                 "image topic in IN.bag, raw or compressed; not needed where there is one only");
-  app.add_option("--start", arguments.selection.start, "begin this long after the bag does [s]")
+                 "image topic in IN.bag, raw or compressed; not needed if there is only one");
+  app.add_option("--start", arguments.selection.start,
+                 "start this long after the start of the bag [s]")
       ->check(tools::numberIn({0.0, 1e9}));
-  app.add_option("--duration", arguments.selection.duration, "use only this much of it [s]")
+  app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
                  "namespace of the output topics; without it: matcher beside the image topic");
@@ -334,11 +336,10 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Matches the images of a bag as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
-  app.footer(
-      std::string("Of the parameters, threads is the number of images worked on at a time, and "
-                  "overlay\nstands for a subscriber of matches_image; both defaults differ from "
-                  "the nodelet's.\n\n") +
-      tools::kExitCodes + "\nAfter 1 and 130 OUT.bag holds what could be used until then.");
+  app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
+                         "overlay\ndraws matches_image; both defaults differ from those of the "
+                         "nodelet.\n\n") +
+             tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments.parameters);
   arguments.views.force = arguments.force;

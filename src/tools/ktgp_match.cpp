@@ -31,7 +31,7 @@ constexpr const char* kExamples =
     "  ktgp_match img1.ppm img4.ppm --ground-truth H1to4p     errors against the known homography\n"
     "  ktgp_match a.png b.png --draw matches.png --csv matches.csv --json result.json\n"
     "  ktgp_match a.png b.png --gms_rotation --gms_scale      the camera rolled or zoomed\n"
-    "  ktgp_match a.png b.png --T_w 0.8                       few matches? let more through\n"
+    "  ktgp_match a.png b.png --T_w 0.8                       for few matches: keep more of them\n"
     "\n"
     "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
@@ -303,7 +303,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("B", arguments.target, "target image")->required();
   file("--ground-truth", arguments.ground_truth,
        "the true homography A -> B, nine numbers as text: adds errors to the table");
-  file("--json", arguments.json, "write everything that is known about the pair");
+  file("--json", arguments.json, "write all results for the pair");
   file("--csv", arguments.csv, "write a row per nearest neighbour, with the last stage it passed");
   file("--draw", arguments.draw,
        "write both images side by side: yellow = final match, purple = removed by PROSAC, "

@@ -69,7 +69,7 @@ TEST(Parameters, SayWhereTheRatioThresholdIsAnotherDescriptors) {
   EXPECT_EQ(noteOnRatioThreshold(0.8, "teblid"), "");
   EXPECT_EQ(noteOnRatioThreshold(1.0, "teblid"), "");
   EXPECT_EQ(noteOnRatioThreshold(0.66, "teblid"),
-            "T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured (doc/tuning.md)");
+            "T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better (doc/tuning.md)");
 }
 
 TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {

@@ -141,7 +141,7 @@ COMMANDS = {
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
-              'waits for /camera/matcher/match; nobody publishes it'),
+              'waits for /camera/matcher/match; no node publishes it'),
 
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',

@@ -237,7 +237,7 @@ class BagTest(unittest.TestCase):
 
     def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
         cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
-                 (__file__, '/camera/image_raw', 'is no bag of format 2.0'),
+                 (__file__, '/camera/image_raw', 'is not a bag of format 2.0'),
                  ('/no/such.bag', '/camera/image_raw', 'does not exist'))
         for bag, topic, words in cases:
             run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)

@@ -38,12 +38,12 @@ class ClockTest(unittest.TestCase):
             wait_until(said, '%s says "%s"' % (task, words))
 
         # No clock at all.
-        says('latency', WARN, 'nobody publishes /clock')
+        says('latency', WARN, '/clock has no publisher')
         says('matcher: matcher', OK, 'homographies found')
         self.assertEqual({m.latency_milliseconds for m in statistics.messages()}, {0.0})
         # Nothing comes from the topic that the stabilizer was given.
         says('stabilizer: frames', WARN, 'no homography on /camera/matcher/nowhere')
-        words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): nobody publishes '
+        words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): no node publishes '
                  '/camera/matcher/nowhere: is the topic name right?')
         wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)
         # A clock that began and stands: nothing is amiss.

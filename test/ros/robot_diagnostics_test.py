@@ -79,7 +79,7 @@ class DiagnosticsTest(unittest.TestCase):
         values = self.wait_for('input', OK, 'images arrive')
         self.assertEqual(values['topic'], '/camera/image_raw')
         self.wait_for('matcher', OK, 'homographies found')
-        self.wait_for('latency', OK, 'results are in time')
+        self.wait_for('latency', OK, 'results are on time')
 
     def test_rate(self):
         self.configure(min_input_rate=40.0)  # 20 arrive: below the limit, not below a quarter

@@ -60,7 +60,7 @@ class StartupTest(unittest.TestCase):
 
     def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
         # Nobody wants its results, so it subscribes to nothing: it asks the master.
-        expected = 'nobody publishes /other/nothing_here: is the topic name right?'
+        expected = 'no node publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
 
     def test_compressed_images_on_the_wrong_topic_are_named_with_the_way_out(self):
@@ -69,7 +69,7 @@ class StartupTest(unittest.TestCase):
         expected = (
             '/left/picture is of type sensor_msgs/CompressedImage; expected sensor_msgs/Image, or '
             'the topic without its last part and that as image_transport',
-            'nobody publishes /right/picture: is the topic name right? There is '
+            'no node publishes /right/picture: is the topic name right? There is '
             '/right/picture/compressed, for image_transport compressed')
         output = output_of_launch('multi_camera.launch', 'cameras:=left right', 'image:=picture',
                                   until=expected, namespaces=['/left', '/right'])
@@ -104,7 +104,7 @@ class StartupTest(unittest.TestCase):
             return found[0]
         self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
         self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
-        note = 'T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured'
+        note = 'T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better'
         self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):

@@ -240,7 +240,7 @@ class BagOutput(OutputCase):
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--start", 0.09, "--duration", 0.1)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn("3 images", run.stderr)
-        self.refused("ktgp_bag", self.bag, "no.bag", "--start", "60", words="in the time asked for")
+        self.refused("ktgp_bag", self.bag, "no.bag", "--start", "60", words="in the selected time")
         for value in ("nan", "-1", "x"):
             for option in ("--start", "--duration"):
                 self.refused("ktgp_bag", self.bag, "no.bag", f"{option}={value}", words=option)
@@ -266,7 +266,7 @@ class BagOutput(OutputCase):
                 error = process.communicate(timeout=60)[1]
                 self.assertTrue(stopped_in_time)
                 self.assertEqual(process.returncode, 2, error)
-                self.assertIn("was written by something else meanwhile", error)
+                self.assertIn("was written by another program meanwhile", error)
                 self.assertEqual((self.folder / name).read_text(), "mine")
 
     def test_of_two_runs_to_one_output_one_fails(self):
