@@ -30,7 +30,7 @@ class ConsumerMonitor {
   void setParameterError(const std::string& error);
   /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
-  /// What keeps images and homographies away; empty: nothing that is known.
+  /// Why images and homographies are missing; empty: not known.
   void setTroubles(const std::string& of_images, const std::string& of_homographies);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);

@@ -10,7 +10,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing comes
+constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing arrives
 const char* const kImage = "sensor_msgs/Image";
 const char* const kCompressed = "sensor_msgs/CompressedImage";
 
@@ -77,7 +77,8 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
   const std::string before = std::exchange(trouble_, askMaster());
   if (std::exchange(said_, true) && trouble_ == before) return "";
-  // For want of subscribers nothing comes either, but a wrong topic name should show all the same.
+  // An idle publisher explains missing messages, but a wrong topic name should be reported all the
+  // same.
   if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +

@@ -46,7 +46,7 @@ class MatcherMonitor {
   void setReferenceProblem(const std::string& problem);
   /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
-  /// What keeps images away; empty: nothing that is known.
+  /// Why images are missing; empty: not known.
   void setInputTrouble(const std::string& trouble);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);

@@ -19,7 +19,7 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
-/// A double where an int is declared: dynamic_reconfigure would cut it off without a word.
+/// A double for an int parameter: dynamic_reconfigure would truncate it without a message.
 [[noreturn]] void refusePoint(const std::string& parameter, double number) {
   std::ostringstream digits;
   digits.precision(15);

@@ -147,7 +147,7 @@ PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
 }
 
 void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
-  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // there is no target
+  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // no target found
   std::string problem;
   try {
     const PixelCamera camera = cameraOf(messages, settings);

@@ -1,4 +1,5 @@
-// The table of parameters against the core: the same defaults, and limits that the core has.
+// Compares the table of parameters with the core: the same defaults, and ranges within the core's
+// limits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Whether the core takes these values.
+/// Whether the core accepts these values.
 bool coreTakes(const Parameters& parameters) {
   try {
     const PipelineOptions options = pipelineOptions(parameters);

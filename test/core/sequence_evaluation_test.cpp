@@ -22,7 +22,7 @@ cv::Mat world() {
   return image;
 }
 
-/// What a camera sees that is `i` steps of (3, 2) px along.
+/// The camera's view after `i` steps of (3, 2) px.
 cv::Mat view(const cv::Mat& world, int i) {
   return world(cv::Rect(3 * i, 2 * i, kWidth, kHeight)).clone();
 }
