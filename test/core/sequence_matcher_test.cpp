@@ -92,8 +92,7 @@ TEST(SequenceMatcher, TheTimeOfExtractionIsInMilliseconds) {
   OrbExtractor extractor;
   Frame frame;
   frame.image = view(0);
-  double share =
-      0.0;  // share of the call's own time; nearly all, unless every repetition was interrupted
+  double share = 0.0;  // of the call's time; nearly all, unless each repetition was interrupted
   for (int i = 0; i < 20; ++i) {
     const auto start = std::chrono::steady_clock::now();
     extractFeatures(extractor, frame);

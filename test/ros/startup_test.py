@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What a user is told at start: wrong topic, wrong parameter, misspelt parameter."""
+"""Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
 import subprocess
 import sys
@@ -16,14 +16,14 @@ from sensor_msgs.msg import CompressedImage
 
 
 def output_of_node(*parameters, until, look=lambda: None):
-    """Runs a second matcher until it has said all of `until`, then looks; what it said."""
+    """Runs a second matcher until it has printed all of `until`; returns its output."""
     return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
                             namespaces=['/other'], look=look)
 
 
 def output_of_launch(*arguments, until, namespaces, look=lambda: None):
-    """What is said is read from the output itself: on /rosout it is lost before the subscription is
-    connected."""
+    """Reads the messages from the output: on /rosout, those before the subscription is connected
+    are lost."""
     process = subprocess.Popen(
         ['roslaunch', 'ktgp_orb'] + list(arguments),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
@@ -59,7 +59,7 @@ class StartupTest(unittest.TestCase):
         wait_until(warning, 'the topic is named in a warning')
 
     def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
-        # Nobody wants its results, so it subscribes to nothing: it asks the master.
+        # Its results have no subscriber, so it subscribes to nothing: it asks the master.
         expected = 'no node publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
 

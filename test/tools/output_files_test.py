@@ -1,5 +1,5 @@
-"""No program destroys a file or calls a failure a success: ktgp_match, ktgp_evaluate and, where they
-are built, ktgp_bag and make_demo_bag from outside."""
+"""No program destroys a file or reports a failure as success: runs ktgp_match, ktgp_evaluate and, if
+they are built, ktgp_bag and make_demo_bag."""
 import json
 import os
 import pathlib
@@ -16,7 +16,7 @@ WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
 
 def small_files(limit):
-    """For preexec_fn: writing a file beyond so many bytes fails, as on a full disk."""
+    """For preexec_fn: writing a file beyond this size fails, as on a full disk."""
     def apply():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -47,7 +47,7 @@ class OutputCase(ToolCase):
         return {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
 
     def refused(self, tool, *arguments, words, preexec=None):
-        """It ends with 2, says why in a line, and has neither changed nor left a file."""
+        """It ends with 2 and one line with the reason, and has neither changed nor left a file."""
         before = self.contents()
         run = self.run_with(tool, *arguments, preexec=preexec)
         self.assertEqual(run.returncode, 2, (arguments, run.stdout, run.stderr))
@@ -322,7 +322,7 @@ class BagOutput(OutputCase):
                      words="there is no reference")
         (self.folder / "node.yaml").write_text("target_width: 1.0\nmax_latency: 1.0\n")
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
-        self.assertEqual(run.returncode, 0, run.stderr)  # what a node had is no mistake
+        self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
