@@ -140,7 +140,7 @@ void StabilizerNodelet::follow(const HomographyStamped& message) {
     due_.push_back(frame);
     if (frame.starts_anew) ++restarts_;
   }
-  monitor_.setValue("starts anew", std::to_string(restarts_));
+  monitor_.setValue("restarts", std::to_string(restarts_));
 }
 
 // Over a network an image may arrive after its homography: wait for it until a newer one arrives. A

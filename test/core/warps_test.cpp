@@ -304,7 +304,7 @@ TEST(Warp, EveryPictureIsSeenCleanAndDegraded) {
   }
   Dataset dataset;
   addWarps("small", {folder.string(), "nowhere.png"}, 36, 1, dataset);
-  EXPECT_EQ(dataset.pairs.size(), 36u) << "a folder stands for its images";
+  EXPECT_EQ(dataset.pairs.size(), 36u) << "a folder means its images";
   ASSERT_EQ(dataset.problems.size(), 1u);
   EXPECT_NE(dataset.problems[0].find("nowhere.png"), std::string::npos);
   fs::remove_all(folder);

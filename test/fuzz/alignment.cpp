@@ -78,7 +78,7 @@ void run(Input& in) {
   alignment.align(reference, target, pairs, start, result);
   if (h.allFinite()) require(result.homography.allFinite(), "H is finite");
   if (result.status != AlignmentStatus::ok && result.status != AlignmentStatus::not_run) {
-    require(!h.allFinite() || result.homography == h, "H is the one handed in unless ok");
+    require(!h.allFinite() || result.homography == h, "H is the given one unless ok");
   }
   require(result.tried <= static_cast<std::size_t>(options.points),
           "no more points than asked for");

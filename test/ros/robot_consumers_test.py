@@ -62,7 +62,7 @@ class ConsumersTest(unittest.TestCase):
             wait_until(lasting, 'diagnostics say for a while ' + expected)
             said = [m for m in self.log.messages() if m.name == '/manager' and why[kind] in m.msg and
                     m.file.endswith('image_nodelet.cpp')]
-            # In one manager both consumers of the topic speak.
+            # In one manager both consumers of the topic report.
             self.assertEqual(len(said), 2, [m.msg for m in said])
         check_each(['stabilizer_of_a_name', 'stabilizer_of_a_type', 'mosaic_of_a_name',
                     'mosaic_of_a_type'], check)

@@ -262,7 +262,7 @@ class PoseTest(unittest.TestCase):
         picture = cv2.imread(os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..',
                                           'doc', 'mosaic.jpg'), cv2.IMREAD_GRAYSCALE)
         size = picture.shape[1], picture.shape[0]
-        # Nobody looked until now: without camera_info there is no pose, and that is said.
+        # The first subscriber: without camera_info there is no pose, with a message.
         wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
                    self.said('no camera_info on /poster/camera_info'), 'the log says what misses')
         self.wait_for_diagnostics('no camera_info on /poster/camera_info')

@@ -105,14 +105,14 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   EXPECT_EQ(sendNumbered(71), 0U);
   EXPECT_EQ(sendNumbered(75), 3U);
   EXPECT_EQ(sendNumbered(76), 3U);
-  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher began anew";
+  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher restarted";
   EXPECT_EQ(sendNumbered(7), 4U);
   call("pause");
   const sensor_msgs::ImageConstPtr unseen = numbered(9);
   publisher_.publish(unseen);
   ASSERT_TRUE(waitUntil([&] { return unseen.use_count() == 1; })) << "it arrives";
   call("resume");
-  EXPECT_EQ(sendNumbered(10), 4U) << "what is lost while it is paused is missed by nobody";
+  EXPECT_EQ(sendNumbered(10), 4U) << "images lost while paused do not count";
   EXPECT_EQ(sendNumbered(4000000), 4U) << "another counter";
   EXPECT_EQ(sendNumbered(0), 4U);
   EXPECT_EQ(sendNumbered(0), 4U) << "a publisher that does not count";

@@ -150,10 +150,10 @@ class StabilizerTest(unittest.TestCase):
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
         self.send(view(304, 300))
-        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['starts anew'])
+        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['restarts'])
         self.send(np.full((480, 640), 90, np.uint8))
-        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
+        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
         self.send(view(308, 300))
         self.send(np.full((240, 320), 90, np.uint8))
         self.assertEqual(self.send(view(312, 300)).width, 640)
@@ -182,8 +182,8 @@ class StabilizerTest(unittest.TestCase):
         homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         self.addCleanup(homographies.close)
         self.send(view(300, 300))
-        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['starts anew'])
+        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['restarts'])
         self.images.close()
         self.warps.close()
         wait_until(lambda: 'no subscriber' in self.report()[0], 'the stabilizer sleeps')
@@ -192,7 +192,7 @@ class StabilizerTest(unittest.TestCase):
         wait_until(self.images.publishers, 'the image is connected')
         wait_until(lambda: 'no subscriber' not in self.report()[0], 'the stabilizer is awake')
         warm_up(self.camera, self.images)
-        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
+        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
 
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()
