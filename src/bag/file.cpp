@@ -13,7 +13,7 @@ constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are descr
 
 const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
                                            Operation::chunk_info, Operation::connection};
-/// Name for a message outside a chunk.
+/// Kinds of records outside chunks.
 const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
 

@@ -184,7 +184,7 @@ TEST(GmsFilter, PassesAllWhereItIsSwitchedOff) {
 }
 
 TEST(GmsFilter, SwappedSizesChangeTheAnswer) {
-  // The size comes only from Features: a caller who swaps it gets the documented result.
+  // The size comes only from Features: swapped sizes give another result.
   Problem problem = perfectMotion(0, 1.0, 3);
   problem.target.image_size = {800, 400};
   std::vector<Correspondence> matches = problem.matches;
