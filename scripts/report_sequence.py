@@ -34,7 +34,7 @@ def add_sequence(document, measured):
         document.text("The bag has no true homographies, so there is no drift to show.")
         return
     window = measured["drift_window"]
-    over = f"over {window} frames, then begun anew" if window else "over the whole sequence"
+    over = f"over {window} frames, then restarted" if window else "over the whole sequence"
     document.picture("sequence_error.svg", "Corner error of each frame's homography, px",
                      plots.lines([f["time"] for f in known],
                                  {"corner error": [f["corner_error"] for f in known]}, "s", "px"))

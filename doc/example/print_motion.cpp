@@ -1,8 +1,9 @@
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ros/ros.h>
 
 void print(const ktgp_orb::HomographyStamped& h) {
-  if (h.status != h.STATUS_OK) return;  // there is no homography; status and reason say why
+  if (h.status != ktgp_orb::MatchStatus::STATUS_OK) return;  // see h.status and h.reason
   ROS_INFO("the top-left pixel moved by %.2f, %.2f px", h.homography[2], h.homography[5]);
 }
 

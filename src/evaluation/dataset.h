@@ -10,26 +10,26 @@
 
 namespace ktgp_orb::tools {
 
-/// A place in the reference and where the target shows it, px.
+/// A point of the reference and its position in the target, px.
 struct AnnotatedPoint {
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
 };
 
-/// Two images of which the truth is known.
+/// Two images with known truth.
 struct ImagePair {
   std::string set;   ///< e.g. "leuven"
   std::string name;  ///< e.g. "1-2"
   std::string reference;
   std::string target;
   Eigen::Matrix3d homography;  ///< reference to target, px
-  /// Where present, the truth: `homography` is fitted to them.
+  /// If present, the truth; `homography` is then fitted to the points.
   std::vector<AnnotatedPoint> points{};
-  /// Where present, both images are rendered from the picture `reference`, which is also `target`.
+  /// If present, both images are rendered from the picture `reference`, which is also `target`.
   std::optional<Warp> warp{};
 };
 
-/// What could be used and what could not.
+/// The usable pairs, and the problems of the others.
 struct Dataset {
   std::vector<ImagePair> pairs;
   std::vector<std::string> problems;  ///< one line each, beginning with the file's name

@@ -18,7 +18,7 @@ using util::Random;
 
 constexpr double kDegree = kPi / 180.0;
 constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
-constexpr double kShown = 0.85;              // of the picture by the reference view
+constexpr double kShown = 0.85;              // share of the picture in the reference view
 const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
 
 double uniform(Random& random, double low, double high) {
@@ -35,8 +35,8 @@ Eigen::Matrix3d translation(const Eigen::Vector2d& t) {
   return m;
 }
 
-/// The reference camera looks straight at a plane; the target camera sees it turned, tilted and
-/// through another focal length. What is drawn is drawn in the order of the declarations.
+/// The reference camera looks straight at a plane; the target camera sees it rotated, tilted and
+/// with another focal length. The random values are drawn in the order of the declarations.
 Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
   const double rotation = uniform(random, -limits.rotation, limits.rotation) * kDegree;
   const double zoom = logUniform(random, 1.0 / limits.zoom, limits.zoom);
@@ -79,7 +79,7 @@ void degrade(const Degradation& d, cv::Mat& view) {
   view += noise;
 }
 
-/// The largest part of the reference view's proportions, times kShown, around the middle.
+/// The largest part with the proportions of the reference view, times kShown, around the middle.
 Eigen::Matrix3d pictureFromReference(const cv::Size& picture) {
   const double scale =
       kShown * std::min(picture.width / double{kWarpWidth}, picture.height / double{kWarpHeight});
@@ -105,7 +105,7 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
 }
 
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
-  // Two neighbouring seeds of SplitMix64 would share their numbers but for a shift: one more step.
+  // Two neighbouring seeds of SplitMix64 give the same numbers, shifted: draw once more.
   Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
   Warp warp;
   warp.homography = drawHomography(limits, random);

@@ -15,7 +15,7 @@ namespace {
 
 using util::imagePoint;
 
-// The messages' constants and the core's enumerators are one numbering.
+// The constants of the messages and the enumerators of the core have the same numbers.
 static_assert(int(Status::ok) == MatchStatus::STATUS_OK, "");
 static_assert(int(Status::no_reference) == MatchStatus::STATUS_NO_REFERENCE, "");
 static_assert(int(Status::too_few_features) == MatchStatus::STATUS_TOO_FEW_FEATURES, "");
@@ -115,9 +115,9 @@ void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
 }
 
-/// Where the message has the correspondence of an aligned point; nothing where it is a guided match
-/// that does not agree with the aligned homography. The guided ones stand from place `guided` on.
-/// Both parts are in the order of the target's keypoints.
+/// Index in the message of an aligned point's correspondence; empty for a guided match that
+/// disagrees with the aligned homography. Guided matches begin at index `guided`. Both parts are in
+/// the order of the target's keypoints.
 std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
                                      const Correspondences& message) {
   const auto target = static_cast<std::uint32_t>(point.target_index);
@@ -148,7 +148,7 @@ void appendAligned(const AlignmentResult& alignment, std::size_t guided, Corresp
   }
 }
 
-/// Every correspondence that passed the ratio filter, with the level it reached.
+/// Every correspondence that passed the ratio filter, with its level.
 CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const SequenceMatch& match) {
   const Frame& reference = *match.reference;
   const Frame& target = *match.frame;
@@ -269,7 +269,7 @@ std::string explanation(NoReference reason) {
     case NoReference::first_frame:
       return "no reference: the first frame";
     case NoReference::gap:
-      return "no reference: the frame before is older than max_reference_age";
+      return "no reference: the previous frame is older than max_reference_age";
     case NoReference::stamp_went_back:
       return "no reference: the stamp went back";
     case NoReference::size_changed:
@@ -312,7 +312,7 @@ MatchPtr toMatch(const FrameMessages& messages) {
 
 namespace {
 
-/// The image of the frame, in the pixels that its keypoints are in.
+/// The image of the frame in the pixels of its keypoints.
 cv::Mat shown(const Frame& frame) {
   if (!frame.lens) return frame.image;
   cv::Mat rectified;

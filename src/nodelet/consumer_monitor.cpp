@@ -126,7 +126,7 @@ void ConsumerMonitor::summarise(diagnostic_updater::DiagnosticStatusWrapper& rep
     report.summary(DiagnosticStatus::ERROR, "images refused: " + refusal_);
   } else if (clock_stands_) {
     report.summary(DiagnosticStatus::OK,
-                   "the clock stands: a paused bag, or nobody publishes /clock");
+                   "the clock stands: a paused bag, or /clock has no publisher");
   } else if (!mixture_.empty()) {
     warn(mixture_);
   } else if (silent_images_ > kPatience) {
@@ -135,7 +135,7 @@ void ConsumerMonitor::summarise(diagnostic_updater::DiagnosticStatusWrapper& rep
     warn(noneOn("homography", homography_topic_,
                 homography_trouble_.empty() ? "does the matcher run?" : homography_trouble_));
   } else if (last_.forgotten > 0) {
-    warn("images had to go before their homography came: max_memory is too small for them");
+    warn("images were dropped before their homography arrived: max_memory is too small for them");
   } else if (!warning_.empty()) {
     warn(warning_);
   }
@@ -149,7 +149,7 @@ void ConsumerMonitor::report(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("homographies found", total_.found);
   report.add("frames done", total_.done);
   report.add("dropped", total_.dropped);
-  report.add("dropped for max_memory", total_.forgotten);
+  report.add("dropped because of max_memory", total_.forgotten);
   report.add("refused", total_.refused);
   report.add("refused parameters", parameter_error_);
   report.addf("per frame (ms)", "%.2f",

@@ -11,13 +11,13 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr std::uint32_t kHomographies = 100;  // each is a link of a chain: none should be lost
+constexpr std::uint32_t kHomographies = 100;  // each is a link of the chain, so none should be lost
 
 }  // namespace
 
 FrameConsumer::~FrameConsumer() = default;
 
-// First of all the callbacks end.
+// Callbacks must end before anything else.
 void FrameConsumer::stop() {
   for (CallbackThread* queue : {&queue_, &data_queue_, &slow_queue_}) queue->stop();
   inbox_.close();
@@ -64,7 +64,7 @@ ros::NodeHandle FrameConsumer::privateNode(CallbackThread& queue) const {
 }
 
 void FrameConsumer::subscribe() {
-  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // If publisher and subscriber of one process start at the same time, ROS may connect them twice
   // and deliver everything twice.
   image_sub_ = transport_->subscribe(
       "image", queue_size_,
@@ -83,7 +83,7 @@ void FrameConsumer::subscribe() {
         if (message->rectified && !std::exchange(said_rectified_, true)) {
           NODELET_WARN(
               "the homographies on %s are of rectified images: they fit %s only if its "
-              "images are those",
+              "images are rectified, too",
               homography_topic_.c_str(), image_topic_.c_str());
         }
         monitor_.homographyArrived(message->status == MatchStatus::STATUS_OK);
@@ -119,7 +119,7 @@ void FrameConsumer::tick() {
   diagnostics_->force_update();
 }
 
-// The inbox has a quarter of it, and what waits for its homography the rest.
+// A quarter is for the inbox, the rest for images that wait for their homography.
 void FrameConsumer::setMaxMemory(int megabytes) {
   const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
   inbox_.setMostBytes(bytes / 4);
@@ -143,7 +143,7 @@ void FrameConsumer::run() {
       work(*content);
     } catch (const RefusedImage& error) {
       refuse(error.what());
-    } catch (const std::exception& error) {  // out of memory and the like: the next may work
+    } catch (const std::exception& error) {  // out of memory, for example: the next frame may work
       refuse(std::string("frame lost: ") + error.what());
     }
   }

@@ -10,8 +10,8 @@
 namespace ktgp_orb {
 namespace {
 
-// ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
-// zero.
+// ROS_*_THROTTLE does not fit: it is shared by all nodelets of a process, and silent while ROS time
+// is zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
 
 using Lock = std::lock_guard<std::mutex>;
@@ -22,7 +22,7 @@ void ImageNodelet::onInit() {
   try {
     start();
   } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
+    NODELET_FATAL("%s", error.what());  // the loader catches the exception without a message
     throw;
   }
 }
@@ -91,7 +91,7 @@ bool ImageNodelet::clockStands() {
 
 void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arrived,
                          std::uint32_t publishers) {
-  // A paused bag is no broken camera; a clock that never began is.
+  // A paused bag is not a broken camera; a clock that never started is an error.
   if (clock_stands_ && !clockIsMissing()) return;
   const std::string warning = watch.tick(subscribed, arrived, publishers);
   if (!warning.empty()) NODELET_WARN("%s", warning.c_str());

@@ -18,46 +18,46 @@
 
 namespace ktgp_orb {
 
-/// What all nodelets have in common that take images: they subscribe to their input while an output
-/// is wanted, read the same parameters of the input and say what is wrong with it, with their
-/// parameters and with an image in the same words.
+/// Base of all nodelets that use images: subscribes to the input while an output is wanted, reads
+/// the parameters of the input, and reports problems with the input, the parameters and single
+/// images.
 class ImageNodelet : public nodelet::Nodelet {
  protected:
-  /// Makes everything; what it throws is said in the log and ends the loading.
+  /// Creates everything; an exception is logged and ends the loading.
   virtual void start() = 0;
   /// Whether there is a reason to look at images now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
-  /// Begin and end of the input; connect_mutex_ is locked, subscribed_ is true in between.
+  /// Start and end of the subscriptions; called with connect_mutex_ locked.
   virtual void subscribe() = 0;
   virtual void unsubscribe() = 0;
 
-  /// Subscribes or unsubscribes as is wanted now; nothing before connect().
+  /// Subscribes or unsubscribes as needed; does nothing before connect().
   void connectionsChanged();
-  /// Calls `advertise`, then lets subscribers decide what is subscribed. An early subscriber does
-  /// not find half of the outputs.
+  /// Calls `advertise`; from then on subscribers decide what is subscribed. It is locked until all
+  /// outputs exist, so that an early subscriber does not find only some.
   void connect(const std::function<void()>& advertise);
-  /// Ends the input; connectionsChanged() does nothing any more.
+  /// Ends the subscriptions; connectionsChanged() then does nothing.
   void disconnect();
   bool isSubscribed();
 
-  /// Reads the topic, the transport and the queue size, once: what is set later cannot fail in the
-  /// middle of the work. Throws where the transport is not installed.
+  /// Reads the topic, the transport and the queue size once, at start, so that a later change
+  /// cannot fail during the work. Throws if the transport is not installed.
   void openInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size);
-  /// Throws for parameters at the start that are out of their range; names unknown ones in the log.
+  /// Throws for initial parameters that are out of their range; logs unknown ones.
   template <typename Config>
   void checkParameters(const ros::NodeHandle& private_node) {
     requireAllInRange<Config>(private_node);
     sayUnknown(unknownParameters<Config>(private_node));
   }
-  /// Says in the log why an image is refused, not too often. One thread at a time.
+  /// Logs why an image is refused, with limited frequency. Call it from one thread at a time.
   void sayRefused(const std::string& reason);
-  /// Whether the clock is a simulated one that has not moved since the last call.
+  /// Whether ROS time is simulated and has not moved since the last call.
   bool clockStands();
-  /// Whether the clock is a simulated one that never began.
+  /// Whether ROS time is simulated and its clock never started.
   static bool clockIsMissing() { return ros::Time::isSimTime() && ros::Time::now().isZero(); }
-  /// Warns of an input where nothing comes, but for the time that a clock stands.
+  /// Warns about an input without messages, except while the clock stands.
   void watch(InputWatch& watch, bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
-  /// Says once that several nodes publish the images; the sentence, or empty.
+  /// Reports once that several nodes publish the images; returns the message, or empty.
   std::string watchMixture(std::uint32_t publishers);
 
   std::string image_topic_;
@@ -75,7 +75,7 @@ class ImageNodelet : public nodelet::Nodelet {
 
   bool connected_ = false;
   std::chrono::steady_clock::time_point last_refusal_;
-  ros::Time last_time_;  // as of the last clockStands()
+  ros::Time last_time_;  // at the last clockStands()
   bool clock_stands_ = false;
   bool said_mixture_ = false;
 };

@@ -10,11 +10,11 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing comes
+constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing arrives
 const char* const kImage = "sensor_msgs/Image";
 const char* const kCompressed = "sensor_msgs/CompressedImage";
 
-/// Type of a topic that somebody publishes; empty: nobody does.
+/// Type of a published topic; empty if it has no publisher.
 std::string typeOf(const ros::master::V_TopicInfo& topics, const std::string& name) {
   const auto found = std::find_if(topics.begin(), topics.end(),
                                   [&name](const auto& topic) { return topic.name == name; });
@@ -77,7 +77,8 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
   const std::string before = std::exchange(trouble_, askMaster());
   if (std::exchange(said_, true) && trouble_ == before) return "";
-  // For want of subscribers nothing comes either, but a wrong topic name should show all the same.
+  // An idle publisher explains missing messages, but a wrong topic name should be reported all the
+  // same.
   if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +
@@ -98,7 +99,7 @@ std::string InputWatch::askMaster() const {
     }
     return problem;
   }
-  std::string problem = "nobody publishes " + name + ": is the topic name right?";
+  std::string problem = "no node publishes " + name + ": is the topic name right?";
   if (type_ != kImage) return problem;
   for (const std::string other : {"raw", "compressed"}) {
     const std::string sibling = other == "raw" ? topic_ : topic_ + "/" + other;

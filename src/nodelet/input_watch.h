@@ -5,36 +5,37 @@
 
 namespace ktgp_orb {
 
-/// "no WHAT on TOPIC", and what keeps it away where that is known.
+/// "no WHAT on TOPIC", and the reason if it is known.
 std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
 
-/// Finds out, once a second, that nothing comes on a topic, and says what may be wrong. It asks the
+/// Detects, once a second, that nothing arrives on a topic, and reports likely causes. It asks the
 /// master, which may take long.
 class InputWatch {
  public:
   /// Of images; `transport`: image transport.
   InputWatch(std::string topic, std::string transport);
-  /// Of messages of a type: `what` it is called, "homography" for example.
+  /// For messages of a type; `what`: its name, for example "homography".
   static InputWatch ofMessages(std::string topic, std::string type, std::string what);
 
-  /// `arrived`: messages since the start; `publishers`: of the topic, where subscribed. A warning
-  /// to print, or an empty string: once, and again when what may be wrong changes.
+  /// `arrived`: messages since the start; `publishers`: of the topic, if subscribed. Returns a
+  /// warning to print, or an empty string. Each cause is reported once.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
-  /// What keeps messages away, as the master knew it at last; empty: nothing, or they come.
+  /// Why messages are missing, from the last question to the master; empty: unknown, or they
+  /// arrive.
   const std::string& trouble() const { return trouble_; }
 
-  /// That several nodes publish the topic, whose images are then mixed, and who; empty: one does.
+  /// A message that several nodes publish the topic, with their names; empty if only one does.
   std::string mixture(std::uint32_t publishers) const;
 
  private:
   InputWatch(std::string topic, std::string transport, std::string type, std::string what);
 
-  /// Starts to wait anew.
+  /// Restarts the waiting.
   void restart();
-  /// What the master knows that keeps messages away; empty: nothing.
+  /// What the master knows about the missing messages; empty: nothing.
   std::string askMaster() const;
-  /// The topic as the transport has it.
+  /// The topic that the transport subscribes to.
   std::string wanted() const;
 
   std::string topic_;

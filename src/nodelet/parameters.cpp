@@ -10,8 +10,8 @@
 namespace ktgp_orb {
 namespace {
 
-// Private parameters that are not dynamic: read by image_transport and at start, and what the
-// matcher remembers beyond its end.
+// Private parameters that are not dynamic: those read by image_transport, those read once at start,
+// and those that the matcher stores across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
@@ -19,7 +19,7 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
 }
 
-/// A double where an int is declared: dynamic_reconfigure would cut it off without a word.
+/// A double for an int parameter: dynamic_reconfigure would truncate it without a message.
 [[noreturn]] void refusePoint(const std::string& parameter, double number) {
   std::ostringstream digits;
   digits.precision(15);
@@ -89,7 +89,7 @@ std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
-    // Plugins keep their own parameters below a topic, such as matches_image/compressed.
+    // Plugins have their own parameters below a topic, such as matches_image/compressed.
     if (own.find('/') == std::string::npos && known.count(own) == 0) unknown.push_back(name);
   }
   return unknown;

@@ -51,7 +51,7 @@ TargetPublisher::Settings TargetPublisher::settings() const {
   return settings_;
 }
 
-// Nobody can tell who looks at tf.
+// Listeners of tf are unknown.
 bool TargetPublisher::isPoseWanted(const Settings& settings) const {
   return pose_pub_.getNumSubscribers() > 0 || !settings.frame.empty();
 }
@@ -66,7 +66,7 @@ std::string TargetPublisher::problem() const {
   const bool pose = isPoseWanted(now);
   if (!pose && outline_pub_.getNumSubscribers() == 0) return "";
   if (!now.fixed()) {
-    return "the target is not looked for: reference_mode is " + now.mode + ", not fixed";
+    return "the target is not searched: reference_mode is " + now.mode + ", not fixed";
   }
   if (pose && now.width <= 0.0) return "the target has no pose: target_width is not set";
   const Lock lock(mutex_);
@@ -99,8 +99,8 @@ void TargetPublisher::publish(const FrameMessages& messages) {
   if (now.width > 0.0 && isPoseWanted(now)) publishPose(messages, now);
 }
 
-/// Four corners in px (z = 0), from the reference's upper left one clockwise; none where the target
-/// is not found, so that nobody takes the last one for this one.
+/// Four corners in px (z = 0), clockwise from the reference's upper left one; empty if the target
+/// is not found, so that an old outline is not taken for a new one.
 void TargetPublisher::publishOutline(const FrameMessages& messages) {
   const auto message = boost::make_shared<geometry_msgs::PolygonStamped>();
   message->header = messages.homography->header;
@@ -121,7 +121,7 @@ void TargetPublisher::publishOutline(const FrameMessages& messages) {
   outline_pub_.publish(message);
 }
 
-/// Throws std::invalid_argument where there is none for the pixels of the frame.
+/// Throws std::invalid_argument if there is no camera for the pixels of the frame.
 PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
                                       const Settings& settings) const {
   sensor_msgs::CameraInfoConstPtr info;
@@ -141,7 +141,7 @@ PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
 }
 
 void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
-  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // there is no target
+  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // no target found
   std::string problem;
   try {
     const PixelCamera camera = cameraOf(messages, settings);

@@ -16,11 +16,12 @@
 
 namespace ktgp_orb {
 
-/// In fixed mode: where the reference, a flat target, is in the image and before the camera.
+/// In fixed mode: position of the reference, a flat target, in the image and in front of the
+/// camera.
 ///
 /// Publishes ~target_outline; with target_width and the camera_info of the image also ~target_pose,
-/// and with target_frame the transform from the image's frame to it. Callbacks and the worker may
-/// run at the same time.
+/// and with target_frame the transform from the image's frame to the target. Callbacks and the
+/// worker may run at the same time.
 class TargetPublisher {
  public:
   /// `node`: private; its queue gets the camera_info.
@@ -32,9 +33,9 @@ class TargetPublisher {
   /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
   /// configure(), by one thread at a time.
   void listen(bool listening);
-  /// After the messages of a frame.
+  /// Call it after the messages of a frame.
   void publish(const FrameMessages& messages);
-  /// Why what is wanted is not published; empty: it is, or nobody wants it.
+  /// Why a wanted output is not published; empty: no problem.
   std::string problem() const;
   void shutdown();
 
@@ -71,7 +72,7 @@ class TargetPublisher {
   sensor_msgs::CameraInfoConstPtr info_;
   std::string no_pose_;  // why the last frame with a target had no pose
 
-  TargetPose target_pose_;  // the worker's own
+  TargetPose target_pose_;  // used only by the worker
 };
 
 }  // namespace ktgp_orb

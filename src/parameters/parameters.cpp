@@ -80,7 +80,7 @@ std::string expected(const ParameterRow& row) {
   return (whole ? "a whole number in " : "a number in ") + row.limits.text();
 }
 
-/// The whole text as a number whatever the locale; false where it is none.
+/// The whole text as a number, in any locale; false if it is not a number.
 bool parse(const std::string& text, double& number) {
   std::istringstream in(text);
   in.imbue(std::locale::classic());
@@ -115,7 +115,7 @@ std::string textOf(const std::string& value) {
 std::string textOf(double value) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
-  for (const int digits : {6, 15, 17}) {  // the shortest that reads back as the same
+  for (const int digits : {6, 15, 17}) {  // the shortest text that gives the same number
     out.str("");
     out.precision(digits);
     out << value;

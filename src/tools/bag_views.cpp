@@ -15,7 +15,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kRate = 30.0;  // 1/s, of the video
+constexpr double kRate = 30.0;  // 1/s, rate of the video
 
 std::int64_t nanoseconds(const ros::Time& time) {
   return static_cast<std::int64_t>(time.toNSec());

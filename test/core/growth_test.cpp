@@ -1,5 +1,5 @@
 // The growth of a homography from single matches: on drawn keypoints with known truth, on data
-// without any, and through the matcher.
+// without any, and in the matcher.
 #include "ktgp_orb/growth.h"
 
 #include <gtest/gtest.h>
@@ -46,8 +46,7 @@ std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
 }
 
 /// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
-/// in some bits; `lures` look the same in both and lie anywhere; the others have nothing to do with
-/// each other.
+/// in some bits. `lures` have equal descriptors at random positions. The others are unrelated.
 struct Pair {
   Features reference, target;
 };
@@ -131,7 +130,7 @@ TEST(Growth, FindsNothingWhereThereIsNothing) {
   }
 }
 
-/// Letters of one alphabet at random places: parts agree wherever one looks.
+/// Letters of one alphabet at random positions: parts agree everywhere.
 cv::Mat letters(std::uint64_t seed) {
   Numbers numbers(seed);
   cv::Mat image(kSize, CV_8U, cv::Scalar(230));

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The nodelet under faults that take long or shake the machine; run by scripts/faults, not by scripts/test.
-A master of its own. Arguments: unittest's."""
+"""The nodelet under faults that take long or affect the machine; run by scripts/faults, not by scripts/test.
+Starts its own master. Arguments: unittest's."""
 
 import os
 import signal
@@ -46,7 +46,7 @@ def start_master():
 
 
 class Traffic:
-    """Publishes images in a thread of its own, 20 a second, with the stamps that `now` gives."""
+    """Publishes 20 images per second from its own thread, with stamps from `now`."""
 
     def __init__(self, now=rospy.Time.now, size=(320, 240)):
         self.now, self.size, self.sent = now, size, 0
@@ -93,7 +93,7 @@ class FaultTest(unittest.TestCase):
         return recorder.messages()[-count:]
 
     def check_ok(self, recorder, what):
-        """Ten frames on, nearly all are matched again."""
+        """Ten frames later nearly all are matched again."""
         self.wait_for_more(recorder, 3, what)
         messages = self.wait_for_more(recorder, 10, what)
         ok = sum(m.status == MatchStatus.STATUS_OK for m in messages)
@@ -201,7 +201,7 @@ class FaultTest(unittest.TestCase):
 
     @staticmethod
     def connect(topic):
-        """Subscribes as TCPROS has it, and then leaves the bytes where they are."""
+        """Subscribes with TCPROS, and then never reads."""
         publishers = dict(rosgraph.Master('/viewer').getSystemState()[0])[topic]
         uri = rosgraph.Master('/viewer').lookupNode(publishers[0])
         _, _, answer = xmlrpc.client.ServerProxy(uri).requestTopic('/viewer', topic, [['TCPROS']])

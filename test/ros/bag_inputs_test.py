@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""ktgp_bag looks at images as the nodelet does: names of compressed topics, max_rate, roi, lens."""
+"""ktgp_bag handles inputs like the nodelet: compressed topics, max_rate, roi, lens."""
 
 import os
 import subprocess

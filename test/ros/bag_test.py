@@ -2,8 +2,8 @@
 """A bag through the live matcher, frame by frame: every message is there, consistent and true.
 
 Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be empty) and
-~segment_topic (names of the stretches of the demo bag; may be empty). Each frame is sent when the
-one before has its statistics, so that none is dropped however busy the machine is.
+~segment_topic (names of the parts of the demo bag; may be empty). Each frame is sent after the
+statistics of the previous one, so that none is dropped on a busy machine.
 """
 
 import sys
@@ -60,7 +60,7 @@ class BagTest(unittest.TestCase):
         cls.homographies.wait_for(last)
 
     def pairs(self):
-        """Headers of each frame and of the one before it."""
+        """Headers of each frame and of the previous one."""
         return list(zip(self.headers[1:], self.headers))
 
     def test_every_frame_has_every_message_with_its_header(self):

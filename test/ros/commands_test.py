@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Every command of README.md and doc/ works as it stands there, run from a clean clone in a small size.
+"""Runs every command of README.md and doc/ in a clean clone, with small data.
 
-Commands are the indented lines, and the spans between backticks that begin as a command does. Each one has
-a row in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
-out/release, as if scripts/test had made it."""
+Commands are the indented lines, and spans between backticks that begin like a command. Each one has a row
+in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
+out/release, as after scripts/test."""
 
 import concurrent.futures
 import os
@@ -34,7 +34,7 @@ class Skipped(str):
 
 
 class Until(str):
-    """A command that runs on until it is ended; here when it says `text`."""
+    """A command that does not end by itself; it is ended when it prints `text`."""
 
     def __new__(cls, command, text):
         made = super().__new__(cls, command)
@@ -141,7 +141,7 @@ COMMANDS = {
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
-              'waits for /camera/matcher/match; nobody publishes it'),
+              'waits for /camera/matcher/match; no node publishes it'),
 
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
@@ -169,7 +169,7 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods ROBUST,ROBUST-TEBLID '
         '--alignment=false' + SMALL,
 }
-# Named in the text, not written out.
+# Mentioned in the text in other forms.
 ALSO = ['scripts/update_documents --check', 'scripts/evaluate --help', 'scripts/merge_benchmarks --filter',
         'scripts/setup --list debian build test rqt', 'scripts/setup --list noetic core',
         'scripts/merge_benchmarks old raw.json', 'scripts/merge_benchmarks new raw.json']
@@ -207,7 +207,7 @@ def documents():
 
 
 def copy_sources(to):
-    """What a clone would have, and what is not yet committed."""
+    """Copies the files of a clone, and those not yet committed."""
     if os.path.exists(os.path.join(ROOT, '.git')):
         names = subprocess.check_output(
             ['git', '-c', 'safe.directory=*', 'ls-files', '-z', '--cached', '--others',
@@ -223,7 +223,7 @@ def copy_sources(to):
 
 
 def copy_build(to, clone):
-    """The devel space of this build as that of the clone."""
+    """Makes the devel space of this build that of the clone."""
     os.makedirs(to)
     devel = os.path.join(to, 'devel')
     subprocess.run(['cp', '-rs', os.path.join(BUILD, 'devel'), devel], check=True)
@@ -277,7 +277,7 @@ class CommandsTest(unittest.TestCase):
         cls.home = os.path.join(folder.name, 'home')
 
     def shell(self, command):
-        """A shell of the user's, in the clone, after source ...setup.bash."""
+        """Starts a command in the clone, in a user's shell after source ...setup.bash."""
         environment = {name: value for name, value in os.environ.items()
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
@@ -292,7 +292,7 @@ class CommandsTest(unittest.TestCase):
             stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
 
     def run_one(self, command):
-        """What it said, where something is wrong with it; else nothing."""
+        """The output of a command that failed; empty if it succeeded."""
         process = self.shell(command)
         if not isinstance(command, Until):
             output = process.communicate()[0]
@@ -332,7 +332,7 @@ class CommandsTest(unittest.TestCase):
         self.check_the_folder_of_the_programs()
 
     def check_the_folder_of_the_programs(self):
-        """scripts/evaluate looks for both of them in one folder."""
+        """scripts/evaluate expects both programs in one folder."""
         folder = os.path.join(self.clone, 'build', 'core_only')
         links = [os.path.join(root, 'link.txt') for root, _, files in os.walk(folder)
                  if 'link.txt' in files]

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""scripts/demo with what is built, on a short flight: it ends by itself and leaves what it says."""
+"""scripts/demo with an existing build, on a short flight: it ends by itself and writes all its files."""
 
 import os
 import re

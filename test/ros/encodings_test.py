@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Every picture encoding is matched; what cannot be matched is refused, said and counted."""
+"""Every image encoding is matched; others are refused with a message, and counted."""
 
 import sys
 import unittest
@@ -96,12 +96,12 @@ class EncodingsTest(unittest.TestCase):
                          MatchStatus.STATUS_NO_REFERENCE)
 
     def refused(self, change, expected_words):
-        """Sends a broken image; it must be refused with a reason, and the next good one work."""
+        """Sends a broken image; it must be refused with a reason, and the next good one must work."""
         before = self.send_and_wait()
         broken = image_message(view(100, 100), self.camera.next_stamp())
         change(broken)
         self.camera.send(broken)
-        # The image may wait in the slot: only when it is counted may the next one follow.
+        # The image may wait in the slot: send the next one only after it was counted.
         wait_until(lambda: self.refused_count() > before.refused_frames, 'the image is counted')
         after = self.send_and_wait()
         self.assertEqual(after.refused_frames, before.refused_frames + 1)

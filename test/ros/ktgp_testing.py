@@ -1,4 +1,4 @@
-"""What the integration tests share: images with a known motion, a camera, a recorder of topics."""
+"""Common code of the integration tests: images with a known motion, a camera, a recorder of topics."""
 
 import os
 import socket
@@ -9,7 +9,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-# s that any expected message may take on a busy machine; less where the code is broken on purpose
+# s; limit for any expected message on a busy machine; less for mutation tests
 TIMEOUT = float(os.environ.get('KTGP_ORB_TEST_TIMEOUT', '120'))
 
 
@@ -27,7 +27,7 @@ _TEXTURE = texture()
 
 
 def view(x, y, width=640, height=480):
-    """The picture that a camera moved by x, y pixels sees."""
+    """The view of a camera moved by x, y pixels."""
     return np.ascontiguousarray(_TEXTURE[y:y + height, x:x + width])
 
 
@@ -52,7 +52,7 @@ def wait_until(condition, what, timeout=TIMEOUT):
 
 
 def check_each(cases, check):
-    """Runs a check for every case and names those that fail (rosunit does not show subtests)."""
+    """Runs a check for every case and lists the failures (rosunit does not show subtests)."""
     failures = []
     for case in cases:
         try:
@@ -64,8 +64,8 @@ def check_each(cases, check):
 
 
 def warm_up(camera, recorder):
-    """Sends frames until the recorder has something: then every nodelet on the way is connected
-    (those of one manager share their connections, so these say nothing)."""
+    """Sends frames until the recorder has a message: then every nodelet of the chain is connected.
+    (The nodelets of a manager share their connections, so the connections do not tell.)"""
     def answered():
         camera.send(image_message(view(100, 100), camera.next_stamp()))
         time.sleep(0.1)
@@ -74,7 +74,7 @@ def warm_up(camera, recorder):
 
 
 def wait_for_matcher(camera, *recorders):
-    """Waits until the matcher is connected to its camera and to those who want its results."""
+    """Waits until the matcher is connected to its camera and to the subscribers of its results."""
     camera.wait_for_subscriber()
     for recorder in recorders:
         wait_until(lambda recorder=recorder: recorder.publishers() == 1,
@@ -87,7 +87,7 @@ def translation(message):
 
 
 def no_delay(publisher):
-    """Whether the subscribers' connections have TCP_NODELAY, which each asks for when it connects."""
+    """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
     return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
             for connection in publisher.impl.connections}
 

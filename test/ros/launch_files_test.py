@@ -37,7 +37,7 @@ def arguments_of(name):
 
 
 def load(path, bag):
-    """The file as roslaunch understands it; a bag file where it takes one."""
+    """The configuration that roslaunch reads, with a bag file if the file needs one."""
     arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
     values = ['bag:=' + bag] if 'bag' in arguments else []
     return load_config_default([(path, values)], None, verbose=False, assign_machines=False)

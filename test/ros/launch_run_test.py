@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The launch files at work, each with a master of its own: bag.launch plays what it should and says
-what is wrong, tune.launch and rviz.launch start their programs, and a killed manager comes back."""
+"""Runs the launch files, each with its own master: bag.launch plays the right topics and reports
+problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
 import os
 import re
@@ -54,7 +54,7 @@ def free_port():
 
 
 def fake_package(folder, package, program, then='exec sleep 1000'):
-    """A package whose program says how it was called and then waits."""
+    """A package with a program that prints its arguments and then waits."""
     os.makedirs(os.path.join(folder, 'lib', package))
     os.makedirs(os.path.join(folder, 'share', package))
     open(os.path.join(folder, '.catkin'), 'w').close()
@@ -70,7 +70,7 @@ def fake_package(folder, package, program, then='exec sleep 1000'):
 
 
 class Master:
-    """A ROS master of its own, to ask what runs."""
+    """A separate ROS master, to query the running nodes."""
 
     def __init__(self):
         self.uri = 'http://localhost:%d' % free_port()
@@ -100,7 +100,7 @@ class Master:
 
 
 class Launch:
-    """A roslaunch at work; its output as it comes."""
+    """A running roslaunch and its output."""
 
     def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
                  **environment):
@@ -129,7 +129,7 @@ class Launch:
         return text in self.output()
 
     def wait(self):
-        """Until it ends by itself."""
+        """Waits until it ends by itself."""
         try:
             self.process.wait(TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -164,7 +164,7 @@ class LaunchRunTest(unittest.TestCase):
         self.check_sim_time(None)
 
     def check_sim_time(self, expected):
-        """It is put back a moment after the launch has ended."""
+        """It is restored shortly after the launch has ended."""
         def value():
             try:
                 return self.master.handle.getParam('/use_sim_time')
@@ -183,7 +183,7 @@ class LaunchRunTest(unittest.TestCase):
             if before is not None:
                 self.master.handle.setParam('/use_sim_time', before)
             launch = self.launch(file, 'bag:=' + self.bag, 'rviz:=false')
-            # As early as can be: no node of it runs yet.
+            # As early as possible, before its first node.
             Master.wait_until(lambda: self.sim_time_is_set() or launch.process.poll() is not None,
                               'it is set')
             if before:
@@ -350,12 +350,12 @@ class LaunchRunTest(unittest.TestCase):
             ['/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'camera_motion'),
              'match:=/left/matcher/match', '_frames:=%d' % (FRAMES + 5)], env=self.master.environment,
             stdout=subprocess.PIPE, universal_newlines=True)
-        # More frames than the bag has: it came round.
+        # More frames than the bag has: it was repeated.
         output, _ = listener.communicate(timeout=TIMEOUT)
         self.assertIn('reason %d' % MatchStatus.REASON_STAMP_WENT_BACK, output)
 
     def wait_for_matchers(self, launches, *cameras):
-        """Until the matchers of all cameras answer; no manager was started twice."""
+        """Waits until the matchers of all cameras answer; no manager may be started twice."""
         for camera in cameras:
             Master.wait_until(lambda camera=camera: self.has_service(camera + '/matcher/reset'),
                               camera + ' has its matcher')
@@ -397,7 +397,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertIsNone(launch.process.poll(), launch.output())
 
     def pid_of_manager(self):
-        """Of a manager in which the matchers of both cameras offer their services, or None."""
+        """The manager with the services of the matchers of both cameras, or None."""
         try:
             for side in ('left', 'right'):
                 host, port = self.master.handle.lookupService(

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The one message with everything holds what the three topics carry, frame by frame."""
+"""The combined message equals the messages of the three topics, for every frame."""
 
 import os
 import re

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The mosaic against the picture that the camera is moved over."""
+"""Compares the mosaic with the picture that the camera is moved over."""
 
 import os
 import sys
@@ -107,7 +107,7 @@ class MosaicTest(unittest.TestCase):
     def test_the_map_grows_unseen_and_is_there_for_who_comes_late(self):
         self.begin()
         stamp = self.send(START[0] + 60, START[1]).header.stamp
-        self.poses.close()  # nobody looks any more
+        self.poses.close()  # no subscriber any more
         pictures = Recorder('/camera/mosaic/mosaic', Image)
         self.addCleanup(pictures.close)
         # No image comes meanwhile; the last picture that was published is of an older map.

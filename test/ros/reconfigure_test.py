@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""T_w and T_G change what passes, in the right direction, while images arrive."""
+"""T_w and T_G change the number of matches in the right direction, while images arrive."""
 
 import sys
 import threading

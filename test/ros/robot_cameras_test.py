@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""multi_camera.launch: each camera of the list has its own matcher, and none sees another's images.
-All send at the same time, each its own picture with its own motion."""
+"""multi_camera.launch: each camera of the list has its own matcher, which gets only its images.
+All cameras send at the same time, each with its own picture and motion."""
 
 import sys
 import unittest
@@ -16,7 +16,7 @@ WIDTH, HEIGHT = 320, 240
 
 
 class OwnCamera:
-    """A camera before a picture of its own, moving in a direction of its own."""
+    """A camera with its own picture and its own direction of motion."""
 
     def __init__(self, name, number):
         self.name = name

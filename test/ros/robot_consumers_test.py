@@ -43,7 +43,7 @@ class ConsumersTest(unittest.TestCase):
                 if status.name.endswith(name + ': frames')]
 
     def test_a_homography_topic_of_another_name_or_type_is_named(self):
-        why = {'name': 'nobody publishes /camera/nowhere: is the topic name right?',
+        why = {'name': 'no node publishes /camera/nowhere: is the topic name right?',
                'type': '/camera/words is of type std_msgs/String; expected ktgp_orb/HomographyStamped'}
 
         def check(name):
@@ -62,7 +62,7 @@ class ConsumersTest(unittest.TestCase):
             wait_until(lasting, 'diagnostics say for a while ' + expected)
             said = [m for m in self.log.messages() if m.name == '/manager' and why[kind] in m.msg and
                     m.file.endswith('image_nodelet.cpp')]
-            # In one manager both consumers of the topic speak.
+            # In one manager both consumers of the topic report.
             self.assertEqual(len(said), 2, [m.msg for m in said])
         check_each(['stabilizer_of_a_name', 'stabilizer_of_a_type', 'mosaic_of_a_name',
                     'mosaic_of_a_type'], check)
@@ -82,7 +82,7 @@ class ConsumersTest(unittest.TestCase):
 
     def counts(self, name):
         values = {v.key: v.value for v in self.reports(name)[-1].values}
-        return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped for max_memory')])
+        return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped because of max_memory')])
 
     def test_images_that_wait_are_bounded_in_megabytes_and_counted(self):
         names = ('small/stabilizer', 'small/mosaic')

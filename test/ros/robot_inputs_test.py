@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""What says how the images are looked at: mask, region of interest, lens, rate, a reference from a
-topic; and what must not hold the matcher up."""
+"""Settings for the images: mask, region of interest, lens, rate, a reference from a topic; and things
+that must not block the matcher."""
 
 import os
 import signal
@@ -75,7 +75,7 @@ class InputsTest(unittest.TestCase):
             self.camera.send(image_message(pixels, self.camera.next_stamp())))
 
     def send_view(self, text=False):
-        """Of what the camera sees next, behind text that does not move."""
+        """Of the next view, with text that does not move."""
         self.position = 100 + (self.position - 100 + STEP) % 480
         pixels = view(self.position, 100, WIDTH, HEIGHT)
         if text:
@@ -83,7 +83,7 @@ class InputsTest(unittest.TestCase):
         return self.send(pixels)
 
     def send_until_changed(self, before, send=None):
-        """Sends images until one is looked at with a newer configuration."""
+        """Sends images until one is processed with a newer configuration."""
         send = send or self.send_view
         for _ in range(1000):
             statistics = send()
@@ -125,7 +125,7 @@ class InputsTest(unittest.TestCase):
         self.check_masked()
 
     def check_deep_masked(self):
-        """30000 and 1 look, 0 hides."""
+        """30000 and 1 are used, 0 hides."""
         self.check_masked()
         x = np.array(self.correspondences.wait_for(self.camera.last_stamp()).target_x)
         self.assertGreater((x < MIDDLE - 10).sum(), 20, 'seen through 30000')
@@ -169,7 +169,7 @@ class InputsTest(unittest.TestCase):
 
     def test_frames_beyond_max_rate_are_skipped_evenly_and_counted(self):
         self.client.update_configuration({'max_rate': 10.0})
-        first = before = self.send_view()  # of a 30 Hz camera; it begins the slots
+        first = before = self.send_view()  # of a 30 Hz camera; the first begins the slots
         for i in range(8):
             stamps = [self.camera.send(image_message(view(100 + STEP * i, 100),
                                                      self.camera.next_stamp())) for _ in range(3)]
@@ -312,7 +312,7 @@ CAMERA = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
 
 
 def ideal_pixels():
-    """Where each pixel of the camera's image is in the image without distortion."""
+    """Position of each pixel of the camera's image in the image without distortion."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
     u, v = (x - CAMERA[0, 2]) / CAMERA[0, 0], (y - CAMERA[1, 2]) / CAMERA[1, 1]
     bent = np.hypot(u, v)
@@ -328,7 +328,7 @@ WORLD = texture()
 
 
 def distorted(x, y):
-    """What a camera moved by x, y sees through its lens."""
+    """The view of a camera moved by x, y through its lens."""
     return cv2.remap(WORLD, (IDEAL_X + x).astype(np.float32), (IDEAL_Y + y).astype(np.float32),
                      cv2.INTER_LINEAR)
 

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A bag with --clock, paused and resumed: no false alarm meanwhile, and matching goes on after it."""
+"""A bag with --clock, paused and resumed: no false alarm, and matching continues."""
 
 import sys
 import unittest

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The pose of a flat target against renderings of it through every kind of calibration: right to 2 mm
-at 1.3 m, or refused with the reason; and what is said where there is none."""
+"""The pose of a flat target in renderings with every kind of calibration: accurate to 2 mm at 1.3 m,
+or refused with the reason; and the messages when there is no pose."""
 
 import os
 import sys
@@ -50,7 +50,7 @@ def rays_of(k, distortion, model, size):
 
 def rendered(k, distortion=(0.0,) * 5, model='plumb_bob', size=(640, 480), rotation=ROTATION,
              position=POSITION):
-    """What a camera sees of the poster, each pixel the mean of nine points in it."""
+    """The camera's view of the poster; each pixel is the mean of nine points."""
     fine = 3
     wide = np.diag([fine, fine, 1.0]) @ k
     wide[:2, 2] += (fine - 1) / 2  # the middle of the first pixel is the middle of its nine points
@@ -276,7 +276,7 @@ class PoseTest(unittest.TestCase):
         picture = cv2.imread(os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..',
                                           'doc', 'mosaic.jpg'), cv2.IMREAD_GRAYSCALE)
         size = picture.shape[1], picture.shape[0]
-        # Nobody looked until now: without camera_info there is no pose, and that is said.
+        # The first subscriber: without camera_info there is no pose, with a message.
         wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
                    self.said('no camera_info on /poster/camera_info'), 'the log says what misses')
         self.wait_for_diagnostics('no camera_info on /poster/camera_info')

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Reference modes and services: what each frame is matched to, and who decides it."""
+"""Reference modes and services: the reference of each frame."""
 
 import os
 import sys
@@ -50,7 +50,7 @@ class ReferenceTest(unittest.TestCase):
         return answer.message
 
     def send(self, x, y=100, size=(WIDTH, HEIGHT)):
-        """Statistics of a frame that looks at the picture from x, y."""
+        """Statistics of a frame that shows the picture from x, y."""
         message = image_message(view(x, y, *size), self.camera.next_stamp())
         return self.statistics.wait_for(self.camera.send(message))
 
@@ -83,7 +83,7 @@ class ReferenceTest(unittest.TestCase):
             self.check_translation(homography, -PAN * (i - expected), 0)
 
     def drift(self, mode):
-        """How far the centre of the first frame is off after a pan over half the frame, px."""
+        """Error of the centre of the first frame after a pan over half the frame, px."""
         self.client.update_configuration({'reference_mode': mode})
         self.call('reset')
         statistics = self.pan(16)

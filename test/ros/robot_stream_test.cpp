@@ -1,4 +1,4 @@
-// What happens to single images on their way through the nodelet.
+// Single images on their way through the nodelet.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <dynamic_reconfigure/Reconfigure.h>
@@ -32,7 +32,7 @@ std::string anyMessage(Reports& reports) {
   return all;
 }
 
-/// What the matcher last said of its input.
+/// The matcher's last report about its input.
 std::string inputMessage(Reports& reports) {
   std::string last;
   for (const auto& report : reports.messages()) {
@@ -99,24 +99,24 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   const auto sendNumbered = [&](std::uint32_t number) {
     return send(numbered(number)).lost_frames;
   };
-  // Until the matcher has counted who publishes: with two of them the numbers would tell nothing.
+  // Until the matcher has counted the publishers: for two of them, gaps mean nothing.
   ros::WallDuration(2.5).sleep();
   EXPECT_EQ(sendNumbered(70), 0U) << "what came before the subscription was not lost";
   EXPECT_EQ(sendNumbered(71), 0U);
   EXPECT_EQ(sendNumbered(75), 3U);
   EXPECT_EQ(sendNumbered(76), 3U);
-  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher began anew";
+  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher restarted";
   EXPECT_EQ(sendNumbered(7), 4U);
   call("pause");
   const sensor_msgs::ImageConstPtr unseen = numbered(9);
   publisher_.publish(unseen);
   ASSERT_TRUE(waitUntil([&] { return unseen.use_count() == 1; })) << "it arrives";
   call("resume");
-  EXPECT_EQ(sendNumbered(10), 4U) << "what is lost while it is paused is missed by nobody";
+  EXPECT_EQ(sendNumbered(10), 4U) << "images lost while paused do not count";
   EXPECT_EQ(sendNumbered(4000000), 4U) << "another counter";
   EXPECT_EQ(sendNumbered(0), 4U);
   EXPECT_EQ(sendNumbered(0), 4U) << "a publisher that does not count";
-  // A thinned topic is no overload, unless somebody says that its gaps count.
+  // A throttled topic is not an overload, unless a parameter says that its gaps count.
   EXPECT_EQ(statistics_.messages().back()->dropped_frames, 0U);
   const auto inputSays = [&](const std::string& words) {
     reports.messages();
@@ -136,7 +136,7 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   ros::param::del(kMatcher + "max_lost_ratio");
 }
 
-// The frame is gone with the process, but not the knowledge of it.
+// The frame is lost with the process, but that it existed is known.
 TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
   Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
   const auto said = [&] {
@@ -171,8 +171,8 @@ TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
   send(view());
   for (int trial = 0; trial < 5; ++trial) {
     EXPECT_TRUE(call("reset").success);
-    // The worker is busy with a large image while others come. The first of them is let go when the
-    // second one has arrived and taken its place, or has been matched after it.
+    // The worker is busy with a large image while others arrive. The first of them is released when
+    // the second one has replaced it, or has been matched after it.
     publisher_.publish(sensor_msgs::ImageConstPtr(view({2560, 1920})));
     const sensor_msgs::ImageConstPtr replaced = view();
     const sensor_msgs::ImageConstPtr before = view();
@@ -252,7 +252,7 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
   expect(send(view({240, 320})), MatchStatus::REASON_RESET);
 }
 
-// Both topics through one queue, in the order in which they were published.
+// Both topics in one queue, in the order of publication.
 TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
   ros::CallbackQueue queue;
   ros::NodeHandle node;
@@ -279,7 +279,7 @@ TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
   }
 }
 
-/// A callback queue that does something first of all, in the thread that publishes.
+/// A callback queue that first runs a function, in the publishing thread.
 class Tap : public ros::CallbackQueueInterface {
  public:
   explicit Tap(std::function<void()> act) : act_(std::move(act)) {}
@@ -300,7 +300,7 @@ class Tap : public ros::CallbackQueueInterface {
   std::function<void()> act_;
 };
 
-/// A value of the last report that has it.
+/// A value of the last report that contains it.
 std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
                             const std::string& key) {
   std::string found;
@@ -314,7 +314,7 @@ std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
   return found;
 }
 
-// While the data of a frame go out, the next one comes: the matcher is always behind.
+// While the data of a frame are published, the next frame arrives: the matcher is always late.
 TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
   std::mutex mutex;
   std::string order;  // s: statistics, o: overlay
@@ -376,7 +376,7 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
     }
     return Recorder<Match>::Ptr();
   };
-  // Until both are fed: to ROS they are one subscriber.
+  // Until both receive images: for ROS they are one subscriber.
   ASSERT_TRUE(waitUntil([&] {
     send(view());
     return !three.messages().empty();

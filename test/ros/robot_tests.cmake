@@ -9,7 +9,7 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
-# It replaces malloc as the core's heap_test does, and names functions by their address.
+# Like heap_test it replaces malloc, and it needs function names for addresses.
 target_include_directories(robot_heap_test PRIVATE ${PROJECT_SOURCE_DIR}/test/core)
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 # A long run by scripts/soak, built by it alone.
@@ -34,7 +34,7 @@ if(TARGET ktgp_bag)
 endif()
 ktgp_orb_python_test(robot_network ${CMAKE_CURRENT_SOURCE_DIR}/robot_network_test.py)
 
-# The longest begin first.
+# The longest tests start first.
 foreach(test make_demo_bag _ctest_${PROJECT_NAME}_rostest_robot_bag
     _ctest_${PROJECT_NAME}_rostest_robot_diagnostics)
   if(TEST ${test})

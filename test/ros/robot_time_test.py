@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Stamps as bad cameras and other clocks send them."""
+"""Unusual stamps, as from faulty cameras and other clocks."""
 
 import sys
 import unittest

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What a user is told at start: wrong topic, wrong parameter, misspelt parameter."""
+"""Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
 import subprocess
 import sys
@@ -16,14 +16,14 @@ from sensor_msgs.msg import CompressedImage
 
 
 def output_of_node(*parameters, until, look=lambda: None):
-    """Runs a second matcher until it has said all of `until`, then looks; what it said."""
+    """Runs a second matcher until it has printed all of `until`; returns its output."""
     return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
                             namespaces=['/other'], look=look)
 
 
 def output_of_launch(*arguments, until, namespaces, look=lambda: None):
-    """What is said is read from the output itself: on /rosout it is lost before the subscription is
-    connected."""
+    """Reads the messages from the output: on /rosout, those before the subscription is connected
+    are lost."""
     process = subprocess.Popen(
         ['roslaunch', 'ktgp_orb'] + list(arguments),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
@@ -59,8 +59,8 @@ class StartupTest(unittest.TestCase):
         wait_until(warning, 'the topic is named in a warning')
 
     def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
-        # Nobody wants its results, so it subscribes to nothing: it asks the master.
-        expected = 'nobody publishes /other/nothing_here: is the topic name right?'
+        # Its results have no subscriber, so it subscribes to nothing: it asks the master.
+        expected = 'no node publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
 
     def test_compressed_images_on_the_wrong_topic_are_named_with_the_way_out(self):
@@ -69,7 +69,7 @@ class StartupTest(unittest.TestCase):
         expected = (
             '/left/picture is of type sensor_msgs/CompressedImage; expected sensor_msgs/Image, or '
             'the topic without its last part and that as image_transport',
-            'nobody publishes /right/picture: is the topic name right? There is '
+            'no node publishes /right/picture: is the topic name right? There is '
             '/right/picture/compressed, for image_transport compressed')
         output = output_of_launch('multi_camera.launch', 'cameras:=left right', 'image:=picture',
                                   until=expected, namespaces=['/left', '/right'])
@@ -104,7 +104,7 @@ class StartupTest(unittest.TestCase):
             return found[0]
         self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
         self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
-        note = 'T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured'
+        note = 'T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better'
         self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):

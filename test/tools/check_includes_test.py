@@ -21,7 +21,7 @@ class CheckIncludes(unittest.TestCase):
             shutil.copytree(ROOT / folder, self.root / folder)
 
     def expect(self, included, where, words):
-        """That an include added to a file is found, and named."""
+        """Checks that an include added to a file is found and named."""
         path = self.root / where
         text = path.read_text()
         path.write_text('#include %s\n%s' % (included, text))

@@ -1,4 +1,4 @@
-"""ktgp_match from outside."""
+"""Runs ktgp_match as a program."""
 import csv
 import json
 import unittest
@@ -211,7 +211,7 @@ class KtgpMatch(ToolCase):
                                ("features: 10.5\n", "whole number"),
                                ("features: 2000.0\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
                                ("extractor: slow\n", "opencv"), ("", "name: value"),
-                               ("&a {b: *a}\n", "too deep"),  # a map that holds itself
+                               ("&a {b: *a}\n", "too deep"),  # a map that contains itself
                                ("&a {dictitems: *a}\n", "too deep")):
             (self.folder / "bad.yaml").write_text(text)
             run = self.match("a.pgm", "b.pgm", "--params", "bad.yaml")

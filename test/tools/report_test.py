@@ -1,4 +1,4 @@
-"""The report: its tables against the known figures, its HTML as a browser sees it."""
+"""The report: its tables compared with the known figures, and its HTML in a browser."""
 import html.parser
 import os
 import pathlib

@@ -23,7 +23,7 @@ struct FieldFit {
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same for an error that all pairs share, a quarter of the deviation of their noise.
+  /// The same for an error that all pairs share: 2 % of the variance of their noise.
   /// Interpolation gives sub-pixel registration the same error for patches at the same position
   /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();

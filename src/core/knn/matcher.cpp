@@ -63,7 +63,7 @@ void KnnMatcher::matchNear(const Features& reference, const Features& target,
   if (!impl_->near) {
     throw std::invalid_argument(
         "search_radius is 0; expected a radius above 0 px for a search "
-        "near the predicted places");
+        "near the predicted positions");
   }
   impl_->near->match(reference, target, prediction, mutual, correspondences);
 }
