@@ -31,15 +31,17 @@ class CellPairs {
   unsigned supportedRotations(std::size_t place, double threshold, bool all_rotations) const;
 
  private:
-  /// An occupied target cell. Sums are over all cells before this one, so that the difference of
-  /// two entries is the sum over a range.
+  /// An occupied target cell.
   struct Cell {
-    std::uint32_t best = kNoCell;
-    std::uint32_t best_count = 0;
     std::uint32_t target = kNoCell;  ///< numbered with the stride of the reference grid
-    std::uint32_t pairs = 0;         ///< sum of pairs, i.e. where the cell's begin
-    std::uint32_t matches = 0;       ///< sum of matches
-    std::uint32_t best_counts = 0;   ///< sum of best_count
+    std::uint32_t best = kNoCell;    ///< reference cell of its best pair
+    std::uint32_t best_count = 0;    ///< matches of that pair
+  };
+  /// Sums over all cells before a place: the difference of two is the sum over the cells between.
+  struct Sums {
+    std::uint32_t pairs = 0;  ///< also the index of the first pair of the cell
+    std::uint32_t matches = 0;
+    std::uint32_t best_counts = 0;
   };
   /// Three cells beside each other, as a range of places.
   struct Row {
@@ -51,7 +53,12 @@ class CellPairs {
 
   std::uint32_t targetIndex(std::size_t place) const;
   Neighbourhood neighbourhood(std::size_t place) const;
-  std::uint32_t sumAround(const Neighbourhood& around, std::uint32_t Cell::*field) const;
+  std::uint32_t sumAround(const Neighbourhood& around, std::uint32_t Sums::*field) const;
+  void addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells, Sums& sums);
+  Cell closeCell(std::uint32_t target_cell, std::uint32_t begin, std::uint32_t end);
+  std::uint32_t matchesAt(std::size_t place) const {
+    return sums_[place + 1].matches - sums_[place].matches;
+  }
   std::uint32_t scoreUpright(const Cell& cell, const Neighbourhood& around) const;
   Scores scoreRotations(const Cell& cell, const Neighbourhood& around) const;
   unsigned supportedAtReferenceBorder(std::size_t place, const Scores& scores, unsigned rotations,
@@ -61,7 +68,8 @@ class CellPairs {
   const CellMembers* members_ = nullptr;
   const Grid* target_ = nullptr;
   const Grid* reference_ = nullptr;
-  std::vector<Cell> cells_;  ///< by place, and one more with the total sums
+  std::vector<Cell> cells_;  ///< by place
+  std::vector<Sums> sums_;   ///< by place, and one more with the totals
 
   // The pairs, sorted by the place of their target cell.
   std::vector<std::uint32_t> references_;  ///< reference cell

@@ -73,19 +73,22 @@ class CellMembers {
   std::uint32_t rank(std::uint32_t cell) const { return rank_[cell]; }
 
  private:
-  /// Counts the matches of every cell into next_, and their cells into place_of_match_.
+  /// Finds the cell of every match, and counts the matches of every cell.
   void countMatches(const Grid& grid, bool shift_x, bool shift_y,
                     const std::vector<HalfCell>& positions);
-  /// From the counts to the occupied cells and their ranks; leaves in next_ where each one begins.
-  void listOccupied(const Grid& grid, std::uint32_t in_cells);
-  /// Sorts the matches by cell, and replaces their cells by places.
-  void sortMatches(std::uint32_t in_cells);
+  /// From the counts to the occupied cells, their ranks and where their matches begin.
+  void listOccupied(const Grid& grid);
+  /// Sorts the matches that are in a cell, by cell.
+  void sortMatches();
 
   std::vector<Cell> cells_;
   std::vector<std::uint32_t> matches_;
   std::vector<std::uint32_t> place_of_match_;
   std::vector<std::uint32_t> rank_;
-  std::vector<std::uint32_t> next_;  ///< per cell, first how many matches, then where the next goes
+  std::vector<std::uint32_t> cell_of_match_;
+  std::vector<std::uint32_t> count_;  ///< per cell: its matches
+  std::vector<std::uint32_t>
+      next_;  ///< per cell: index in matches_ of the next one to be sorted in
 };
 
 }  // namespace ktgp_orb::gms
