@@ -23,11 +23,8 @@ void FrameConsumer::stop() {
   inbox_.close();
   if (worker_.joinable()) worker_.join();
   timer_.stop();
-  {
-    const Lock lock(connect_mutex_);
-    advertised_ = false;
-    if (subscribed_) unsubscribe();
-  }
+  disconnect();
+  outputs_.shutdown();
   diagnostics_.reset();
 }
 
@@ -43,18 +40,13 @@ void FrameConsumer::start() {
       homography_topic_, ros::message_traits::datatype<HomographyStamped>(), "homography"));
   monitor_.setTopics(image_topic_, homography_topic_);
   transport_ = std::make_unique<image_transport::ImageTransport>(data_node_);
-  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
+  outputs_.open(private_node_, [this] { connectionsChanged(); });
   configure();
   worker_ = std::thread(&FrameConsumer::run, this);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
   diagnostics_->setHardwareID(image_topic_);
   diagnostics_->add("frames", &monitor_, &ConsumerMonitor::report);
-  {
-    // Locked until all outputs exist, so that an early subscriber does not find only some.
-    const Lock lock(connect_mutex_);
-    advertise();
-    advertised_ = true;
-  }
+  connect([this] { advertise(); });
   ros::NodeHandle slow_node = getNodeHandle();
   slow_node.setCallbackQueue(&slow_queue_.callbacks);
   timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
@@ -69,26 +61,6 @@ ros::NodeHandle FrameConsumer::privateNode(CallbackThread& queue) const {
   ros::NodeHandle node = getPrivateNodeHandle();
   node.setCallbackQueue(&queue.callbacks);
   return node;
-}
-
-image_transport::Publisher FrameConsumer::advertiseImage(const std::string& topic,
-                                                         std::uint32_t queue_size, bool latch) {
-  const auto changed = [this](const image_transport::SingleSubscriberPublisher&) {
-    connectionsChanged();
-  };
-  const auto came = [this](const image_transport::SingleSubscriberPublisher&) {
-    connectionsChanged();
-    subscriberCame();
-  };
-  return private_transport_->advertise(topic, queue_size, came, changed, ros::VoidPtr(), latch);
-}
-
-void FrameConsumer::connectionsChanged() {
-  const Lock lock(connect_mutex_);
-  if (!advertised_) return;
-  const bool wanted = isWanted();
-  if (wanted && !subscribed_) subscribe();
-  if (!wanted && subscribed_) unsubscribe();
 }
 
 void FrameConsumer::subscribe() {
@@ -118,14 +90,12 @@ void FrameConsumer::subscribe() {
         inbox_.put(message);
       },
       ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
-  subscribed_ = true;
   monitor_.setListening(true);
 }
 
 void FrameConsumer::unsubscribe() {
   image_sub_.shutdown();
   homography_sub_.shutdown();
-  subscribed_ = false;
   inbox_.clear();
   restart_ = true;
   monitor_.setListening(false);
@@ -149,12 +119,7 @@ void FrameConsumer::tick() {
   diagnostics_->force_update();
 }
 
-bool FrameConsumer::isSubscribed() {
-  const Lock lock(connect_mutex_);
-  return subscribed_;
-}
-
-// A quarter is for the inbox, the rest for images that wait for their homography.
+// The inbox has a quarter of it, and what waits for its homography the rest.
 void FrameConsumer::setMaxMemory(int megabytes) {
   const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
   inbox_.setMostBytes(bytes / 4);

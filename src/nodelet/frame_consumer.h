@@ -39,31 +39,17 @@ class FrameConsumer : public ImageNodelet {
   virtual void configure() = 0;
   /// Advertises all outputs.
   virtual void advertise() = 0;
-  /// Whether an output has a subscriber.
-  virtual bool isWanted() const = 0;
-  /// Ends publishers, services and the parameter server, after the callbacks have ended.
+  /// Ends services and the parameter server; callbacks have ended.
   virtual void shutdown() = 0;
   /// Called by the worker with everything that has arrived since the last call.
   virtual void work(FrameInbox::Content& content) = 0;
   /// Called by the worker when there was no subscriber for a while.
   virtual void restart() = 0;
-  /// A subscriber was added to an output.
-  virtual void subscriberCame() {}
 
   void stop();
-  /// Subscribes or unsubscribes as needed.
-  void connectionsChanged();
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// An output below the private name; its connections decide what is subscribed.
-  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size,
-                                            bool latch = false);
-  template <typename Message>
-  ros::Publisher advertiseData(const std::string& topic, std::uint32_t queue_size) {
-    const auto changed = [this](const ros::SingleSubscriberPublisher&) { connectionsChanged(); };
-    return private_node_.advertise<Message>(topic, queue_size, changed, changed);
-  }
-  /// Calls `changed` with the parameters at once, and whenever they change. Throws if the initial
-  /// ones are out of their range; later unusable ones are refused, and the old ones stay.
+  /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
+  /// the start are out of their range; later ones of no use are refused, and the old ones stay.
   template <typename Config>
   std::unique_ptr<dynamic_reconfigure::Server<Config>> serveParameters(
       const std::function<void(const Config&)>& changed) {
@@ -92,7 +78,6 @@ class FrameConsumer : public ImageNodelet {
 
   /// An image that waits for its homography.
   void keep(const sensor_msgs::ImageConstPtr& image);
-  bool isSubscribed();
 
   CallbackThread queue_;       // connections, parameters
   CallbackThread data_queue_;  // images, homographies
@@ -107,8 +92,8 @@ class FrameConsumer : public ImageNodelet {
   void start() override;
   void setMaxMemory(int megabytes);
   void sayParametersRefused(const std::string& reason);
-  void subscribe();
-  void unsubscribe();
+  void subscribe() override;
+  void unsubscribe() override;
   void tick();
   void run();
 
@@ -116,15 +101,11 @@ class FrameConsumer : public ImageNodelet {
   ros::NodeHandle node_;
   ros::NodeHandle data_node_;
   ros::NodeHandle private_node_;
-  std::unique_ptr<image_transport::ImageTransport> transport_;          // of the input
-  std::unique_ptr<image_transport::ImageTransport> private_transport_;  // of the outputs
-  std::unique_ptr<InputWatch> homography_watch_;  // used only in the slow queue
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<InputWatch> homography_watch_;  // the slow queue's own
   ros::WallTimer timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 
-  std::mutex connect_mutex_;  // guards the subscription, and the advertising that leads to it
-  bool advertised_ = false;
-  bool subscribed_ = false;
   image_transport::Subscriber image_sub_;
   ros::Subscriber homography_sub_;
 

@@ -14,6 +14,8 @@ namespace {
 // is zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
 
+using Lock = std::lock_guard<std::mutex>;
+
 }  // namespace
 
 void ImageNodelet::onInit() {
@@ -36,6 +38,35 @@ void ImageNodelet::openInput(const ros::NodeHandle& node, const ros::NodeHandle&
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
   requireTransport(node, transport);
   image_watch_ = std::make_unique<InputWatch>(image_topic_, transport);
+}
+
+void ImageNodelet::connectionsChanged() {
+  const Lock lock(connect_mutex_);
+  if (!connected_ || isWanted() == subscribed_) return;
+  subscribed_ = !subscribed_;
+  if (subscribed_) {
+    subscribe();
+  } else {
+    unsubscribe();
+  }
+}
+
+void ImageNodelet::connect(const std::function<void()>& advertise) {
+  const Lock lock(connect_mutex_);
+  advertise();
+  connected_ = true;
+}
+
+void ImageNodelet::disconnect() {
+  const Lock lock(connect_mutex_);
+  connected_ = false;
+  if (subscribed_) unsubscribe();
+  subscribed_ = false;
+}
+
+bool ImageNodelet::isSubscribed() {
+  const Lock lock(connect_mutex_);
+  return subscribed_;
 }
 
 void ImageNodelet::sayUnknown(const std::vector<std::string>& parameters) {

@@ -6,21 +6,39 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
 #include "nodelet/input_watch.h"
+#include "nodelet/outputs.h"
 #include "nodelet/parameters.h"
 
 namespace ktgp_orb {
 
-/// Base of all nodelets that use images: reads the parameters of the input, and reports problems
-/// with the input, the parameters and single images.
+/// What all nodelets have in common that take images: they subscribe to their input while an output
+/// is wanted, read the same parameters of the input and say what is wrong with it, with their
+/// parameters and with an image in the same words.
 class ImageNodelet : public nodelet::Nodelet {
  protected:
   /// Creates everything; an exception is logged and ends the loading.
   virtual void start() = 0;
+  /// Whether there is a reason to look at images now.
+  virtual bool isWanted() const { return outputs_.haveSubscribers(); }
+  /// Begin and end of the input; connect_mutex_ is locked, subscribed_ is true in between.
+  virtual void subscribe() = 0;
+  virtual void unsubscribe() = 0;
+
+  /// Subscribes or unsubscribes as is wanted now; nothing before connect().
+  void connectionsChanged();
+  /// Calls `advertise`, then lets subscribers decide what is subscribed. An early subscriber does
+  /// not find half of the outputs.
+  void connect(const std::function<void()>& advertise);
+  /// Ends the input; connectionsChanged() does nothing any more.
+  void disconnect();
+  bool isSubscribed();
 
   /// Reads the topic, the transport and the queue size once, at start, so that a later change
   /// cannot fail during the work. Throws if the transport is not installed.
@@ -47,11 +65,15 @@ class ImageNodelet : public nodelet::Nodelet {
   std::uint32_t queue_size_ = 1;
   std::unique_ptr<image_transport::TransportHints> transport_hints_;
   std::unique_ptr<InputWatch> image_watch_;
+  Outputs outputs_;
+  std::mutex connect_mutex_;  // guards the subscriptions and subscribed_
+  bool subscribed_ = false;
 
  private:
   void onInit() final;
   void sayUnknown(const std::vector<std::string>& parameters);
 
+  bool connected_ = false;
   std::chrono::steady_clock::time_point last_refusal_;
   ros::Time last_time_;  // at the last clockStands()
   bool clock_stands_ = false;

@@ -16,19 +16,11 @@ using Lock = std::lock_guard<std::mutex>;
 
 }  // namespace
 
-void MatcherNodelet::connectionsChanged() {
-  const Lock lock(connect_mutex_);
-  if (!advertised_) return;
-  const bool wanted = anySubscriber();
-  if (wanted && !subscribed_) subscribe();
-  if (!wanted && subscribed_) unsubscribe();
-}
-
 void MatcherNodelet::subscribe() {
   new_subscription_ = true;
   image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
                                      *transport_hints_);
-  subscribed_ = listening_ = true;
+  listening_ = true;
   monitor_.setListening(true);
   subscribeCameraInfo();
   target_.listen(true);
@@ -38,7 +30,7 @@ void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
   camera_info_sub_.shutdown();
   target_.listen(false);
-  subscribed_ = listening_ = false;
+  listening_ = false;
   newest_.clear();
   monitor_.setListening(false);
   const Lock lock(state_mutex_);

@@ -59,17 +59,8 @@ void MatcherNodelet::stop() {
   mask_sub_.shutdown();
   reference_sub_.shutdown();
   reconfigure_server_.reset();
-  {
-    const Lock lock(connect_mutex_);
-    advertised_ = false;
-    if (subscribed_) unsubscribe();
-  }
-  correspondences_pub_.shutdown();
-  homography_pub_.shutdown();
-  accumulated_pub_.shutdown();
-  match_pub_.shutdown();
-  statistics_pub_.shutdown();
-  overlay_pub_.shutdown();
+  disconnect();
+  outputs_.shutdown();
   target_.shutdown();
   diagnostics_.reset();
 }
@@ -98,7 +89,7 @@ void MatcherNodelet::start() {
   diagnostics_->add("input", &monitor_, &MatcherMonitor::reportInput);
   diagnostics_->add("matcher", &monitor_, &MatcherMonitor::reportMatcher);
   diagnostics_->add("latency", &monitor_, &MatcherMonitor::reportLatency);
-  advertise();
+  connect([this] { advertise(); });
   advertiseServices();
   subscribeSideInputs();
   startTimers();
@@ -129,29 +120,35 @@ void MatcherNodelet::startTimers() {
       false);
 }
 
+/// A topic with a message of each frame, which `pick` takes from those of the frame; where it gives
+/// none, nothing is published.
+template <typename Message, typename Pick>
+void MatcherNodelet::advertiseOfFrames(const std::string& topic, const Pick& pick) {
+  const ros::Publisher publisher = outputs_.advertise<Message>(topic, kDataQueue);
+  frame_outputs_.emplace_back([publisher, pick](const FrameMessages& messages) {
+    if (publisher.getNumSubscribers() == 0) return;
+    if (const boost::shared_ptr<const Message> message = pick(messages)) publisher.publish(message);
+  });
+}
+
 void MatcherNodelet::advertise() {
-  // Locked until all outputs exist, so that an early subscriber does not find only some.
-  const Lock lock(connect_mutex_);
-  const ros::SubscriberStatusCallback changed = [this](const ros::SingleSubscriberPublisher&) {
-    connectionsChanged();
-  };
-  const image_transport::SubscriberStatusCallback overlay_changed =
-      [this](const image_transport::SingleSubscriberPublisher&) { connectionsChanged(); };
+  using Frame = FrameMessages;
   transport_ = std::make_unique<image_transport::ImageTransport>(image_node_);
-  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
-  // A slow subscriber should not lose data; of the pictures it needs only the newest.
-  const auto advertise = [&](const char* topic, auto message) {
-    return private_node_.advertise<decltype(message)>(topic, kDataQueue, changed, changed);
-  };
-  correspondences_pub_ = advertise("correspondences", Correspondences());
-  homography_pub_ = advertise("homography", HomographyStamped());
-  accumulated_pub_ = advertise("accumulated_homography", HomographyStamped());
-  match_pub_ = advertise("match", Match());
-  statistics_pub_ = advertise("statistics", MatchStatistics());
-  target_.advertise(private_node_, camera_info_topic_, [this] { connectionsChanged(); });
-  overlay_pub_ =
-      private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
-  advertised_ = true;
+  outputs_.open(private_node_, [this] { connectionsChanged(); });
+  advertiseOfFrames<Correspondences>("correspondences",
+                                     [](const Frame& frame) { return frame.correspondences; });
+  advertiseOfFrames<HomographyStamped>("homography",
+                                       [](const Frame& frame) { return frame.homography; });
+  advertiseOfFrames<HomographyStamped>(
+      "accumulated_homography", [](const Frame& frame) { return frame.accumulated_homography; });
+  advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
+  target_.advertise(outputs_, private_node_, camera_info_topic_);
+  frame_outputs_.emplace_back([this](const Frame& frame) { target_.publish(frame); });
+  // The last one: a subscriber that has it has the others.
+  advertiseOfFrames<MatchStatistics>("statistics",
+                                     [](const Frame& frame) { return frame.statistics; });
+  // A slow subscriber loses none of the data; of the pictures it needs the newest only.
+  overlay_pub_ = outputs_.advertiseImage("matches_image", 1);
 }
 
 void MatcherNodelet::startReconfigure() {
@@ -221,7 +218,7 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   {
     const Lock lock(connect_mutex_);
     target_.configure(config, pixels);
-    if (advertised_) subscribeCameraInfo();
+    subscribeCameraInfo();
   }
   connectionsChanged();  // a transform, which has no subscribers, may be wanted
 }
@@ -236,11 +233,8 @@ void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
   configuration_ = configuration;
 }
 
-bool MatcherNodelet::anySubscriber() const {
-  return !lazy_ || correspondences_pub_.getNumSubscribers() > 0 ||
-         homography_pub_.getNumSubscribers() > 0 || accumulated_pub_.getNumSubscribers() > 0 ||
-         match_pub_.getNumSubscribers() > 0 || statistics_pub_.getNumSubscribers() > 0 ||
-         overlay_pub_.getNumSubscribers() > 0 || target_.isWanted();
+bool MatcherNodelet::isWanted() const {
+  return !lazy_ || outputs_.haveSubscribers() || target_.sendsTransform();
 }
 
 void MatcherNodelet::work() {
@@ -320,12 +314,7 @@ std::string MatcherNodelet::whyNoLens() const {
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {
-  if (messages.correspondences) correspondences_pub_.publish(messages.correspondences);
-  homography_pub_.publish(messages.homography);
-  if (messages.accumulated_homography) accumulated_pub_.publish(messages.accumulated_homography);
-  if (match_pub_.getNumSubscribers() > 0) match_pub_.publish(toMatch(messages));
-  target_.publish(messages);
-  statistics_pub_.publish(messages.statistics);  // last: it marks that all others were sent
+  for (const auto& publish : frame_outputs_) publish(messages);
 }
 
 // After the data, which must not wait for the picture.

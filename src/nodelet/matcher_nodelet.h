@@ -55,14 +55,15 @@ class MatcherNodelet : public ImageNodelet {
   void start() override;
   void stop();
   void advertise();
+  template <typename Message, typename Pick>
+  void advertiseOfFrames(const std::string& topic, const Pick& pick);
   void startReconfigure();
   void startTimers();
 
   // matcher_inputs.cpp
-  void connectionsChanged();
-  bool anySubscriber() const;
-  void subscribe();
-  void unsubscribe();
+  bool isWanted() const override;
+  void subscribe() override;
+  void unsubscribe() override;
 
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
   bool isSkipped(const sensor_msgs::Image& image);
@@ -127,12 +128,7 @@ class MatcherNodelet : public ImageNodelet {
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
-  std::unique_ptr<image_transport::ImageTransport> private_transport_;
-  ros::Publisher correspondences_pub_;
-  ros::Publisher homography_pub_;
-  ros::Publisher accumulated_pub_;
-  ros::Publisher match_pub_;
-  ros::Publisher statistics_pub_;
+  std::vector<std::function<void(const FrameMessages&)>> frame_outputs_;  // each publishes a topic
   image_transport::Publisher overlay_pub_;
   TargetPublisher target_;
   std::vector<ros::ServiceServer> services_;
@@ -147,10 +143,7 @@ class MatcherNodelet : public ImageNodelet {
   std::string refusal_;  // why the initial parameters cannot be used
   std::unique_ptr<dynamic_reconfigure::Server<KtgpConfig>> reconfigure_server_;
 
-  std::mutex connect_mutex_;  // guards the subscription, and the advertising that leads to it
-  bool advertised_ = false;
   image_transport::Subscriber image_sub_;
-  bool subscribed_ = false;
   ros::Subscriber camera_info_sub_;
   ros::Subscriber mask_sub_;
   ros::Subscriber reference_sub_;

@@ -66,16 +66,10 @@ class MosaicNodelet : public FrameConsumer {
  private:
   void configure() override;
   void advertise() override;
-  bool isWanted() const override {
-    return !lazy_ || mosaic_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0;
-  }
+  bool isWanted() const override { return !lazy_ || outputs_.haveSubscribers(); }
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override { images_.clear(); }
-  void subscriberCame() override {
-    picture_wanted_ = true;
-    wake();
-  }
   std::string whyEmpty();
   void place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image);
   void publishPose(const HomographyStamped& message);
@@ -121,8 +115,11 @@ void MosaicNodelet::configure() {
 }
 
 void MosaicNodelet::advertise() {
-  mosaic_pub_ = advertiseImage("mosaic", 1, true);
-  homography_pub_ = advertiseData<HomographyStamped>("homography", 10);
+  mosaic_pub_ = outputs_.advertiseImage("mosaic", 1, true, [this] {
+    picture_wanted_ = true;
+    wake();
+  });
+  homography_pub_ = outputs_.advertise<HomographyStamped>("homography", 10);
   ros::NodeHandle service_node = privateNode(service_queue_);
   services_.push_back(service_node.advertiseService("save", &MosaicNodelet::save, this));
   services_.push_back(service_node.advertiseService("reset", &MosaicNodelet::reset, this));
@@ -132,8 +129,6 @@ void MosaicNodelet::advertise() {
 void MosaicNodelet::shutdown() {
   server_.reset();
   services_.clear();
-  mosaic_pub_.shutdown();
-  homography_pub_.shutdown();
 }
 
 // All homographies are links of the chain; only the newest image with a homography is placed.

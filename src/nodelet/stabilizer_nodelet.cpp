@@ -61,9 +61,6 @@ class StabilizerNodelet : public FrameConsumer {
  private:
   void configure() override;
   void advertise() override;
-  bool isWanted() const override {
-    return image_pub_.getNumSubscribers() > 0 || warp_pub_.getNumSubscribers() > 0;
-  }
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override;
@@ -97,14 +94,12 @@ void StabilizerNodelet::configure() {
 }
 
 void StabilizerNodelet::advertise() {
-  image_pub_ = advertiseImage("image", 2);
-  warp_pub_ = advertiseData<HomographyStamped>("warp", 10);
+  image_pub_ = outputs_.advertiseImage("image", 2);
+  warp_pub_ = outputs_.advertise<HomographyStamped>("warp", 10);
 }
 
 void StabilizerNodelet::shutdown() {
   server_.reset();
-  image_pub_.shutdown();
-  warp_pub_.shutdown();
 }
 
 void StabilizerNodelet::restart() {

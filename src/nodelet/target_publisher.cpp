@@ -27,17 +27,12 @@ ProsacOptions prosacOptions(const KtgpConfig& config) {
 
 }  // namespace
 
-void TargetPublisher::advertise(ros::NodeHandle& node, const std::string& info_topic,
-                                const std::function<void()>& changed) {
+void TargetPublisher::advertise(Outputs& outputs, const ros::NodeHandle& node,
+                                const std::string& info_topic) {
   node_ = node;
   info_topic_ = info_topic;
-  const ros::SubscriberStatusCallback callback = [changed](const ros::SingleSubscriberPublisher&) {
-    changed();
-  };
-  outline_pub_ =
-      node.advertise<geometry_msgs::PolygonStamped>("target_outline", 1, callback, callback);
-  pose_pub_ = node.advertise<geometry_msgs::PoseWithCovarianceStamped>("target_pose", 1, callback,
-                                                                       callback);
+  outline_pub_ = outputs.advertise<geometry_msgs::PolygonStamped>("target_outline", 1);
+  pose_pub_ = outputs.advertise<geometry_msgs::PoseWithCovarianceStamped>("target_pose", 1);
   broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
 }
 
@@ -61,8 +56,7 @@ bool TargetPublisher::isPoseWanted(const Settings& settings) const {
   return pose_pub_.getNumSubscribers() > 0 || !settings.frame.empty();
 }
 
-bool TargetPublisher::isWanted() const {
-  if (outline_pub_.getNumSubscribers() > 0 || pose_pub_.getNumSubscribers() > 0) return true;
+bool TargetPublisher::sendsTransform() const {
   const Settings now = settings();
   return now.fixed() && now.width > 0.0 && !now.frame.empty();
 }
@@ -190,8 +184,6 @@ void TargetPublisher::publishPose(const std_msgs::Header& header, const PlanarPo
 
 void TargetPublisher::shutdown() {
   info_sub_.shutdown();
-  outline_pub_.shutdown();
-  pose_pub_.shutdown();
   broadcaster_.reset();
 }
 

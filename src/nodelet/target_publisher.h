@@ -12,6 +12,7 @@
 
 #include "messages/message_conversion.h"
 #include "messages/target_pose.h"
+#include "nodelet/outputs.h"
 
 namespace ktgp_orb {
 
@@ -23,16 +24,14 @@ namespace ktgp_orb {
 /// worker may run at the same time.
 class TargetPublisher {
  public:
-  /// `node`: private; its queue gets the connections and the camera_info. `changed`: called when a
-  /// subscriber is added or removed.
-  void advertise(ros::NodeHandle& node, const std::string& info_topic,
-                 const std::function<void()>& changed);
-  /// `pixels`: kind of the images of the camera_info.
+  /// `node`: private; its queue gets the camera_info.
+  void advertise(Outputs& outputs, const ros::NodeHandle& node, const std::string& info_topic);
+  /// `pixels`: of the images that the camera_info is of.
   void configure(const KtgpConfig& config, Pixels pixels);
-  /// Whether an output has a subscriber or the transform is wanted.
-  bool isWanted() const;
-  /// Tells whether frames are matched; subscribes to the camera_info if it is needed. Call this and
-  /// configure() from one thread at a time.
+  /// Whether a transform is sent: no subscriber of it can be seen.
+  bool sendsTransform() const;
+  /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
+  /// configure(), by one thread at a time.
   void listen(bool listening);
   /// Call it after the messages of a frame.
   void publish(const FrameMessages& messages);

@@ -166,8 +166,10 @@ class LaunchRunTest(unittest.TestCase):
     def check_sim_time(self, expected):
         """It is restored shortly after the launch has ended."""
         def value():
-            handle = self.master.handle
-            return handle.getParam('/use_sim_time') if handle.hasParam('/use_sim_time') else None
+            try:
+                return self.master.handle.getParam('/use_sim_time')
+            except rosgraph.MasterException:
+                return None
         Master.wait_until(lambda: value() is expected,
                           '/use_sim_time is %s again, what it was; else the next run has another one' %
                           expected, seconds=15)
@@ -188,6 +190,38 @@ class LaunchRunTest(unittest.TestCase):
                 self.assertTrue(launch.says('process[player'), launch.output())
             launch.stop()
             self.check_sim_time(before)
+
+    def check_that_a_second_is_refused(self, first, master):
+        self.assertTrue(first.says('process[player'), first.output())
+        for file in ('bag.launch', 'demo.launch'):
+            second = Launch(master, file, 'bag:=' + self.bag, 'rviz:=false', cwd=self.folder)
+            self.addCleanup(second.stop)
+            output = second.wait()
+            self.assertIn('process %d on ' % first.process.pid, output)
+            self.assertIn('plays a bag on this master already', output)
+            self.assertNotIn('process[', output)
+            self.assertNotEqual(second.process.returncode, 0)
+        self.assertIsNone(first.process.poll(), first.output())
+        self.assertNotIn('process has died', first.output())
+
+    def test_a_second_bag_on_one_master_is_refused_and_the_first_plays_on(self):
+        first = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true', 'delay:=100')
+        self.check_that_a_second_is_refused(first, self.master)
+        self.assertTrue(self.sim_time_is_set())
+        first.stop()
+        # At once: the first has not yet put anything back.
+        third = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1')
+        self.assertIn('nothing subscribes to its results', third.wait())
+        self.check_no_sim_time()
+
+    def test_a_second_bag_is_refused_on_a_master_that_the_first_has_started(self):
+        class OwnMaster:
+            environment = dict(self.master.environment,
+                               ROS_MASTER_URI='http://localhost:%d' % free_port())
+        first = Launch(OwnMaster, 'bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true',
+                       'delay:=100', cwd=self.folder)
+        self.addCleanup(first.stop)
+        self.check_that_a_second_is_refused(first, OwnMaster)
 
     def sim_time_is_set(self):
         handle = self.master.handle
@@ -263,8 +297,19 @@ class LaunchRunTest(unittest.TestCase):
     def test_that_nobody_wants_the_results_is_said(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
         self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
+        self.check_outputs_are_documented()
         launch.stop()
         self.check_no_sim_time()
+
+    def check_outputs_are_documented(self):
+        prefix = '/camera/matcher/'
+        types = dict(self.master.handle.getTopicTypes())
+        published = {name[len(prefix):]: types[name]
+                     for name, _ in self.master.handle.getSystemState()[0]
+                     if name.startswith(prefix) and name.count('/') == 3 and '/parameter_' not in name}
+        with open(os.path.join(PACKAGE, 'doc', 'topics.md')) as file:
+            documented = dict(re.findall(r'^\| `~(\w+)`(?:, tf)? \| (\w+/\w+) \|', file.read(), re.M))
+        self.assertEqual(published, documented)
 
     def test_a_matcher_that_dies_at_the_start_ends_the_launch(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'T_w:=1.5', 'loop:=true',

@@ -112,6 +112,8 @@ class MosaicTest(unittest.TestCase):
         self.addCleanup(pictures.close)
         # No image comes meanwhile; the last picture that was published is of an older map.
         pictures.wait_for(stamp)
+        # Also for who looks at the header of the connection alone, rosbag for example.
+        self.assertEqual(pictures.messages()[-1]._connection_header['latching'], '1')
 
     def test_numbers_that_are_none_are_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
