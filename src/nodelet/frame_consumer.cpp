@@ -119,7 +119,7 @@ void FrameConsumer::tick() {
   diagnostics_->force_update();
 }
 
-// The inbox has a quarter of it, and what waits for its homography the rest.
+// A quarter is for the inbox, the rest for images that wait for their homography.
 void FrameConsumer::setMaxMemory(int megabytes) {
   const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
   inbox_.setMostBytes(bytes / 4);

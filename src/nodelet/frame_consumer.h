@@ -39,7 +39,7 @@ class FrameConsumer : public ImageNodelet {
   virtual void configure() = 0;
   /// Advertises all outputs.
   virtual void advertise() = 0;
-  /// Ends services and the parameter server; callbacks have ended.
+  /// Ends services and the parameter server, after the callbacks have ended.
   virtual void shutdown() = 0;
   /// Called by the worker with everything that has arrived since the last call.
   virtual void work(FrameInbox::Content& content) = 0;
@@ -48,8 +48,8 @@ class FrameConsumer : public ImageNodelet {
 
   void stop();
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
-  /// the start are out of their range; later ones of no use are refused, and the old ones stay.
+  /// Calls `changed` with the parameters at once, and whenever they change. Throws if the initial
+  /// ones are out of their range; later unusable ones are refused, and the old ones stay.
   template <typename Config>
   std::unique_ptr<dynamic_reconfigure::Server<Config>> serveParameters(
       const std::function<void(const Config&)>& changed) {
@@ -102,7 +102,7 @@ class FrameConsumer : public ImageNodelet {
   ros::NodeHandle data_node_;
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
-  std::unique_ptr<InputWatch> homography_watch_;  // the slow queue's own
+  std::unique_ptr<InputWatch> homography_watch_;  // used only in the slow queue
   ros::WallTimer timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 

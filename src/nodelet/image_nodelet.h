@@ -18,25 +18,25 @@
 
 namespace ktgp_orb {
 
-/// What all nodelets have in common that take images: they subscribe to their input while an output
-/// is wanted, read the same parameters of the input and say what is wrong with it, with their
-/// parameters and with an image in the same words.
+/// Base of all nodelets that use images: subscribes to the input while an output is wanted, reads
+/// the parameters of the input, and reports problems with the input, the parameters and single
+/// images.
 class ImageNodelet : public nodelet::Nodelet {
  protected:
   /// Creates everything; an exception is logged and ends the loading.
   virtual void start() = 0;
-  /// Whether there is a reason to look at images now.
+  /// Whether images are needed now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
-  /// Begin and end of the input; connect_mutex_ is locked, subscribed_ is true in between.
+  /// Start and stop the input; connect_mutex_ is locked, and subscribed_ is true in between.
   virtual void subscribe() = 0;
   virtual void unsubscribe() = 0;
 
-  /// Subscribes or unsubscribes as is wanted now; nothing before connect().
+  /// Subscribes or unsubscribes as needed; does nothing before connect().
   void connectionsChanged();
-  /// Calls `advertise`, then lets subscribers decide what is subscribed. An early subscriber does
-  /// not find half of the outputs.
+  /// Calls `advertise`, then lets the subscribers decide what is subscribed. So an early
+  /// subscriber does not find only some of the outputs.
   void connect(const std::function<void()>& advertise);
-  /// Ends the input; connectionsChanged() does nothing any more.
+  /// Ends the input; after this connectionsChanged() does nothing.
   void disconnect();
   bool isSubscribed();
 

@@ -120,8 +120,8 @@ void MatcherNodelet::startTimers() {
       false);
 }
 
-/// A topic with a message of each frame, which `pick` takes from those of the frame; where it gives
-/// none, nothing is published.
+/// A topic with one message per frame, which `pick` selects; if it returns null, nothing is
+/// published.
 template <typename Message, typename Pick>
 void MatcherNodelet::advertiseOfFrames(const std::string& topic, const Pick& pick) {
   const ros::Publisher publisher = outputs_.advertise<Message>(topic, kDataQueue);
@@ -144,10 +144,10 @@ void MatcherNodelet::advertise() {
   advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
   target_.advertise(outputs_, private_node_, camera_info_topic_);
   frame_outputs_.emplace_back([this](const Frame& frame) { target_.publish(frame); });
-  // The last one: a subscriber that has it has the others.
+  // The last one: it marks that all others were sent.
   advertiseOfFrames<MatchStatistics>("statistics",
                                      [](const Frame& frame) { return frame.statistics; });
-  // A slow subscriber loses none of the data; of the pictures it needs the newest only.
+  // A slow subscriber should not lose data; of the pictures it needs only the newest.
   overlay_pub_ = outputs_.advertiseImage("matches_image", 1);
 }
 
