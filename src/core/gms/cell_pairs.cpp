@@ -6,14 +6,15 @@
 namespace ktgp_orb::gms {
 namespace {
 
-/// Bit k of the result is bit (k - m) mod 8: the ring turned by m places.
+/// Bit k of the result is bit (k - m) mod 8: the ring rotated by m places.
 unsigned turned(unsigned ring, unsigned m) {
   return ((ring << m) | (ring >> (kRing - m))) & 0xffu;
 }
 
-/// score >= T_G * sqrt(matches / cells), as the authors' program computes it in double precision.
+/// score >= T_G * sqrt(matches / cells), computed in double precision as in the authors' program.
 bool reaches(std::uint32_t score, double threshold, std::uint32_t matches, int cells) {
-  // The squares decide unless they are so close that rounding could; a root is slow.
+  // Compares the squares, which is faster than a root, unless they are too close because of
+  // rounding.
   const double left = static_cast<double>(score) * score * cells;
   const double right = threshold * threshold * matches;
   if (std::abs(left - right) > 1e-9 * right) return left > right;
@@ -43,11 +44,11 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
     for (std::uint32_t i = position.begin; i < end; ++i) {
       const std::uint32_t r = reference_cells[members.matches()[i]];
       if (r == kNoCell) continue;
-      references_[sums.pairs] = r;  // overwritten by the next where it is not new
+      references_[sums.pairs] = r;  // the next one overwrites it if it is not new
       sums.pairs += histogram_[r]++ == 0 ? 1 : 0;
       ++sums.matches;
     }
-    std::uint64_t best = 0;  // count << 32 | ~cell: the largest is the best
+    std::uint64_t best = 0;  // count << 32 | ~cell: the largest value is the best
     for (std::uint32_t i = cell.pairs; i < sums.pairs; ++i) {
       const std::uint32_t r = references_[i];
       const std::uint32_t n = histogram_[r];
@@ -87,14 +88,14 @@ std::uint32_t CellPairs::sumAround(const Neighbourhood& around, std::uint32_t Ce
 bool CellPairs::maySupport(std::size_t place, double threshold) const {
   if (cells_[place].best_count == 0) return false;
   if (reference_->neighbours[cells_[place].best] < kRing) return true;
-  // Whatever the rotation, no neighbour can give more than the count of its own best pair.
+  // For every rotation, a neighbour contributes at most the count of its own best pair.
   const Neighbourhood around = neighbourhood(place);
   return reaches(sumAround(around, &Cell::best_counts), threshold,
                  sumAround(around, &Cell::matches), 1 + target_->neighbours[targetIndex(place)]);
 }
 
 std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& around) const {
-  // The same neighbour on both sides: the same step from target cell to reference cell.
+  // The same neighbour in both grids: the same step from target cell to reference cell.
   const auto step = static_cast<std::int32_t>(cell.best - cell.target);
   std::array<PairRange, 3> ranges;
   for (std::size_t i = 0; i < around.size(); ++i) {
@@ -105,7 +106,7 @@ std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& aro
 }
 
 CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhood& around) const {
-  // The second half takes what lies in no direction, so that the loop has no branch.
+  // Values without a direction go to the second half, which avoids a branch.
   std::array<std::uint32_t, std::size_t{2} * kRing> sums{};
   const Grid& grid = *reference_;
   for (const Row& row : around) {
@@ -135,7 +136,7 @@ unsigned CellPairs::supportedAtReferenceBorder(std::size_t place, const Scores& 
   }
   unsigned supported = 0;
   for (unsigned m = 0; m < rotations; ++m) {
-    // Pairs of neighbours of which one is outside its image do not count.
+    // Neighbours that are outside their image do not count.
     const unsigned valid = target_inside & turned(reference_inside, m);
     std::uint32_t sum = cells_[place + 1].matches - cells_[place].matches;
     int cells = 1;
@@ -162,7 +163,7 @@ unsigned CellPairs::supportedRotations(std::size_t place, double threshold,
   const unsigned rotations = all_rotations ? kRing : 1;
   if (reference_->neighbours[cell.best] < kRing)
     return supportedAtReferenceBorder(place, scores, rotations, threshold);
-  // At the target's border alone: the missing neighbours have no matches.
+  // Only at the target's border: the missing neighbours have no matches.
   const int cells = 1 + target_->neighbours[targetIndex(place)];
   const std::uint32_t matches = sumAround(around, &Cell::matches);
   unsigned supported = 0;

@@ -21,7 +21,7 @@ using util::requireInRange;
 using gms::Grid;
 using gms::kNoCell;
 
-// The authors' order, which decides between equals.
+// The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {
@@ -48,14 +48,14 @@ bool isIndexOf(const Features& features, std::int32_t index) {
 }
 
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
-/// authors' program: the cell of a keypoint on the line between two depends on the rounding.
+/// authors' program: rounding decides the cell of a keypoint on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
   const cv::Point2f& p = imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }
 
-/// Whether a position in cells is on the grid; no for one that is not a number.
+/// Whether a position in cells is on the grid; false for NaN.
 bool isOnGrid(const cv::Point2f& cells, const Grid& grid) {
   return cells.x >= 0.0F && cells.x < static_cast<float>(grid.columns) && cells.y >= 0.0F &&
          cells.y < static_cast<float>(grid.rows);
@@ -66,28 +66,27 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// How the support is kept. A match lies in one cell of each of the four shifted target grids, and
-// its keypoint in the reference image in one reference cell. It survives where in one of the grids
-//   - its pair of cells is the best of its target cell (most matches go that way), and
-//   - that pair has support, for the rotation in question.
-// The support of a pair is a question to the cell alone, with up to eight answers, one for each
-// rotation of the neighbourhood: a bit each. So every occupied target cell gets a Verdict, the
-// reference cell of its best pair and those bits (judge), and every match collects the bits of the
-// four cells that it lies in, where they speak of its own reference cell (vote). Counting one bit
-// over all matches then tells how many survive with that rotation. The rotation and scale that
-// keep most win. For the other scales all bits are first set wherever the cell's whole
-// neighbourhood could reach the threshold (ruleOut): where even that keeps no more than the best
-// so far, nothing needs to be judged.
+// How the support is computed. A match is in one cell of each of the four shifted target grids, and
+// in one reference cell. It survives if in one of the grids
+// - its pair of cells is the best of its target cell (most matches lead there), and
+// - that pair has support, for the current rotation.
+// The support of a pair depends only on the cell and on the rotation: one bit for each of the eight
+// rotations. So judge computes a Verdict for every occupied target cell: the reference cell of its
+// best pair, and these bits. vote then collects for every match the bits of its four cells, if they
+// name its reference cell. The number of matches with a bit set is the number that survives this
+// rotation. The rotation and scale with the largest number win. For the other scales, ruleOut first
+// sets all bits of a cell if its whole neighbourhood could reach the threshold. If even that keeps
+// no more matches than the best so far, judge is not needed.
 
-/// What one shifted grid says about the matches of one target cell.
+/// The verdict of one shifted grid on the matches of one target cell.
 struct Verdict {
-  std::uint32_t best_cell;  ///< the reference cell of the matches it is about
+  std::uint32_t best_cell;  ///< the reference cell of the matches concerned
   std::uint32_t bits;       ///< bit m: supported with rotation m; kInBestPair
 };
 constexpr unsigned kInBestPair = 1u << gms::kRing;
 constexpr unsigned kAllRotations = kInBestPair - 1;
 
-/// What the four shifted grids together say about every match.
+/// The combined verdicts of the four shifted grids for every match.
 struct Votes {
   std::vector<std::uint32_t> reference_cell;
   std::vector<std::uint16_t> bits;  ///< as in Verdict
@@ -108,7 +107,7 @@ struct Winner {
   Votes votes;
 };
 
-/// What the filter does where it is switched off.
+/// The filter when it is switched off.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -144,17 +143,17 @@ struct GmsFilter::Impl {
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
   // The matches that take part: three arrays of equal length.
-  std::vector<std::uint32_t> number;    ///< place among the correspondences
+  std::vector<std::uint32_t> number;    ///< index among the correspondences
   std::vector<cv::Point2f> reference;   ///< normalised position in the reference image
   std::vector<gms::HalfCell> position;  ///< in the target image
   std::size_t outside = 0;              ///< correspondences left out: not in the target image
 
-  // One of each per shift of the target grid.
+  // One per shift of the target grid.
   std::array<gms::CellMembers, 4> members;
   std::array<gms::CellPairs, 4> pairs;
   std::array<std::vector<Verdict>, 4> verdicts;  ///< by place, and one for "in no cell"
 
-  Votes votes;  ///< of the scale being tried
+  Votes votes;  ///< for the current scale
   Winner winner;
 };
 
@@ -208,7 +207,7 @@ void GmsFilter::Impl::countPairs(const Grid& grid) {
   }
 }
 
-/// Verdicts that allow every rotation, save where it is plain that none can be supported.
+/// Verdicts that allow every rotation, except where none can be supported.
 void GmsFilter::Impl::ruleOut() {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     const gms::CellPairs& p = pairs[shift];
@@ -231,7 +230,7 @@ void GmsFilter::Impl::judge(bool after_rule_out) {
   }
 }
 
-/// A match is supported where any of the four grids supports it.
+/// A match is supported if any of the four grids supports it.
 void GmsFilter::Impl::vote() {
   votes.bits.resize(reference.size());
   for (std::size_t i = 0; i < reference.size(); ++i) {
@@ -248,7 +247,7 @@ void GmsFilter::Impl::tryScale(std::size_t scale) {
   countPairs(reference_grids[scale]);
   const bool first = scale == 0;
   if (!first) {
-    // No rotation keeps more than what is in a best pair that is not ruled out.
+    // No rotation keeps more than the matches in a best pair that is not ruled out.
     ruleOut();
     vote();
     if (votes.count(0) <= winner.kept) return;

@@ -40,7 +40,7 @@ Grid::Grid(int grid_columns, int grid_rows)
 
 void CellMembers::assign(const Grid& grid, bool shift_x, bool shift_y,
                          const std::vector<HalfCell>& positions) {
-  // A counting sort. Until the places are known, place_of_match_ holds cells.
+  // A counting sort. Before the places are known, place_of_match_ contains cells.
   countMatches(grid, shift_x, shift_y, positions);
   const std::uint32_t in_cells = static_cast<std::uint32_t>(positions.size()) - next_[kNoCell];
   listOccupied(grid, in_cells);
@@ -76,7 +76,7 @@ void CellMembers::listOccupied(const Grid& grid, std::uint32_t in_cells) {
       const std::uint32_t count = next_[cell];
       rank_[cell] = occupied;
       next_[cell] = begin;
-      // The entry of an empty cell is overwritten by the next.
+      // The next entry overwrites that of an empty cell.
       cells_[occupied] = {static_cast<std::uint16_t>(column), static_cast<std::uint16_t>(row),
                           begin};
       occupied += count > 0 ? 1 : 0;
@@ -90,7 +90,7 @@ void CellMembers::listOccupied(const Grid& grid, std::uint32_t in_cells) {
 
 void CellMembers::sortMatches(std::uint32_t in_cells) {
   const auto in_none = static_cast<std::uint32_t>(places());
-  next_[kNoCell] = in_cells;  // those in no cell go to the end and are left out
+  next_[kNoCell] = in_cells;  // matches in no cell go to the end and are left out
   matches_.resize(place_of_match_.size());
   for (std::size_t i = 0; i < matches_.size(); ++i) {
     const std::uint32_t cell = place_of_match_[i];
