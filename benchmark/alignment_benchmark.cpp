@@ -5,7 +5,7 @@
 //
 //   ms        median CPU time of a call
 //   error_px  mean distance of the image's corners from where the truth maps them, afterwards
-// before_px the same for the initial homography of all methods
+//   before_px the same for the initial homography of all methods
 //   points    aligned, or followed, or matched
 //
 // The pair is an exact warp of the first image of the Leuven set in KTGP_ORB_DATA, with noise, blur

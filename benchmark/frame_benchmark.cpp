@@ -13,8 +13,8 @@
 // The rows of `preset` are our chain alone, with alignment and with the presets; one thread:
 //
 //   ms           median CPU time of a frame
-// ktgp_ms      of KTGP alone, on alternating frames
-// matches      final matches of the last frame
+//   ktgp_ms      of KTGP alone, on alternating frames
+//   matches      final matches of the last frame
 //
 // The frames are two of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
 

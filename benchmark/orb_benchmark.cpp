@@ -3,9 +3,9 @@
 //
 //   ms           median of one image: CPU time for one thread, wall-clock time for more
 //   times_cvORB  how many times as fast as cv::ORB, medians of calls that alternate
-// keypoints    keypoints found
-// more_ms      TEBLID only: additional time compared with ORB's own descriptors, medians of
-// calls that alternate
+//   keypoints    keypoints found
+//   more_ms      TEBLID only: additional time compared with ORB's own descriptors, medians of
+//                calls that alternate
 //
 // The images are scaled from the first one of the Leuven set in KTGP_ORB_DATA, or noise of several
 // scales if that is not set.

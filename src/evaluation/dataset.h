@@ -36,23 +36,21 @@ struct Dataset {
 };
 
 /// Adds the pairs found at `path`:
-/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and H2to3p ... H5to6p
-/// where
-///   it has them),
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and others if they exist),
 /// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
 /// - a folder of such folders, in the order of their names, or
-/// - a text file with `name imageA imageB truth` a line, the truth being a homography A->B, or
-/// points
-///   where its name ends in .points (paths relative to it, no blanks
-///   in names, # begins a comment).
-/// Image 1 is the reference. A file that is missing or broken becomes a problem; the rest goes on.
+/// - a text file with a line `name imageA imageB truth` per pair. The truth is a homography A->B
+/// or,
+///   if its name ends in .points, annotated points. Paths are relative to the file, without blanks;
+///   # begins a comment.
+/// Image 1 is the reference. A missing or broken file becomes a problem; the others are used.
 void addPairs(const std::string& path, Dataset& dataset);
 
-/// Adds `count` warps of the pictures at `paths` (images, or folders of images), each picture in
-/// turn, as the set `name`: see warpLimits. Throws std::invalid_argument for another
-/// name. A path that is missing or holds no image becomes a problem.
+/// Adds `count` warps of the pictures at `paths` (images, or folders of images), using each picture
+/// in turn, as the set `name`: see warpLimits. Throws std::invalid_argument for another name. A
+/// missing path, or one without an image, becomes a problem.
 void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
               std::uint64_t seed, Dataset& dataset);
 

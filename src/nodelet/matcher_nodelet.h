@@ -128,7 +128,8 @@ class MatcherNodelet : public ImageNodelet {
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
-  std::vector<std::function<void(const FrameMessages&)>> frame_outputs_;  // each publishes a topic
+  std::vector<std::function<void(const FrameMessages&)>>
+      frame_outputs_;  // each publishes one topic
   image_transport::Publisher overlay_pub_;
   TargetPublisher target_;
   std::vector<ros::ServiceServer> services_;

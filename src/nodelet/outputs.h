@@ -11,14 +11,14 @@
 
 namespace ktgp_orb {
 
-/// The topics that a nodelet publishes below its private name. The same list says whether any of
+/// The topics that a nodelet publishes below its private name. The same list tells whether one of
 /// them has a subscriber, and ends them all.
 class Outputs {
  public:
   using Callback = std::function<void()>;
 
   /// `node`: the private one; its callback queue gets the connections. `changed` is called when a
-  /// subscriber comes or goes.
+  /// subscriber is added or removed.
   void open(const ros::NodeHandle& node, Callback changed);
 
   template <typename Message>
@@ -27,7 +27,7 @@ class Outputs {
     topics_.push_back(node_.advertise<Message>(topic, queue_size, changed, changed));
     return topics_.back();
   }
-  /// `came` is called, after `changed`, when a subscriber comes.
+  /// `came` is called, after `changed`, when a subscriber is added.
   image_transport::Publisher advertiseImage(
       const std::string& topic, std::uint32_t queue_size, bool latch = false,
       const Callback& came = [] {});

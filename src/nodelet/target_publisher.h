@@ -26,12 +26,12 @@ class TargetPublisher {
  public:
   /// `node`: private; its queue gets the camera_info.
   void advertise(Outputs& outputs, const ros::NodeHandle& node, const std::string& info_topic);
-  /// `pixels`: of the images that the camera_info is of.
+  /// `pixels`: kind of the images of the camera_info.
   void configure(const KtgpConfig& config, Pixels pixels);
-  /// Whether a transform is sent: no subscriber of it can be seen.
+  /// Whether a transform is sent; its subscribers are unknown.
   bool sendsTransform() const;
-  /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
-  /// configure(), by one thread at a time.
+  /// Tells whether frames are matched; subscribes to the camera_info if it is needed. Call this and
+  /// configure() from one thread at a time.
   void listen(bool listening);
   /// Call it after the messages of a frame.
   void publish(const FrameMessages& messages);

@@ -13,7 +13,7 @@ namespace ktgp_orb::knn {
 //            16-bit candidate numbers. Even bytes of a row belong to the first half of the group's
 //            candidates, odd ones to the second, so that a row of bytes widens to two rows of 16
 //            bits by a mask and a shift.
-// block    at most kGroupsPerBlock groups, as many as a key can number
+//   block    at most kGroupsPerBlock groups, as many as a key can number
 //   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key is the
 //            nearer candidate and, at equal distance, the one with the lower index. Min and max
 //            keep the best two of every lane without a branch.

@@ -12,8 +12,8 @@ namespace ktgp_orb::knn {
 // 32 bits here: word w of as many descriptors as there are lanes, eight words per descriptor, then
 // the positions of the candidates. Candidates outside the radius get no key.
 //
-// key   distance << kNearIndexBits | index in the frame: the smaller key is the nearer candidate
-// and, at equal distance, the one with the lower index, in any order of the candidates.
+//   key   distance << kNearIndexBits | index in the frame: the smaller key is the nearer candidate
+//         and, at equal distance, the one with the lower index, in any order of the candidates.
 
 constexpr int kDescriptorWords = kDescriptorBytes / 4;
 constexpr int kNearIndexBits = 22;
