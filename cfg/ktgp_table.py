@@ -1,7 +1,7 @@
 """Makes dynamic_reconfigure's parameters from a table in src/parameters; a unit stands in brackets
 at the end of a description.
 
-scripts/update_documents writes the tables in README.md and doc, and the arguments of the launch
+dev/update_documents writes the tables in README.md and doc, and the arguments of the launch
 files, from what comes of it."""
 
 import json
