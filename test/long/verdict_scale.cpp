@@ -1,6 +1,8 @@
 // The verdict at scale: how many unrelated pairs are called ok, how many related ones are ok and
-// wrong, and what the covariance says of those. Run by scripts/verdict.
-//   verdict_scale UNRELATED RELATED SEED [IMAGE ...]; images in one folder show one scene.
+// wrong, and what the covariance says of those. Run by `ctest -L long`.
+//   verdict_scale UNRELATED RELATED SEED; all images below KTGP_ORB_DATA, those in one folder show
+//   one scene.
+// Fails where more than one unrelated pair in 10 000 is called ok.
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -8,6 +10,7 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
@@ -295,18 +298,33 @@ int related(long pairs, std::uint64_t seed) {
   return 0;
 }
 
+/// All images below the folder that KTGP_ORB_DATA names, in order.
+std::vector<std::string> imageFiles() {
+  namespace fs = std::filesystem;
+  std::vector<std::string> found;
+  const char* const folder = std::getenv("KTGP_ORB_DATA");
+  if (folder == nullptr || !fs::is_directory(folder)) return found;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+    const std::string ending = entry.path().extension().string();
+    for (const char* known : {".png", ".pgm", ".ppm", ".jpg", ".jpeg"}) {
+      if (ending == known) found.push_back(entry.path().string());
+    }
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
 }  // namespace
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  if (argc < 4) {
-    std::fprintf(stderr, "verdict_scale UNRELATED RELATED SEED [IMAGE ...]\n");
+  if (argc != 4) {
+    std::fprintf(stderr, "verdict_scale UNRELATED RELATED SEED\n");
     return 2;
   }
   cv::setNumThreads(1);
   const std::uint64_t seed = std::strtoull(argv[3], nullptr, 10);
-  const std::vector<std::string> files(argv + 4, argv + argc);
-  const int code = ktgp_orb::unrelated(std::atol(argv[1]), seed, files);
+  const int code = ktgp_orb::unrelated(std::atol(argv[1]), seed, ktgp_orb::imageFiles());
   ktgp_orb::related(std::atol(argv[2]), seed);
   return code;
 }
