@@ -44,9 +44,10 @@ struct MatcherOptions {
 /// Counts and time of one stage (the message of it is StageStatistics). The output of a stage is
 /// the input of the next.
 struct StageResult {
-  const char* name = "";      ///< "knn", "tf", "gms", "prosac"; "guided", "align"; "": switched off
-  std::size_t input = 0;      ///< knn: target features; others: correspondences
-  std::size_t output = 0;     ///< correspondences left; guided: with those it added; align: aligned
+  const char* name = "";  ///< "knn", "tf", "gms", "prosac"; "growth", "guided", "align"; "": off
+  std::size_t input = 0;  ///< knn: target features; others: correspondences
+  std::size_t output =
+      0;  ///< correspondences left; guided: with those it added; align, growth: its
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
@@ -95,7 +96,7 @@ struct MatchResult {
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
-  std::array<StageResult, 2> refinements;  ///< guided, align
+  std::array<StageResult, 3> refinements;  ///< growth, guided, align
 
   /// The answer: PROSAC's homography, or the grown one, or what guided matching and alignment made
   /// of it, with its covariance, the shared part of that and the deviation from a plane (see

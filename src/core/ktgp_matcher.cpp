@@ -27,7 +27,8 @@ void timeStage(StageResult& stage, const char* name, std::size_t input, Run run)
 }
 
 void nameRefinements(const MatcherOptions& options, MatchResult& result) {
-  auto& [guided, aligned] = result.refinements;
+  auto& [growth, guided, aligned] = result.refinements;
+  growth = {options.growth.enabled ? "growth" : "", 0, 0, 0.0};
   guided = {options.guided.enabled ? "guided" : "", 0, 0, 0.0};
   aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
 }
@@ -109,6 +110,7 @@ MatcherOptions MatcherOptions::robust() {
   options.mutual = true;
   options.ratio_threshold = 1.0;
   options.gms.enabled = false;
+  options.growth.enabled = true;
   options.guided.enabled = true;
   return options;
 }
@@ -200,6 +202,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
   result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
+  nameRefinements(options, result);
   impl.grow(reference, target, hints.views, result);
   impl.refine(reference, target, result);
 }
@@ -246,7 +249,13 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
   const bool wanted =
       options.growth.enabled && result.status != Status::ok && result.search == Search::whole;
   if (!wanted) return;
-  growth.find(reference, views, target, result.correspondences, result.growth);
+  const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
+  const auto mutual =
+      std::count_if(result.correspondences.begin(), result.correspondences.end(), is_mutual);
+  timeStage(result.refinements[0], "growth", static_cast<std::size_t>(mutual), [&] {
+    growth.find(reference, views, target, result.correspondences, result.growth);
+    return result.growth.pairs.size();
+  });
   if (!result.growth.found) return;
   result.status = Status::ok;
   result.found_by = FoundBy::growth;
@@ -257,9 +266,8 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);
-  nameRefinements(options, result);
-  StageResult& guided_stage = result.refinements[0];
-  StageResult& align_stage = result.refinements[1];
+  StageResult& guided_stage = result.refinements[1];
+  StageResult& align_stage = result.refinements[2];
   guided_matches.clear();
   if (result.status != Status::ok) return;
   const bool grown = result.found_by == FoundBy::growth;

@@ -92,9 +92,7 @@ Eigen::Matrix3d tilted() {
 }
 
 MatcherOptions growing() {
-  MatcherOptions options = MatcherOptions::robust();
-  options.growth.enabled = true;
-  return options;
+  return MatcherOptions::robust();
 }
 
 GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
@@ -246,6 +244,14 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
+  const StageResult& stage = result.refinements[0];
+  EXPECT_STREQ(stage.name, "growth");
+  EXPECT_EQ(stage.output, result.growth.pairs.size());
+  EXPECT_GT(stage.milliseconds, 0.0);
+  double others = -stage.milliseconds;  // its time is part of the whole
+  for (const StageResult& s : result.stages) others += s.milliseconds;
+  for (const StageResult& s : result.refinements) others += s.milliseconds;
+  EXPECT_NEAR(result.milliseconds(), others + stage.milliseconds, 1e-9);
   EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
@@ -315,10 +321,10 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   }
 }
 
-TEST(Growth, IsOffUnlessAskedFor) {
+TEST(Growth, IsInThePresetRobustAlone) {
   EXPECT_FALSE(MatcherOptions().growth.enabled);
   EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
-  EXPECT_FALSE(MatcherOptions::robust().growth.enabled);
+  EXPECT_TRUE(MatcherOptions::robust().growth.enabled);
 }
 
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
