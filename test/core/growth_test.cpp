@@ -393,6 +393,40 @@ TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
   EXPECT_THROW(simulateViews(image, orb, -1), std::invalid_argument);
 }
 
+TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
+  OrbOptions orb;
+  orb.max_features = 2000;
+  orb.fast_threshold = 5;  // as many as are wanted
+  cv::Mat image;
+  cv::resize(scene(7), image, kSize, 0.0, 0.0, cv::INTER_AREA);
+  std::size_t bytes = 0;
+  std::size_t features = 0;
+  for (const ReferenceView& view : simulateViews(image, orb, 13)) {
+    features += view.features.size();
+    bytes += sizeof(view) + view.features.keypoints.capacity() * sizeof(cv::KeyPoint) +
+             view.features.descriptors.total();
+    EXPECT_TRUE(view.features.images.empty());
+  }
+  EXPECT_GT(features, 4000U);
+  EXPECT_LT(bytes, 3U << 20U);
+}
+
+/// Tiles that look alike: one tile further fits nearly as well, and nothing says which is right.
+TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
+  const cv::Mat tile = scene(11)(cv::Rect(0, 0, 80, 80));
+  cv::Mat tiles;
+  cv::repeat(tile, 6, 8, tiles);
+  Pair pair;
+  OrbExtractor extractor;
+  extractor.extract(tiles, pair.reference);
+  cv::Mat shown(kSize, CV_8U, cv::Scalar(0));
+  tiles(cv::Rect(0, 0, 320, 320)).copyTo(shown(cv::Rect(160, 80, 320, 320)));
+  extractor.extract(shown, pair.target);
+  const GrowthResult result = grow(pair);
+  EXPECT_GT(result.seeds, 0);
+  EXPECT_FALSE(result.found);
+}
+
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   cv::Mat reference_image;
   cv::resize(scene(7), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
