@@ -44,6 +44,7 @@ class Until(str):
 
 IN_CI = Skipped('a part of continuous integration, for minutes')
 TOO_LONG = Skipped('takes minutes to hours')
+BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a row takes seconds')
 WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
@@ -54,11 +55,11 @@ COMMANDS = {
     'scripts/demo': Skipped('the test "demo" runs it'),
     'scripts/test': Skipped('runs this test'),
     'scripts/test -R robot_': Skipped('runs tests of which this is one'),
-    'scripts/bench': TOO_LONG,
-    'scripts/bench --benchmark_filter=align': TOO_LONG,
+    'scripts/bench': BENCHMARKS,
+    'scripts/bench --benchmark_filter=align': BENCHMARKS,
     'scripts/bench --compare OLD.json NEW.json':
         'scripts/bench --compare old/benchmarks.json new/benchmarks.json',
-    'scripts/bench --benchmark_filter=preset': TOO_LONG,
+    'scripts/bench --benchmark_filter=preset': BENCHMARKS,
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
     'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
     'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),

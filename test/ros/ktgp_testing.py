@@ -120,6 +120,9 @@ class Recorder:
     def publishers(self):
         return self._subscriber.get_num_connections()
 
+    def names_of_publishers(self):
+        return {connection.callerid_pub for connection in self._subscriber.impl.connections}
+
     def close(self):
         self._subscriber.unregister()
 
