@@ -17,6 +17,7 @@ target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
 target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
   Threads::Threads)
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
+ktgp_orb_rostest(robot_growth robot_growth.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_clock robot_clock.test)
 ktgp_orb_rostest(robot_pose robot_pose.test)
