@@ -14,6 +14,7 @@ target_include_directories(robot_heap_test PRIVATE ${PROJECT_SOURCE_DIR}/test/co
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
 ktgp_orb_rostest(robot_consumers robot_consumers.test)
+ktgp_orb_rostest(robot_growth robot_growth.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_clock robot_clock.test)
 ktgp_orb_rostest(robot_pose robot_pose.test)

@@ -1,0 +1,122 @@
+#!/usr/bin/python3
+"""Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
+
+import sys
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.srv import MatchPair
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, wait_for_matcher
+from std_srvs.srv import Trigger
+
+ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
+OK = MatchStatistics.STATUS_OK
+SIZE = (640, 480)
+SIDE = 150  # px of the part that both pictures show: one match in fifteen is right
+TURN = cv2.getRotationMatrix2D((320, 240), 35, 1.0)  # of it, about the middle of both
+
+
+def scene(seed):
+    """Rectangles; no two scenes show the same."""
+    random = np.random.RandomState(seed)
+    picture = np.full(SIZE[::-1], 128, np.uint8)
+    for _ in range(900):
+        x, y = int(random.randint(-20, SIZE[0])), int(random.randint(-20, SIZE[1]))
+        width, height = (int(v) for v in random.randint(4, 25, 2))
+        cv2.rectangle(picture, (x, y), (x + width, y + height), int(random.randint(0, 256)), -1)
+    return cv2.GaussianBlur(picture, (0, 0), 0.8)
+
+
+def hard_pair():
+    """A picture, and another one that shows a small part of it, turned."""
+    reference, target = scene(1), scene(2)
+    part = np.zeros_like(reference)
+    part[240 - SIDE // 2:240 + SIDE // 2, 320 - SIDE // 2:320 + SIDE // 2] = 255
+    turned = cv2.warpAffine(reference, TURN, SIZE)
+    shown = cv2.warpAffine(part, TURN, SIZE, flags=cv2.INTER_NEAREST) > 0
+    target[shown] = turned[shown]
+    return reference, target
+
+
+class GrowthTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
+        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.camera = Camera()
+        wait_for_matcher(cls.camera, cls.statistics, cls.homographies)
+        cls.reference, cls.target = hard_pair()
+
+    def start(self, **parameters):
+        self.client.update_configuration(dict(ROBUST, **parameters))
+        for service in ('reset', 'set_reference'):
+            answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
+            self.assertTrue(answer.success, answer.message)
+
+    def send(self, picture):
+        stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))
+        return self.statistics.wait_for(stamp)
+
+    def check_grown(self, statistics, homography):
+        self.assertEqual((statistics.status, statistics.found_by),
+                         (OK, MatchStatistics.FOUND_BY_GROWTH))
+        self.assertGreater(statistics.growth_seeds, 0)
+        stage = next(s for s in statistics.stages if s.name == 'growth')
+        self.assertGreater(stage.output, 12)
+        self.assertGreater(stage.milliseconds, 0)
+        self.assertGreaterEqual(statistics.total_milliseconds,
+                                sum(s.milliseconds for s in statistics.stages))
+        h = np.array(homography.homography).reshape(3, 3)
+        for corner in ((270, 190), (370, 190), (370, 290), (270, 290)):
+            found = h @ (*corner, 1)
+            np.testing.assert_allclose(found[:2] / found[2], TURN @ (*corner, 1), atol=2)
+
+    def test_a_fixed_reference_is_found_where_little_of_it_is_seen(self):
+        self.start(reference_mode='fixed')
+        self.send(self.reference)
+        statistics = self.send(self.target)
+        self.check_grown(statistics, self.homographies.wait_for(statistics.header.stamp))
+        easy = self.send(self.reference)
+        self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
+
+    def test_not_without_the_parameter(self):
+        self.start(reference_mode='fixed', growth=False)
+        self.send(self.reference)
+        self.check_none(self.send(self.target))
+
+    def test_no_more_seeds_than_allowed(self):
+        self.start(reference_mode='fixed', growth_seeds=2)
+        self.addCleanup(self.client.update_configuration, {'growth_seeds': 30})
+        self.send(self.reference)
+        self.assertEqual(self.send(scene(3)).found_by, MatchStatistics.FOUND_BY_NONE)
+        self.assertLessEqual(self.send(scene(4)).growth_seeds, 2)
+
+    def test_match_pair(self):
+        self.start(reference_mode='previous')
+        match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
+        answer = match(image_message(self.reference, rospy.Time(5)),
+                       image_message(self.target, rospy.Time(6)))
+        self.assertTrue(answer.success, answer.message)
+        self.check_grown(answer.statistics, answer.homography)
+
+    def check_none(self, statistics):
+        self.assertNotEqual(statistics.status, OK)
+        self.assertEqual((statistics.found_by, statistics.growth_seeds),
+                         (MatchStatistics.FOUND_BY_NONE, 0))
+        self.assertNotIn('growth', [s.name for s in statistics.stages])
+
+    def test_never_for_the_frame_before(self):
+        self.start(reference_mode='previous')
+        self.send(self.reference)
+        self.check_none(self.send(self.target))
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_growth_test')
+    rostest.rosrun('ktgp_orb', 'robot_growth', GrowthTest, sys.argv)
