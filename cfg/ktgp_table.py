@@ -1,7 +1,7 @@
 """Generates dynamic_reconfigure's parameters from a table in src/parameters; units are in brackets at the
 end of the descriptions.
 
-scripts/update_documents writes the tables in README.md and doc from the result."""
+dev/update_documents writes the tables in README.md and doc from the result."""
 
 import json
 import os

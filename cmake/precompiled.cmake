@@ -24,6 +24,8 @@ set(ktgp_orb_nodelet_headers
 function(ktgp_orb_precompile target)
   if(KTGP_ORB_PRECOMPILE)
     target_precompile_headers(${target} PRIVATE ${ARGN})
+    # Its name as a macro, which CMake defines in shared libraries, would keep others from using it.
+    set_target_properties(${target} PROPERTIES DEFINE_SYMBOL "")
   endif()
 endfunction()
 

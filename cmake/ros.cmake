@@ -38,7 +38,7 @@ endforeach()
 
 catkin_package(
   INCLUDE_DIRS include
-  LIBRARIES ktgp_orb_core ktgp_orb_messages ktgp_orb_nodelets
+  LIBRARIES ktgp_orb_core ktgp_orb_views ktgp_orb_messages ktgp_orb_nodelets
   CATKIN_DEPENDS
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
     nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros

@@ -44,10 +44,11 @@ struct MatcherOptions {
 /// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
 /// the next one.
 struct StageResult {
-  const char* name = "";  ///< "knn", "tf", "gms", "prosac"; "guided", "align"; "": switched off
+  /// "knn", "tf", "gms", "prosac"; then "growth", "guided", "align"; "": switched off.
+  const char* name = "";
   std::size_t input = 0;  ///< knn: target features; others: correspondences
-  std::size_t output =
-      0;  ///< correspondences left; guided: including those it added; align: aligned
+  /// Correspondences left; guided: including those it added; growth: its own; align: aligned.
+  std::size_t output = 0;
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
@@ -96,7 +97,7 @@ struct MatchResult {
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
-  std::array<StageResult, 2> refinements;  ///< guided, align
+  std::array<StageResult, 3> refinements;  ///< growth, guided, align
 
   /// The answer: PROSAC's homography, or the grown one, or what guided matching and alignment made
   /// of it, with its covariance, the shared part of that and the deviation from a plane (see

@@ -1,162 +1,99 @@
-
 #pragma once
 
 #include <Eigen/Core>
-
 #include <array>
-
 #include <cstddef>
-
 #include <cstdint>
-
 #include <functional>
-
 #include <memory>
-
 #include <opencv2/core.hpp>
-
 #include <optional>
 
 #include "ktgp_orb/ktgp_matcher.h"
-
 #include "ktgp_orb/orb_extractor.h"
 
 namespace ktgp_orb {
 
 struct MosaicOptions {
   /// 10^6 px, 1..1000: the mosaic stops growing at this size; the covered part is still updated. A
-
   /// pixel takes five bytes, and up to twelve more for the keyframes.
-
   double max_megapixels = 64.0;
-
   /// true: place a frame by a match to the nearest keyframe of the map. false: multiply the given
-
   /// homographies; their errors add up.
-
   bool keyframes = true;
-
   /// A frame becomes a keyframe when the keyframes cover less than this share of it, 0.2..0.9.
-
   double keyframe_overlap = 0.6;
-
   /// A frame is drawn when the view has moved by at least this share of its width, 0..1.
-
   double min_motion = 0.03;
-
   /// Whether a frame is multiplied by one factor, so that its brightness fits the map. This avoids
-
   /// steps when the exposure changes or a cloud passes.
-
   bool gain = true;
-
   /// s: how long a frame that is not connected is searched in the map, before a new map begins.
-
   double patience = 1.0;
-
   OrbOptions orb;
-
   MatcherOptions matcher = MatcherOptions::robust();
 };
 
-///
 /// Outcome for a frame.
-
 enum class Placement : std::uint8_t {
-
-  drawn,  ///< its position is known, and it was drawn
-
-  seen,  ///< its position is known, but it has hardly moved, or the map is full
-
+  drawn,    ///< its position is known, and it was drawn
+  seen,     ///< its position is known, but it has hardly moved, or the map is full
   new_map,  ///< it is the first of a new map
-
-  lost,  ///< its position is not known
-
+  lost,     ///< its position is not known
 };
 
-///
 /// "drawn", "seen", "new_map", "lost"
-
 const char* toString(Placement placement);
 
-///
 /// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
 ///
-/// || Coordinates of the map are the pixels of its first frame, continued on all sides. An instance
-///
+/// Coordinates of the map are the pixels of its first frame, continued on all sides. An instance
 /// belongs to one thread at a time.
-
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
-
   explicit Mosaic(const MosaicOptions& options = {});
-
   ~Mosaic();
-
   Mosaic(Mosaic&&) noexcept;
-
   Mosaic& operator=(Mosaic&&) noexcept;
 
   const MosaicOptions& options() const;
-
   /// Applies from the next frame on; the map stays. Throws as the constructor does.
-
   void setOptions(const MosaicOptions& options);
 
   /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
-
   /// every frame, in order, also for frames that are not placed.
-
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
-
               const std::optional<Eigen::Matrix3d>& homography);
-
   /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
-
   /// std::invalid_argument for another type.
-
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
   /// Called with the map, as image() gives it, before a new map replaces it.
-
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
   /// Of the last placed frame: map -> frame, px; empty where it is lost.
-
   std::optional<Eigen::Matrix3d> pose() const;
-
   /// First frame of the map, ns.
-
   std::int64_t firstStamp() const;
 
   /// The map, CV_8UC4: BGR, and alpha 0 for unseen parts; empty before the first drawing.
-
   cv::Mat image() const;
-
   /// The same as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
-
   /// outline of the last placed frame.
-
   cv::Mat picture(int longest) const;
-
   /// The part of the map that image() shows, px.
-
   cv::Rect area() const;
 
   double megapixels() const;  ///< covered area, in whole tiles
-
-  bool full() const;  ///< something could not be drawn, since max_megapixels is reached
-
+  bool full() const;          ///< something could not be drawn, since max_megapixels is reached
   std::size_t keyframes() const;
-
   std::size_t maps() const;  ///< number of maps begun
 
   void reset();
 
  private:
   struct Impl;
-
   std::unique_ptr<Impl> impl_;
 };
 

@@ -15,6 +15,9 @@ constexpr double kDefaultRatioThreshold = 0.66;
 /// precision (doc/tuning.md).
 double ratioThreshold(DescriptorKind kind);
 
+/// Throws std::invalid_argument unless T_w is in (0, 1].
+void requireRatioThreshold(double threshold);
+
 /// Threshold filtering (TF, Eq. 3): raises every correspondence with W = d1/d2 < `threshold` from
 /// Level::knn to Level::kt and returns their number. With `mutual` only mutual nearest pairs (see
 /// KnnMatcher::matchMutual). `threshold` T_w in (0, 1], otherwise std::invalid_argument. T_w = 1

@@ -1,96 +1,62 @@
-
 #include "ktgp_orb/ktgp_matcher.h"
 
 #include <algorithm>
-
 #include <chrono>
-
 #include <cmath>
-
 #include <utility>
 
 #include "core/growth/verdict.h"
-
 #include "core/homography/estimate.h"
-
 #include "core/homography/transform.h"
-
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
-
 namespace {
 
 using util::position;
 
-///
 /// Fills the statistics of one stage from the return value of `run`, which it times.
-
 template <typename Run>
-
 void timeStage(StageResult& stage, const char* name, std::size_t input, Run run) {
   using Clock = std::chrono::steady_clock;
-
   const auto start = Clock::now();
-
   stage.output = run();
-
   stage.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-
   stage.name = name;
-
   stage.input = input;
 }
 
 void nameRefinements(const MatcherOptions& options, MatchResult& result) {
-  auto& [guided, aligned] = result.refinements;
-
+  auto& [growth, guided, aligned] = result.refinements;
+  growth = {options.growth.enabled ? "growth" : "", 0, 0, 0.0};
   guided = {options.guided.enabled ? "guided" : "", 0, 0, 0.0};
-
   aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
 }
 
 AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   AlignmentOptions alignment = options.alignment;
-
   alignment.max_error = options.prosac.max_error;
-
   return alignment;
 }
 
-///
 /// The homography of a stage's result.
-
 template <typename Result>
-
 UncertainHomography estimateOf(const Result& result) {
   return {result.homography, result.covariance, result.shared_covariance, result.plane_deviation};
 }
 
-///
 /// Resets the results of the stages after the homography.
-
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
-
   std::vector<AlignedPoint> points = std::move(result.alignment.points);  // keep the buffer
-
   points.clear();
-
   result.alignment = {};
-
   result.alignment.points = std::move(points);
-
   result.homography.setZero();
-
   result.covariance.setZero();
-
   result.shared_covariance.setZero();
-
   result.plane_deviation = 0.0;
-
   result.inliers = 0;
-
   result.rmse = 0.0;
 }
 
@@ -98,7 +64,6 @@ void clearRefinement(MatchResult& result) {
 
 void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const {
   out.clear();
-
   for (const Correspondence& c : correspondences) {
     if (c.level >= level) out.push_back(c);
   }
@@ -107,161 +72,96 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
 const char* toString(FoundBy found_by) {
   switch (found_by) {
     case FoundBy::none:
-
       return "none";
-
     case FoundBy::prosac:
-
       return "prosac";
-
     case FoundBy::growth:
-
       return "growth";
   }
-
   return "unknown";
 }
 
 double MatchResult::milliseconds() const {
   double sum = 0.0;
-
   for (const StageResult& stage : stages) sum += stage.milliseconds;
-
   for (const StageResult& stage : refinements) sum += stage.milliseconds;
-
   return sum;
 }
 
 void MatchResult::clear(const MatcherOptions& options) {
   status = Status::no_reference;
-
   search = Search::whole;
-
   correspondences.clear();
-
   gms = {};
-
   std::vector<std::uint8_t> mask = std::move(prosac.mask);  // keep the buffer
-
   mask.clear();
-
   prosac = {};
-
   prosac.mask = std::move(mask);
-
   found_by = FoundBy::none;
-
   growth.clear();
-
   const char* const names[] = {"knn", "tf", "gms", "prosac"};
-
   for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
-
   nameRefinements(options, *this);
-
   clearRefinement(*this);
 }
 
 MatcherOptions MatcherOptions::robust() {
   MatcherOptions options;
-
   options.mutual = true;
-
   options.ratio_threshold = 1.0;
-
   options.gms.enabled = false;
-
+  options.growth.enabled = true;
   options.guided.enabled = true;
-
   return options;
 }
 
 struct KtgpMatcher::Impl {
   explicit Impl(const MatcherOptions& given)
-
       : options(given),
-
         knn(given.knn),
-
         gms(given.gms),
-
         prosac(given.prosac),
-
         growth(given.growth),
-
         guided(given.guided),
-
         alignment(alignmentOptions(given)) {}
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
-
                              const MatchHints& hints, MatchResult& result);
-
   void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
-
   void estimateHomography(const Features& reference, const Features& target,
-
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
-
   void grow(const Features& reference, const Features& target, const ReferenceViews* views,
-
             MatchResult& result);
-
   void refine(const Features& reference, const Features& target, MatchResult& result);
-
   void align(const UncertainHomography& before, const Features& reference, const Features& target,
-
              MatchResult& result);
-
   bool adopt(const UncertainHomography& candidate, const Features& reference,
-
              const Features& target, MatchResult& result);
-
   void publish(const UncertainHomography& answer, const std::vector<std::uint8_t>& mask,
-
                std::size_t inliers, double rmse, const Features& reference, const Features& target,
-
                MatchResult& result);
 
   MatcherOptions options;
-
   KnnMatcher knn;
-
   GmsFilter gms;
-
   ProsacHomography prosac;
-
   PointPairs pairs;
-
   HomographyGrowth growth;
-
   GuidedMatcher guided;
-
   Alignment alignment;
-
   homography::Finaliser finaliser;
-
   homography::FinalHomography final;
-
   std::vector<Correspondence> guided_matches;  // all matches of guided matching
-
-  std::vector<std::uint8_t> taken;  // target keypoints that are inliers
-
-  std::vector<Correspondence> matches;  // matches to align
+  std::vector<std::uint8_t> taken;             // target keypoints that are inliers
+  std::vector<Correspondence> matches;         // to align
 };
 
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
-  std::vector<Correspondence> none;
-
-  if (options.ratio_threshold)
-
-    filterByRatio(*options.ratio_threshold, none);  // throws now if it is invalid
+  if (options.ratio_threshold) requireRatioThreshold(*options.ratio_threshold);
 }
 
 KtgpMatcher::~KtgpMatcher() = default;
-
 KtgpMatcher::KtgpMatcher(KtgpMatcher&&) noexcept = default;
-
 KtgpMatcher& KtgpMatcher::operator=(KtgpMatcher&&) noexcept = default;
 
 const MatcherOptions& KtgpMatcher::options() const {
@@ -273,308 +173,195 @@ void KtgpMatcher::match(const Features& reference, const Features& target, Match
 }
 
 void KtgpMatcher::match(const Features& reference, const Features& target, const MatchHints& hints,
-
                         MatchResult& result) {
   requireValid(reference, "reference");
-
   requireValid(target, "target");
-
   requireSameDescriptor(reference, target);
-
   result.descriptor = target.descriptor;
-
   Impl& impl = *impl_;
-
   const MatcherOptions& options = impl.options;
-
   auto& [knn, tf, gms, prosac] = result.stages;
-
   auto& correspondences = result.correspondences;
 
   timeStage(knn, "knn", target.size(),
-
             [&] { return impl.findNeighbours(reference, target, hints, result); });
-
   timeStage(tf, "tf", knn.output, [&] {
     const double usual = ratioThreshold(target.descriptor);
-
     return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
-
   timeStage(gms, "gms", tf.output, [&] {
     impl.filterByMotion(reference, target, result);
-
     return result.gms.kept;
   });
-
   timeStage(prosac, "prosac", gms.output, [&] {
     impl.estimateHomography(reference, target, hints.prediction, result);
-
     return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
   });
 
   const bool enough = reference.size() >= 2 && !target.empty();
-
   result.status = enough ? result.prosac.status : Status::too_few_features;
-
   result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
-
+  nameRefinements(options, result);
   impl.grow(reference, target, hints.views, result);
-
   impl.refine(reference, target, result);
 }
 
-///
 /// Returns the number of target features with a neighbour.
-
 std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const Features& target,
-
                                               const MatchHints& hints, MatchResult& result) {
   const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
-
   result.search = near ? Search::near : Search::whole;
-
   std::vector<Correspondence>& found = result.correspondences;
-
   if (near) {
     knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
-
   } else if (options.mutual || options.growth.enabled) {
     knn.matchMutual(reference.descriptors, target.descriptors, found);
-
   } else {
     knn.match(reference.descriptors, target.descriptors, found);
   }
-
   return static_cast<std::size_t>(std::count_if(
-
       found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
 }
 
 void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
-
                                        MatchResult& result) {
   result.gms = gms.filter(reference, target, result.correspondences);
 }
 
 void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,
-
                                            const std::optional<Eigen::Matrix3d>& initial,
-
                                            MatchResult& result) {
   pairs.clear();
-
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-
     pairs.reference.push_back(position(reference, c.reference_index));
-
     pairs.target.push_back(position(target, c.target_index));
-
     pairs.quality.push_back(c.ratio());
   }
-
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
 
-///
-/// Called when PROSAC found nothing in the whole image.
-
+/// Called after PROSAC; does something if it found nothing in the whole image.
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
-
                              const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
-
   const bool wanted =
-
       options.growth.enabled && result.status != Status::ok && result.search == Search::whole;
-
   if (!wanted) return;
-
-  growth.find(reference, views, target, result.correspondences, result.growth);
-
+  const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
+  const auto mutual =
+      std::count_if(result.correspondences.begin(), result.correspondences.end(), is_mutual);
+  timeStage(result.refinements[0], "growth", static_cast<std::size_t>(mutual), [&] {
+    growth.find(reference, views, target, result.correspondences, result.growth);
+    return result.growth.pairs.size();
+  });
   if (!result.growth.found) return;
-
   result.status = Status::ok;
-
   result.found_by = FoundBy::growth;
 }
 
-///
-/// Guided matching and alignment, if they are enabled. adopt() derives the results for the new
-///
-/// homography.
-
+/// Guided matching and alignment, if they are enabled. adopt() derives what the result says of the
+/// new homography.
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
-
                                MatchResult& result) {
   clearRefinement(result);
-
-  nameRefinements(options, result);
-
-  StageResult& guided_stage = result.refinements[0];
-
-  StageResult& align_stage = result.refinements[1];
-
+  StageResult& guided_stage = result.refinements[1];
+  StageResult& align_stage = result.refinements[2];
   guided_matches.clear();
-
   if (result.status != Status::ok) return;
-
   const bool grown = result.found_by == FoundBy::growth;
-
   UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
-
   if (grown) guided_matches = result.growth.matches;
-
   if (!grown) {
     const ProsacResult& found = result.prosac;  // labelled by the same Finaliser
-
     publish(answer, found.mask, found.inliers, found.rmse, reference, target, result);
-
   } else if (!adopt(answer, reference, target, result)) {
     result.status = Status::model_rejected;
-
     result.found_by = FoundBy::none;
-
     return;
   }
-
   if (options.guided.enabled) {
     timeStage(guided_stage, "guided", result.inliers, [&] {
       UncertainHomography candidate = answer;
-
       guided.refine(reference, target, options.prosac.max_error, candidate, guided_matches);
-
       if (adopt(candidate, reference, target, result)) answer = candidate;
-
       return result.inliers;
     });
   }
-
   if (options.alignment.enabled) {
     result.surviving(Level::ktgp, matches);
-
     matches.insert(matches.end(), result.guided.begin(), result.guided.end());
-
     timeStage(align_stage, "align", matches.size(), [&] {
       align(answer, reference, target, result);
-
       return result.alignment.points.size();
     });
   }
 }
 
 void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features& reference,
-
                               const Features& target, MatchResult& result) {
   AlignmentResult& aligned = result.alignment;
-
   alignment.align(reference, target, matches, before, aligned);
-
   if (aligned.status != AlignmentStatus::ok) return;
-
   const UncertainHomography candidate = estimateOf(aligned);
-
   if (adopt(candidate, reference, target, result)) return;
-
   aligned.status = AlignmentStatus::not_better;
-
   aligned.homography = before.homography;
-
   aligned.covariance = before.covariance;
-
   aligned.shared_covariance = before.shared_covariance;
-
   aligned.plane_deviation = before.plane_deviation;
 }
 
+/// Makes `candidate` the result, with mask, inliers and RMSE derived from it. Returns false,
+/// without any change, if the verdict on it is bad.
 ///
-/// Makes `candidate` the result, with mask, inliers and RMSE derived from it. False, without any
-///
-/// change, if the verdict on it is bad.
-///
-/// || A grown homography has the verdict of the growth, since the few right ones among the matches
-///
+/// A grown homography has the verdict of the growth, since the few right ones among the matches
 /// would not give one. A homography derived from it must still agree with the pairs of the growth.
-
 bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
-
                               const Features& target, MatchResult& result) {
   if (result.found_by == FoundBy::growth) {
     finaliser.finalise(candidate, result.growth.pairs, reference.image_size,
-
                        growth::Verdict::kRadius, final);
-
     if (!final.trusted) return false;
   }
-
   finaliser.finalise(candidate, pairs, reference.image_size, options.prosac.max_error, final);
-
   if (!final.trusted && result.found_by != FoundBy::growth) return false;
-
   publish(candidate, final.mask, final.inliers, final.rmse, reference, target, result);
-
   return true;
 }
 
-///
 /// Sets the result and everything that belongs to it: levels, the guided matches that agree,
-///
 /// inliers and RMSE. `mask`, `inliers` and `rmse`: of the pairs that passed GMS.
-
 void KtgpMatcher::Impl::publish(const UncertainHomography& answer,
-
                                 const std::vector<std::uint8_t>& mask, std::size_t inliers,
-
                                 double rmse, const Features& reference, const Features& target,
-
                                 MatchResult& result) {
   result.homography = answer.homography;
-
   result.covariance = answer.covariance;
-
   result.shared_covariance = answer.shared_covariance;
-
   result.plane_deviation = answer.plane_deviation;
 
   taken.assign(target.size(), 0);
-
   std::size_t i = 0;
-
   for (Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-
     const bool inlier = mask[i++] != 0;
-
     c.level = inlier ? Level::ktgp : Level::ktg;
-
     if (inlier) taken[static_cast<std::size_t>(c.target_index)] = 1;
   }
-
   double squares = rmse * rmse * static_cast<double>(inliers);
-
   result.guided.clear();
-
   for (const Correspondence& c : guided_matches) {
     if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
-
     const double error =
-
         homography::errorOf(answer.homography, position(reference, c.reference_index),
-
                             position(target, c.target_index));
-
     if (!(error < options.prosac.max_error)) continue;
-
     result.guided.push_back(c);
-
     squares += error * error;
   }
-
   result.inliers = inliers + result.guided.size();
-
   result.rmse =
-
       result.guided.empty() ? rmse : std::sqrt(squares / static_cast<double>(result.inliers));
 }
 

@@ -30,8 +30,8 @@ OrbOptions forHardPairs(OrbOptions options) {
   return options;
 }
 
-MatcherOptions withGrowth(MatcherOptions options) {
-  options.growth.enabled = true;
+MatcherOptions withoutGrowth(MatcherOptions options) {
+  options.growth.enabled = false;
   return options;
 }
 
@@ -80,20 +80,20 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
        {mutualNearest(options.knn), model(Estimator::prosac), align(alignment)}},
-      {"ROBUST", "the preset: MUTUAL, a guided round, alignment", {matcher(robust(options))}},
+      {"ROBUST",
+       "the preset: MUTUAL, growth where PROSAC finds nothing, a guided round, alignment",
+       {matcher(robust(options))}},
       {"ROBUST-TEBLID",
        "the same over TEBLID descriptors",
        {extract(withTeblid(pipeline.orb)), matcher(robust(options))}},
-      {"ROBUST+GROWTH",
-       "ROBUST, growth from single matches where PROSAC finds nothing",
-       {matcher(withGrowth(robust(options)))}},
+      {"ROBUST-GROWTH", "ROBUST without the growth", {matcher(withoutGrowth(robust(options)))}},
       {"HARD",
-       "ROBUST+GROWTH over 3000 TEBLID features, FAST threshold 10",
-       {extract(forHardPairs(pipeline.orb)), matcher(withGrowth(robust(options)))}},
+       "ROBUST over 3000 TEBLID features, FAST threshold 10",
+       {extract(forHardPairs(pipeline.orb)), matcher(robust(options))}},
       {"HARD-VIEWS",
        "HARD, with 12 simulated views of the reference",
        {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
-        matcher(withGrowth(robust(options)))}},
+        matcher(robust(options))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(motion)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},

@@ -7,6 +7,7 @@
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
+#include <sstream>
 #include <stdexcept>
 
 #include "cli/files.h"
@@ -14,18 +15,34 @@
 
 namespace ktgp_orb::tools {
 
+namespace {
+
+/// The row's four numbers; false where there are fewer, more, or something else.
+bool readRow(const std::string& line, AnnotatedPoint& p) {
+  std::istringstream row(line);
+  row >> p.reference.x() >> p.reference.y() >> p.target.x() >> p.target.y();
+  std::string more;
+  return row && !(row >> more) && p.reference.allFinite() && p.target.allFinite();
+}
+
+}  // namespace
+
 std::vector<AnnotatedPoint> readPoints(const std::string& file) {
   constexpr std::size_t kFewest = 4;
   std::ifstream in(file);
   if (!in) throw FileError(file, "cannot be opened");
   std::vector<AnnotatedPoint> points;
-  AnnotatedPoint p;
-  while (in >> p.reference.x()) {
-    if (!(in >> p.reference.y() >> p.target.x() >> p.target.y())) break;
-    points.push_back(p);
+  std::string line;
+  for (int number = 1; std::getline(in, line); ++number) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    points.emplace_back();
+    if (readRow(line, points.back())) continue;
+    throw FileError(file, "line " + std::to_string(number) +
+                              " is no annotated point; expected four numbers `xA yA xB yB`");
   }
-  if (!in.eof() || points.size() < kFewest) {
-    throw FileError(file, "holds no annotated points; expected at least four rows `xA yA xB yB`");
+  if (points.size() < kFewest) {
+    throw FileError(file, "holds " + std::to_string(points.size()) +
+                              " annotated points; expected at least four rows `xA yA xB yB`");
   }
   return points;
 }

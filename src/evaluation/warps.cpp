@@ -25,6 +25,11 @@ double uniform(Random& random, double low, double high) {
   return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
 }
 
+/// From [-most, most] without what is nearer to zero than `least`, as evenly distributed as before.
+double keptAway(double value, double least, double most) {
+  return least > 0.0 ? value * (1.0 - least / most) + std::copysign(least, value) : value;
+}
+
 double logUniform(Random& random, double low, double high) {
   return std::exp(uniform(random, std::log(low), std::log(high)));
 }
@@ -39,8 +44,11 @@ Eigen::Matrix3d translation(const Eigen::Vector2d& t) {
 /// with another focal length. The random values are drawn in the order of the declarations.
 Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
   const double rotation = uniform(random, -limits.rotation, limits.rotation) * kDegree;
-  const double zoom = logUniform(random, 1.0 / limits.zoom, limits.zoom);
-  const double tilt = uniform(random, -limits.tilt, limits.tilt) * kDegree;
+  const double log_zoom = uniform(random, std::log(1.0 / limits.zoom), std::log(limits.zoom));
+  const double zoom =
+      std::exp(keptAway(log_zoom, std::log(limits.least_zoom), std::log(limits.zoom)));
+  const double any_tilt = uniform(random, -limits.tilt, limits.tilt);
+  const double tilt = keptAway(any_tilt, limits.least_tilt, limits.tilt) * kDegree;
   const double axis = uniform(random, 0.0, kPi);
   const double shift_x = uniform(random, -limits.shift, limits.shift);
   const double shift_y = uniform(random, -limits.shift, limits.shift);
@@ -100,7 +108,8 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
-  if (name == "extreme") return WarpLimits{180.0, 4.0, 70.0, 80.0, 2.0, 0.4};
+  // Hard in every respect at once: tilt, zoom and light.
+  if (name == "extreme") return WarpLimits{180.0, 4.0, 70.0, 80.0, 2.0, 0.4, 2.0, 50.0, true};
   return std::nullopt;
 }
 
@@ -109,7 +118,7 @@ Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
   Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
   Warp warp;
   warp.homography = drawHomography(limits, random);
-  if (index % 2 == 1) warp.degradation = drawDegradation(limits, random);
+  if (limits.always_degraded || index % 2 == 1) warp.degradation = drawDegradation(limits, random);
   return warp;
 }
 

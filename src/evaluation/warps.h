@@ -11,12 +11,15 @@ namespace ktgp_orb::tools {
 /// How far the camera moves between the two views of a warp. Every value is drawn evenly from
 /// -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
 struct WarpLimits {
-  double rotation = 0.0;  ///< about the optical axis, degrees
-  double zoom = 1.0;      ///< of the lens
-  double tilt = 0.0;      ///< of the plane about an axis of any direction within it, degrees
-  double shift = 0.0;     ///< of the image centre along x and along y, px
-  double gamma = 1.3;     ///< of a degraded target, from 1/gamma to gamma on a logarithmic scale
-  double gain = 0.2;      ///< of a degraded target, from 1 - gain to 1 + gain
+  double rotation = 0.0;    ///< about the optical axis, degrees
+  double zoom = 1.0;        ///< of the lens
+  double tilt = 0.0;        ///< of the plane about an axis of any direction within it, degrees
+  double shift = 0.0;       ///< of the image centre along x and along y, px
+  double gamma = 1.3;       ///< of a degraded target, from 1/gamma to gamma on a logarithmic scale
+  double gain = 0.2;        ///< of a degraded target, from 1 - gain to 1 + gain
+  double least_zoom = 1.0;  ///< the zoom is at least this or at most its inverse
+  double least_tilt = 0.0;  ///< the tilt is at least this in either direction, degrees
+  bool always_degraded = false;  ///< not only every other target
 };
 
 /// "small", "medium", "large" or "extreme"; nothing for another name.
@@ -42,7 +45,7 @@ struct Warp {
 };
 
 /// Warp number `index` of a series. The same arguments give the same warp; even numbers are clean,
-/// odd ones are degraded.
+/// odd ones are degraded, or all where the limits say so.
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed);
 
 struct WarpedImages {

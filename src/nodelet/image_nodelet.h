@@ -27,16 +27,16 @@ class ImageNodelet : public nodelet::Nodelet {
   virtual void start() = 0;
   /// Whether images are needed now.
   virtual bool isWanted() const { return outputs_.haveSubscribers(); }
-  /// Start and end of the subscriptions; called with connect_mutex_ locked.
+  /// Start and stop the input; connect_mutex_ is locked, and subscribed_ is true in between.
   virtual void subscribe() = 0;
   virtual void unsubscribe() = 0;
 
   /// Subscribes or unsubscribes as needed; does nothing before connect().
   void connectionsChanged();
-  /// Calls `advertise`; from then on subscribers decide what is subscribed. It is locked until all
-  /// outputs exist, so that an early subscriber does not find only some.
+  /// Calls `advertise`, then lets the subscribers decide what is subscribed. So an early
+  /// subscriber does not find only some of the outputs.
   void connect(const std::function<void()>& advertise);
-  /// Ends the subscriptions; connectionsChanged() then does nothing.
+  /// Ends the input; after this connectionsChanged() does nothing.
   void disconnect();
   bool isSubscribed();
 

@@ -120,7 +120,7 @@ void MatcherNodelet::startTimers() {
       false);
 }
 
-/// A topic with one message for each frame: the one that `pick` returns. Null: nothing is
+/// A topic with one message per frame, which `pick` selects; if it returns null, nothing is
 /// published.
 template <typename Message, typename Pick>
 void MatcherNodelet::advertiseOfFrames(const std::string& topic, const Pick& pick) {
@@ -144,7 +144,7 @@ void MatcherNodelet::advertise() {
   advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
   target_.advertise(outputs_, private_node_, camera_info_topic_);
   frame_outputs_.emplace_back([this](const Frame& frame) { target_.publish(frame); });
-  // Last: it marks that all others were sent.
+  // The last one: it marks that all others were sent.
   advertiseOfFrames<MatchStatistics>("statistics",
                                      [](const Frame& frame) { return frame.statistics; });
   // A slow subscriber should not lose data; of the pictures it needs only the newest.

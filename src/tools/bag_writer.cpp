@@ -5,18 +5,20 @@
 #include <stdexcept>
 
 #include "cli/files.h"
+#include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr const char* kColumns =
-    "stamp,reference_stamp,status,reference_changed,reference_features,target_features,descriptor,"
+    "stamp,reference_stamp,status,found_by,reference_changed,reference_features,target_features,"
+    "descriptor,"
     "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,plane_deviation,"
     "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
     "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
 constexpr int kStages = 4;
-constexpr int kColumnsAfterStatus = 28;  // without the error
+constexpr int kColumnsAfterStatus = 29;  // without the error
 
 /// Not written directly to the file: ROS changes the stream's locale, which flushes the buffer, and
 /// ends the program if the disk is full.
@@ -87,7 +89,8 @@ void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
 void MatchWriter::writeLine(const FrameMessages& messages) {
   const MatchStatistics& s = *messages.statistics;
   csv_ << text(s.header.stamp) << ',' << text(s.reference_stamp) << ','
-       << toString(static_cast<Status>(s.status)) << ',' << int(s.reference_changed) << ','
+       << toString(static_cast<Status>(s.status)) << ','
+       << toString(static_cast<FoundBy>(s.found_by)) << ',' << int(s.reference_changed) << ','
        << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
   for (int i = 0; i < kStages; ++i) csv_ << ',' << s.stages[i].output;
   csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','

@@ -255,7 +255,7 @@ TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
        {"ORB",        "ORB+RANSAC", "KT",         "KTG",        "KTGP",          "KTG-RS",
         "KTGP-RS",    "GMS",        "MUTUAL",     "KTGP+ALIGN", "MUTUAL+ALIGN",  "GMS-5",
         "GMS5x5",     "GMS-RANSAC", "MP-ORB",     "KRCR",       "KTBER",         "Sun2016",
-        "KTG+ransac", "KTG+msac",   "KTG+mlesac", "ROBUST",     "ROBUST-TEBLID", "ROBUST+GROWTH",
+        "KTG+ransac", "KTG+msac",   "KTG+mlesac", "ROBUST",     "ROBUST-TEBLID", "ROBUST-GROWTH",
         "HARD",       "HARD-VIEWS"}) {
     EXPECT_EQ(names.count(name), 1u) << name;
   }

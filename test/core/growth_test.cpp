@@ -91,9 +91,7 @@ Eigen::Matrix3d tilted() {
 }
 
 MatcherOptions growing() {
-  MatcherOptions options = MatcherOptions::robust();
-  options.growth.enabled = true;
-  return options;
+  return MatcherOptions::robust();
 }
 
 GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
@@ -245,6 +243,14 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
+  const StageResult& stage = result.refinements[0];
+  EXPECT_STREQ(stage.name, "growth");
+  EXPECT_EQ(stage.output, result.growth.pairs.size());
+  EXPECT_GT(stage.milliseconds, 0.0);
+  double others = -stage.milliseconds;  // its time is part of the whole
+  for (const StageResult& s : result.stages) others += s.milliseconds;
+  for (const StageResult& s : result.refinements) others += s.milliseconds;
+  EXPECT_NEAR(result.milliseconds(), others + stage.milliseconds, 1e-9);
   EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
@@ -314,10 +320,10 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   }
 }
 
-TEST(Growth, IsOffUnlessAskedFor) {
+TEST(Growth, IsInThePresetRobustAlone) {
   EXPECT_FALSE(MatcherOptions().growth.enabled);
   EXPECT_FALSE(MatcherOptions::ktgp().growth.enabled);
-  EXPECT_FALSE(MatcherOptions::robust().growth.enabled);
+  EXPECT_TRUE(MatcherOptions::robust().growth.enabled);
 }
 
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
@@ -384,6 +390,40 @@ TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
     }
   }
   EXPECT_THROW(simulateViews(image, orb, -1), std::invalid_argument);
+}
+
+TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
+  OrbOptions orb;
+  orb.max_features = 2000;
+  orb.fast_threshold = 5;  // as many as are wanted
+  cv::Mat image;
+  cv::resize(scene(7), image, kSize, 0.0, 0.0, cv::INTER_AREA);
+  std::size_t bytes = 0;
+  std::size_t features = 0;
+  for (const ReferenceView& view : simulateViews(image, orb, 13)) {
+    features += view.features.size();
+    bytes += sizeof(view) + view.features.keypoints.capacity() * sizeof(cv::KeyPoint) +
+             view.features.descriptors.total();
+    EXPECT_TRUE(view.features.images.empty());
+  }
+  EXPECT_GT(features, 4000U);
+  EXPECT_LT(bytes, 3U << 20U);
+}
+
+/// Tiles that look alike: one tile further fits nearly as well, and nothing says which is right.
+TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
+  const cv::Mat tile = scene(11)(cv::Rect(0, 0, 80, 80));
+  cv::Mat tiles;
+  cv::repeat(tile, 6, 8, tiles);
+  Pair pair;
+  OrbExtractor extractor;
+  extractor.extract(tiles, pair.reference);
+  cv::Mat shown(kSize, CV_8U, cv::Scalar(0));
+  tiles(cv::Rect(0, 0, 320, 320)).copyTo(shown(cv::Rect(160, 80, 320, 320)));
+  extractor.extract(shown, pair.target);
+  const GrowthResult result = grow(pair);
+  EXPECT_GT(result.seeds, 0);
+  EXPECT_FALSE(result.found);
 }
 
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {

@@ -1,5 +1,5 @@
 // The same input gives the same result on every machine, x86-64 or arm64: what is recorded here
-// came from an x86-64 one. scripts/check_arm64 runs this test on an emulated arm64.
+// came from an x86-64 one. dev/check_arm64 runs this test on an emulated arm64.
 
 #include <gtest/gtest.h>
 

@@ -44,7 +44,7 @@ class Until(str):
 
 IN_CI = Skipped('a part of continuous integration, for minutes')
 TOO_LONG = Skipped('takes minutes to hours')
-WORKSPACE = Skipped('scripts/check_workspace runs it in a workspace of its own, in CI')
+WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
 SMALL = ' --features 300 --repeat 1'
@@ -56,42 +56,45 @@ COMMANDS = {
     'scripts/test -R robot_': Skipped('runs tests of which this is one'),
     'scripts/bench': TOO_LONG,
     'scripts/bench --benchmark_filter=align': TOO_LONG,
+    'scripts/bench --compare OLD.json NEW.json':
+        'scripts/bench --compare old/benchmarks.json new/benchmarks.json',
     'scripts/bench --benchmark_filter=preset': TOO_LONG,
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
     'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
     'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
-    'scripts/check': IN_CI,
-    'scripts/check_arm64': TOO_LONG,
-    'scripts/check_arm64 --fast': IN_CI,
-    'scripts/check_arm64 knn_matcher_test': IN_CI,
-    'scripts/check_includes': 'scripts/check_includes',
-    'scripts/check_platform bullseye': TOO_LONG,
-    'scripts/check_platform trixie': IN_CI,
-    'sudo scripts/check_platform bookworm': IN_CI,
-    'scripts/compare_benchmarks OLD.json NEW.json':
-        'scripts/compare_benchmarks old/benchmarks.json new/benchmarks.json',
-    'scripts/count_arm64_instructions': TOO_LONG,
-    'scripts/count_arm64_instructions 1000': TOO_LONG,
+    'dev/check': IN_CI,
+    'dev/check_arm64': TOO_LONG,
+    'dev/check_arm64 --fast': TOO_LONG,
+    'dev/check_arm64 knn_matcher_test': TOO_LONG,
+    'dev/check_includes': 'dev/check_includes',
+    'dev/check_platform bullseye': TOO_LONG,
+    'dev/check_platform': IN_CI,
+    'dev/check_platform trixie': IN_CI,
+    'dev/check_workspace': IN_CI,
+    'sudo dev/check_platform bookworm': IN_CI,
     'scripts/evaluate':
         'scripts/evaluate --built out/release --data sets --output report --methods ORB,KT,KTG,KTGP '
         '--repeat 1 --warp-pairs 2',
     'scripts/evaluate --data DIR':
         'scripts/evaluate --built out/release --data sets --methods KTGP --repeat 1 --warp-pairs 0 '
         '--output one_method',
-    'scripts/faults': TOO_LONG,
-    'scripts/fuzz': IN_CI,
-    'scripts/fuzz gms 600': TOO_LONG,
-    'scripts/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
-    'scripts/latency': TOO_LONG,
-    'scripts/mutate': TOO_LONG,
-    'scripts/mutate core/gms': TOO_LONG,
-    'scripts/sanitize': IN_CI,
-    'scripts/sanitize thread': IN_CI,
-    'scripts/sanitize address': IN_CI,
-    'scripts/sanitize thread full': TOO_LONG,
-    'scripts/soak --frames 20000': IN_CI,
-    'scripts/verdict': TOO_LONG,
+    'dev/fuzz': TOO_LONG,
+    'dev/fuzz gms 600': TOO_LONG,
+    'dev/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
+    'dev/mutate': TOO_LONG,
+    'dev/mutate core/gms': TOO_LONG,
+    'dev/sanitize': IN_CI,
+    'dev/sanitize thread': IN_CI,
+    'dev/sanitize address': IN_CI,
+    'dev/sanitize thread full': TOO_LONG,
+    'scripts/test -L long': TOO_LONG,
+    'scripts/test -L long -R latency': TOO_LONG,
+    'scripts/test -L long -R faults': TOO_LONG,
+    'scripts/test -L long -R verdict': TOO_LONG,
+    'scripts/test -L long -R soak': IN_CI,
+    'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R soak': TOO_LONG,
+    'dev/nightly': TOO_LONG,
     'ktgp_evaluate homogr evd dogman notredame --longest-side 1200 --methods '
     'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT': TOO_LONG,
     'ktgp_evaluate --warps extreme --warp-pairs 240 IMAGES --methods '
@@ -169,10 +172,10 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods ROBUST,ROBUST-TEBLID '
         '--alignment=false' + SMALL,
 }
-# Mentioned in the text in other forms.
-ALSO = ['scripts/update_documents --check', 'scripts/evaluate --help', 'scripts/merge_benchmarks --filter',
+# Named in the text, not written out.
+ALSO = ['dev/update_documents --check', 'scripts/evaluate --help', 'scripts/bench --help',
         'scripts/setup --list debian build test rqt', 'scripts/setup --list noetic core',
-        'scripts/merge_benchmarks old raw.json', 'scripts/merge_benchmarks new raw.json']
+        'scripts/bench --merge old raw.json', 'scripts/bench --merge new raw.json']
 # Others need these results.
 FIRST = [command for command in COMMANDS.values() if 'make_demo_bag' in command] + [
     command for command in ALSO if 'raw.json' in command]
@@ -191,10 +194,10 @@ def commands_of(text):
         found.append(re.sub(r'\s+#.*', '', line).strip())
     for span in re.findall(r'`([^`\n]+)`', text):
         word = span.split()[0]
-        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'scripts/\w+$', word) or \
+        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$', word) or \
                 span == 'catkin_make':
             found.append(span)
-    helpers = ('scripts/environment', 'scripts/setup', 'scripts/update_documents')
+    helpers = ('scripts/environment', 'scripts/setup', 'dev/update_documents')
     return [command for command in found if command and command not in helpers]
 
 
@@ -348,12 +351,11 @@ class CommandsTest(unittest.TestCase):
 
     def test_rosrun_finds_one_program_after_every_script(self):
         program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'ktgp_match')
-        for name in sorted(os.listdir(os.path.join(self.clone, 'scripts'))):
-            script = os.path.join(self.clone, 'scripts', name)
-            if not os.path.isfile(script):  # Python's cache of what a script imports
-                continue
+        scripts = [os.path.join(self.clone, folder, name) for folder in ('scripts', 'dev')
+                   for name in sorted(os.listdir(os.path.join(self.clone, folder)))]
+        for script in filter(os.path.isfile, scripts):
             with open(script, encoding='utf-8') as file:
-                folders = re.findall(r"(?:\$root/|ROOT, '|folder=)((?:out|build)/[\w$]+)", file.read())
+                folders = re.findall(r"(?:\$root/|ROOT, '|ROOT / .|folder=)((?:out|build)/[\w$]+)", file.read())
             for folder in folders:
                 if folder == 'out/release':
                     continue

@@ -54,6 +54,17 @@ class ReferenceTest(unittest.TestCase):
         message = image_message(view(x, y, *size), self.camera.next_stamp())
         return self.statistics.wait_for(self.camera.send(message))
 
+    def images_arrived(self):
+        """As the matcher's next report has it; the one after it, since the first may be on its way."""
+        reports = Recorder('/diagnostics', DiagnosticArray)
+        self.addCleanup(reports.close)
+        def counts():
+            return [int(value.value) for report in reports.messages() for status in report.status
+                    if status.name.endswith(': input') for value in status.values
+                    if value.key == 'images']
+        wait_until(lambda: len(counts()) > 1, 'the matcher reports')
+        return counts()[-1]
+
     def pan(self, frames):
         return [self.send(100 + PAN * i) for i in range(frames)]
 
@@ -197,8 +208,9 @@ class ReferenceTest(unittest.TestCase):
     def test_pause_and_resume(self):
         before = self.pan(2)[-1]
         self.call('pause')
+        arrived = self.images_arrived()
         unseen = self.camera.send(image_message(view(140, 100), self.camera.next_stamp()))
-        time.sleep(1.0)  # nothing tells that the matcher let it go; it must not arrive after "resume"
+        wait_until(lambda: self.images_arrived() == arrived + 1, 'it arrives while paused')
         # An image sent after `unseen` has gone through shows that `unseen` was ignored.
         self.call('resume')
         after = self.send(160)

@@ -99,8 +99,9 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   const auto sendNumbered = [&](std::uint32_t number) {
     return send(numbered(number)).lost_frames;
   };
-  // Until the matcher has counted the publishers: for two of them, gaps mean nothing.
-  ros::WallDuration(2.5).sleep();
+  // Until the matcher has counted who publishes, which it does between two reports: with two of
+  // them the numbers would tell nothing.
+  ASSERT_TRUE(reports.waitForMore(3));
   EXPECT_EQ(sendNumbered(70), 0U) << "what came before the subscription was not lost";
   EXPECT_EQ(sendNumbered(71), 0U);
   EXPECT_EQ(sendNumbered(75), 3U);
@@ -330,8 +331,11 @@ TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
   Tap data([&] {
     note('s');
     if (!behind) return;
+    // The second takes the place of the first, which is let go: then one waits.
+    const sensor_msgs::ImageConstPtr first = view();
+    publisher_.publish(first);
     publisher_.publish(sensor_msgs::ImageConstPtr(view()));
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it arrives
+    EXPECT_TRUE(waitUntil([&] { return first.use_count() == 1; }));
   });
   Tap pictures([&] { note('o'); });
   Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");

@@ -7,6 +7,7 @@
 
 #include "core/growth/grower.h"
 #include "core/growth/reference_frames.h"
+#include "core/growth/rivals.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "core/homography/estimate.h"
@@ -27,10 +28,21 @@ struct Seed {
   std::int32_t pair;  // in that view
 };
 
+bool isAccepted(const Grown& grown) {
+  return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
+}
+
+Eigen::Vector2d middleOf(const std::vector<PlacePair>& pairs) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const PlacePair& pair : pairs) sum += pair.reference;
+  return sum / static_cast<double>(pairs.size());
+}
+
 }  // namespace
 }  // namespace growth
 
 using growth::FramePair;
+using growth::Grown;
 using growth::PlacePair;
 using growth::Seed;
 
@@ -51,9 +63,12 @@ struct HomographyGrowth::Impl {
   Eigen::Matrix3d firstMap(const Seed& seed);
   Eigen::Vector2d placeOf(const Seed& seed) const;
   bool isExplained(const Seed& seed) const;
-  bool tryFrom(const Seed& seed, GrowthResult& result);
-  bool store(const Eigen::Matrix3d& map, GrowthResult& result);
-  void collect(GrowthResult& result) const;
+  void tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d& centre, GrowthResult& result);
+  void sortGrown();
+  void meetRepeats(GrowthResult& result);
+  void choose(GrowthResult& result);
+  bool store(const Grown& chosen, GrowthResult& result);
+  void collect(const Grown& chosen, GrowthResult& result) const;
 
   GrowthOptions options;
   growth::ReferenceFrames reference;
@@ -70,6 +85,11 @@ struct HomographyGrowth::Impl {
   std::vector<std::int32_t> voters;
   std::vector<PlacePair> near;
   std::vector<Eigen::Matrix3d> tried;  // maps that seeds led to
+  std::vector<Grown> grown;            // the same; the first `grown_count`, the others are buffers
+  std::size_t grown_count = 0;
+  std::vector<std::size_t> order;    // of `grown`, the best first
+  std::vector<cv::Point2f> repeats;  // of one of them
+  growth::Rivals rivals;
 };
 
 void HomographyGrowth::Impl::setReference(const Features& features, const ReferenceViews* given) {
@@ -150,29 +170,78 @@ bool HomographyGrowth::Impl::isExplained(const Seed& seed) const {
   });
 }
 
-bool HomographyGrowth::Impl::tryFrom(const Seed& seed, GrowthResult& result) {
-  ++result.seeds;
-  Eigen::Matrix3d map = firstMap(seed);
-  if (!grower.grow(placeOf(seed), reference, matcher, map)) return false;
+/// Grows `map` and judges what comes of it.
+void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d& centre,
+                                     GrowthResult& result) {
+  if (!grower.grow(centre, reference, matcher, map)) return;
   tried.push_back(map);
   ++result.judged;
   const growth::Judgement judgement = verdict.judge(
       grower.predictions(), reference, growth::Grower::kFirstRadius, options.seeds, matcher);
-  if (result.judged == 1 || judgement.log_false_alarms < result.log_false_alarms) {
-    result.support = judgement.support;
-    result.by_chance = judgement.by_chance;
-    result.log_false_alarms = judgement.log_false_alarms;
+  if (grown_count == grown.size()) grown.emplace_back();
+  Grown& kept = grown[grown_count++];
+  kept.map = map;
+  kept.judgement = judgement;
+  kept.matches = grower.matches();
+  kept.pairs = grower.pairs();
+  kept.repeats = verdict.repeats();
+  kept.met_repeats = false;
+}
+
+/// Those that chance explains least first.
+void HomographyGrowth::Impl::sortGrown() {
+  order.resize(grown_count);
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    const double of_a = grown[a].judgement.log_false_alarms;
+    const double of_b = grown[b].judgement.log_false_alarms;
+    return of_a != of_b ? of_a < of_b : a < b;
+  });
+}
+
+/// Grows the best one anew from where the scene looks the same, until none of these is better.
+void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
+  constexpr int kMostTimes = 3;
+  for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
+    sortGrown();
+    Grown& best = grown[order.front()];
+    if (!growth::isAccepted(best) || std::exchange(best.met_repeats, true)) return;
+    const Eigen::Vector2d middle = growth::middleOf(best.pairs);
+    const Eigen::Matrix3d map = best.map;  // tryFrom may move the buffers
+    repeats = best.repeats;
+    for (const cv::Point2f& shift : repeats) {
+      Eigen::Matrix3d shifted = map;
+      shifted.row(0) += static_cast<double>(shift.x) * map.row(2);
+      shifted.row(1) += static_cast<double>(shift.y) * map.row(2);
+      tryFrom(shifted, middle, result);
+    }
   }
-  if (!(judgement.log_false_alarms < growth::Verdict::kLogMaxFalseAlarms)) return false;
-  return store(map, result);
+}
+
+/// The best one, unless chance explains it or another one that says the contrary is nearly as good.
+void HomographyGrowth::Impl::choose(GrowthResult& result) {
+  sortGrown();
+  if (order.empty()) return;
+  const growth::Judgement& judgement = grown[order.front()].judgement;
+  result.support = judgement.support;
+  result.by_chance = judgement.by_chance;
+  result.log_false_alarms = judgement.log_false_alarms;
+  for (const std::size_t i : order) {
+    if (!growth::isAccepted(grown[i])) return;
+    const auto is_rival = [&](std::size_t other) {
+      return other != i && rivals.contradicts(grown[other], grown[i], matcher.imageSize());
+    };
+    if (std::any_of(order.begin(), order.end(), is_rival)) return;
+    if (store(grown[i], result)) return;
+  }
 }
 
 /// The homography of greatest likelihood, and what it rests on. False, and nothing is kept, where
 /// it is none that the whole reference could be seen by.
-bool HomographyGrowth::Impl::store(const Eigen::Matrix3d& map, GrowthResult& result) {
-  collect(result);
+bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
+  collect(chosen, result);
   UncertainHomography estimate;
-  estimate.homography = map / map(2, 2);
+  estimate.homography = chosen.map / chosen.map(2, 2);
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   result.found =
@@ -193,14 +262,14 @@ bool HomographyGrowth::Impl::store(const Eigen::Matrix3d& map, GrowthResult& res
   return true;
 }
 
-void HomographyGrowth::Impl::collect(GrowthResult& result) const {
+void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) const {
   result.pairs.clear();
   result.matches.clear();
   const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
-  for (std::size_t i = 0; i < grower.pairs().size(); ++i) {
-    const growth::LocalMatch& match = grower.matches()[i];
-    result.pairs.reference.push_back(grower.pairs()[i].reference);
-    result.pairs.target.push_back(grower.pairs()[i].target);
+  for (std::size_t i = 0; i < chosen.pairs.size(); ++i) {
+    const growth::LocalMatch& match = chosen.matches[i];
+    result.pairs.reference.push_back(chosen.pairs[i].reference);
+    result.pairs.target.push_back(chosen.pairs[i].target);
     result.pairs.quality.push_back(match.distance / double{growth::kDescriptorBits});
     if (match.reference >= own) continue;
     result.matches.push_back(
@@ -255,11 +324,15 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
   }
   impl.collectSeeds();
   impl.tried.clear();
+  impl.grown_count = 0;
   for (const Seed& seed : impl.seeds) {
     if (result.seeds == impl.options.seeds) break;
     if (impl.isExplained(seed)) continue;
-    if (impl.tryFrom(seed, result)) break;
+    ++result.seeds;
+    impl.tryFrom(impl.firstMap(seed), impl.placeOf(seed), result);
   }
+  impl.meetRepeats(result);
+  impl.choose(result);
 }
 
 }  // namespace ktgp_orb

@@ -19,6 +19,9 @@ class Repeats {
                                        const std::vector<Bits>& reference,
                                        const LocalMatcher& matcher);
 
+  /// Of the last call.
+  const std::vector<cv::Point2f>& shifts() const { return shifts_; }
+
   static constexpr std::size_t kMost = 16;
 
  private:

@@ -98,8 +98,8 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const Counts own = count(matches_, reference, matcher);
 
   // As if the decoys had nothing: what would not pass then need not meet them.
-  Judgement hope{static_cast<std::size_t>(own.back()), 0.0,
-                 std::numeric_limits<double>::infinity()};
+  const auto matched = static_cast<std::size_t>(own.back());
+  Judgement hope{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
     hope.log_false_alarms =
         std::min(hope.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
@@ -124,6 +124,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
 /// At the level that says most.
 Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
   Judgement judgement;
+  judgement.matched = static_cast<std::size_t>(own.back());
   judgement.log_false_alarms = std::numeric_limits<double>::infinity();
   for (std::size_t k = 0; k < own.size(); ++k) {
     const Chance chance = chanceAt(k);
@@ -131,7 +132,9 @@ Judgement Verdict::best(const Counts& own, double own_chances, double log_tests)
     const bool is_unique = own[k] > kAboveLargest * largest_[k] * own_chances;
     const double log_chance = logChance(own[k] - 4.0, mean, chance.spread);
     if (!is_unique || log_tests + log_chance >= judgement.log_false_alarms) continue;
-    judgement = {static_cast<std::size_t>(own[k]), mean, log_tests + log_chance};
+    judgement.support = static_cast<std::size_t>(own[k]);
+    judgement.by_chance = mean;
+    judgement.log_false_alarms = log_tests + log_chance;
   }
   return judgement;
 }

@@ -20,7 +20,8 @@ double logChance(double count, double mean, double spread);
 
 /// What the verdict is based on.
 struct Judgement {
-  std::size_t support = 0;
+  std::size_t matched = 0;        ///< cells with matches, of whatever distance and error
+  std::size_t support = 0;        ///< the same for the distance and the error that say most
   double by_chance = 0.0;         ///< how much of it chance gives
   double log_false_alarms = 0.0;  ///< log10 of the expected number of homographies as good
 };
@@ -47,11 +48,14 @@ struct Judgement {
 class Verdict {
  public:
   static constexpr float kRadius = 4.F;  ///< px
-  static constexpr double kLogMaxFalseAlarms = -6.0;
+  static constexpr double kLogMaxFalseAlarms = -10.0;
 
   /// `predictions`: all that the homography predicts. `first_radius`: what it was grown from.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
                   float first_radius, int seeds, LocalMatcher& matcher);
+
+  /// The shifts that the last one was held against, where it was so good that they mattered.
+  const std::vector<cv::Point2f>& repeats() const { return repeats_.shifts(); }
 
  private:
   static constexpr std::array<int, 6> kDistances{40, 48, 56, 64, 72, LocalMatcher::kMaxDistance};

@@ -73,7 +73,11 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   });
   pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
                     [&](int i) { detectAndBlur(bands_[ready + i]); });
-  options_.distribution == KeypointDistribution::uniform ? chooseUniform() : chooseRanked();
+  if (options_.distribution == KeypointDistribution::uniform) {
+    chooseUniform();
+  } else {
+    chooseRanked();
+  }
   gather(features);
   const auto count = static_cast<int>(features.size());
   pool_.parallelFor(ceilDivide(count, kKeypointsPerTask), [&](int task) {

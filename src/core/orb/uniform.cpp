@@ -88,7 +88,11 @@ void UniformChoice::share(int levels) {
   int beyond = features_ + 1;
   while (beyond - share > 1) {
     const int middle = share + (beyond - share) / 2;
-    (kept_at(middle) <= features_ ? share : beyond) = middle;
+    if (kept_at(middle) <= features_) {
+      share = middle;
+    } else {
+      beyond = middle;
+    }
   }
   // The remaining keypoints go, one each, to cells spread evenly among those that have more
   // corners.

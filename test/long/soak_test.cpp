@@ -1,5 +1,5 @@
 // A long run: frames as fast as the matcher takes them, while everything that a robot's operators
-// do goes on. Nothing may grow. Run by scripts/soak; not part of the suite.
+// do goes on. Nothing may grow. Run by ctest -L long.
 
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/MatchPair.h>
@@ -390,5 +390,5 @@ int main(int argc, char** argv) {
   ktgp_orb::frames =
       std::max(4 * ktgp_orb::kCycle,
                static_cast<int>(ktgp_orb::test::argument(argc, argv, "frames", 20000)));
-  return ktgp_orb::test::runTests(argc, argv, "robot_soak_test");
+  return ktgp_orb::test::runTests(argc, argv, "soak_test");
 }

@@ -1,5 +1,5 @@
 """How accurate the homographies are, as a table and over the time they take."""
-import report_plots as plots
+import plots
 
 HEADER = ["method", "AUC 1 px %", "AUC 3 px %", "AUC 5 px %", "AUC 10 px %", "median px", "found %",
           "wrong %", "ZNCC", "ms"]

@@ -2,8 +2,9 @@
 """How old a frame's result is when it is published, under load: a camera of 640x480 that runs free, one
 or eight matchers in one nodelet manager, with and without a busy neighbour on the other core.
 
-Run it in the environment of a build (source devel/setup.bash) on a machine that does nothing else:
-    scripts/latency [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
+Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on a machine that does
+nothing else:
+    test/long/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
                     [--search-radius 0]
 Prints a table: p50, p99 and largest latency from the image's stamp to the published statistics, and
 the share of frames that were dropped for newer ones. With eight matchers all look at the same camera.
@@ -18,7 +19,7 @@ import time
 
 import numpy as np
 
-sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../test/ros'))
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../ros'))
 
 
 def free_port():

@@ -1,7 +1,7 @@
 """The part of the report about a sequence of frames."""
 import pathlib
 
-import report_plots as plots
+import plots
 
 
 def add_sequence(document, measured):

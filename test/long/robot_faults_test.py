@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The nodelet under faults that take long or affect the machine; run by scripts/faults, not by scripts/test.
-Starts its own master. Arguments: unittest's."""
+"""The nodelet under faults that take long or shake the machine: a killed process, a master that hangs for
+ten seconds, clocks that jump, a viewer that never reads. Run by ctest -L long, with a master of its own."""
 
 import os
 import signal
@@ -26,6 +26,8 @@ def free_port():
 
 PORT = free_port()
 os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
+os.environ['ROS_HOME'] = tempfile.mkdtemp()
+MASTER = None
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
@@ -36,6 +38,14 @@ from sensor_msgs.msg import Image  # noqa: E402
 
 CAMERA = '/camera/image_raw'
 STATISTICS = '/camera/matcher/statistics'
+
+
+def setUpModule():
+    global MASTER
+    MASTER = start_master()
+    unittest.addModuleCleanup(MASTER.terminate)
+    rospy.init_node('robot_faults', disable_signals=True)
+    unittest.addModuleCleanup(rospy.signal_shutdown, 'done')
 
 
 def start_master():
@@ -214,10 +224,4 @@ class FaultTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    MASTER = start_master()
-    try:
-        rospy.init_node('robot_faults', disable_signals=True)
-        unittest.main(verbosity=2)
-    finally:
-        rospy.signal_shutdown('done')
-        MASTER.terminate()
+    unittest.main(verbosity=2)

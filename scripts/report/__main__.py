@@ -10,11 +10,11 @@ import tempfile
 
 from PIL import Image
 
-import report_paper as paper
-import report_plots as plots
-from report_accuracy import EXPLANATION, add_accuracy, number
-from report_document import Document
-from report_sequence import add_sequence
+import paper
+import plots
+from accuracy import EXPLANATION, add_accuracy, number
+from document import Document
+from sequence import add_sequence
 
 RATIOS = [round(0.1 * i, 1) for i in range(1, 10)]
 GMS_FACTORS = list(range(1, 10))

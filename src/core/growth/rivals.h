@@ -1,0 +1,41 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <opencv2/core/types.hpp>
+#include <vector>
+
+#include "core/growth/local_matcher.h"
+#include "core/growth/map_fit.h"
+#include "core/growth/verdict.h"
+
+namespace ktgp_orb::growth {
+
+/// What a seed grew to.
+struct Grown {
+  Eigen::Matrix3d map;
+  Judgement judgement;
+  std::vector<LocalMatch> matches;
+  std::vector<PlacePair> pairs;      // the same
+  std::vector<cv::Point2f> repeats;  // see Verdict::repeats
+  bool met_repeats = false;          // it was grown from there, too
+};
+
+/// A facade fits itself a window further, and a rose window turned by a spoke: what fits there is
+/// no chance, but it need not be true. Keeps its buffers.
+class Rivals {
+ public:
+  /// Whether `rival` has nearly as many matches as `grown`, and many of them lie where those of
+  /// `grown` are in the target but come from elsewhere. `target`: its size.
+  bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target);
+
+ private:
+  std::size_t cellOf(const Eigen::Vector2d& target) const;
+
+  std::size_t columns_ = 0;
+  std::size_t rows_ = 0;
+  std::vector<std::uint8_t> covered_;  // cells of the target with matches
+};
+
+}  // namespace ktgp_orb::growth
