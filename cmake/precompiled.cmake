@@ -1,10 +1,10 @@
 # Each file that includes OpenCV, Eigen, ROS or CLI11 spends 1 to 5 s on reading them. These headers are
 # compiled once for each set of compiler flags: the core, the shared ROS libraries, programs, tests.
-# With -DKTGP_ORB_PRECOMPILE=OFF each file reads what it includes, and fails where it includes too little.
+# With -DKTGP_ORB_PRECOMPILE=OFF each file reads its own headers, and fails if it does not include enough.
 #catkin_lint: ignore cmake_old
 option(KTGP_ORB_PRECOMPILE "Precompile the headers of other libraries (needs CMake 3.16)" ON)
 if(CMAKE_VERSION VERSION_LESS 3.16 OR KTGP_ORB_FUZZ)
-  set(KTGP_ORB_PRECOMPILE OFF)  # the fuzz targets have precompiled headers of their own
+  set(KTGP_ORB_PRECOMPILE OFF)  # the fuzz targets have their own precompiled headers
 endif()
 
 set(ktgp_orb_core_headers
@@ -24,7 +24,7 @@ set(ktgp_orb_nodelet_headers
 function(ktgp_orb_precompile target)
   if(KTGP_ORB_PRECOMPILE)
     target_precompile_headers(${target} PRIVATE ${ARGN})
-    # Its name as a macro, which CMake defines in shared libraries, would keep others from using it.
+    # CMake defines a macro with the target's name in shared libraries; with it others could not use the headers.
     set_target_properties(${target} PROPERTIES DEFINE_SYMBOL "")
   endif()
 endfunction()
@@ -38,8 +38,8 @@ function(ktgp_orb_reuse_precompiled owner)
   endif()
 endfunction()
 
-# ktgp_orb_precompiled_set(name [HEADERS ...] [LIBRARIES ...]): a target that owns what programs share,
-# and nothing else.
+# ktgp_orb_precompiled_set(name [HEADERS ...] [LIBRARIES ...]): a target that owns only what
+# programs share.
 function(ktgp_orb_precompiled_set name)
   cmake_parse_arguments(own "" "" "HEADERS;LIBRARIES" ${ARGN})
   if(NOT KTGP_ORB_PRECOMPILE)

@@ -5,7 +5,7 @@
 namespace ktgp_orb {
 
 /// Outcome of matching one frame against its reference. Failure is a value, never an exception.
-/// The numbers are those of the STATUS_ constants in MatchStatistics.msg and HomographyStamped.msg.
+/// The numbers are those of the STATUS_ constants in MatchStatus.msg.
 enum class Status : std::uint8_t {
   ok = 0,                ///< a homography was found and is supported by its inliers
   no_reference = 1,      ///< there was no reference frame to match against

@@ -22,7 +22,7 @@ PICTURE_WIDTH = 1400  # px
 
 
 class Tools:
-    """Runs the command-line programs and notes what they complain about."""
+    """Runs the command-line programs and collects their complaints."""
 
     def __init__(self, folder):
         self.folder = pathlib.Path(folder)

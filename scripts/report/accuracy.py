@@ -1,4 +1,4 @@
-"""How accurate the homographies are, as a table and over the time they take."""
+"""Accuracy of the homographies, as a table and over their time."""
 import plots
 
 HEADER = ["method", "AUC 1 px %", "AUC 3 px %", "AUC 5 px %", "AUC 10 px %", "median px", "found %",
@@ -15,7 +15,7 @@ EXPLANATION = (
 
 
 def number(value, digits=1, scale=1.0):
-    """A figure as text, a dash where there is none."""
+    """A figure as text, or a dash."""
     return "–" if value is None else f"{scale * value:.{digits}f}"
 
 

@@ -20,7 +20,7 @@ figure.half { max-width: calc(50% - 1.2rem) } figcaption { font-size: 13px; colo
 
 
 class Document:
-    """Blocks are added in order; nothing outside the HTML file is needed to show it."""
+    """Blocks are added in order; the HTML file needs no other files."""
 
     def __init__(self, title):
         self.title = title

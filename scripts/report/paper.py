@@ -1,4 +1,4 @@
-"""What the paper prints, and our figures beside it."""
+"""The paper's figures, beside ours."""
 
 PAIRS = ["1-2", "1-3", "1-4", "1-5", "1-6"]
 SETS = ["leuven", "bikes"]
@@ -32,11 +32,11 @@ class Measured:
         self.rows = {(r["set"].lower(), r["pair"], r["method"]): r for r in results}
 
     def has(self, method):
-        """Whether it was measured on all pairs of both sets."""
+        """Whether all pairs of both sets were measured."""
         return all((name, pair, method) in self.rows for name in SETS for pair in PAIRS)
 
     def values(self, name, method, key):
-        """One value per pair; a pair without any match has none."""
+        """One value per pair; a pair without matches has none."""
         values = [self.rows[(name, pair, method)][key] for pair in PAIRS]
         return [v for v in values if v is not None]
 

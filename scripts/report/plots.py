@@ -58,7 +58,7 @@ OURS = ("KTGP", "KTGP+ALIGN", "ROBUST", "ROBUST-TEBLID")  # drawn in another col
 
 
 def _write_names(axes, points):
-    """Each name right of its point, or above the names that are there already; ours come first."""
+    """Writes each name to the right of its point, or above existing names; ours first."""
     height, width = 7.0, 4.4  # of a letter, in points
     scale = 72.0 / axes.figure.dpi
     written = []  # left, right and bottom

@@ -241,7 +241,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
 
-/// Called after PROSAC; does something if it found nothing in the whole image.
+/// Called after PROSAC; grows a homography if PROSAC found none in the whole image.
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
@@ -260,8 +260,8 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
   result.found_by = FoundBy::growth;
 }
 
-/// Guided matching and alignment, if they are enabled. adopt() derives what the result says of the
-/// new homography.
+/// Guided matching and alignment, if they are enabled. adopt() derives the results for the new
+/// homography.
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);

@@ -41,10 +41,9 @@ struct Dataset {
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
 /// - a folder of such folders, in the order of their names, or
-/// - a text file with a line `name imageA imageB truth` per pair. The truth is a homography A->B
-/// or,
-///   if its name ends in .points, annotated points. Paths are relative to the file, without blanks;
-///   # begins a comment.
+/// - a text file with a line `name imageA imageB truth` per pair; the truth is a homography A->B,
+///   or annotated points if its name ends in .points. Paths are relative to the file, without
+///   blanks; # begins a comment.
 /// Image 1 is the reference. A missing or broken file becomes a problem; the others are used.
 void addPairs(const std::string& path, Dataset& dataset);
 

@@ -25,7 +25,7 @@ double uniform(Random& random, double low, double high) {
   return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
 }
 
-/// From [-most, most] without what is nearer to zero than `least`, as evenly distributed as before.
+/// Uniform in [-most, most] without values closer to zero than `least`.
 double keptAway(double value, double least, double most) {
   return least > 0.0 ? value * (1.0 - least / most) + std::copysign(least, value) : value;
 }
@@ -108,7 +108,7 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
-  // Hard in every respect at once: tilt, zoom and light.
+  // Hard in every respect: tilt, zoom and light.
   if (name == "extreme") return WarpLimits{180.0, 4.0, 70.0, 80.0, 2.0, 0.4, 2.0, 50.0, true};
   return std::nullopt;
 }

@@ -1,4 +1,4 @@
-"""A disk of half a megabyte: the programs say that it is full and leave nothing behind."""
+"""A disk of half a megabyte: the programs report that it is full and leave no file."""
 import os
 import pathlib
 import subprocess

@@ -1,13 +1,13 @@
 #!/usr/bin/python3
-"""How old a frame's result is when it is published, under load: a camera of 640x480 that runs free, one
-or eight matchers in one nodelet manager, with and without a busy neighbour on the other core.
+"""Age of the results when they are published, under load: a free-running camera of 640x480, one or eight
+matchers in one nodelet manager, with and without a busy process on the other core.
 
-Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on a machine that does
-nothing else:
+Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on an idle
+machine:
     test/long/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
                     [--search-radius 0]
 Prints a table: p50, p99 and largest latency from the image's stamp to the published statistics, and
-the share of frames that were dropped for newer ones. With eight matchers all look at the same camera.
+the share of frames that were dropped for newer ones. Eight matchers all use the same camera.
 """
 import argparse
 import os
@@ -29,7 +29,7 @@ def free_port():
 
 
 class Processes:
-    """Started in groups of their own, ended all together."""
+    """Processes in their own groups, ended together."""
 
     def __init__(self):
         self._all = []
@@ -81,7 +81,7 @@ class Run:
             self.dropped[matcher] = message.dropped_frames
 
     def publish(self, rate, seconds, images):
-        """Until `seconds` are over, or until every matcher has answered where that is None."""
+        """Runs for `seconds`, or until every matcher has answered if that is None."""
         import rospy
         start = time.monotonic()
         count = 0

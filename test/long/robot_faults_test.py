@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The nodelet under faults that take long or shake the machine: a killed process, a master that hangs for
-ten seconds, clocks that jump, a viewer that never reads. Run by ctest -L long, with a master of its own."""
+"""The nodelet under faults that take long or affect the machine: a killed process, a master that hangs for
+ten seconds, clocks that jump, a viewer that never reads. Run by ctest -L long, with its own master."""
 
 import os
 import signal

@@ -1,5 +1,5 @@
-// A long run: frames as fast as the matcher takes them, while everything that a robot's operators
-// do goes on. Nothing may grow. Run by ctest -L long.
+// A long run: frames as fast as the matcher processes them, together with all actions of a robot's
+// operators. Nothing may grow. Run by ctest -L long.
 
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/MatchPair.h>
@@ -25,19 +25,19 @@ namespace ktgp_orb {
 namespace {
 
 int frames = 20000;
-constexpr int kCycle = 1000;  // frames, from one loading of the nodelet to the next
-// What is in use hardly varies. What the process has of the system goes up and down by 3 MB, as its
-// threads happen to share the pages of the allocator; in 100 000 frames it no longer rises after
-// the first 10 000.
+constexpr int kCycle = 1000;  // frames per loading of the nodelet
+// The memory in use hardly varies. The size of the process varies by 3 MB, depending on how its
+// threads share the pages of the allocator; in 100 000 frames it does not grow after the first 10
+// 000.
 constexpr double kHeapLimit = 0.2;    // MB of growth
-constexpr double kGrowthLimit = 4.0;  // MB, the same of the process
+constexpr double kGrowthLimit = 4.0;  // MB of growth of the process
 
-constexpr int kThinned = 10;  // every so many frames the second robot sees one
-constexpr int kStay = 5;      // cycles from one loading of the second robot to the next
+constexpr int kThinned = 10;  // the second robot gets every tenth frame
+constexpr int kStay = 5;      // cycles per loading of the second robot
 
 const std::string kMatcher = "/one/camera/matcher/";
 
-/// What the process holds.
+/// The resources of the process.
 struct Held {
   double megabytes = 0.0;
   double heap = 0.0;  // MB in use
@@ -50,7 +50,7 @@ int entries(const char* folder) {
   return static_cast<int>(std::distance(begin(all), end(all)));
 }
 
-/// Either end of a connection; 0 of what is none.
+/// Both ends of a connection; 0 for an unknown one.
 int port(int descriptor, decltype(getpeername)* end) {
   sockaddr_in address{};
   socklen_t size = sizeof(address);
@@ -58,8 +58,8 @@ int port(int descriptor, decltype(getpeername)* end) {
   return address.sin_family == AF_INET ? ntohs(address.sin_port) : 0;
 }
 
-/// Without those of XML-RPC calls, to the master and from this process to itself: roscpp keeps as
-/// many as there ever were calls at the same time, which a busy machine decides.
+/// Without connections of XML-RPC calls, to the master and from this process to itself: roscpp
+/// keeps as many as there were simultaneous calls, which depends on the load of the machine.
 int descriptors() {
   const int master = static_cast<int>(ros::master::getPort());
   const int own = ros::XMLRPCManager::instance()->getServerPort();
@@ -82,20 +82,20 @@ double heapInUse() {
 }
 
 Held held() {
-  malloc_trim(0);  // what was freed is no growth, wherever the allocator keeps it
+  malloc_trim(0);  // freed memory is not growth
   std::size_t size = 0, resident = 0;
   std::ifstream("/proc/self/statm") >> size >> resident;
   return {static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6,
           heapInUse(), descriptors(), entries("/proc/self/task")};
 }
 
-/// The number of a frame is in its stamp, so that an answer tells which it is about.
+/// The stamp contains the number of the frame, so that the answer can be identified.
 ros::Time stampOf(int number) {
   return {1000U + static_cast<std::uint32_t>(number) / 50U,
           static_cast<std::uint32_t>(number) % 50U * 20000000U};
 }
 
-/// Shows frames one at a time and waits for the answer to each.
+/// Sends frames one at a time and waits for the answer to each.
 class Feeder {
  public:
   explicit Feeder(const std::string& camera)
@@ -106,7 +106,7 @@ class Feeder {
                                          [this](const MatchStatisticsConstPtr& m) { newest_ = m; });
   }
 
-  /// The matcher is there and listens.
+  /// Waits until the matcher is loaded and subscribed.
   bool connected() {
     return test::waitUntil([this] {
       return publisher_.getNumSubscribers() == 1 && subscriber_.getNumPublishers() == 1;
@@ -142,7 +142,7 @@ bool trigger(const std::string& name) {
   return ros::service::call(kMatcher + name, call);
 }
 
-/// One of a few changes, in turn; after the last all is as at first.
+/// One of a few changes, in turn; the last one restores the initial state.
 bool reconfigure(int turn) {
   dynamic_reconfigure::Reconfigure call;
   const auto number = [&](const char* name, double value) {
@@ -207,7 +207,7 @@ void report(int frame, const Held& now, Tally& tally, double seconds) {
   tally.ms.clear();
 }
 
-/// Everything that happens between two loadings; false where an answer did not come.
+/// All actions between two loadings; false if an answer did not arrive.
 class Soak {
  public:
   bool run() {
@@ -228,7 +228,7 @@ class Soak {
       last = held();
       megabytes_.push_back(last.megabytes);
       heap_.push_back(last.heap);
-      if (warm) {  // connections are closed by ROS's own threads, in their time
+      if (warm) {  // ROS's own threads close connections later
         const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
         while ((last.descriptors > warm->descriptors || last.threads > warm->threads) &&
                std::chrono::steady_clock::now() < end) {
@@ -317,7 +317,7 @@ class Soak {
     return reconfigure(5);
   }
 
-  /// A frame for the second robot, whose topic is thinned: lost on the way, none dropped.
+  /// A frame for the second robot, whose topic is throttled: frames are lost, none dropped.
   bool showThinned(Feeder& other, int number) {
     double ms = 0.0;
     const MatchStatisticsConstPtr answer = other.show(views_[0], number, ms);
@@ -330,7 +330,7 @@ class Soak {
     return true;
   }
 
-  /// camera_info comes, or goes.
+  /// Switches camera_info on or off.
   void rectify(bool on) {
     dynamic_reconfigure::Reconfigure call;
     call.request.config.bools.emplace_back();

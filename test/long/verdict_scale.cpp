@@ -67,7 +67,7 @@ std::vector<Preset> presetsWithoutViews() {
 
 constexpr long kTextureKinds = 6;
 
-/// A picture of one of six kinds; no two of different seeds show the same.
+/// A picture of one of six kinds; different seeds give unrelated pictures.
 cv::Mat texture(const cv::Size& size, std::uint64_t seed) {
   Numbers numbers(seed);
   const auto grey = [&] { return cv::Scalar::all(numbers.uniform(0.0, 255.0)); };
@@ -105,7 +105,7 @@ struct Picture {
   std::string scene;
   cv::Mat image;
   std::array<Features, 2> features;  ///< orb, teblid
-  ReferenceViews views;              ///< teblid; made when they are needed
+  ReferenceViews views;              ///< teblid; computed when they are needed
 };
 
 OrbOptions orbOptions(DescriptorKind descriptor) {
@@ -199,7 +199,7 @@ int unrelated(long pairs, std::uint64_t seed, const std::vector<std::string>& fi
       std::printf("  ok: %s and %s, %zu inliers, by %s\n", a.scene.c_str(), b.scene.c_str(),
                   result.inliers, toString(result.found_by));
     };
-    // All real images against each other, then drawn ones and mixed pairs.
+    // All real images with each other, then drawn and mixed pairs.
     for (std::size_t i = drawn; i < all.size(); ++i) {
       for (std::size_t j = drawn; j < all.size(); ++j) match(all[i], all[j]);
     }
@@ -220,7 +220,7 @@ int unrelated(long pairs, std::uint64_t seed, const std::vector<std::string>& fi
   return wrong * 10000 <= total ? 0 : 1;
 }
 
-/// Share of the target that the reference shows.
+/// Share of the target that the reference covers.
 double overlap(const Eigen::Matrix3d& truth, const cv::Size& size) {
   int inside = 0, all = 0;
   for (int y = 0; y < size.height; y += 8) {
@@ -232,7 +232,7 @@ double overlap(const Eigen::Matrix3d& truth, const cv::Size& size) {
   return static_cast<double>(inside) / all;
 }
 
-/// What the camera sees. OpenCV places samples to 1/32 px: four times finer it is 1/128.
+/// The camera's view. OpenCV places samples to 1/32 px: at four times the resolution it is 1/128.
 cv::Mat seen(const cv::Mat& scene, const Eigen::Matrix3d& to_target, const cv::Size& size) {
   const Eigen::Matrix3d finer = (Eigen::Matrix3d() << 4, 0, 1.5, 0, 4, 1.5, 0, 0, 1).finished();
   const Eigen::Matrix3d to_fine = finer * to_target;
@@ -260,7 +260,7 @@ double normalisedError(const Eigen::Matrix3d& h, const Covariance8& covariance,
                        const Eigen::Matrix3d& truth) {
   Eigen::Matrix<double, 8, 1> e;
   for (int i = 0; i < 8; ++i) e[i] = h(i / 3, i % 3) / h(2, 2) - truth(i / 3, i % 3) / truth(2, 2);
-  // The entries differ by six orders of magnitude: each is divided by its own deviation first.
+  // The entries differ by six orders of magnitude: each is divided by its own deviation.
   const Eigen::Matrix<double, 8, 1> scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::Matrix<double, 8, 8> correlation =
       scale.asDiagonal() * Eigen::Matrix<double, 8, 8>(covariance) * scale.asDiagonal();
@@ -301,7 +301,7 @@ int related(long pairs, std::uint64_t seed) {
     wide.convertTo(view, CV_8U);
     describe(scene(cv::Rect({size.width, size.height}, size)), reference);
     describe(view, target);
-    // Each setting meets every kind of texture, of which there are as many.
+    // Each setting gets every kind of texture; there are as many settings as kinds.
     const std::size_t p = static_cast<std::size_t>(i / kTextureKinds) % matchers.size();
     const std::size_t kind = kindOf(settings[p]);
     matchers[p].match(reference[kind], target[kind], result);

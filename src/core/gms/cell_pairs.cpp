@@ -6,14 +6,14 @@
 namespace ktgp_orb::gms {
 namespace {
 
-/// Bit k of the result is bit (k - m) mod 8: the ring turned by m places.
+/// Bit k of the result is bit (k - m) mod 8: the ring rotated by m places.
 unsigned turned(unsigned ring, unsigned m) {
   return ((ring << m) | (ring >> (kRing - m))) & 0xffu;
 }
 
-/// score >= T_G * sqrt(matches / cells), as the authors' program computes it in double precision.
+/// score >= T_G * sqrt(matches / cells), in double precision as in the authors' program.
 bool reaches(std::uint32_t score, double threshold, std::uint32_t matches, int cells) {
-  // The squares decide unless they are so close that rounding could; a root is slow.
+  // Compares the squares, which is faster than a root, unless rounding could change the result.
   const double left = static_cast<double>(score) * score * cells;
   const double right = threshold * threshold * matches;
   if (std::abs(left - right) > 1e-9 * right) return left > right;
@@ -47,7 +47,7 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
   sums_[members.places()] = sums;
 }
 
-/// Lists the reference cells that the matches at `place` go to, and counts them in the histogram.
+/// Lists the reference cells of the matches at `place`, and counts them in the histogram.
 void CellPairs::addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells,
                          Sums& sums) {
   const std::uint32_t end = members_->cells()[place + 1].begin;
@@ -59,8 +59,8 @@ void CellPairs::addPairs(std::uint32_t place, const std::vector<std::uint32_t>& 
   }
 }
 
-/// Moves the counts of a target cell's pairs, which are those from `begin` to `end`, out of the
-/// histogram, and finds the best pair.
+/// Moves the counts of a target cell's pairs, from `begin` to `end`, out of the histogram, and
+/// finds the best pair.
 CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t begin,
                                      std::uint32_t end) {
   Cell cell;
@@ -102,14 +102,14 @@ std::uint32_t CellPairs::sumAround(const Neighbourhood& around, std::uint32_t Su
 bool CellPairs::maySupport(std::size_t place, double threshold) const {
   if (cells_[place].best_count == 0) return false;
   if (reference_->neighbours[cells_[place].best] < kRing) return true;
-  // Whatever the rotation, no neighbour can give more than the count of its own best pair.
+  // For every rotation, a neighbour contributes at most the count of its own best pair.
   const Neighbourhood around = neighbourhood(place);
   return reaches(sumAround(around, &Sums::best_counts), threshold,
                  sumAround(around, &Sums::matches), 1 + target_->neighbours[targetIndex(place)]);
 }
 
 std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& around) const {
-  // The same neighbour on both sides: the same step from target cell to reference cell.
+  // The same neighbour in both grids: the same step from target cell to reference cell.
   const auto step = static_cast<std::int32_t>(cell.best - cell.target);
   std::array<PairRange, 3> ranges;
   for (std::size_t i = 0; i < around.size(); ++i) {
@@ -129,7 +129,7 @@ CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhoo
       const std::uint32_t target_cell = references_[i] - static_cast<std::uint32_t>(steps_[i]);
       const unsigned k = grid.direction(target_cell, cell.target);
       const unsigned j = grid.direction(references_[i], cell.best);
-      if (k == kRing || j == kRing) continue;  // no neighbour, or the cell itself
+      if (k == kRing || j == kRing) continue;  // not a neighbour, or the cell itself
       scores[(k + kRing - j) % kRing] += static_cast<std::uint32_t>(counts_[i]);
     }
   }
@@ -145,11 +145,11 @@ unsigned CellPairs::supportedAtReferenceBorder(std::size_t place, const Scores& 
   for (unsigned k = 0; k < kRing; ++k) {
     const std::uint32_t neighbour = index + target_->ring[k];
     matches[k] = sums_[members_->rank(neighbour + 1)].matches -
-                 sums_[members_->rank(neighbour)].matches;  // 0 where it is not occupied
+                 sums_[members_->rank(neighbour)].matches;  // 0 if it is not occupied
   }
   unsigned supported = 0;
   for (unsigned m = 0; m < rotations; ++m) {
-    // Pairs of neighbours of which one is outside its image do not count.
+    // Pairs of neighbours with one outside its image do not count.
     const unsigned valid = target_inside & turned(reference_inside, m);
     std::uint32_t sum = matchesAt(place);
     int cells = 1;
@@ -177,7 +177,7 @@ unsigned CellPairs::supportedRotations(std::size_t place, double threshold,
   const unsigned rotations = all_rotations ? kRing : 1;
   if (reference_->neighbours[cell.best] < kRing)
     return supportedAtReferenceBorder(place, scores, rotations, threshold);
-  // At the target's border alone: the missing neighbours have no matches.
+  // Only at the target's border: the missing neighbours have no matches.
   const int cells = 1 + target_->neighbours[targetIndex(place)];
   const std::uint32_t matches = sumAround(around, &Sums::matches);
   unsigned supported = 0;

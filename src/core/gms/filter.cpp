@@ -21,7 +21,7 @@ using util::requireInRange;
 using gms::Grid;
 using gms::kNoCell;
 
-// The authors' order, which decides between equals.
+// The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {
@@ -48,14 +48,14 @@ bool isIndexOf(const Features& features, std::int32_t index) {
 }
 
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
-/// authors' program: the cell of a keypoint on the line between two depends on the rounding.
+/// authors' program: rounding decides the cell of a keypoint on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
   const cv::Point2f& p = imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }
 
-/// Whether a position in cells is on the grid; no for one that is not a number.
+/// Whether a position in cells is on the grid; false for NaN.
 bool isOnGrid(const cv::Point2f& cells, const Grid& grid) {
   return cells.x >= 0.0F && cells.x < static_cast<float>(grid.columns) && cells.y >= 0.0F &&
          cells.y < static_cast<float>(grid.rows);
@@ -66,23 +66,23 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// How the support is kept. A match lies in one cell of each of the four shifted target grids, and
-// its keypoint in the reference image in one reference cell. It survives if in one of the grids
-//   - its pair of cells is the best of its target cell (most matches go that way), and
-//   - that pair has support, for the rotation in question.
-// Support is a property of the cell, with up to eight answers, one for each rotation of the
-// neighbourhood: a bit each. So every occupied target cell gets a Verdict (judge), and every match
-// collects the bits of the four cells that it lies in, if they are about its own reference cell
-// (vote). The number of matches with a bit is the number that survives with that rotation. The
-// rotation and scale that keep most win.
+// How the support is computed. A match is in one cell of each of the four shifted target grids, and
+// in one reference cell. It survives if in one of the grids
+// - its pair of cells is the best of its target cell (most matches lead there), and
+// - that pair has support, for the current rotation.
+// The support depends only on the cell and the rotation: one bit for each of the eight rotations of
+// the neighbourhood. So judge computes a Verdict for every occupied target cell. vote collects for
+// every match the bits of its four cells, if they name its reference cell. The number of matches
+// with a bit is the number that survives with that rotation. The rotation and scale that keep most
+// matches win.
 
-/// What one shifted grid says about the matches of one target cell.
+/// The verdict of one shifted grid on the matches of one target cell.
 struct Verdict {
   std::uint32_t best_cell = kNoCell;  ///< reference cell of its best pair
   std::uint8_t rotations = 0;         ///< bit m: that pair has support with rotation m
 };
 
-/// What the four shifted grids together say about every match.
+/// The combined verdicts of the four shifted grids for every match.
 struct Votes {
   std::vector<std::uint32_t> reference_cell;
   std::vector<std::uint8_t> in_best_pair;  ///< of at least one grid; 0 or 1
@@ -106,7 +106,7 @@ struct Winner {
   Votes votes;
 };
 
-/// What the filter does where it is switched off.
+/// The filter when it is switched off.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -143,18 +143,18 @@ struct GmsFilter::Impl {
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
   // The matches that take part: three arrays of equal length.
-  std::vector<std::uint32_t> number;    ///< place among the correspondences
+  std::vector<std::uint32_t> number;    ///< index among the correspondences
   std::vector<cv::Point2f> reference;   ///< normalised position in the reference image
   std::vector<gms::HalfCell> position;  ///< in the target image
   std::size_t outside = 0;              ///< correspondences left out: not in the target image
 
-  // One of each per shift of the target grid.
+  // One per shift of the target grid.
   std::array<gms::CellMembers, 4> members;
   std::array<gms::CellPairs, 4> pairs;
   std::array<std::vector<Verdict>, 4> verdicts;       ///< by place, and one for "in no cell"
   std::array<std::vector<std::uint8_t>, 4> possible;  ///< by place: its best pair may have support
 
-  Votes votes;  ///< of the scale being tried
+  Votes votes;  ///< for the current scale
   Winner winner;
 };
 
@@ -209,8 +209,8 @@ void GmsFilter::Impl::countPairs(const Grid& grid) {
   }
 }
 
-/// No rotation can give a best pair more support than the matches around it. To look at these is
-/// far cheaper than to judge the pair.
+/// A best pair cannot have more support than the matches around it. Checking this is far cheaper
+/// than judging the pair.
 void GmsFilter::Impl::ruleOut() {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     for (std::size_t place = 0; place < members[shift].places(); ++place) {

@@ -31,7 +31,7 @@ std::size_t Rivals::cellOf(const Eigen::Vector2d& target) const {
 bool Rivals::contradicts(const Grown& rival, const Grown& grown, const cv::Size& target) {
   constexpr double kAboveRival = 1.5;
   constexpr double kElsewhere = 10.0;  // px of the target
-  constexpr std::size_t kShare = 4;    // one in so many
+  constexpr std::size_t kShare = 4;    // one in this number
   if (kAboveRival * evidence(rival) < evidence(grown)) return false;
   columns_ = cellsAlong(target.width);
   rows_ = cellsAlong(target.height);

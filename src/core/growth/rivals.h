@@ -12,22 +12,22 @@
 
 namespace ktgp_orb::growth {
 
-/// What a seed grew to.
+/// The result for a seed.
 struct Grown {
   Eigen::Matrix3d map;
   Judgement judgement;
   std::vector<LocalMatch> matches;
   std::vector<PlacePair> pairs;      // the same
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
-  bool met_repeats = false;          // it was grown from there, too
+  bool met_repeats = false;          // it was also grown from the repetitions
 };
 
-/// A facade fits itself a window further, and a rose window turned by a spoke: what fits there is
-/// no chance, but it need not be true. Keeps its buffers.
+/// A facade also fits itself shifted by one window, and a rose window rotated by one spoke. Such a
+/// homography is not due to chance, but may be wrong. Keeps its buffers.
 class Rivals {
  public:
-  /// Whether `rival` has nearly as many matches as `grown`, and many of them lie where those of
-  /// `grown` are in the target but come from elsewhere. `target`: its size.
+  /// Whether `rival` has nearly as many matches as `grown`, and many of them are at the same
+  /// positions in the target but at others in the reference. `target`: its size.
   bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target);
 
  private:

@@ -35,8 +35,8 @@ void requireValid(const OrbOptions& options) {
   if (options.extractor == ExtractorKind::opencv &&
       options.distribution != KeypointDistribution::ranked) {
     throw std::invalid_argument(
-        "extractor is opencv with distribution uniform, which it does not have; expected "
-        "distribution ranked, or extractor fast");
+        "extractor opencv has no distribution uniform; expected distribution ranked, or the "
+        "package's own extractor (parameter value fast)");
   }
 }
 
