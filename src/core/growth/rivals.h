@@ -26,8 +26,8 @@ struct Grown {
 /// no chance, but it need not be true. Keeps its buffers.
 class Rivals {
  public:
-  /// Whether `rival` has nearly as many matches as `grown`, and many of them lie where those of
-  /// `grown` are in the target but come from elsewhere. `target`: its size.
+  /// Whether `rival` has not significantly fewer matches than `grown`, and many of them lie where
+  /// those of `grown` are in the target but come from elsewhere. `target`: its size.
   bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target);
 
  private:

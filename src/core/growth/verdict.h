@@ -48,7 +48,7 @@ struct Judgement {
 class Verdict {
  public:
   static constexpr float kRadius = 4.F;  ///< px
-  static constexpr double kLogMaxFalseAlarms = -10.0;
+  static constexpr double kLogMaxFalseAlarms = -6.0;
 
   /// `predictions`: all that the homography predicts. `first_radius`: what it was grown from.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
