@@ -93,9 +93,9 @@ COMMANDS = {
     'scripts/soak --frames 20000': IN_CI,
     'scripts/verdict': TOO_LONG,
     'ktgp_evaluate homogr evd dogman notredame --longest-side 1200 --methods '
-    'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT': TOO_LONG,
-    'ktgp_evaluate --warps extreme --warp-pairs 240 IMAGES --methods '
-    'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'ktgp_evaluate --warps extreme --warp-pairs 480 IMAGES --methods '
+    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
     'rosparam set use_sim_time false': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo -n 1 ~mask/encoding': Skipped('waits for a mask; rostopic\'s own'),
     'rostopic echo /diagnostics': Skipped('waits for diagnostics; rostopic\'s own'),
