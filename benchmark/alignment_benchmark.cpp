@@ -1,17 +1,16 @@
-// What follows once there is a homography, one thread, 640x480, 2000 features: sub-pixel alignment
-// of up to N points beside OpenCV's pyramidal Lucas-Kanade of as many points, started where the
-// homography puts them, and beside its ECC over the whole image, started at the homography; and a
-// round of guided matching. All in one process on the same pair.
+// The stages after the homography, one thread, 640x480, 2000 features: sub-pixel alignment of up to
+// N points; OpenCV's pyramidal Lucas-Kanade for as many points, started at the predictions of the
+// homography; OpenCV's ECC over the whole image, started at the homography; and a round of guided
+// matching. All in one process on the same pair.
 //
 //   ms        median CPU time of a call
 //   error_px  mean distance of the image's corners from where the truth maps them, afterwards
-//   before_px the same of the homography that all start at
+//   before_px the same for the initial homography of all methods
 //   points    aligned, or followed, or matched
 //
 // The pair is an exact warp of the first image of the Leuven set in KTGP_ORB_DATA, with noise, blur
 // and a change of light (a pair of `ktgp_evaluate --warps`). Arguments of a name: N, and the size
-// of the warp (0 small, 1 medium, 2 large). The points that Lucas-Kanade followed are fitted as
-// ours are.
+// of the warp (0 small, 1 medium, 2 large). The points of Lucas-Kanade are fitted like ours.
 
 #include <benchmark/benchmark.h>
 
@@ -67,7 +66,7 @@ struct Pair {
     match.surviving(Level::ktgp, inliers);
   }
 
-  /// Says so to `state` where there is nothing to work on.
+  /// Reports to `state` if there is no data.
   bool isUsable(benchmark::State& state) const {
     if (match.status == ktgp_orb::Status::ok) return true;
     state.SkipWithError("KTGP_ORB_DATA is not set or holds no oxford/leuven");
@@ -114,7 +113,7 @@ void align(benchmark::State& state) {
   });
 }
 
-/// Its patches see neither rotation nor zoom. The fit is ours, and not timed.
+/// Its patches adapt neither to rotation nor to zoom. The fit is ours, and not timed.
 void lucasKanade(benchmark::State& state) {
   const Pair pair(static_cast<int>(state.range(1)));
   if (!pair.isUsable(state)) return;
@@ -145,7 +144,7 @@ void lucasKanade(benchmark::State& state) {
   }
   ktgp_orb::UncertainHomography estimate = pair.answer();
   ktgp_orb::homography::EvidenceOptions evidence;
-  evidence.min_scale = 1.0;  // as the alignment's
+  evidence.min_scale = 1.0;  // as in the alignment
   ktgp_orb::homography::HomographyRefiner().refine(reference_points, target_points,
                                                    pair.reference.image_size, evidence, estimate);
   run(state, pair, estimate.homography, track);

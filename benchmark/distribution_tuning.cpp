@@ -1,5 +1,5 @@
-// Prints the table of doc/tuning.md on the distribution of keypoints: matches, their precision and
-// the error of the homography with each, on the Oxford sets below $KTGP_ORB_DATA/oxford.
+// Prints the table of doc/measurements/distribution.md: matches, their precision and the error of
+// the homography for each distribution, on the Oxford sets below $KTGP_ORB_DATA/oxford.
 
 #include <Eigen/Core>
 #include <algorithm>
@@ -24,7 +24,7 @@ using ktgp_orb::MatchResult;
 using ktgp_orb::OrbOptions;
 
 constexpr double kWorstCornerError = 10;  // px, where the recall curve ends
-constexpr int kSeeds = 20;                // of PROSAC, averaged over
+constexpr int kSeeds = 20;                // of PROSAC; the results are averaged
 
 struct Set {
   std::string name;

@@ -1,8 +1,8 @@
 // A whole frame: extraction, nearest neighbours, ratio test, GMS and homography, beside the same
 // chain from OpenCV's parts: cv::ORB, cv::BFMatcher, the ratio test and cv::findHomography with
-// USAC_PROSAC. OpenCV's GMS is in opencv_contrib, which distributions leave out: a dense
-// implementation filters in its place, untimed, so that OpenCV's chain is charged for no GMS and
-// ours is. 640x480, 2000 features; every frame is matched with the one before.
+// USAC_PROSAC. OpenCV's GMS is in opencv_contrib, which distributions leave out. A dense
+// implementation replaces it, untimed: OpenCV's time does not include GMS, ours does. 640x480, 2000
+// features; every frame is matched to the previous one.
 //
 //   ms           median of a frame: CPU time for one thread, wall-clock time for more
 //   times_OpenCV how many times as fast as OpenCV's chain without GMS on as many threads, medians
@@ -10,11 +10,11 @@
 //   KT KTG KTGP  matches after the stages, of the last frame
 //   fall_backs   frames whose search within the radius (px, 0: the whole image) failed
 //
-// The rows of `preset` are our chain alone, with its alignment and as presets; one thread:
+// The rows of `preset` are our chain alone, with alignment and with the presets; one thread:
 //
 //   ms           median CPU time of a frame
-//   ktgp_ms      of KTGP alone, on frames that alternate with these
-//   matches      final ones of the last frame
+//   ktgp_ms      of KTGP alone, on alternating frames
+//   matches      final matches of the last frame
 //
 // The frames are two of the Leuven set in KTGP_ORB_DATA, scaled, in turn.
 
@@ -97,7 +97,7 @@ class OpencvChain {
  public:
   explicit OpencvChain(bool turned) : gms_(gmsOptions(turned)) {}
 
-  /// The time of it without GMS.
+  /// Its time without GMS.
   double process(const cv::Mat& image, bool one_thread) {
     const double start = milliseconds(one_thread);
     std::swap(reference_, target_);
@@ -137,7 +137,7 @@ class OpencvChain {
     matches_.resize(kept);
   }
 
-  // USAC_PROSAC wants the best pairs first, and reads out of bounds where there are less than 100.
+  // USAC_PROSAC needs the best pairs first, and reads out of bounds for fewer than 100 pairs.
   void estimateHomography() {
     if (matches_.size() < 100) return;
     std::stable_sort(

@@ -1,10 +1,10 @@
 // GmsFilter beside a dense implementation of the same method, on the same matches: 200 to 50000 of
 // them, in the four modes. Before anything is timed the two masks are compared.
 //
-// 90 % of the matches follow a motion (a turn of 7 degrees and a zoom of 1.05), the others go
-// anywhere; the ratio test leaves 93 to 96 % on the Oxford sets (doc/tuning.md). The frames are
-// 1920x1080, so that 50000 keypoints have room. Every call gets another of eight problems, as in a
-// video: of one and the same, the processor soon foresees every branch.
+// 90 % of the matches follow a motion (a rotation of 7 degrees and a zoom of 1.05), the others are
+// random; after the ratio test 93 to 96 % are correct on the Oxford sets (doc/measurements/gms.md).
+// The frames are 1920x1080, so that 50000 keypoints fit. The calls use eight problems in turn, as
+// in a video: for a single problem the processor would predict every branch.
 
 #include <benchmark/benchmark.h>
 
@@ -100,7 +100,7 @@ void sparse(benchmark::State& state) {
   std::size_t call = 0;
   for (auto _ : state) {
     const Problem& problem = problems[call++ % kProblems];
-    matches = problem.matches;  // a copy of 20 bytes a match, part of the time
+    matches = problem.matches;  // a copy of 20 bytes per match, included in the time
     kept += static_cast<double>(filter.filter(problem.reference, problem.target, matches).kept);
     benchmark::DoNotOptimize(matches.data());
   }

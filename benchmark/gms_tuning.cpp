@@ -1,5 +1,5 @@
-// Prints the tables of doc/tuning.md: what the GMS threshold T_G, rotation and scale do to the
-// number of matches and to their precision, on the Oxford sets below $KTGP_ORB_DATA/oxford.
+// Prints the tables of doc/measurements/gms.md: the effect of T_G, rotation and scale on the number
+// of matches and their precision, on the Oxford sets below $KTGP_ORB_DATA/oxford.
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
@@ -67,7 +67,7 @@ bool isCorrect(const Pair& pair, const Correspondence& c) {
   return (p - Eigen::Vector2d(t.x, t.y)).norm() <= ktgp_orb::evaluation::kCorrectWithin;
 }
 
-/// Matches left by the ratio filter at T_w (none where it is 0) and then GMS (none where null).
+/// Matches left by the ratio filter at T_w (not applied if 0) and then GMS (not applied if null).
 Count run(const Pair& pair, double ratio_threshold, const GmsOptions* gms) {
   std::vector<Correspondence> matches = pair.nearest;
   if (ratio_threshold > 0.0) {

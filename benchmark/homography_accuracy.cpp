@@ -197,7 +197,7 @@ void addNoise(double sigma, int seed, cv::Mat& image) {
   image = sum;
 }
 
-/// Every image of the three sets under so many homographies.
+/// Every image of the three sets under this number of homographies.
 std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters, int homographies) {
   std::vector<Pair> pairs;
   Random random(2024);

@@ -1,4 +1,4 @@
-// Two nearest neighbours of N descriptors among N: every kernel this processor has, beside OpenCV's
+// Two nearest neighbours of N descriptors among N: every kernel of this processor, beside OpenCV's
 // exact and approximate matchers, on one thread and on two. Arguments of a name: N, threads.
 //
 //   ns_per_pair      median time over N * N: CPU time for one thread, wall-clock time for two
@@ -8,8 +8,8 @@
 //                    calls that alternate
 //   times_whole      near only: how many times as fast as the search of the whole image
 //
-// "near" searches within a radius, px, of where each keypoint is predicted to come from; keypoints
-// are spread evenly over an image of `width` with 16 to 9 or, below 1000, 4 to 3.
+// "near" searches within a radius, px, of the predicted positions; keypoints are spread evenly over
+// an image of `width` with aspect ratio 16:9 or, below 1000, 4:3.
 //
 // Descriptors are ORB's of the images in KTGP_ORB_DATA, or generated where that is not set.
 
@@ -84,12 +84,12 @@ void bruteForce(const cv::Mat& reference, const cv::Mat& target) {
   benchmark::DoNotOptimize(matches.data());
 }
 
-/// Makes it another reference, as that of every frame is, which has to be laid out anew.
+/// Changes the reference, as for every frame of a video, so that the index must be built again.
 void renew(cv::Mat& reference) {
   *reference.data ^= 1;
 }
 
-/// Times `match` and reports it per pair and, if asked for, against BFMatcher.
+/// Times `match` and reports the time per pair and, if wanted, the ratio to BFMatcher.
 template <typename Match>
 void run(benchmark::State& state, const Frames& frames, bool beside_brute_force, Match match) {
   const auto n = static_cast<int>(state.range(0));
@@ -121,7 +121,7 @@ void run(benchmark::State& state, const Frames& frames, bool beside_brute_force,
   state.SetLabel(frames.source);
 }
 
-/// Both directions beside one.
+/// Both directions compared with one.
 void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& kernel) {
   const auto n = static_cast<int>(state.range(0));
   const bool one_thread = state.range(1) == 1;
@@ -163,7 +163,8 @@ ktgp_orb::Features spread(const cv::Mat& descriptors, int width, int seed) {
   return features;
 }
 
-/// Near the predicted places beside the whole image, the reference laid out for every call.
+/// The search near predicted positions compared with the whole image; the index is built in every
+/// call.
 void runNear(benchmark::State& state, const Frames& frames, const NearKernel& kernel,
              const KnnKernel& whole_kernel) {
   const auto n = static_cast<int>(state.range(0));
@@ -243,7 +244,7 @@ void registerAll(const Frames& frames) {
   add("FlannLSH", [&frames](benchmark::State& state) {
     run(state, frames, true, [](const cv::Mat& reference, const cv::Mat& target) {
       std::vector<std::vector<cv::DMatch>> matches;
-      // The index is built for every frame, as the pipeline would have to.
+      // The index is built for every frame, as in a video.
       cv::FlannBasedMatcher(cv::makePtr<cv::flann::LshIndexParams>(12, 20, 2))
           .knnMatch(target, reference, matches, 2);
       benchmark::DoNotOptimize(matches.data());

@@ -1,14 +1,14 @@
-// ORB extraction beside cv::ORB on the same images, whose answers are equal. Arguments of a name:
-// image width and height, features, our threads; cv::ORB has one.
+// ORB extraction beside cv::ORB on the same images, with equal results. Arguments of a name: image
+// width and height, features, our threads; cv::ORB has one.
 //
 //   ms           median of one image: CPU time for one thread, wall-clock time for more
 //   times_cvORB  how many times as fast as cv::ORB, medians of calls that alternate
-//   keypoints    found, of those asked for
-//   more_ms      TEBLID alone: how much longer than with ORB's own descriptors, medians of calls
-//                that alternate
+//   keypoints    keypoints found
+//   more_ms      TEBLID only: additional time compared with ORB's own descriptors, medians of
+//                calls that alternate
 //
-// The images are scaled from the first of the Leuven set in KTGP_ORB_DATA, or noise of several
-// scales where that is not set.
+// The images are scaled from the first one of the Leuven set in KTGP_ORB_DATA, or noise of several
+// scales if that is not set.
 
 #include <benchmark/benchmark.h>
 
@@ -112,7 +112,7 @@ void arguments(benchmark::internal::Benchmark* benchmark) {
   }
 }
 
-// One thread. TEBLID descriptors of the same keypoints beside ORB's own.
+// One thread. TEBLID descriptors compared with ORB's own, for the same keypoints.
 void teblid(benchmark::State& state) {
   const cv::Mat image =
       imageOf(cv::Size(static_cast<int>(state.range(0)), static_cast<int>(state.range(1))));

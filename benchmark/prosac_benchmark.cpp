@@ -1,5 +1,5 @@
 // ProsacHomography beside cv::findHomography on identical synthetic pairs: time, median corner
-// error, share of calls that return a homography and share that return a wrong one as success
+// error, share of calls that return a homography, and share that return a wrong one as success
 // (mean corner error above 20 px). Every call gets another scene.
 
 #include <benchmark/benchmark.h>
@@ -73,7 +73,7 @@ const std::vector<Case>& casesOf(const Setting& setting) {
   return cases;
 }
 
-/// Runs `estimate(const Case&, Matrix3d&) -> bool` on scene after scene.
+/// Runs `estimate(const Case&, Matrix3d&) -> bool` on one scene after the other.
 template <typename Estimate>
 void run(benchmark::State& state, const Setting& setting, Estimate estimate) {
   const std::vector<Case>& cases = casesOf(setting);
@@ -137,7 +137,7 @@ void registerAll() {
                                    "/inliers:" + std::to_string(percent) + "%/" + order_name;
         add("ProsacHomography" + suffix, [setting](benchmark::State& s) { prosac(s, setting); });
         for (const auto& [name, method] : peers) {
-          // With fewer pairs OpenCV's PROSAC reads beyond the end of its arrays.
+          // With fewer pairs OpenCV's PROSAC reads past the end of its arrays.
           if (method == cv::USAC_PROSAC && pairs < 100) continue;
           add(name + suffix,
               [setting, flag = method](benchmark::State& s) { openCv(s, setting, flag); });

@@ -8,14 +8,15 @@
 
 namespace ktgp_orb::bench {
 
-/// One thread: its CPU time, which other programs do not disturb. More: wall-clock time.
+/// For one thread its CPU time, which other programs do not disturb. For more threads wall-clock
+/// time.
 inline double milliseconds(bool one_thread) {
   timespec time{};
   clock_gettime(one_thread ? CLOCK_THREAD_CPUTIME_ID : CLOCK_MONOTONIC, &time);
   return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
 }
 
-/// The Oxford sets below the folder that KTGP_ORB_DATA names; nothing where it names none.
+/// The Oxford sets below the folder named by KTGP_ORB_DATA; empty if it is not set.
 inline std::optional<std::string> oxfordFolder() {
   const char* data = std::getenv("KTGP_ORB_DATA");
   if (data == nullptr || *data == '\0') return std::nullopt;

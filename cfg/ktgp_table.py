@@ -1,8 +1,7 @@
-"""Makes dynamic_reconfigure's parameters from a table in src/parameters; a unit stands in brackets
-at the end of a description.
+"""Generates dynamic_reconfigure's parameters from a table in src/parameters; units are in brackets at the
+end of the descriptions.
 
-scripts/update_documents writes the tables in README.md and doc, and the arguments of the launch
-files, from what comes of it."""
+dev/update_documents writes the tables in README.md and doc from the result."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 # Toolchain file: arm64 with Debian's cross compiler, programs run by qemu-user. See
-# scripts/check_arm64.
+# dev/check_arm64.
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)
 set(KTGP_ORB_ARM64_SYSROOT "" CACHE PATH "Folder with the unpacked arm64 libraries")

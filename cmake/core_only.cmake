@@ -1,4 +1,4 @@
-# The library and its tools without ROS: the folders that catkin would name are GNU's.
+# The library and its tools without ROS; GNU's folders replace those of catkin.
 include(GNUInstallDirs)
 #catkin_lint: ignore immutable_var
 #catkin_lint: ignore wrong_install_destination
@@ -8,5 +8,5 @@ set(CATKIN_PACKAGE_BIN_DESTINATION ${CMAKE_INSTALL_BINDIR})
 option(CATKIN_ENABLE_TESTING "Build the tests" ON)
 enable_testing()
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/${PROJECT_NAME})
-# All programs in one folder, as ROS's build has them.
+# All programs in one folder, as in the build with ROS.
 set(CMAKE_RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/bin)

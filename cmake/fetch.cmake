@@ -1,12 +1,12 @@
-# Highway and CLI11 where the system has none (Ubuntu 20.04, Debian 11): a pinned release is fetched
-# when CMake configures. Offline, or for a release of one's own, name a source tree instead:
-# -DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path and -DFETCHCONTENT_SOURCE_DIR_CLI11=/path. What can be had
-# neither way is left out, in a line that says so.
+# Highway and CLI11 for systems without them (Ubuntu 20.04, Debian 11): a pinned release is fetched when CMake
+# configures. Offline, or for another release, name a source tree instead:
+# -DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path and -DFETCHCONTENT_SOURCE_DIR_CLI11=/path. If neither is possible,
+# the library is not used, and a message says so.
 include(FetchContent)
 option(KTGP_ORB_FETCH "Fetch Highway and CLI11 where they are not installed" ON)
 
-# Sets NAME_SOURCE_DIR, or nothing where the release cannot be had. A file that is not the one meant
-# is never unpacked.
+# Sets NAME_SOURCE_DIR, or nothing if the release is not available. A file with a wrong checksum is never
+# unpacked.
 function(ktgp_orb_fetch name url sha256)
   string(TOUPPER ${name} upper)
   if(FETCHCONTENT_SOURCE_DIR_${upper})
@@ -33,7 +33,7 @@ function(ktgp_orb_fetch name url sha256)
   endif()
   FetchContent_Declare(${name} URL ${archive} URL_HASH SHA256=${sha256})
   if(POLICY CMP0169)
-    cmake_policy(SET CMP0169 OLD)  # newer ways to unpack and not to configure need CMake 3.18
+    cmake_policy(SET CMP0169 OLD)  # the newer way to unpack without configuring needs CMake 3.18
   endif()
   FetchContent_GetProperties(${name})
   if(NOT ${name}_POPULATED)
@@ -42,7 +42,7 @@ function(ktgp_orb_fetch name url sha256)
   set(${name}_SOURCE_DIR ${${name}_SOURCE_DIR} PARENT_SCOPE)
 endfunction()
 
-# A static library within ours: nothing of it is installed.
+# A static library within ours; it is not installed.
 function(ktgp_orb_add_highway)
   set(CMAKE_POLICY_DEFAULT_CMP0077 NEW)  # its options are the variables set here
   set(BUILD_SHARED_LIBS OFF)
@@ -56,13 +56,13 @@ function(ktgp_orb_add_highway)
   if(NOT TARGET hwy::hwy)
     add_library(hwy::hwy ALIAS hwy)
   endif()
-  # Highway 1.0 builds one target with an instruction set that GCC knows from version 11 on.
+  # Highway 1.0 builds one target with an instruction set that GCC knows since version 11.
   file(STRINGS ${highway_SOURCE_DIR}/hwy/ops/set_macros-inl.h unknown_to_gcc_10 REGEX avxvnni)
   if(unknown_to_gcc_10 AND CMAKE_CXX_COMPILER_ID STREQUAL GNU AND
       CMAKE_CXX_COMPILER_VERSION VERSION_LESS 11)
     target_compile_definitions(hwy PUBLIC HWY_DISABLED_TARGETS=HWY_AVX3_DL)
   endif()
-  # Warnings are ours alone, as with an installed library.
+  # No warnings from its headers, as for an installed library.
   set_target_properties(hwy PROPERTIES INTERFACE_SYSTEM_INCLUDE_DIRECTORIES
     $<TARGET_PROPERTY:hwy,INTERFACE_INCLUDE_DIRECTORIES>)
 endfunction()
@@ -78,11 +78,11 @@ if(NOT hwy_FOUND)
 endif()
 
 if(NOT CLI11_FOUND)
-  # The checksum that Homebrew and others have for this release; Debian repacks it.
+  # The checksum that Homebrew and others use for this release; Debian repacks it.
   ktgp_orb_fetch(cli11 https://github.com/CLIUtils/CLI11/archive/refs/tags/v2.4.2.tar.gz
     f2d893a65c3b1324c50d4e682c0cdc021dd0477ae2c048544f39eed6654b699a)
   if(cli11_SOURCE_DIR)
-    # Headers alone.
+    # Only headers.
     add_library(CLI11::CLI11 INTERFACE IMPORTED)
     set_target_properties(CLI11::CLI11 PROPERTIES
       INTERFACE_INCLUDE_DIRECTORIES ${cli11_SOURCE_DIR}/include)

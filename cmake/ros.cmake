@@ -1,4 +1,4 @@
-# What makes this a ROS package: messages, parameters, exports.
+# The parts of a ROS package: messages, parameters, exports.
 find_package(catkin REQUIRED COMPONENTS
   cv_bridge
   diagnostic_updater
@@ -20,12 +20,13 @@ add_message_files(FILES
   HomographyStamped.msg
   Match.msg
   MatchStatistics.msg
+  MatchStatus.msg
   StageStatistics.msg
 )
 add_service_files(FILES MatchPair.srv SaveMosaic.srv)
 generate_messages(DEPENDENCIES sensor_msgs std_msgs)
 generate_dynamic_reconfigure_options(cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
-# The tables that these read: a changed row makes their output anew.
+# Their inputs: after a change of a row the output is generated again.
 foreach(pair Ktgp=table Mosaic=mosaic Stabilizer=stabilizer)
   string(REPLACE "=" ";" pair ${pair})
   list(GET pair 0 config)
@@ -37,7 +38,7 @@ endforeach()
 
 catkin_package(
   INCLUDE_DIRS include
-  LIBRARIES ktgp_orb_core ktgp_orb_messages ktgp_orb_nodelets
+  LIBRARIES ktgp_orb_core ktgp_orb_views ktgp_orb_messages ktgp_orb_nodelets
   CATKIN_DEPENDS
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
     nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros
@@ -48,10 +49,10 @@ install(DIRECTORY include/${PROJECT_NAME}/
   DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY config launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# Their first line names /usr/bin/python3, which has ROS, whatever python3 is first on PATH.
+# Their first line names /usr/bin/python3, which has ROS, for any python3 on PATH.
 install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-# Launch files call it by their own folder.
+# Launch files call it by its path in their own package.
 #catkin_lint: ignore_once wrong_bin_install_destination
 install(PROGRAMS scripts/keep_sim_time
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/scripts)

@@ -16,18 +16,18 @@ namespace ktgp_orb {
 struct AlignmentOptions {
   bool enabled = true;  ///< false: the homography stays PROSAC's
   int points = 400;     ///< correspondences that are aligned at most, 12..100000
-  /// Inlier threshold of the homography, px, > 0; KtgpMatcher takes ProsacOptions::max_error. A
-  /// keypoint agrees with the aligned homography within this, and the errors of the aligned points
-  /// are never taken as smaller than a third of it. Both hold for images of 640x480 px and grow in
+  /// Inlier threshold of the homography, px, > 0; KtgpMatcher sets it to ProsacOptions::max_error.
+  /// A keypoint agrees with the aligned homography within this error. The scale of the errors of
+  /// the aligned points is at least a third of it. Both hold for images of 640x480 px and grow in
   /// proportion to the diagonal of the reference image.
   double max_error = 3.0;
 };
 
-/// What came of the alignment.
+/// Outcome of the alignment.
 enum class AlignmentStatus : std::uint8_t {
-  not_run = 0,         ///< switched off, or there was no homography to begin with
+  not_run = 0,         ///< not switched on, or there was no homography to start from
   ok = 1,              ///< the homography is the aligned one
-  no_images = 2,       ///< a frame came without its images (see OrbOptions::images)
+  no_images = 2,       ///< a frame has no images (see OrbOptions::images)
   too_few_points = 3,  ///< fewer than twelve points could be aligned
   not_better = 4,      ///< the aligned homography is not better supported than the one before
 };
@@ -35,10 +35,10 @@ enum class AlignmentStatus : std::uint8_t {
 /// The enumerator's own name, e.g. "too_few_points".
 const char* toString(AlignmentStatus status);
 
-/// A point of the reference and where the target shows it, both in px. It lies within a pixel of
-/// the keypoint, times the scale of the pyramid level it was aligned on.
+/// A point of the reference and its position in the target, both in px. The position is at most one
+/// pixel of the pyramid level from the keypoint.
 struct AlignedPoint {
-  std::size_t match = 0;  ///< the correspondence it stands for, a place in the list handed in
+  std::size_t match = 0;              ///< its correspondence, an index into the given list
   std::int32_t reference_index = -1;  ///< keypoints of that correspondence
   std::int32_t target_index = -1;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
@@ -46,26 +46,26 @@ struct AlignedPoint {
   double correlation = 0.0;  ///< squared normalised cross-correlation of the patches, 0.5..1
 };
 
-/// Reused from call to call for its buffers. Without status ok, homography and covariance are those
-/// that were handed in.
+/// Reused from call to call for its buffers. Unless the status is ok, homography and covariance are
+/// the given ones.
 struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// Of H's first eight entries, from the residuals of the aligned points, its shared part, and how
-  /// far the scene is from a plane (see UncertainHomography).
+  /// Of H's first eight entries, from the residuals of the aligned points; then its shared part,
+  /// and how far the scene is from a plane (see UncertainHomography).
   Covariance8 covariance = Covariance8::Zero();
   Covariance8 shared_covariance = Covariance8::Zero();
   double plane_deviation = 0.0;      ///< px
   std::vector<AlignedPoint> points;  ///< those that could be aligned, in order of `match`
-  std::size_t tried = 0;             ///< points chosen; what became of the others:
-  std::size_t outside = 0;           ///< the patch, or the room it may move in, leaves an image
-  std::size_t distorted = 0;         ///< squeezed or stretched beyond use
-  std::size_t textureless = 0;       ///< nothing says where it is, in one direction or both
-  std::size_t unsettled = 0;         ///< the steps did not become small
-  std::size_t beyond_reach = 0;      ///< moved farther than four px of its level
-  std::size_t uncorrelated = 0;      ///< settled on something that looks different
-  /// Root mean square over `points` of how far the homography handed in, and the one that came
-  /// out, put them off their aligned positions, px.
+  std::size_t tried = 0;  ///< points chosen; the following counts say why some could not be aligned
+  std::size_t outside = 0;       ///< the patch, or its search window, leaves an image
+  std::size_t distorted = 0;     ///< H compresses or stretches the patch too much
+  std::size_t textureless = 0;   ///< the patch has too little texture, in one direction or both
+  std::size_t unsettled = 0;     ///< the steps did not become small
+  std::size_t beyond_reach = 0;  ///< moved farther than four px of its level
+  std::size_t uncorrelated = 0;  ///< the patch found looks different
+  /// Root mean square over `points` of the distance between the aligned position and the prediction
+  /// of the given homography, and of the resulting one, px.
   double rmse_before = 0.0;
   double rmse_after = 0.0;
 };
@@ -73,15 +73,15 @@ struct AlignmentResult {
 /// Corrects a homography by the images. Keypoints are good to half a pixel; the patches around them
 /// can be registered to a few hundredths.
 ///
-/// Up to AlignmentOptions::points correspondences, spread over the image, are aligned each alone:
-/// the 16x16 px around the reference keypoint, seen through the local affine part of H, are found
-/// in the target by inverse-compositional least squares over a translation (Baker & Matthews, IJCV
-/// 2004), whatever the gain and bias. Where H changes the scale by more than 1.5 the smaller image
-/// is compared with the pyramid level of the larger that is nearest in scale. H is then estimated
-/// again from the aligned points by maximum likelihood with a scale of at least a pixel (see
-/// AlignmentOptions::max_error). No scene is exactly a plane: with a smaller scale the fit would
-/// follow the part of the scene that has most points. The old H stays where the aligned points
-/// scatter like keypoints (beyond a third of their variance).
+/// Aligns up to AlignmentOptions::points correspondences, spread over the image, one by one. The
+/// 16x16 px around the reference keypoint, warped by the local affine part of H, are found in the
+/// target by inverse-compositional least squares over a translation (Baker & Matthews, IJCV 2004),
+/// with any gain and bias. Where H changes the scale by more than 1.5, the smaller image is
+/// compared with the pyramid level of the larger one that is nearest in scale. Then H is estimated
+/// from the aligned points by maximum likelihood, with a scale of the errors of at least a pixel
+/// (see AlignmentOptions::max_error): no scene is exactly a plane, and with a smaller scale the fit
+/// would follow the part of the scene that has most points. H stays unchanged where the aligned
+/// points scatter like keypoints (more than a third of their variance).
 ///
 /// The answer is the same for every instruction set.
 ///
@@ -96,8 +96,8 @@ class Alignment {
 
   const AlignmentOptions& options() const;
 
-  /// `matches`: those that the homography of `start`, reference to target in px, explains; with
-  /// indices into the frames' keypoints, else std::invalid_argument.
+  /// `matches`: those that agree with the homography of `start` (reference to target, px), with
+  /// indices into the frames' keypoints; otherwise std::invalid_argument.
   void align(const Features& reference, const Features& target,
              const std::vector<Correspondence>& matches, const UncertainHomography& start,
              AlignmentResult& result);

@@ -11,7 +11,7 @@ namespace ktgp_orb {
 /// Bytes of one descriptor (256 bits).
 constexpr int kDescriptorBytes = 32;
 
-/// What the bits of a descriptor say. Distances are between descriptors of one kind only.
+/// What the bits of a descriptor mean. Only descriptors of the same kind can be compared.
 enum class DescriptorKind : std::uint8_t {
   orb,     ///< rBRIEF: pairs of pixels (Rublee et al., ICCV 2011)
   teblid,  ///< TEBLID-256: pairs of box means (Suarez, Buenaposada & Baumela, RA-L 2021)
@@ -20,8 +20,8 @@ enum class DescriptorKind : std::uint8_t {
 /// "orb" or "teblid".
 const char* toString(DescriptorKind kind);
 
-/// What is kept of an image: its keypoints, their descriptors and the image size.
-/// The size travels with the keypoints because GMS and the homography checks need it.
+/// Keypoints of an image, their descriptors, and the image size, which GMS and the checks of the
+/// homography need.
 struct Features {
   /// Positions in pixels: x right, y down, origin at the centre of the top-left pixel.
   std::vector<cv::KeyPoint> keypoints;
@@ -29,10 +29,10 @@ struct Features {
   cv::Mat descriptors;
   /// Width and height of the image in pixels.
   cv::Size image_size;
-  /// The 8-bit grey image and after it ever smaller ones, ORB's pyramid, for the sub-pixel
-  /// alignment; see OrbOptions::images.
+  /// The 8-bit grey image and ORB's pyramid of smaller ones, for the sub-pixel alignment; see
+  /// OrbOptions::images.
   std::vector<cv::Mat> images;
-  /// What the descriptors are.
+  /// Kind of the descriptors.
   DescriptorKind descriptor = DescriptorKind::orb;
 
   std::size_t size() const { return keypoints.size(); }
@@ -40,11 +40,11 @@ struct Features {
 };
 
 /// Throws std::invalid_argument unless `features` has one 32-byte CV_8U descriptor row per keypoint
-/// and, where it has keypoints, an image size above zero. `name` ("reference", "target") opens the
-/// message.
+/// and, if it has keypoints, a positive image size. The message begins with `name` ("reference",
+/// "target").
 void requireValid(const Features& features, const std::string& name);
 
-/// Throws std::invalid_argument unless both have descriptors of one kind.
+/// Throws std::invalid_argument unless both have the same kind of descriptors.
 void requireSameDescriptor(const Features& reference, const Features& target);
 
 /// Throws std::invalid_argument unless `descriptors` is empty or CV_8U with 32 columns.

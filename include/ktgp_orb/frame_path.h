@@ -8,23 +8,23 @@
 
 namespace ktgp_orb {
 
-/// Remembers how the newest frames of a camera map onto each other, from the homography of each to
-/// its reference, whatever the reference is: the frame before, a keyframe, a fixed one.
+/// Stores how the newest frames of a camera map onto each other. The input is the homography of
+/// each frame to its reference: the previous frame, a keyframe, or a fixed one.
 ///
-/// Everything is kept relative to the newest frame, so that nothing grows however long the camera
-/// flies. An instance belongs to one thread at a time.
+/// All homographies are relative to the newest frame, so no number grows during a long flight. An
+/// instance belongs to one thread at a time.
 class FramePath {
  public:
-  /// Remembers `length` frames at most, >= 1, and beside them the reference of the newest.
+  /// Stores at most `length` frames, >= 1, and the reference of the newest one.
   explicit FramePath(std::size_t length);
 
-  /// Appends a frame. `homography`: reference -> frame, in px; nothing: none was found. Returns
-  /// whether the frame is connected to the ones before; where it is not, those are forgotten.
-  /// A reference that is not known starts a path of two frames: it and this one.
+  /// Appends a frame. `homography`: reference -> frame, px; empty: none was found. Returns whether
+  /// the frame is connected to the previous ones; if it is not, these are forgotten. An unknown
+  /// reference starts a path of two frames: it and this one.
   bool add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography);
 
-  /// The homography frame `from` -> frame `to`; nothing where one of them is not remembered.
+  /// The homography frame `from` -> frame `to`; empty where one of them is not stored.
   std::optional<Eigen::Matrix3d> between(std::int64_t from, std::int64_t to) const;
 
   void clear();
@@ -41,7 +41,7 @@ class FramePath {
 
   std::size_t length_;
   std::deque<Step> steps_;
-  std::optional<Step> reference_;  // of the newest frame; it may be older than all the steps
+  std::optional<Step> reference_;  // of the newest frame; may be older than all steps
 };
 
 }  // namespace ktgp_orb

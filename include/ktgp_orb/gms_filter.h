@@ -12,9 +12,9 @@ namespace ktgp_orb {
 /// Options of grid-based motion statistics (Bian et al., CVPR 2017).
 struct GmsOptions {
   bool enabled = true;  ///< false: every match passes; not in the paper
-  /// T_G, the factor alpha of GMS, in [0, 1e6]: a cell pair survives when the matches in its 3x3
-  /// neighbourhood reach T_G * sqrt(mean matches per neighbouring cell). 0 keeps every match whose
-  /// reference cell is the one that most matches of its target cell go to.
+  /// T_G, the factor alpha of GMS, in [0, 1e6]: a cell pair survives when its 3x3 neighbourhood has
+  /// at least T_G * sqrt(mean matches per neighbouring cell) matches. 0 keeps every match in the
+  /// best cell pair of its target cell.
   double threshold = 6.0;
   bool rotation = false;  ///< also try the other seven 45-degree rotations of the neighbourhood
   bool scale = false;     ///< also try reference grids scaled by 1/2, 1/sqrt 2, sqrt 2 and 2
@@ -22,35 +22,36 @@ struct GmsOptions {
   int grid_rows = 20;     ///< cells down the target image, 1..200
 };
 
-/// What the filter decided and why; every correspondence that took part is in exactly one of the
-/// four counts, which are those of the winning rotation and scale.
+/// Counts of the filter's decisions, for the winning rotation and scale. Every correspondence that
+/// takes part is in exactly one of the four counts.
 struct GmsResult {
   std::size_t kept = 0;
-  std::size_t outside_grid = 0;   ///< one of its keypoints is in no cell: on or beyond a border
-  std::size_t not_best_pair = 0;  ///< in none of the four grids did its cell's best pair contain it
-  std::size_t low_support = 0;    ///< its cell pair had too little support in the neighbourhood
-  /// How far the target is turned against the reference, clockwise on the screen: 0, 45 ... 315.
+  std::size_t outside_grid = 0;  ///< a keypoint is in no cell: on or beyond a border
+  std::size_t not_best_pair =
+      0;  ///< not in the best pair of its target cell, in any of the four grids
+  std::size_t low_support = 0;  ///< its cell pair has too little support from the neighbours
+  /// Rotation of the target against the reference, clockwise on the screen: 0, 45 ... 315.
   int rotation_degrees = 0;
-  /// Cells across the reference image per cell across the target image, i.e. how many times larger
-  /// the reference's content appears in the target (for images of equal size).
+  /// Cells across the reference image per cell across the target image: how many times larger the
+  /// content of the reference appears in the target (for images of equal size).
   double scale = 1.0;
 };
 
-/// Removes correspondences that their neighbours do not move along with.
+/// Removes correspondences that do not move like their neighbours.
 ///
-/// Each image is divided into cells. In each target cell the reference cell that most of its
-/// matches go to is its best pair; the pair is supported when the cells around the one match into
+/// Each image is divided into cells. The best pair of a target cell is the reference cell with most
+/// of its matches. A best pair is supported when enough matches lead from the cells around one to
 /// the cells around the other (see GmsOptions::threshold). A correspondence is kept when its two
-/// cells are a supported best pair in the grid or in one of three copies of it, shifted by half a
-/// cell. Of several rotations and scales the one that keeps most wins; the first of equals, in the
-/// order scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each, rotation 0 to 315. The result is equal,
-/// match for match, to that of the GMS authors' program; keypoints on or beyond the right and
-/// bottom border, which it does not check for, are in no cell here.
+/// cells are a supported best pair in the grid, or in one of three copies shifted by half a cell.
+/// Of several rotations and scales, the one that keeps most matches wins; for equal numbers the
+/// first, in the order scale 1, 1/2, 1/sqrt 2, sqrt 2, 2 and, for each scale, rotation 0 to 315.
+/// The result equals that of the GMS authors' program, match for match. That program does not check
+/// for keypoints on or beyond the right and bottom border; here they are in no cell.
 ///
-/// The cost grows with the matches and the cells they occupy, apart from one short pass over the
-/// target grid's cells for each of its four copies. Buffers are kept from call to call.
+/// The cost grows with the number of matches and occupied cells, plus one short pass over the cells
+/// of the target grid for each of its four copies. Buffers are reused from call to call.
 ///
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// An instance belongs to one thread at a time; several instances may work in parallel.
 class GmsFilter {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -61,10 +62,10 @@ class GmsFilter {
 
   const GmsOptions& options() const;
 
-  /// Raises those of Level::kt that motion statistics support to Level::ktg (all of them where it
-  /// is not enabled); others do not take part. The target image is GMS's left image. Throws
-  /// std::invalid_argument, before anything is changed, for an image size of zero in a frame that
-  /// has keypoints, or where a correspondence that takes part has an index outside its frame.
+  /// Raises the matches of Level::kt that motion statistics support to Level::ktg (all of them when
+  /// the filter is off); other matches do not take part. The target image is the left image of GMS.
+  /// Throws std::invalid_argument, before any change, for an empty image size in a frame with
+  /// keypoints, and for an index outside its frame.
   GmsResult filter(const Features& reference, const Features& target,
                    std::vector<Correspondence>& correspondences);
 

@@ -13,15 +13,15 @@ namespace ktgp_orb {
 /// Options of guided matching.
 struct GuidedOptions {
   bool enabled = false;   ///< false: GuidedMatcher finds nothing; not in the paper
-  double radius = 5.0;    ///< how far from where H puts it a keypoint may be found, px, 0.1..100
-  int max_distance = 90;  ///< Hamming distance of the descriptors at most, 0..256
+  double radius = 5.0;    ///< largest distance from the position that H predicts, px, 0.1..100
+  int max_distance = 90;  ///< largest Hamming distance of the descriptors, 0..256
 };
 
-/// Matches keypoints again where a homography says that they are: among those within a few px the
-/// right one need not be the nearest of the whole frame, only of these. Linear in the keypoints.
-/// How near they are is computed in single precision.
+/// Matches keypoints again near the positions that a homography predicts. The right keypoint need
+/// not be the nearest of the whole frame, only of the few within the radius. Time is linear in the
+/// keypoints. Distances between positions are computed in single precision.
 ///
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// An instance belongs to one thread at a time; several instances may work in parallel.
 class GuidedMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -32,17 +32,16 @@ class GuidedMatcher {
 
   const GuidedOptions& options() const;
 
-  /// `homography`: reference to target, px. `matches` become the pairs of which each is the other's
-  /// nearest within the radius, in target order, of Level::guided; of equal distances the lower
-  /// index is nearest. `second_distance` is that to the next of the reference's keypoints within
-  /// the radius, 256 where there is none.
+  /// `homography`: reference to target, px. `matches` becomes the mutual nearest pairs within the
+  /// radius, in target order, with Level::guided; for equal distances the lower index is nearest.
+  /// `second_distance` is the distance to the next reference keypoint within the radius, or 256.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& homography,
              std::vector<Correspondence>& matches);
 
-  /// One round after a homography was found: matches as above, estimates again from all of these
-  /// matches, and takes that where no fewer of them agree with it (`threshold`, px) than with the
-  /// one handed in and it can be the view of a plane. `estimate` is only changed then; it returns
-  /// whether. `matches`: all that were found, also those that the estimate does not agree with.
+  /// One round after a homography was found: matches as above and estimates again from all these
+  /// matches. The new estimate replaces `estimate` only when at least as many matches agree with it
+  /// (`threshold`, px) and it can be the view of a plane; returns whether. `matches`: all matches
+  /// found, also those that disagree with the estimate.
   bool refine(const Features& reference, const Features& target, double threshold,
               UncertainHomography& estimate, std::vector<Correspondence>& matches);
 

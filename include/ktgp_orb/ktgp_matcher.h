@@ -21,12 +21,12 @@
 
 namespace ktgp_orb {
 
-/// Options of the four stages and of what may follow them.
+/// Options of the four stages and of the stages that may follow.
 struct MatcherOptions {
   KnnOptions knn;
-  /// T_w, in (0, 1]; empty: that of the features' descriptors (see ratioThreshold).
+  /// T_w, in (0, 1]; empty: the default for the features' descriptors (see ratioThreshold).
   std::optional<double> ratio_threshold;
-  /// Whether TF also wants each of a pair to be the other's nearest; not in the paper.
+  /// Whether TF also requires that both are nearest to each other; not in the paper.
   bool mutual = false;
   GmsOptions gms;  ///< gms.threshold is T_G
   ProsacOptions prosac;
@@ -34,31 +34,32 @@ struct MatcherOptions {
   GuidedOptions guided;
   AlignmentOptions alignment;
 
-  /// The paper's chain, its homography aligned: the defaults.
+  /// The paper's chain with alignment: the defaults.
   static MatcherOptions ktgp() { return {}; }
-  /// For hard pairs, and where accuracy counts: mutual nearest neighbours without ratio test and
-  /// GMS, PROSAC, a guided round, alignment.
+  /// For hard pairs and for best accuracy: mutual nearest neighbours without ratio test and GMS,
+  /// PROSAC, a guided round, alignment.
   static MatcherOptions robust();
 };
 
-/// Counts and time of one stage (the message of it is StageStatistics). The output of a stage is
-/// the input of the next.
+/// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
+/// the next one.
 struct StageResult {
-  const char* name = "";  ///< "knn", "tf", "gms", "prosac"; "growth", "guided", "align"; "": off
+  /// "knn", "tf", "gms", "prosac"; then "growth", "guided", "align"; "": switched off.
+  const char* name = "";
   std::size_t input = 0;  ///< knn: target features; others: correspondences
-  std::size_t output =
-      0;  ///< correspondences left; guided: with those it added; align, growth: its
+  /// Correspondences left; guided: including those it added; growth: its own; align: aligned.
+  std::size_t output = 0;
   double milliseconds = 0.0;  ///< wall-clock time
 };
 
-/// Where a frame's matches were looked for.
+/// Where the matches were searched.
 enum class Search : std::uint8_t {
   whole = 0,      ///< in the whole image
-  near = 1,       ///< within the search radius of where the prediction puts them
-  fell_back = 2,  ///< near, in vain, and then in the whole image, which is the answer
+  near = 1,       ///< within the search radius of the predicted positions
+  fell_back = 2,  ///< first near, without success; then in the whole image
 };
 
-/// Which way the homography came.
+/// Which stage found the homography.
 enum class FoundBy : std::uint8_t {
   none = 0,    ///< there is none
   prosac = 1,  ///< the matches of level ktg
@@ -68,31 +69,31 @@ enum class FoundBy : std::uint8_t {
 /// The enumerator's own name, e.g. "prosac".
 const char* toString(FoundBy found_by);
 
-/// What is known of two frames before they are matched.
+/// What is known about two frames before they are matched.
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
-  /// ProsacHomography::estimate), and with a search radius KNN looks only where it says.
+  /// ProsacHomography::estimate). With a search radius, KNN searches only near its positions.
   std::optional<Eigen::Matrix3d> prediction;
-  /// Searches the whole image also where there is a search radius and a prediction.
+  /// Searches the whole image, even with a search radius and a prediction.
   bool whole_image = false;
-  /// The reference as it looks from other sides, for the growth; null: none.
+  /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
 };
 
-/// Everything known about one pair of frames. Reused from call to call for its buffers.
+/// The result for one pair of frames. Reused from call to call for its buffers.
 struct MatchResult {
   Status status = Status::no_reference;
-  DescriptorKind descriptor = DescriptorKind::orb;  ///< what was compared
-  Search search = Search::whole;                    ///< where; KtgpMatcher never falls back
-  FoundBy found_by = FoundBy::none;                 ///< how
-  /// One per target feature, in target order; `level` says how far each came.
+  DescriptorKind descriptor = DescriptorKind::orb;  ///< kind of the descriptors
+  Search search = Search::whole;                    ///< KtgpMatcher never sets fell_back
+  FoundBy found_by = FoundBy::none;
+  /// One per target feature, in target order, with its level.
   std::vector<Correspondence> correspondences;
   GmsResult gms;
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
   /// knn, tf, gms, prosac
   std::array<StageResult, 4> stages{
       {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
-  GrowthResult growth;  ///< of no seeds where it was not needed
+  GrowthResult growth;  ///< has no seeds where growth was not needed
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
@@ -111,21 +112,22 @@ struct MatchResult {
   std::size_t inliers = 0;       ///< correspondences of level ktgp and above, guided ones included
   double rmse = 0.0;  ///< root mean square over them of the keypoints' reprojection error, px
 
-  /// Correspondences that reached at least `level`, in target order, into `out`.
+  /// Copies the correspondences that reached at least `level` into `out`, in target order.
   void surviving(Level level, std::vector<Correspondence>& out) const;
-  /// Of all stages together.
+  /// Sum over all stages.
   double milliseconds() const;
-  /// As of a frame without a reference, with the stages that `options` has on; keeps the buffers.
+  /// Becomes the result for a frame without a reference, with the stages that `options` enables;
+  /// keeps the buffers.
   void clear(const MatcherOptions& options);
 };
 
 static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");
 
-/// KNN -> TF -> GMS -> PROSAC over the features of two frames; then, where they are switched on,
-/// growth where there is no homography, guided matching and sub-pixel alignment, which do not
-/// change the counts of the four stages. An instance belongs to one thread at a time; several
-/// instances may run side by side.
+/// KNN -> TF -> GMS -> PROSAC over the features of two frames. Then, where enabled: growth when
+/// there is no homography, guided matching and sub-pixel alignment, which do not change the counts
+/// of the four stages. An instance belongs to one thread at a time; several instances may work in
+/// parallel.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -137,12 +139,12 @@ class KtgpMatcher {
   const MatcherOptions& options() const;
 
   /// Throws std::invalid_argument for malformed features (see requireValid) and for descriptors of
-  /// two kinds; bad data such as
-  /// keypoints outside the image or no features at all is legal and ends in a status.
+  /// two kinds. Bad data, such as keypoints outside the image or no features at all, is legal and
+  /// gives a status.
   void match(const Features& reference, const Features& target, MatchResult& result);
 
-  /// The same with what is known beforehand. Throws std::invalid_argument for a prediction that is
-  /// not finite or, where it is searched with, cannot be inverted.
+  /// The same with prior knowledge. Throws std::invalid_argument for a prediction that is not
+  /// finite or, with a search radius, cannot be inverted.
   void match(const Features& reference, const Features& target, const MatchHints& hints,
              MatchResult& result);
 

@@ -7,40 +7,40 @@
 
 namespace ktgp_orb {
 
-/// How a lens bends the image.
+/// Lens model.
 enum class LensModel : std::uint8_t {
   radial_tangential,  ///< 4, 5, 8, 12 or 14 coefficients in OpenCV's order (k1 k2 p1 p2 k3 ...)
   equidistant,        ///< fisheye: 4 coefficients (Kannala & Brandt, PAMI 2006)
 };
 
-/// The calibration of a camera, in the pixels of the images that it sends.
+/// The calibration of a camera, for the pixels of its images.
 struct LensCalibration {
   LensModel model = LensModel::radial_tangential;
   cv::Size image_size;
   cv::Matx33d camera = cv::Matx33d::eye();  ///< K, px
-  std::vector<double> distortion;           ///< as the model has it
+  std::vector<double> distortion;           ///< coefficients in the order of the model
   cv::Matx33d rotation = cv::Matx33d::eye();
   cv::Matx33d rectified_camera = cv::Matx33d::eye();  ///< K of the image without distortion, px
 
   bool operator==(const LensCalibration& other) const;
 };
 
-/// Takes the distortion of a lens out, so that straight lines are straight and a plane is seen
-/// through a homography.
+/// Removes lens distortion, so that straight lines are straight and a plane is seen through a
+/// homography.
 ///
-/// Nothing changes in it once it is made: several threads may use one instance.
+/// Immutable: several threads may use one instance.
 class Lens {
  public:
-  /// Throws std::invalid_argument for focal lengths that are not above zero, another number of
-  /// coefficients than the model has, and numbers that are not finite.
+  /// Throws std::invalid_argument for focal lengths that are not positive, for a number of
+  /// coefficients that the model does not have, and for numbers that are not finite.
   explicit Lens(const LensCalibration& calibration);
 
   const LensCalibration& calibration() const { return calibration_; }
 
-  /// Moves keypoints from where they are in the camera's image to where they are in the image
-  /// without distortion, to about 1e-3 px; that may be outside of it.
+  /// Moves keypoints of the camera's image to their positions in the image without distortion,
+  /// which may be outside of it; accurate to about 1e-3 px.
   void rectify(std::vector<cv::KeyPoint>& keypoints) const;
-  /// The image without distortion, in the size of `image`.
+  /// The image without distortion, with the size of `image`.
   void rectify(const cv::Mat& image, cv::Mat& rectified) const;
 
  private:

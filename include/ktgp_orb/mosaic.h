@@ -15,40 +15,40 @@
 namespace ktgp_orb {
 
 struct MosaicOptions {
-  /// 10^6 px, 1..1000: the mosaic stops growing there; what it covers is still renewed. A pixel
-  /// takes five bytes, and its share of the keyframes up to twelve more.
+  /// 10^6 px, 1..1000: the mosaic stops growing at this size; the covered part is still updated. A
+  /// pixel takes five bytes, and up to twelve more for the keyframes.
   double max_megapixels = 64.0;
-  /// Whether a frame is placed by a match to the nearest keyframe of the map; else by multiplying
-  /// the homographies that are handed in, whose errors add up.
+  /// true: place a frame by a match to the nearest keyframe of the map. false: multiply the given
+  /// homographies; their errors add up.
   bool keyframes = true;
-  /// Share of a frame that keyframes must cover, 0.2..0.9; one that is covered less becomes one.
+  /// A frame becomes a keyframe when the keyframes cover less than this share of it, 0.2..0.9.
   double keyframe_overlap = 0.6;
-  /// Share of the width that the view must move before a frame is drawn, 0..1.
+  /// A frame is drawn when the view has moved by at least this share of its width, 0..1.
   double min_motion = 0.03;
-  /// Whether a frame is brought to the brightness of what it overlaps of the map, by one factor: a
-  /// camera whose exposure changes, or a cloud, leaves no steps then.
+  /// Whether a frame is multiplied by one factor, so that its brightness fits the map. This avoids
+  /// steps when the exposure changes or a cloud passes.
   bool gain = true;
-  /// s: a frame that nothing leads to is looked for in the map for as long, then a new map begins.
+  /// s: how long a frame that is not connected is searched in the map, before a new map begins.
   double patience = 1.0;
   OrbOptions orb;
   MatcherOptions matcher = MatcherOptions::robust();
 };
 
-/// What became of a frame.
+/// Outcome for a frame.
 enum class Placement : std::uint8_t {
-  drawn,    ///< its place is known, and it is part of the map
-  seen,     ///< its place is known; it has hardly moved, or there is no room for it
+  drawn,    ///< its position is known, and it was drawn
+  seen,     ///< its position is known, but it has hardly moved, or the map is full
   new_map,  ///< it is the first of a new map
-  lost,     ///< its place is not known
+  lost,     ///< its position is not known
 };
 
 /// "drawn", "seen", "new_map", "lost"
 const char* toString(Placement placement);
 
-/// A picture of a plane, the ground below a drone for example, made of the frames of a camera.
+/// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
 ///
-/// Coordinates of the map are those of its first frame, in px, and go on beyond it on all sides.
-/// An instance belongs to one thread at a time.
+/// Coordinates of the map are the pixels of its first frame, continued on all sides. An instance
+/// belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -58,37 +58,37 @@ class Mosaic {
   Mosaic& operator=(Mosaic&&) noexcept;
 
   const MosaicOptions& options() const;
-  /// From the next frame on; the map stays. Throws as the constructor does.
+  /// Applies from the next frame on; the map stays. Throws as the constructor does.
   void setOptions(const MosaicOptions& options);
 
-  /// Tells how a frame lies to its reference (reference -> frame, px), whether or not it is placed:
-  /// call it for every frame, in their order. Nothing: no homography was found.
+  /// Adds the homography of a frame (reference -> frame, px; empty: none was found). Call it for
+  /// every frame, in order, also for frames that are not placed.
   void follow(std::int64_t stamp, std::int64_t reference_stamp,
               const std::optional<Eigen::Matrix3d>& homography);
-  /// Finds the place of a frame that was followed, and draws it. `image`: CV_8UC3 (BGR) or CV_8UC1.
-  /// Throws std::invalid_argument for another type.
+  /// Places and draws a frame that was added by follow(). `image`: CV_8UC3 (BGR) or CV_8UC1. Throws
+  /// std::invalid_argument for another type.
   Placement place(std::int64_t stamp, const cv::Mat& image);
 
-  /// Called with the map, as image() gives it, before a new one takes its place.
+  /// Called with the map, as image() gives it, before a new map replaces it.
   void onFinishedMap(std::function<void(const cv::Mat&)> callback);
 
-  /// Of the frame that was placed last: map -> frame, px; nothing where it is lost.
+  /// Of the last placed frame: map -> frame, px; empty where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 
-  /// The map, CV_8UC4: BGR, and alpha 0 where nothing was seen yet; empty where nothing was drawn.
+  /// The map, CV_8UC4: BGR, and alpha 0 for unseen parts; empty before the first drawing.
   cv::Mat image() const;
-  /// The same, no side longer than `longest` px, CV_8UC3, dark where nothing was seen yet, with the
-  /// outline of the frame that was placed last.
+  /// The same as CV_8UC3, with no side longer than `longest` px, dark for unseen parts, with the
+  /// outline of the last placed frame.
   cv::Mat picture(int longest) const;
-  /// What image() covers of the map, px.
+  /// The part of the map that image() shows, px.
   cv::Rect area() const;
 
-  double megapixels() const;  ///< covered, in whole tiles
-  bool full() const;          ///< something could not be drawn for want of room
+  double megapixels() const;  ///< covered area, in whole tiles
+  bool full() const;          ///< something could not be drawn, since max_megapixels is reached
   std::size_t keyframes() const;
-  std::size_t maps() const;  ///< begun so far
+  std::size_t maps() const;  ///< number of maps begun
 
   void reset();
 

@@ -8,41 +8,41 @@
 
 namespace ktgp_orb {
 
-/// Who does the work. Both give the same keypoints and descriptors.
+/// Which implementation is used. Both give the same keypoints and descriptors.
 enum class ExtractorKind : std::uint8_t {
   native,  ///< this package's vector code
-  /// cv::ORB, one thread; has no uniform distribution. Levels that would be less than a pixel wide
-  /// or high, for which cv::ORB throws, are left out; the others share their keypoints.
+  /// cv::ORB, one thread; has no uniform distribution. Levels less than a pixel wide or high, for
+  /// which cv::ORB throws, are left out; the other levels get their keypoints.
   opencv,
 };
 
 /// Which of the corners become keypoints.
 enum class KeypointDistribution : std::uint8_t {
-  ranked,  ///< those of highest Harris response, wherever they are: cv::ORB's choice
-  /// An equal share from every part of the image; where corners are few, also those of half the
-  /// FAST threshold.
+  ranked,  ///< highest Harris response, as in cv::ORB
+  /// An equal share from every part of the image; where there are few corners, also those of half
+  /// the FAST threshold.
   uniform,
 };
 
-/// What becomes of the images that the features were found in.
+/// What happens to the images that the features were found in.
 enum class ImageKeeping : std::uint8_t {
   none,   ///< Features::images stay empty: no sub-pixel alignment
   copy,   ///< the image is copied and its pyramid kept
-  share,  ///< the same without the copy: do not write into the image while the features are in use
+  share,  ///< the same without a copy: do not write to the image while the features are in use
 };
 
 /// ORB parameters; the defaults are the paper's (section IV, "Experimental Results").
 struct OrbOptions {
-  int max_features = 2000;    ///< keypoints to keep at most, >= 1
+  int max_features = 2000;    ///< most keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
   ExtractorKind extractor = ExtractorKind::native;
-  /// rBRIEF, or TEBLID-256: as large, and the better under changes of light and viewpoint.
+  /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
-  /// With the uniform distribution: keypoints that each cell of the image keeps where all have
-  /// enough, >= 1. Fewer spread the keypoints more evenly; more leave a better choice which.
+  /// Uniform distribution: keypoints per cell where all cells have enough corners, >= 1. Smaller
+  /// cells spread the keypoints more evenly; larger ones allow a better choice of corners.
   int keypoints_per_cell = 16;
   ImageKeeping images = ImageKeeping::copy;
   int threads = 1;  ///< threads that share the work; 0 = all cores; the result is identical
@@ -53,15 +53,16 @@ struct OrbOptions {
 
 /// Finds ORB keypoints (Rublee et al., ICCV 2011) and their 256-bit descriptors.
 ///
-/// TEBLID descriptors are those of OpenCV's xfeatures2d (scale factor 1), to the last bit.
+/// TEBLID descriptors equal those of OpenCV's xfeatures2d (scale factor 1), to the last bit.
 ///
-/// With KeypointDistribution::ranked the keypoints, their order and the rBRIEF descriptors are
+/// With KeypointDistribution::ranked, the keypoints, their order and the rBRIEF descriptors equal
 /// those of cv::ORB::create(features, scale_factor, levels, 31, 0, 2, HARRIS_SCORE, 31,
-/// fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (Elsewhere cv::ORB
-/// rounds its blur otherwise, which changes a descriptor bit in some frames; this class does not.)
-/// Where Harris responses are equal cv::ORB keeps more than it was asked for, and so does this.
+/// fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other processors
+/// cv::ORB rounds its blur differently, which changes a descriptor bit in some frames; this class
+/// does not.) For equal Harris responses cv::ORB keeps more keypoints than the limit, and so does
+/// this class.
 ///
-/// An instance belongs to one thread at a time; several instances may run side by side.
+/// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -72,11 +73,11 @@ class OrbExtractor {
 
   const OrbOptions& options() const;
 
-  /// `image`: 8-bit grey, any stride; an empty image, or one without room for a 63 px patch, gives
-  /// no features. Throws std::invalid_argument for any other type. Buffers of `features` are
+  /// `image`: 8-bit grey, any stride. An empty image, or one smaller than a 63 px patch, gives no
+  /// features. Throws std::invalid_argument for any other type. The buffers of `features` are
   /// reused.
   void extract(const cv::Mat& image, Features& features);
-  /// Only keypoints where `mask` (8-bit, the size of `image`, or empty: everywhere) is not zero.
+  /// Finds keypoints only where `mask` is not zero (8-bit, the size of `image`; empty: everywhere).
   /// Throws std::invalid_argument for any other mask.
   void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb {
 
-/// A frame as the overlay needs it: its image (8-bit grey or BGR) and the features found in it.
+/// A frame for the overlay: its image (8-bit grey or BGR) and its features.
 struct FrameView {
   const cv::Mat& image;
   const Features& features;
@@ -16,25 +16,25 @@ struct FrameView {
 
 /// What drawOverlay shows.
 enum class OverlayStyle : std::uint8_t {
-  flow,          ///< the target alone; a stroke from where each final match was to where it is
-  side_by_side,  ///< reference and target next to each other, some of the matches joined by lines
-  difference,    ///< target minus warped reference: flat grey where the homography is right
+  flow,          ///< the target; a stroke from the old to the new position of each final match
+  side_by_side,  ///< reference and target side by side; lines join some of the matches
+  difference,    ///< target minus warped reference: uniform grey where the homography is right
 };
 
 /// "flow", "side_by_side", "difference"
 const char* toString(OverlayStyle style);
 
 /// Draws one pair of frames into `canvas` (8-bit BGR; the size of the target, side_by_side: of
-/// both). Colours say how far a match came, in a palette that colour-blind people can tell apart
+/// both). The colour shows the last stage that a match passed, in a palette for colour-blind people
 /// (Okabe & Ito, 2008): yellow = final, purple = removed by PROSAC, blue = by GMS, grey = by the
-/// ratio filter. In `flow` the final ones are strokes, the others dots, and a white outline is the
-/// reference image's border as the homography places it. Text and strokes grow with the image; a
-/// panel gives the status, a bar per stage, the milliseconds and how uncertain the corners are.
-/// Throws std::invalid_argument for an image that is neither CV_8UC1 nor CV_8UC3.
+/// ratio filter. In `flow` the final matches are strokes, the others dots, and a white outline is
+/// the border of the reference image mapped by the homography. Text and strokes scale with the
+/// image. A panel shows the status, a bar per stage, the milliseconds and the uncertainty of the
+/// corners. Throws std::invalid_argument for an image that is neither CV_8UC1 nor CV_8UC3.
 void drawOverlay(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  OverlayStyle style, cv::Mat& canvas);
 
-/// Draws a frame that was not matched, with the reason for it. Throws as drawOverlay.
+/// Draws a frame that was not matched, and the reason. Throws as drawOverlay.
 void drawUnmatched(const cv::Mat& target, const std::string& reason, cv::Mat& canvas);
 
 /// Draws the four stages as in the paper's Figure 4 into one picture of 2 x 2 panels: KNN, KNN+TF,
@@ -42,8 +42,8 @@ void drawUnmatched(const cv::Mat& target, const std::string& reason, cv::Mat& ca
 void drawStages(const FrameView& reference, const FrameView& target, const MatchResult& result,
                 cv::Mat& canvas);
 
-/// Draws what is left after one stage, reference left and target right: lines join at most 150
-/// matches, evenly chosen, and dots mark the others.
+/// Draws the matches left after one stage, reference left and target right: lines for at most 150
+/// matches, evenly chosen, dots for the others.
 void drawLevel(const FrameView& reference, const FrameView& target, const MatchResult& result,
                Level level, cv::Mat& canvas);
 

@@ -13,31 +13,31 @@
 namespace ktgp_orb {
 
 struct StabilizerOptions {
-  /// s, > 0: motion that is quicker is shake and is taken out; motion that is slower is the path.
+  /// s, > 0: faster motion is shake and is removed; slower motion is the path.
   double strength = 0.5;
-  /// Frames that the picture waits for what comes after it, 0..60: more is steadier, and later.
+  /// Frames to wait for later ones, 0..60: more is steadier, and later.
   int lag = 0;
   /// Share of width and height, at each border, that may be cut off, 0.01..0.4. No picture shows
-  /// anything beyond the border of its frame: shake that needs more is left in, gently.
+  /// anything beyond the border of its frame: shake that needs more room is limited gently.
   double max_crop = 0.1;
 };
 
-/// A frame that has its place in the steady picture.
+/// A frame with its position in the steady picture.
 struct SteadyFrame {
   std::int64_t stamp = 0;
   /// Frame -> steady picture of the same size, px.
   Eigen::Matrix3d warp = Eigen::Matrix3d::Identity();
-  /// Nothing connects it to the frame before: a scene cut, or no homography was found.
+  /// Not connected to the previous frame: a scene cut, or no homography was found.
   bool starts_anew = false;
 };
 
-/// Smooths the path of a camera while it goes.
+/// Smooths the path of a camera online.
 ///
-/// The corners of a frame are followed through the frames around it (Matsushita et al., "Full-frame
-/// video stabilization with motion inpainting", PAMI 2006); where a straight line through these
-/// tracks, weighted by how near in time a frame is, has them at the frame's own time, there the
-/// steady picture shows the corners. A line, no mean: a camera that moves on evenly is followed
-/// without delay. Where the path starts anew, what was corrected last fades out.
+/// The corners of a frame are followed through the neighbouring frames (Matsushita et al.,
+/// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
+/// to these tracks, weighted by the distance in time. Its value at the time of the frame gives the
+/// corners in the steady picture. A line and not a mean, so that an evenly moving camera is
+/// followed without delay. Where a new path begins, the last correction fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {
@@ -46,18 +46,19 @@ class Stabilizer {
   explicit Stabilizer(const StabilizerOptions& options = {});
 
   const StabilizerOptions& options() const { return options_; }
-  /// From the next frame on; the path goes on. Throws as the constructor does.
+  /// Applies from the next frame on; the path continues. Throws as the constructor does.
   void setOptions(const StabilizerOptions& options);
 
-  /// The next frame, of `size` px, taken at `stamp` ns. `homography`: reference -> frame; nothing:
-  /// none was found. Appends to `ready` the frames whose place is now known, oldest first: that
-  /// of `lag` frames ago, or all that waited and then this one where the path starts anew.
+  /// Adds the next frame, of `size` px, taken at `stamp` ns. `homography`: reference -> frame;
+  /// empty: none was found. Appends to `ready` the frames whose positions are now known, oldest
+  /// first: the one `lag` frames ago, or, where a new path begins, all waiting frames and then this
+  /// one.
   void add(std::int64_t stamp, std::int64_t reference_stamp,
            const std::optional<Eigen::Matrix3d>& homography, const cv::Size& size,
            std::vector<SteadyFrame>& ready);
-  /// Appends what still waits.
+  /// Appends the frames that still wait.
   void flush(std::vector<SteadyFrame>& ready);
-  /// As if nothing had come.
+  /// Returns to the initial state.
   void reset();
 
  private:
@@ -76,13 +77,13 @@ class Stabilizer {
   FramePath path_;
   cv::Size size_;
   std::deque<Waiting> waiting_;
-  Corners correction_;  // of the newest finished frame, where its corners moved to, px
-  Corners fading_;      // what is left of the correction before the path started anew
+  Corners correction_;  // of the newest finished frame: where its corners were moved to, px
+  Corners fading_;      // the rest of the correction before the path began anew
   std::int64_t fading_since_ = 0;
 };
 
-/// How unsteady a path is: mean over time and corners of the squared second difference of where the
-/// image corners are, px^2. `steps`: homographies from each frame to the next; 0 for fewer than 2.
+/// Unsteadiness of a path: mean over time and corners of the squared second difference of the image
+/// corners, px^2. `steps`: homographies from each frame to the next; 0 for fewer than 2.
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size);
 
 }  // namespace ktgp_orb

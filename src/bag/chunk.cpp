@@ -1,4 +1,4 @@
-// The messages of a chunk.
+// Reads the messages of a chunk.
 #include <rosbag/chunked_file.h>
 #include <rosbag/exceptions.h>
 
@@ -9,9 +9,10 @@
 namespace ktgp_orb::bag {
 namespace {
 
-/// A compressed chunk may claim to be of any size; rosbag's own are below a megabyte, or one image.
+/// A damaged compressed chunk may declare any size; rosbag's own are below a megabyte, or one
+/// image.
 constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
-/// LZ4 makes no more of a byte.
+/// Largest compression ratio of LZ4.
 constexpr std::size_t kLz4Ratio = 255;
 
 const std::vector<Operation> kInChunks{Operation::message, Operation::connection};

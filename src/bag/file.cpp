@@ -8,12 +8,12 @@ namespace ktgp_orb::bag {
 namespace {
 
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
-constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at a time after damage
-constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are told in words
+constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at once after damage
+constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are described
 
 const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
                                            Operation::chunk_info, Operation::connection};
-/// What stands in no chunk.
+/// Kinds of records outside chunks.
 const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
 
@@ -40,11 +40,11 @@ BagFile::BagFile(const std::string& path) : file_(path, std::ios::binary | std::
   size_ = static_cast<std::size_t>(std::max<std::streamoff>(file_.tellg(), 0));
   const auto line = bytesAt(0, std::strlen(kFirstLine));
   if (std::string(line.begin(), line.end()) != kFirstLine) {
-    throw std::runtime_error(path + " is no bag of format 2.0");
+    throw std::runtime_error(path + " is not a bag of format 2.0");
   }
   scan();
   if (header_ && !text(header_->fields, "encryptor").empty()) {
-    throw std::runtime_error(path + " is encrypted; 'rosbag decrypt' makes a plain bag of it");
+    throw std::runtime_error(path + " is encrypted; decrypt it with 'rosbag decrypt'");
   }
 }
 
@@ -52,7 +52,7 @@ void BagFile::noteAt(std::size_t position, const std::string& what) {
   damage_.note(what + " at byte " + std::to_string(position));
 }
 
-/// `size` bytes of the file, fewer at its end.
+/// `size` bytes of the file, or fewer at its end.
 std::vector<std::uint8_t> BagFile::bytesAt(std::size_t position, std::size_t size) {
   std::vector<std::uint8_t> bytes(position < size_ ? std::min(size, size_ - position) : 0);
   file_.clear();
@@ -75,7 +75,7 @@ std::optional<Record> BagFile::recordAt(std::size_t position) {
 
 std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
                                                const std::vector<Operation>& kinds) {
-  constexpr std::size_t kOverlap = 8192;  // longer than any header that is looked for
+  constexpr std::size_t kOverlap = 8192;  // longer than any header that is searched
   for (std::size_t block = begin; block < size_; block += kSearchBlock) {
     const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
     const std::size_t beyond = size_ - block - bytes.size();
@@ -141,7 +141,7 @@ std::size_t BagFile::skipDamage(std::size_t position) {
   if (next && next->operation == Operation::index) {
     if (chunk_end_ == position && !chunks_.empty()) {
       chunks_.back().index_damaged = true;
-    } else {  // the index of a lost chunk says what was in it
+    } else {  // the index of a lost chunk lists its messages
       chunks_.push_back({position, position, 0, 0, "none", {}, false, false});
     }
     chunk_end_ = damage_end_;
@@ -171,7 +171,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
       noteAt(position, "a wrong size");
       chunk.stored_size = chunk.size;
     } else {
-      // Either the size is wrong or what comes after the chunk is.
+      // Either the size is wrong, or the record after the chunk.
       const std::size_t found = findInFile(chunk.data, kOutsideChunks).value_or(size_) - chunk.data;
       if (found < chunk.stored_size) {
         noteAt(position, "damaged or cut off");
@@ -183,7 +183,7 @@ std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
   return chunk_end_ = chunk.data + chunk.stored_size;
 }
 
-/// A message that stands in no chunk, or in one whose beginning is lost.
+/// A message outside a chunk, or in a chunk whose beginning is lost.
 void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   const bool goes_on = !chunks_.empty() && chunk_end_ == begin && !chunks_.back().indexed;
   if (goes_on) {
@@ -195,7 +195,7 @@ void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
   chunk_end_ = end;
 }
 
-/// Returns whether it is one, of the chunk before.
+/// Returns whether it is an index of the previous chunk.
 bool BagFile::addIndex(std::size_t position, const Record& record) {
   constexpr std::size_t kEntry = 12;  // bytes: time, place in the chunk
   const auto connection = number(record.fields, "conn");
@@ -243,7 +243,7 @@ void BagFile::addConnection(const Record& record, View data) {
   auto& topics = connections_[*connection];
   topics.insert({text(record.fields, "topic"), text(*fields, "type")});
   if (topics.size() == 2) {
-    damage_.note("connection " + std::to_string(*connection) + " is described in two ways");
+    damage_.note("connection " + std::to_string(*connection) + " has two different descriptions");
   }
 }
 
@@ -251,7 +251,8 @@ void BagFile::readFileHeader(const Record& record) {
   header_ = record;
   const auto low = number(record.fields, "index_pos");
   const auto high = number(record.fields, "index_pos", 4);
-  if (low && high && *low == 0 && *high == 0) damage_.note("no index; was its recording cut off?");
+  if (low && high && *low == 0 && *high == 0)
+    damage_.note("no index; was the recording interrupted?");
 }
 
 void BagFile::checkAgainstHeader() {
@@ -260,7 +261,7 @@ void BagFile::checkAgainstHeader() {
     return;
   }
   const auto low = number(header_->fields, "index_pos");
-  if (low && *low == 0) return;  // never finished: it has no counts yet
+  if (low && *low == 0) return;  // not finished: it has no counts yet
   const auto is = [this](const char* name, std::size_t found) {
     const auto count = number(header_->fields, name);
     if (count && *count == found) return;
@@ -272,7 +273,7 @@ void BagFile::checkAgainstHeader() {
   is("conn_count", connections_.size());
 }
 
-/// What the index at the end says of each chunk.
+/// The entries for chunks in the index at the end.
 void BagFile::checkAgainstInfos() {
   constexpr std::size_t kLeastMessage = 32;  // bytes of its record
   std::map<std::size_t, Chunk*> at;
@@ -291,7 +292,7 @@ void BagFile::checkAgainstInfos() {
                                   : std::min(of.second, size_ / kLeastMessage);
     }
   }
-  // A chunk may be there, only elsewhere.
+  // A chunk may be there, but at another position.
   for (auto& of : missing_) {
     std::size_t there = 0;
     for (const Chunk& chunk : chunks_) {
@@ -317,14 +318,14 @@ bool BagFile::agrees(const Chunk& chunk, const ChunkInfo& info) {
   return chunk.times.empty() || (info.start == first && info.end == last);
 }
 
-/// For an index that is missing or cannot be trusted.
+/// For an index that is missing or wrong.
 void BagFile::indexFromMessages(Chunk& chunk) {
   Times times;
   const ChunkContents contents = read(chunk);
   for (const Message& message : contents.messages) {
     times[message.connection].push_back(message.time);
   }
-  // Messages that were lost stay expected.
+  // Lost messages still count as expected.
   for (const auto& of : chunk.times) {
     const bool is_connection = connections_.count(of.first) > 0;
     if (is_connection && of.second.size() > times[of.first].size()) times[of.first] = of.second;

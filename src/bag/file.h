@@ -15,11 +15,11 @@
 
 namespace ktgp_orb::bag {
 
-/// What is wrong with a bag, for people.
+/// Problems of a bag, for users.
 class Damage {
  public:
   void note(const std::string& what);
-  /// "" where nothing is; else the first few and how many more.
+  /// Empty if there are none; else the first few, and the number of further ones.
   std::string text() const;
 
  private:
@@ -42,11 +42,11 @@ using Times = std::map<std::uint32_t, std::vector<ros::Time>>;
 /// A chunk of messages in the file.
 struct Chunk {
   std::size_t position;     ///< of its record, byte in the file
-  std::size_t data;         ///< where its data begin
-  std::size_t stored_size;  ///< bytes of them that are there
-  std::size_t size;         ///< bytes of the messages, as the record says
+  std::size_t data;         ///< begin of its data
+  std::size_t stored_size;  ///< bytes of its data in the file
+  std::size_t size;         ///< bytes of the messages, according to the record
   std::string compression;  ///< "none", "bz2", "lz4"
-  Times times;              ///< of its messages, by the index
+  Times times;              ///< of its messages, according to the index
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -64,25 +64,25 @@ struct ChunkContents {
   std::vector<Message> messages;  ///< in the order of the file; their data are in `bytes`
 };
 
-/// A bag whose records have all been found but whose messages are read chunk by chunk. Whatever
-/// does not fit together is noted; after a damaged record reading goes on at the next sound one.
+/// A bag whose records are all located, but whose messages are read chunk by chunk. Inconsistencies
+/// are noted; after a damaged record, reading continues at the next intact one.
 class BagFile {
  public:
-  /// Throws std::runtime_error for a file that cannot be read or is no bag of format 2.0.
+  /// Throws std::runtime_error for a file that cannot be read or is not a bag of format 2.0.
   explicit BagFile(const std::string& path);
 
   const std::vector<Chunk>& chunks() const { return chunks_; }
-  /// Every description of a connection: those of a damaged bag may contradict each other.
+  /// All connection records; in a damaged bag they may contradict each other.
   const std::map<std::uint32_t, std::set<Topic>>& connections() const { return connections_; }
-  /// How many more messages of each connection the index names than the file has.
+  /// Number of messages of each connection that the index names and the file does not have.
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
-  /// Whether the end of the file says what is in it: a recording that was cut off has none.
+  /// Whether the file ends with its index; an interrupted recording has none.
   bool hasIndex() const { return !infos_.empty(); }
-  /// What was found to be wrong so far.
+  /// Problems found so far.
   const Damage& damage() const { return damage_; }
   Damage& damage() { return damage_; }
 
-  /// All messages of a chunk that can be read.
+  /// All readable messages of a chunk.
   ChunkContents read(const Chunk& chunk);
 
  private:
@@ -118,7 +118,7 @@ class BagFile {
   std::ifstream file_;
   std::size_t size_ = 0;
   std::vector<Chunk> chunks_;
-  std::size_t chunk_end_ = 0;     ///< the index of the last chunk belongs here
+  std::size_t chunk_end_ = 0;     ///< the index records of the last chunk begin here
   std::size_t damage_begin_ = 0;  ///< of damage that was skipped up to `damage_end_`
   std::size_t damage_end_ = 0;
   std::vector<ChunkInfo> infos_;

@@ -6,9 +6,9 @@
 namespace ktgp_orb::bag {
 namespace {
 
-/// Bytes of a length before what it is the length of.
+/// Bytes of a length field.
 constexpr std::size_t kLength = 4;
-/// Longest header that is looked for after damage; all but those of odd topics are far shorter.
+/// Longest header that is searched after damage; nearly all are far shorter.
 constexpr std::size_t kLikelyHeader = 4096;
 
 std::optional<Operation> operationOf(const Fields& fields) {
@@ -17,7 +17,7 @@ std::optional<Operation> operationOf(const Fields& fields) {
   return static_cast<Operation>(op[0]);
 }
 
-/// Whether a header may begin here: cheap, and no for nearly all that is none.
+/// Fast test whether a header may begin here; false for nearly all other positions.
 bool mayBegin(const std::uint8_t* bytes) {
   const std::size_t header = numberAt(bytes);
   const std::size_t field = numberAt(bytes + kLength);
@@ -33,7 +33,7 @@ class Walk {
     good_ = good_ && bytes <= left_.size;
     if (good_) left_ = left_.from(bytes);
   }
-  /// A string, or an array of elements of so many bytes.
+  /// A string, or an array of elements of this size.
   void skipArray(std::size_t element = 1) {
     good_ = good_ && left_.size >= kLength;
     if (good_) skip(kLength + element * std::size_t{numberAt(left_.data)});

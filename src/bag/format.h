@@ -11,15 +11,15 @@
 #include <string>
 #include <vector>
 
-/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0), of which no length is
-/// trusted: bags are read here and not by librosbag, which a damaged one can crash.
+/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length is trusted. Bags
+/// are not read by librosbag, since a damaged one can crash it.
 namespace ktgp_orb::bag {
 
-/// What a record is: its field "op".
+/// The kind of a record: its field "op".
 enum class Operation : unsigned char {
   message = 2,
   file_header = 3,
-  index = 4,  ///< times and places of the messages of one connection in the chunk before
+  index = 4,  ///< times and positions of the messages of one connection in the previous chunk
   chunk = 5,
   chunk_info = 6,
   connection = 7,
@@ -32,10 +32,10 @@ struct Record {
   Operation operation;
   Fields fields;
   std::size_t data;       ///< bytes from the beginning of the record to its data
-  std::size_t data_size;  ///< bytes of it, as the record says; it may not have them
+  std::size_t data_size;  ///< bytes of it, according to the record; the file may have fewer
 };
 
-/// Bytes in memory that belong to somebody else.
+/// Bytes in memory owned elsewhere.
 struct View {
   const std::uint8_t* data = nullptr;
   std::size_t size = 0;
@@ -43,7 +43,7 @@ struct View {
   View from(std::size_t position) const { return {data + position, size - position}; }
 };
 
-/// Zeroed memory that takes no room until it is written to: a size that lies costs nothing.
+/// Zeroed memory that is physically allocated only when written to: a wrong size costs nothing.
 class Buffer {
  public:
   Buffer() = default;
@@ -63,29 +63,30 @@ class Buffer {
 /// Longest header of a record, bytes; a longer one is damage.
 constexpr std::size_t kLargestHeader = 1 << 20;
 
-/// Little-endian, as all numbers of the format; `position` has four bytes.
+/// Little-endian, like all numbers of the format; `position` has four bytes.
 std::uint32_t numberAt(const std::uint8_t* position);
-/// A field of four bytes (from `offset` on); nothing where it is missing or short.
+/// A field of four bytes (from `offset` on); empty if it is missing or short.
 std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
                                     std::size_t offset = 0);
-/// A field of eight bytes that is a time of day.
+/// A field of eight bytes with a time.
 std::optional<ros::Time> time(const Fields& fields, const std::string& name);
-/// "" where the field is missing.
+/// Empty if the field is missing.
 std::string text(const Fields& fields, const std::string& name);
 
-/// name=value pairs, each after its length; nothing unless they fill the bytes exactly.
+/// name=value pairs, each after its length; empty unless they fill the bytes exactly.
 std::optional<Fields> parseFields(View bytes);
 
-/// The record that the bytes begin with; nothing unless its whole header is there and well formed.
+/// The record at the beginning of the bytes; empty unless its whole header is there and well
+/// formed.
 std::optional<Record> parseRecord(View bytes);
 
-/// The first place from `begin` on at which a record of one of the kinds stands, with all its data
-/// within the bytes and `beyond` more; nothing: there is none. How reading goes on after damage.
+/// The first position from `begin` on of a record of one of the kinds, with all its data within the
+/// bytes and `beyond` more; empty if there is none. This is how reading continues after damage.
 std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
-/// A message that can be deserialised: its lengths are those of its bytes. What ROS itself
-/// does not ask before it makes room for them.
+/// Whether a message can be deserialised: its lengths fit its bytes. ROS does not check this before
+/// it allocates memory.
 bool isWellFormedImage(View message);            ///< sensor_msgs/Image
 bool isWellFormedCompressedImage(View message);  ///< sensor_msgs/CompressedImage
 bool isWellFormedCameraInfo(View message);       ///< sensor_msgs/CameraInfo

@@ -59,7 +59,7 @@ bag::BagFile openFile(const std::string& path) {
 template <typename Message>
 boost::shared_ptr<Message> deserialised(bag::View bytes) {
   auto message = boost::make_shared<Message>();
-  // ROS has no stream of constant data; nothing writes into this one.
+  // ROS has no stream of constant data; this one is only read.
   ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes.data),
                                      static_cast<std::uint32_t>(bytes.size));
   ros::serialization::deserialize(stream, *message);
@@ -74,8 +74,8 @@ sensor_msgs::ImageConstPtr decoded(const sensor_msgs::CompressedImage& message) 
   }
 }
 
-/// Reads chunk after chunk in the order of their first images, and of these no more than it must to
-/// know which image is the next.
+/// Reads chunks in the order of their first images, and only as many as needed to know the next
+/// image.
 class BagImages : public ImageSource {
  public:
   BagImages(const std::string& path, const BagSelection& selection) : file_(openFile(path)) {
@@ -90,7 +90,7 @@ class BagImages : public ImageSource {
     std::sort(order_.begin(), order_.end());
     if (total_ == 0) {
       const std::string damage = file_.damage().text();
-      throw UnusableBag(path + " has no image on '" + topic_ + "' in the time asked for" +
+      throw UnusableBag(path + " has no image on '" + topic_ + "' in the selected time" +
                         (damage.empty() ? "" : "; the bag is damaged: " + damage));
     }
   }
@@ -106,13 +106,13 @@ class BagImages : public ImageSource {
       const std::uint32_t connection = queue_.begin()->second;
       queue_.erase(queue_.begin());
       const ContentsPtr contents = contentsOf(chunk);
-      if (number >= contents->messages.size()) continue;  // it could be read before
+      if (number >= contents->messages.size()) continue;  // the message was readable before
       if (auto image = imageOf(connection, contents->messages[number].data)) {
         ++read_;
         return RecordedImage{std::move(*image), time};
       }
       file_.damage().note("an image message at " + std::to_string(time.toSec()) +
-                          " s is no image message");
+                          " s is not an image message");
     }
   }
 
@@ -134,7 +134,7 @@ class BagImages : public ImageSource {
 
  private:
   using ContentsPtr = std::shared_ptr<const bag::ChunkContents>;
-  using Key = std::tuple<ros::Time, std::size_t, std::size_t>;  // time, chunk, number in it
+  using Key = std::tuple<ros::Time, std::size_t, std::size_t>;  // time, chunk, index in it
 
   void chooseTopic(const std::string& path, const std::string& wanted) {
     const std::set<std::string> names = imageTopics(file_);
@@ -166,7 +166,7 @@ class BagImages : public ImageSource {
     end_ = selection.duration < 0.0 ? ros::TIME_MAX : later(begin_, selection.duration);
   }
 
-  /// Never beyond what a time can be.
+  /// Limited to the range of times.
   static ros::Time later(const ros::Time& time, double seconds) {
     if (time.toSec() + seconds >= ros::TIME_MAX.toSec()) return ros::TIME_MAX;
     return time + ros::Duration(seconds);
@@ -204,7 +204,7 @@ class BagImages : public ImageSource {
     }
   }
 
-  /// Those of the last few chunks are kept: images of several may alternate.
+  /// The last few chunks are kept, since the images of several may alternate.
   ContentsPtr contentsOf(std::size_t chunk) {
     constexpr std::size_t kKept = 4;
     for (const auto& kept : kept_) {
@@ -216,7 +216,7 @@ class BagImages : public ImageSource {
     return kept_.back().second;
   }
 
-  /// Nothing for bytes that are no message; a null pointer for an image that cannot be decoded.
+  /// Empty for bytes that are not a message; a null pointer for an image that cannot be decoded.
   std::optional<sensor_msgs::ImageConstPtr> imageOf(std::uint32_t connection, bag::View bytes) {
     for (const bag::Topic& topic : file_.connections().at(connection)) {
       if (topic.type == kRaw && bag::isWellFormedImage(bytes)) {
@@ -236,7 +236,7 @@ class BagImages : public ImageSource {
   ros::Time end_;
   std::size_t total_ = 0;
   std::vector<std::pair<ros::Time, std::size_t>> order_;  // of the chunks with wanted images
-  std::size_t unread_ = 0;                                // place in it
+  std::size_t unread_ = 0;                                // index in it
   std::map<Key, std::uint32_t> queue_;                    // images of chunks read: connection
   std::list<std::pair<std::size_t, ContentsPtr>> kept_;
   std::size_t expected_ = 0;  // images of the chunks read

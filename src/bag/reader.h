@@ -12,13 +12,13 @@
 
 namespace ktgp_orb {
 
-/// A bag that cannot be used at all; what() says why.
+/// A bag that cannot be used at all; what() gives the reason.
 class UnusableBag : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// An image as it was recorded.
+/// A recorded image.
 struct RecordedImage {
   sensor_msgs::ImageConstPtr image;  ///< null where a compressed image cannot be decoded
   ros::Time received;
@@ -28,18 +28,18 @@ struct RecordedImage {
 class ImageSource {
  public:
   virtual ~ImageSource() = default;
-  /// The next image that can be read, or nothing at the end. Throws only for lack of memory.
+  /// The next readable image, or empty at the end. Throws only for lack of memory.
   virtual std::optional<RecordedImage> next() = 0;
-  /// Number of images that the bag's index knows of.
+  /// Number of images in the bag's index.
   virtual std::size_t total() const = 0;
-  /// The topic the images are from.
+  /// The topic of the images.
   virtual const std::string& topic() const = 0;
-  /// What is wrong with the bag, as far as it was read, beginning with the number of images lost,
-  /// where that is known; empty for a sound one.
+  /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
+  /// known; empty for an intact bag.
   virtual std::string damage() const = 0;
 };
 
-/// Which images of a bag are wanted.
+/// Selection of images.
 struct BagSelection {
   std::string topic;       ///< empty: the only image topic
   double start = 0.0;      ///< s after the beginning of the bag
@@ -47,19 +47,18 @@ struct BagSelection {
 };
 
 /// Opens the images (sensor_msgs/Image or CompressedImage) of one topic of a bag, damaged or not.
-/// Throws UnusableBag for what is no bag, for one without images on the topic or in the time, and
-/// where no topic is given and there is not exactly one; the message names the image topics.
+/// Throws UnusableBag for a file that is not a bag, for a bag without images on the topic or in the
+/// time, and if no topic is given and there is not exactly one; the message names the image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
-/// What is wrong with a bag; empty for a sound one, which librosbag reads without harm. Reads all
-/// of it. Throws UnusableBag for what is no bag.
+/// Problems of a bag; empty for an intact one, which librosbag can read. Reads the whole bag.
+/// Throws UnusableBag for a file that is not a bag.
 std::string damageOf(const std::string& path);
 
-/// Namespace of the camera that has the image topic; of a topic with the suffix of the compressed
-/// transport, too.
+/// Namespace of the camera of the image topic, also for topics of the compressed transport.
 std::string cameraOf(std::string image_topic);
 
-/// The first camera_info beside the image topic. Throws UnusableBag where there is none.
+/// The first camera_info beside the image topic. Throws UnusableBag if there is none.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic);
 
 }  // namespace ktgp_orb

@@ -14,7 +14,7 @@ namespace ktgp_orb::tools {
 using util::stretchTo8Bit;
 
 void requireRegularFile(const std::string& file) {
-  std::error_code none;  // a name that no file can have is that of none
+  std::error_code none;  // an invalid name counts as a missing file
   const std::filesystem::file_status status = std::filesystem::status(file, none);
   if (!std::filesystem::exists(status)) throw FileError(file, "is missing");
   if (!std::filesystem::is_regular_file(status)) throw FileError(file, "is not a regular file");

@@ -7,23 +7,23 @@
 
 namespace ktgp_orb::tools {
 
-/// A file that cannot be read, understood or written. The message begins with its name.
+/// A file that cannot be read, parsed or written. The message begins with its name.
 class FileError : public std::runtime_error {
  public:
   FileError(const std::string& file, const std::string& what)
       : std::runtime_error(file + ": " + what) {}
 };
 
-/// Throws FileError where the name leads to nothing, or to what is no regular file: reading a pipe
-/// or a terminal would wait for whoever writes into it.
+/// Throws FileError if the file does not exist or is not a regular file: reading a pipe or a
+/// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// The image as 8-bit grey, 16-bit ones stretched as the nodelet does. Throws FileError.
+/// The image as 8-bit grey; 16-bit images are stretched as in the nodelet. Throws FileError.
 cv::Mat readGrey(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the
 /// Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers that
-/// make an invertible matrix. The file may be a pipe.
+/// form an invertible matrix. The file may be a pipe.
 Eigen::Matrix3d readHomography(const std::string& file);
 
 }  // namespace ktgp_orb::tools

@@ -28,7 +28,7 @@ bool isFlag(const ParameterRow& row) {
   return std::holds_alternative<bool Parameters::*>(row.field);
 }
 
-/// What --help shows instead of "TEXT".
+/// The placeholder that --help shows in place of "TEXT".
 std::string typeName(const ParameterRow& row) {
   std::string names;
   for (const std::string& choice : row.choices) names += (names.empty() ? "" : "|") + choice;
@@ -38,7 +38,7 @@ std::string typeName(const ParameterRow& row) {
   return (whole ? "INT in " : "NUMBER in ") + row.limits.text();
 }
 
-/// What the command line says, until all of it is known.
+/// The values of the command line while it is parsed.
 struct Given {
   std::string preset;
   std::string file;
@@ -84,12 +84,12 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
   added->default_str(valueText(row, defaults))->group("Parameters: " + row.group);
 }
 
-/// `done` is called with the values when all is parsed.
+/// `done` is called with the values after parsing.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
                 const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
   const char* const group = "Parameters";
-  app.add_option("--preset", given->preset, "start from these: " + namesOfPresets())
+  app.add_option("--preset", given->preset, "preset to start from: " + namesOfPresets())
       ->type_name("NAME")
       ->group(group);
   app.add_option("--params", given->file,
@@ -110,7 +110,7 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// A flag may have its value behind a blank, as options have: "--gms_rotation true".
+/// A flag may have a value after a blank, like other options: "--gms_rotation true".
 std::vector<std::string> withJoinedFlags(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
@@ -159,14 +159,14 @@ std::string textOf(const nlohmann::json& json, int indentation) {
 }
 
 void addCommonOptions(CLI::App& app, bool& force) {
-  app.add_flag("--force", force, "replace output files that exist");
+  app.add_flag("--force", force, "overwrite existing output files");
   app.add_flag_callback(
       "--version",
       [] {
         std::puts("ktgp_orb " KTGP_ORB_VERSION);
         throw CLI::Success();
       },
-      "say the version and end");
+      "print the version and exit");
 }
 
 CLI::Validator numberIn(const Limits& range) {
@@ -183,7 +183,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   app.name(std::filesystem::path(argv[0]).filename().string());
   try {
     std::vector<std::string> words = withJoinedFlags(argc, argv);
-    std::reverse(words.begin(), words.end());  // as CLI11 takes them
+    std::reverse(words.begin(), words.end());  // the order that CLI11 expects
     app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;

@@ -19,7 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The path with all links followed, also a dangling one's.
+/// The path with all links followed, also dangling ones.
 fs::path resolved(const std::string& path) {
   std::error_code error;
   fs::path target = fs::absolute(path, error);
@@ -46,12 +46,12 @@ std::string endingOf(const std::string& path) {
   return ending;
 }
 
-/// Renames only where nothing has the new name, in one step. Sets errno where it does not.
+/// Renames atomically, only if the new name does not exist. Sets errno otherwise.
 bool renameToNew(const char* from, const char* to) {
-  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc names
+  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc defines
   if (syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, kNoReplace) == 0) return true;
   if (errno != EINVAL && errno != ENOSYS) return false;
-  // File systems that cannot, NFS for example, can link.
+  // File systems without it, such as NFS, can link.
   if (link(from, to) != 0) return false;
   unlink(from);
   return true;
@@ -102,14 +102,15 @@ void OutputPlan::write(const std::string& output) {
 
 void OutputPlan::writeImage(const std::string& output) {
   if (!output.empty() && (endingOf(output).empty() || !cv::haveImageWriter(output))) {
-    throw FileError(output, "has no ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
+    throw FileError(
+        output, "does not have the ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
   }
   write(output);
 }
 
 void OutputPlan::writeVideo(const std::string& output) {
   if (!output.empty() && endingOf(output) != ".mp4") {
-    throw FileError(output, "has no ending of a video; expected .mp4");
+    throw FileError(output, "does not have the ending of a video; expected .mp4");
   }
   write(output);
 }
@@ -118,7 +119,7 @@ OutputFile::OutputFile(const std::string& path, bool force)
     : path_(path), force_(force), target_(resolved(path).string()) {
   constexpr int kMostNames = 1000;
   for (int i = 0; i < kMostNames; ++i) {
-    // Keeps the ending, which some formats are chosen by.
+    // Keeps the ending, which selects some formats.
     const fs::path target(target_);
     const std::string name =
         target.stem().string() + ".unfinished" + std::to_string(i) + target.extension().string();
@@ -142,7 +143,7 @@ void OutputFile::commit() {
                            : renameToNew(unfinished_.c_str(), target_.c_str());
   if (!done && errno == EEXIST) {
     throw FileError(path_,
-                    "was written by something else meanwhile; expected a new name, or --force");
+                    "was written by another program meanwhile; expected a new name, or --force");
   }
   if (!done) throw FileError(path_, "cannot be written: " + reason());
   unfinished_.clear();

@@ -6,17 +6,17 @@
 
 namespace ktgp_orb::tools {
 
-/// The files that a program reads and writes, checked before any work: an output is refused where
-/// it exists (unless `force`), where it is no regular file, where it is one of the inputs or
-/// another output (links followed), and where it cannot be made.
+/// The files that a program reads and writes, checked before any work. An output is refused if it
+/// exists (unless `force`), is not a regular file, is one of the inputs or another output (links
+/// followed), or cannot be created.
 class OutputPlan {
  public:
   explicit OutputPlan(bool force) : force_(force) {}
 
   void read(const std::string& input);
-  /// Throws FileError. An empty path is no output.
+  /// Throws FileError. An empty path means no output.
   void write(const std::string& output);
-  /// The same, for pictures and videos: also refuses an ending that is none of theirs.
+  /// The same for pictures and videos; also refuses an unknown ending.
   void writeImage(const std::string& output);
   void writeVideo(const std::string& output);
 
@@ -26,33 +26,33 @@ class OutputPlan {
   std::vector<std::string> outputs_;  ///< links resolved
 };
 
-/// A file that has its name only when it is complete: it is written beside it and renamed.
+/// A file that gets its name only when it is complete: it is written under a temporary name beside
+/// it, and renamed.
 class OutputFile {
  public:
-  /// `force`: it may replace what has the name by then. Throws FileError where nothing can be
-  /// written there.
+  /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
   OutputFile(const std::string& path, bool force);
-  /// Removes what was not committed.
+  /// Removes the file unless it was committed.
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
 
   const std::string& path() const { return path_; }
-  /// Where to write until commit().
+  /// Where to write before commit().
   const std::string& unfinished() const { return unfinished_; }
-  /// Throws FileError, without `force` also where something has the name by now.
+  /// Throws FileError; without `force` also if the name exists by now.
   void commit();
 
  private:
-  std::string path_;  ///< as it was given
+  std::string path_;  ///< as given
   bool force_;
   std::string target_;  ///< links resolved
   std::string unfinished_;
 };
 
-/// Both throw FileError, for a full disk too; then the file is as it was before.
+/// Both throw FileError, also for a full disk; then an existing file is unchanged.
 void writeText(const std::string& file, const std::string& text, bool force);
-/// The ending of the name is the format. The first does not commit.
+/// The ending of the name selects the format. The first does not commit.
 void writeImage(const OutputFile& file, const cv::Mat& image);
 void writeImage(const std::string& file, const cv::Mat& image, bool force);
 

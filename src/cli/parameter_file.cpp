@@ -11,13 +11,13 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// The map that holds the parameters.
+/// The map with the parameters.
 YAML::Node parametersIn(YAML::Node node) {
-  constexpr int kDeepest = 16;  // of a map that holds itself there is no end
+  constexpr int kDeepest = 16;  // limit for a map that contains itself
   for (int depth = 0; node.IsMap(); ++depth) {
     if (depth > kDeepest) {
       throw std::invalid_argument(
-          "its maps go too deep; expected `name: value` lines in one or two");
+          "it is nested too deeply; expected `name: value` lines in one or two");
     }
     if (node["dictitems"]) {  // dynparam dump writes a Python object
       node.reset(node["dictitems"]);
@@ -31,14 +31,14 @@ YAML::Node parametersIn(YAML::Node node) {
 }
 
 std::set<std::string> readYaml(const std::string& text, Parameters& parameters) {
-  // Of the node, but not of what it computes: read once, at its start.
+  // Parameters of the node that do not affect results: read once at start.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(YAML::Load(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
   std::set<std::string> names;
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
-    // Maps are groups of dynamic_reconfigure or belong to plugins.
+    // Maps are groups of dynamic_reconfigure or parameters of plugins.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
@@ -68,7 +68,7 @@ std::set<std::string> readNamed(const std::string& name, const std::string& text
 }  // namespace
 
 std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters) {
-  constexpr std::size_t kMost = 1 << 20;  // bytes; a device would never end
+  constexpr std::size_t kMost = 1 << 20;  // bytes; a device may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
   in.read(text.data(), static_cast<std::streamsize>(text.size()));

@@ -7,13 +7,13 @@
 
 namespace ktgp_orb::tools {
 
-/// Sets the parameters that a YAML file names, as `rosparam dump` (flat, or below the node's name)
-/// and `dynparam dump` write it. Throws std::invalid_argument naming the file and what is wrong in
-/// it: no YAML, a name that is no parameter, a value out of its range. Returns the names.
+/// Sets the parameters in a YAML file written by `rosparam dump` (flat, or below the node's name)
+/// or `dynparam dump`. Throws std::invalid_argument with the file and the problem: not YAML, an
+/// unknown parameter, a value out of its range. Returns the names.
 std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters);
 
 /// Sets the parameters of config/NAME.yaml, which is built into the program. Throws
-/// std::invalid_argument for another name. Returns the names of those set.
+/// std::invalid_argument for an unknown name. Returns the names that were set.
 std::set<std::string> readPreset(const std::string& name, Parameters& parameters);
 
 /// "ktgp, robust"

@@ -22,7 +22,7 @@ int fail(const char* name, const char* message) {
 void handleSignals(void (*handler)(int)) {
   std::signal(SIGINT, handler);
   std::signal(SIGTERM, handler);
-  // Under nohup the end of the terminal is to be ignored.
+  // nohup ignores SIGHUP, and so do we.
   if (std::signal(SIGHUP, handler) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);
 }
 
@@ -30,10 +30,10 @@ int runAndReport(const char* name, const std::function<int()>& program) {
   try {
     return program();
   } catch (const std::bad_alloc&) {
-    return fail(name, "out of memory; fewer threads, jobs or features need less");
+    return fail(name, "out of memory; use fewer threads, jobs or features");
   } catch (const std::system_error& error) {
     if (error.code() != std::errc::resource_unavailable_try_again) return fail(name, error.what());
-    return fail(name, "the system gives no more threads; expected fewer of them");
+    return fail(name, "the system does not allow more threads; expected fewer of them");
   } catch (const std::exception& error) {
     return fail(name, error.what());
   }

@@ -4,28 +4,28 @@
 
 namespace ktgp_orb::tools {
 
-/// What every program's exit code means.
-constexpr int kExitDone = 0;           ///< all that was asked for is done
-constexpr int kExitUnusedData = 1;     ///< some of the data could not be used; it is named
+/// Exit codes of all programs.
+constexpr int kExitDone = 0;           ///< everything was done
+constexpr int kExitUnusedData = 1;     ///< some of the data could not be used; messages name it
 constexpr int kExitUnusable = 2;       ///< options, inputs or outputs cannot be used
 constexpr int kExitInterrupted = 130;  ///< Ctrl-C, as a shell reports it
 
-/// The same in the words of --help.
+/// The same as text for --help.
 constexpr const char* kExitCodes =
     "Exit code: 0 done, 1 some of the data could not be used (it is named), 2 options, inputs or\n"
     "outputs cannot be used, 130 interrupted (Ctrl-C).";
 
-/// Runs `program` and returns its exit code, or kExitUnusable after a message that begins with
-/// `name`: where it throws, and where what it printed could not be written.
+/// Runs `program` and returns its exit code. Returns kExitUnusable, after a message that begins
+/// with `name`, if it throws or if its output could not be written.
 int runProgram(const char* name, const std::function<int()>& program);
 
-/// From now on Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(), for programs that
-/// then finish what they write.
+/// After this call, Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set interrupted(), for programs
+/// that then complete their files.
 void stopWhenInterrupted();
 bool interrupted();
 
-/// The same signals end the program at once with kExitInterrupted. For programs that write their
-/// files at the end.
+/// These signals end the program at once with kExitInterrupted. For programs that write their files
+/// at the end.
 void exitWhenInterrupted();
 
 }  // namespace ktgp_orb::tools

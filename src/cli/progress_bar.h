@@ -6,17 +6,17 @@
 
 namespace ktgp_orb::tools {
 
-/// A bar on stderr, on a terminal only. Can be used from several threads.
+/// A progress bar on stderr, only on a terminal. Can be used from several threads.
 class ProgressBar {
  public:
-  /// `total` 0: not known beforehand; only the count is shown.
+  /// `total` 0: not known; only the count is shown.
   explicit ProgressBar(std::size_t total);
-  /// Wipes the bar.
+  /// Removes the bar.
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  /// One more is done; `what` is shown beside the bar.
+  /// Counts one more; `what` is shown beside the bar.
   void advance(const std::string& what);
 
  private:

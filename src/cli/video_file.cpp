@@ -17,7 +17,7 @@ VideoFile::VideoFile(const std::string& path, double rate, bool force)
 
 VideoFile::~VideoFile() = default;
 
-// H.264 where the machine has an encoder for it, since browsers show no MPEG-4; both sides even.
+// H.264 if there is an encoder, since browsers do not show MPEG-4; it needs even sides.
 void VideoFile::open(const cv::Size& size) {
   writer_->size = cv::Size(size.width / 2 * 2, size.height / 2 * 2);
   for (const char* codec : {"avc1", "mp4v"}) {

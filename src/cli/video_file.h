@@ -8,19 +8,19 @@
 
 namespace ktgp_orb::tools {
 
-/// An mp4 video that has its name only when it is complete.
+/// An mp4 video that gets its name only when it is complete.
 class VideoFile {
  public:
-  /// `rate`: frames per second; `force` as of OutputFile. Throws FileError where nothing can be
-  /// written there.
+  /// `rate`: frames per second; `force`: see OutputFile. Throws FileError if the file cannot be
+  /// written.
   VideoFile(const std::string& path, double rate, bool force);
   ~VideoFile();
 
-  /// A frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
-  /// Throws FileError where this machine's OpenCV has nothing that writes mp4.
+  /// Adds a frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
+  /// Throws FileError if this OpenCV cannot write mp4.
   void write(const cv::Mat& frame);
   bool empty() const;
-  /// Throws FileError, also where no frame was written.
+  /// Throws FileError, also if no frame was written.
   void close();
 
  private:

@@ -39,13 +39,13 @@ AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   return alignment;
 }
 
-/// What a stage found.
+/// The homography of a stage's result.
 template <typename Result>
 UncertainHomography estimateOf(const Result& result) {
   return {result.homography, result.covariance, result.shared_covariance, result.plane_deviation};
 }
 
-/// As where there is no homography.
+/// Resets the results of the stages after the homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
   std::vector<AlignedPoint> points = std::move(result.alignment.points);  // keep the buffer
@@ -151,14 +151,13 @@ struct KtgpMatcher::Impl {
   Alignment alignment;
   homography::Finaliser finaliser;
   homography::FinalHomography final;
-  std::vector<Correspondence> guided_matches;  // all that was found where a homography says
+  std::vector<Correspondence> guided_matches;  // all matches of guided matching
   std::vector<std::uint8_t> taken;             // target keypoints that are inliers
-  std::vector<Correspondence> matches;         // that are aligned
+  std::vector<Correspondence> matches;         // to align
 };
 
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
-  std::vector<Correspondence> none;
-  if (options.ratio_threshold) filterByRatio(*options.ratio_threshold, none);  // refuses it now
+  if (options.ratio_threshold) requireRatioThreshold(*options.ratio_threshold);
 }
 
 KtgpMatcher::~KtgpMatcher() = default;
@@ -207,7 +206,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   impl.refine(reference, target, result);
 }
 
-/// Returns how many target features have a neighbour.
+/// Returns the number of target features with a neighbour.
 std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const Features& target,
                                               const MatchHints& hints, MatchResult& result) {
   const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
@@ -242,7 +241,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
 
-/// Where PROSAC found nothing in the whole image.
+/// Called after PROSAC; grows a homography if PROSAC found none in the whole image.
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
@@ -261,8 +260,8 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
   result.found_by = FoundBy::growth;
 }
 
-/// Guided matching and alignment, where they are on. Whatever homography comes out, adopt() derives
-/// what the result says of it.
+/// Guided matching and alignment, if they are enabled. adopt() derives the results for the new
+/// homography.
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);
@@ -274,7 +273,7 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
   if (grown) guided_matches = result.growth.matches;
   if (!grown) {
-    const ProsacResult& found = result.prosac;  // which the same Finaliser has labelled
+    const ProsacResult& found = result.prosac;  // labelled by the same Finaliser
     publish(answer, found.mask, found.inliers, found.rmse, reference, target, result);
   } else if (!adopt(answer, reference, target, result)) {
     result.status = Status::model_rejected;
@@ -313,11 +312,11 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
   aligned.plane_deviation = before.plane_deviation;
 }
 
-/// Makes `candidate` the answer, with mask, inliers and RMSE derived from it. False, and nothing is
-/// changed, where the verdict on it is bad.
+/// Makes `candidate` the result, with mask, inliers and RMSE derived from it. Returns false,
+/// without any change, if the verdict on it is bad.
 ///
-/// A grown homography has the verdict of the growth, which the few right ones among the matches
-/// could not give. What is made of it must still agree with the pairs that the growth rests on.
+/// A grown homography has the verdict of the growth, since the few right ones among the matches
+/// would not give one. A homography derived from it must still agree with the pairs of the growth.
 bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
                               const Features& target, MatchResult& result) {
   if (result.found_by == FoundBy::growth) {
@@ -331,8 +330,8 @@ bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Featur
   return true;
 }
 
-/// Sets the answer and all that belongs to it: levels, the guided matches that agree, inliers and
-/// RMSE. `mask`, `inliers` and `rmse`: of the pairs that passed GMS.
+/// Sets the result and everything that belongs to it: levels, the guided matches that agree,
+/// inliers and RMSE. `mask`, `inliers` and `rmse`: of the pairs that passed GMS.
 void KtgpMatcher::Impl::publish(const UncertainHomography& answer,
                                 const std::vector<std::uint8_t>& mask, std::size_t inliers,
                                 double rmse, const Features& reference, const Features& target,

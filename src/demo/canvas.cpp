@@ -13,10 +13,10 @@ namespace {
 using util::ceilDivide;
 
 constexpr int kBandHeight = 256;  // px
-constexpr int kFractionBits = 4;  // of the coordinates handed to OpenCV
+constexpr int kFractionBits = 4;  // of the coordinates passed to OpenCV
 constexpr float kFractionScale = 1 << kFractionBits;
 
-/// A side's unit normal, pointing to `inside`.
+/// Unit normal of a side, pointing to `inside`.
 cv::Point2f inwardNormal(cv::Point2f from, cv::Point2f to, cv::Point2f inside) {
   const cv::Point2f side = to - from;
   const auto length = static_cast<float>(std::max(cv::norm(side), 1e-6));

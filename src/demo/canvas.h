@@ -14,10 +14,10 @@ cv::Point2f centre(const Polygon& polygon);
 /// The part of a convex polygon on the side of `point` that `normal` points to.
 Polygon cut(const Polygon& polygon, cv::Point2f point, cv::Point2f normal);
 
-/// The part that two convex polygons share; empty where there is none.
+/// Intersection of two convex polygons; may be empty.
 Polygon intersect(const Polygon& a, const Polygon& b);
 
-/// The convex polygon with every side moved inwards by `margin` px; empty where nothing is left.
+/// The convex polygon with every side moved inwards by `margin` px; may be empty.
 Polygon shrink(const Polygon& polygon, float margin);
 
 /// Rectangle of `size` px around `middle` whose first side runs along the unit vector `along`.
@@ -32,8 +32,8 @@ struct Shape {
   cv::Scalar colour;   ///< blue, green, red; 0..255
 };
 
-/// Paints the shapes in order, anti-aliased, on an 8-bit image of one or three channels. Works in
-/// bands of fixed height on all threads, so the result does not depend on their number.
+/// Paints the shapes in order, anti-aliased, on an 8-bit image of one or three channels. Uses bands
+/// of fixed height on all threads, so the result does not depend on the number of threads.
 void paint(const std::vector<Shape>& shapes, cv::Mat& image);
 
 }  // namespace ktgp_orb::demo

@@ -1,9 +1,10 @@
-// Watches the demo: one refreshed line while it runs; then a table, two videos and two pictures.
+// Watches the demo: a status line while it runs; then a table, two videos and two pictures.
 
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <ros/ros.h>
 #include <rosbag/bag.h>
@@ -43,7 +44,7 @@ Eigen::Matrix3d matrix(const HomographyStamped& message) {
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
 }
 
-/// What the bag says is true, read from the file itself.
+/// The ground truth, read from the bag.
 class Truth {
  public:
   explicit Truth(const std::string& path) {
@@ -68,7 +69,7 @@ class Truth {
     return found == segment_.end() ? "unknown" : found->second;
   }
 
-  /// The true homography reference -> target, over any frames that were dropped between them.
+  /// The true homography reference -> target, across dropped frames.
   Eigen::Matrix3d between(const ros::Time& reference, ros::Time target) const {
     Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
     while (target > reference && homography_.count(target) > 0) {
@@ -84,7 +85,7 @@ class Truth {
   std::map<ros::Time, std::string> segment_;
 };
 
-/// Root mean square distance of the final matches from where the truth puts them, px.
+/// Root mean square distance of the final matches from their true positions, px.
 double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& truth) {
   double sum = 0.0;
   double count = 0.0;
@@ -98,8 +99,8 @@ double reprojectionError(const Correspondences& matches, const Eigen::Matrix3d& 
   return count > 0.0 ? std::sqrt(sum / count) : 0.0;
 }
 
-/// Root mean square distance in the map of where the frame's corners are put from where they are,
-/// px of the map. `found`, `truth`: map -> frame.
+/// Root mean square error of the frame's corners in the map, px of the map. `found`, `truth`: map
+/// -> frame.
 double positionError(const Eigen::Matrix3d& found, const Eigen::Matrix3d& truth) {
   double sum = 0.0;
   for (const double x : {0.0, kImageWidth - 1.0}) {
@@ -129,7 +130,7 @@ class Report {
     save_ = node.serviceClient<SaveMosaic>("/camera/mosaic/save");
   }
 
-  /// Until the last frame is in, or nothing has come for a while.
+  /// Until the last frame has arrived, or nothing has arrived for a while.
   bool run() {
     constexpr double kStartTimeout = 60.0;  // s
     constexpr double kIdleTimeout = 5.0;
@@ -187,7 +188,7 @@ class Report {
     const ros::Time& stamp = match->header.stamp;
     FrameResult result;
     result.segment = truth_.segment(stamp);
-    if (statistics.status == MatchStatistics::STATUS_OK) {
+    if (statistics.status == MatchStatus::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
       result.error = evaluation::cornerError(matrix(match->homography), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
@@ -198,7 +199,7 @@ class Report {
   }
 
   void showLine(const MatchStatistics& message, const FrameResult& result) {
-    constexpr std::size_t kEvery = 50;  // frames per line where it cannot be refreshed
+    constexpr std::size_t kEvery = 50;  // frames per line if it cannot be refreshed
     if (!terminal_ && table_.frames() % kEvery != 0) return;
     std::printf("%s%s%s", terminal_ ? "\r\033[K" : "",
                 frameLine(table_.frames(), truth_.frames(), message, result).c_str(),
@@ -219,10 +220,10 @@ class Report {
   }
 
   void onPlace(const HomographyStampedConstPtr& message) {
-    if (message->status == HomographyStamped::STATUS_OK) last_place_ = message;
+    if (message->status == MatchStatus::STATUS_OK) last_place_ = message;
   }
 
-  /// The stages of one pair of frames of the bag, matched here with the default options.
+  /// The stages for one pair of frames of the bag, matched here with the default options.
   void drawPicture() const {
     rosbag::Bag bag(bag_);
     rosbag::View view(bag, rosbag::TopicQuery("/camera/image_raw"));

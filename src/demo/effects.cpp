@@ -8,7 +8,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-/// Brightness that swings, a contrast curve that changes, flicker, and a shadow that passes.
+/// Changing brightness and contrast, flicker, and a passing shadow.
 void changeLight(double t, cv::Mat& image) {
   const double gain = 0.75 + 0.45 * std::sin(2.5 * t) + 0.06 * std::sin(40.0 * t);
   const double gamma = 1.0 + 0.35 * std::sin(1.7 * t);
@@ -42,7 +42,7 @@ cv::Mat expose(const cv::Mat& map, double t, double seconds, double shake) {
 /// Read noise of a few grey values plus shot noise that grows with the light.
 void addNoise(std::uint64_t seed, cv::Mat& image) {
   constexpr double kReadNoise = 7.0;  // grey values, standard deviation
-  constexpr double kElectrons = 1.2;  // per grey value: fewer mean more shot noise
+  constexpr double kElectrons = 1.2;  // per grey value: fewer electrons mean more shot noise
   cv::RNG rng(seed);
   for (int y = 0; y < image.rows; ++y) {
     auto* row = image.ptr<std::uint8_t>(y);

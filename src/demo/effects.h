@@ -8,15 +8,15 @@ namespace ktgp_orb::demo {
 
 constexpr double kFrameRate = 30.0;  ///< 1/s
 
-/// What makes a stretch of the flight hard, as in the paper's hard scenes.
+/// Difficulty of a part of the flight, as in the paper's hard scenes.
 enum class Segment { clean, lighting, blur, noise };
 
-/// Half of the flight is clean, then a sixth each has changing light, motion blur and noise.
+/// Half of the flight is clean; then a sixth each has changing light, motion blur and noise.
 Segment segmentOf(int frame, int frames);
 const char* toString(Segment segment);
 
-/// Frame `frame` of the flight as the camera delivers it, 8-bit BGR. The homography of the middle
-/// of the exposure is the truth. `shake`: see imageFromMap.
+/// Frame `frame` of the flight as the camera sends it, 8-bit BGR. The truth is the homography in
+/// the middle of the exposure. `shake`: see imageFromMap.
 cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed,
                     double shake = 0.0);
 

@@ -28,7 +28,7 @@ Eigen::Vector2d groundTrack(double t) {
           0.5 * kMapSize + 700.0 * std::sin(turn) + 40.0 * std::sin(1.7 * t)};
 }
 
-/// A hand's tremble: root mean square 1, another one for each axis.
+/// Shake of a hand: root mean square 1, different for each axis.
 double tremble(double t, int axis) {
   constexpr double kFrequencies[] = {3.1, 5.3, 7.9, 11.7};  // 1/s
   double sum = 0.0;
@@ -46,7 +46,7 @@ Eigen::Matrix3d imageFromMap(double seconds, double shake) {
   const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
   const double pitch = 10.0 * std::sin(0.8 * t + 1.0) * kDegree;
   const double roll = 8.0 * std::sin(1.1 * t) * kDegree;
-  const double angle = shake / kFocalLength;  // rad for so many px
+  const double angle = shake / kFocalLength;  // rad for this number of px
   const Eigen::Matrix3d rotation =
       (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
        Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *

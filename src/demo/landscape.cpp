@@ -50,7 +50,7 @@ void addTree(cv::Point2f middle, float radius, Dice& dice, Landscape& landscape)
   cv::Scalar leaves = dice.shade(kLeaves, 22.F);
   leaves[2] += dice.between(-12.F, 30.F);
   landscape.objects.push_back({{middle}, radius, lighter(leaves, 0.62)});
-  // Boughs: darker where they are turned from the sun.
+  // Branches: darker on the side away from the sun.
   const int boughs = 5 + static_cast<int>(radius / 2.F);
   for (int i = 0; i < boughs; ++i) {
     const float angle = dice.between(0.F, 6.283F);
@@ -82,7 +82,7 @@ void addBox(const Polygon& outline, float height, const cv::Scalar& colour, Land
   landscape.objects.push_back({outline, 0.F, colour});
 }
 
-/// Shadow of something that stands on a roof, where the layer of shadows on the ground is hidden.
+/// Shadow of an object on a roof, which hides the layer of shadows on the ground.
 void addRoofBox(const Polygon& outline, float height, const cv::Scalar& roof,
                 const cv::Scalar& colour, Landscape& landscape) {
   landscape.objects.push_back({shifted(outline, kSun * height), 0.F, lighter(roof, 0.5)});
@@ -129,7 +129,7 @@ void addLot(const Polygon& lot, Dice& dice, Landscape& landscape) {
   const Polygon terrace = rectangle(middle + across * (depth * 0.7F), {width * 0.6F, 16.F}, along);
   landscape.ground.push_back({intersect(terrace, lot), 0.F, dice.shade({140, 155, 175}, 20.F)});
   const Polygon garden = shrink(lot, 9.F);
-  for (int i = 0; i < 14 && !garden.empty(); ++i) {  // bushes, flower beds, things left outside
+  for (int i = 0; i < 14 && !garden.empty(); ++i) {  // bushes, flower beds, objects
     const cv::Scalar colour =
         dice.chance(0.7F) ? dice.shade(kLeaves, 30.F) : dice.shade({150, 150, 170}, 60.F);
     landscape.ground.push_back({{dice.inside(garden)}, dice.between(1.5F, 4.F), colour});
@@ -181,7 +181,7 @@ void addHall(const Polygon& plot, Dice& dice, Landscape& landscape) {
   }
 }
 
-/// Splits the convex polygon across its longest side until every part is below `largest` px².
+/// Divides the convex polygon across its longest side until every part is below `largest` px².
 void splitInto(const Polygon& polygon, double largest, Dice& dice, std::vector<Polygon>& parts) {
   if (area(polygon) < largest) {
     if (area(polygon) > largest / 8.0) parts.push_back(polygon);

@@ -7,14 +7,14 @@
 
 namespace ktgp_orb::demo {
 
-/// Everything on the map, in painting order: the ground, the shadows on it, what stands on it.
+/// The whole map in painting order: the ground, its shadows, and the objects on it.
 struct Landscape {
   std::vector<Shape> ground;
   std::vector<Shape> shadows;  ///< colour is not used
   std::vector<Shape> objects;
 };
 
-/// Random numbers of the map, all from one seed.
+/// Random numbers of the map, from one seed.
 class Dice {
  public:
   explicit Dice(std::uint64_t seed) : rng_(seed) {}
@@ -22,7 +22,7 @@ class Dice {
   float between(float low, float high) { return rng_.uniform(low, high); }
   int pick(int count) { return rng_.uniform(0, count); }  ///< 0 .. count - 1
   bool chance(float probability) { return rng_.uniform(0.F, 1.F) < probability; }
-  /// `colour` made darker or lighter as a whole, by up to `amount` grey values.
+  /// `colour` made darker or lighter by up to `amount` grey values.
   cv::Scalar shade(const cv::Scalar& colour, float amount);
   cv::Point2f inside(const Polygon& polygon);  ///< a point of the convex polygon
 
@@ -30,7 +30,7 @@ class Dice {
   cv::RNG rng_;
 };
 
-/// The uses of a block of land; each fills the convex polygon `block` and nothing outside it but
+/// The uses of a block of land; each fills the convex polygon `block` and nothing outside it except
 /// shadows.
 void addTown(const Polygon& block, Dice& dice, Landscape& landscape);
 void addField(const Polygon& block, Dice& dice, Landscape& landscape);

@@ -1,6 +1,7 @@
 // Writes the demo bag: a camera that flies over a drawn map, with the true homographies.
 
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <rosbag/bag.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
@@ -26,7 +27,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-constexpr std::uint32_t kStart = 1600000000;  // s; fixed, so that the same bag comes out every time
+constexpr std::uint32_t kStart = 1600000000;  // s; fixed, so that the bag is always the same
 
 std_msgs::Header headerOf(int frame) {
   std_msgs::Header header;
@@ -62,7 +63,7 @@ sensor_msgs::CameraInfo cameraInfo(int frame) {
   return info;
 }
 
-/// The true homography from the frame before to `frame`.
+/// The true homography from the previous frame to `frame`.
 HomographyStamped truth(int frame, double shake) {
   const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate, shake);
   const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate, shake);
@@ -70,7 +71,7 @@ HomographyStamped truth(int frame, double shake) {
   HomographyStamped message;
   message.header = headerOf(frame);
   message.reference_stamp = headerOf(frame - 1).stamp;
-  message.status = HomographyStamped::STATUS_OK;
+  message.status = MatchStatus::STATUS_OK;
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = h / h(2, 2);
   return message;
 }
@@ -105,7 +106,7 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
   if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
-/// What lies below the camera halfway, as a picture: a flat target to look for.
+/// A picture of the ground below the camera halfway: a flat target to find.
 void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake,
                  bool force) {
   const int halfway = frames / 2;
@@ -115,8 +116,8 @@ void writeTarget(const std::string& path, const cv::Mat& map, int frames, double
 void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
               double shake, bool force) {
   tools::OutputFile file(path, force);
-  // Its destructor closes it, and throws, which ends the program, where the disk is full: then it
-  // is left to the end of the process.
+  // Its destructor closes it and throws if the disk is full, which would end the program; the
+  // object then lives until the process ends.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
     writeFrames(map, frames, seed, shake, *bag);
@@ -135,22 +136,21 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
       "/camera/camera_info, the true homography from each frame to the next on "
-      "/camera/ground_truth/homography, and on /camera/segment what is hard about the frame: "
-      "clean, "
-      "lighting, blur or noise.\nThe same seed and length give the same bag.");
+      "/camera/ground_truth/homography, and on /camera/segment the difficulty of the frame: "
+      "clean, lighting, blur or noise.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
       ->check(tools::numberIn({0.2, 600.0}))
       ->capture_default_str();
-  app.add_option("--seed", seed, "of the map and the noise")->capture_default_str();
+  app.add_option("--seed", seed, "seed of the map and the noise")->capture_default_str();
   double shake = 0.0;
-  app.add_option("--shake", shake, "how far the camera trembles, root mean square [px]")
+  app.add_option("--shake", shake, "shake of the camera, root mean square [px]")
       ->check(tools::numberIn({0.0, 50.0}))
       ->capture_default_str();
   std::string target;
   app.add_option("--target", target,
-                 "also write what the camera sees halfway (frame number: half of all) as an image, "
-                 "to be a reference_image");
+                 "also write the view halfway (the frame in the middle) as an image, "
+                 "for use as a reference_image");
   bool force = false;
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);

@@ -55,7 +55,7 @@ void addBlock(const Polygon& block, Dice& dice, Landscape& landscape) {
   }
 }
 
-/// Splits the land by roads, across its longer extent, until the blocks are small enough.
+/// Divides the land by roads, across its longer extent, until the blocks are small enough.
 void settle(const Polygon& land, Dice& dice, Landscape& landscape) {
   if (area(land) < kLargestBlock) {
     addBlock(land, dice, landscape);

@@ -1,5 +1,7 @@
 #include "demo/table.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdarg>
@@ -45,7 +47,7 @@ std::string p50p95(const std::vector<double>& values) {
 std::string frameLine(std::size_t frame, std::size_t frames, const MatchStatistics& statistics,
                       const FrameResult& result) {
   std::string line = format("%3zu/%zu %-8s", frame, frames, result.segment.c_str());
-  if (statistics.status == MatchStatistics::STATUS_NO_REFERENCE) return line + " no reference";
+  if (statistics.status == MatchStatus::STATUS_NO_REFERENCE) return line + " no reference";
   for (const StageStatistics& stage : statistics.stages) {
     line += format(" %s %u", stage.name.c_str(), stage.output);
   }
@@ -60,7 +62,7 @@ void ResultTable::Column::add(const MatchStatistics& statistics, const FrameResu
   ++frames;
   counts[0].push_back(statistics.target_features);
   milliseconds[0].push_back(statistics.extraction_milliseconds);
-  if (statistics.status == MatchStatistics::STATUS_NO_REFERENCE) return;
+  if (statistics.status == MatchStatus::STATUS_NO_REFERENCE) return;
   for (std::size_t i = 0; i < 4; ++i) {
     counts[i + 1].push_back(statistics.stages[i].output);
     milliseconds[i + 1].push_back(statistics.stages[i].milliseconds);

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::demo {
 
-/// What the report knows of a frame beside its statistics.
+/// Data of a frame beside its statistics.
 struct FrameResult {
   std::string segment;
   /// Mean error of the homography at the corners of the image, px; infinite where none was found.
@@ -17,17 +17,17 @@ struct FrameResult {
   double reprojection_error = 0.0;  ///< RMS of the final matches against the true homography, px
 };
 
-/// The line that is refreshed while the demo runs.
+/// The status line of the running demo.
 std::string frameLine(std::size_t frame, std::size_t frames, const MatchStatistics& statistics,
                       const FrameResult& result);
 
-/// Collects the frames and sums them up, as a whole and for each stretch of the flight.
+/// Collects the frames and summarises them, in total and for each part of the flight.
 class ResultTable {
  public:
   void add(const MatchStatistics& statistics, const FrameResult& result);
   std::size_t frames() const { return all_.frames; }
 
-  /// `in_bag`: frames there were to match.
+  /// `in_bag`: number of frames in the bag.
   std::string text(std::size_t in_bag) const;
 
  private:
@@ -43,7 +43,7 @@ class ResultTable {
   };
 
   Column all_;
-  std::vector<std::string> order_;  // of the segments, as they came
+  std::vector<std::string> order_;  // of the segments, in order of appearance
   std::map<std::string, Column> segments_;
   std::uint64_t dropped_ = 0;
 };

@@ -68,7 +68,7 @@ std::optional<Eigen::Matrix3d> truthOf(const std::map<ros::Time, HomographyStamp
 void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
              const FrameVisitor& visit) {
   try {
-    // librosbag, which reads the truth as well, does not survive every damage.
+    // librosbag, which also reads the truth, cannot handle all damage.
     const std::string damage = damageOf(file);
     if (!damage.empty()) throw FileError(file, "is damaged: " + damage);
     const rosbag::Bag bag(file, rosbag::bagmode::Read);

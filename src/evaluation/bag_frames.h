@@ -8,8 +8,8 @@
 
 namespace ktgp_orb::tools {
 
-/// Called for every image of a bag: its stamp in s, the image as 8-bit grey and, where the bag has
-/// it, the true homography from the image before.
+/// Called for every image of a bag: its stamp in s, the image as 8-bit grey and, if the bag has it,
+/// the true homography from the previous image.
 using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
                                         const std::optional<Eigen::Matrix3d>& truth)>;
 

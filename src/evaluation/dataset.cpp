@@ -19,7 +19,7 @@ namespace fs = std::filesystem;
 constexpr int kImagesPerSet = 6;
 constexpr std::array<const char*, 5> kImageEndings{".ppm", ".pgm", ".png", ".jpg", ".jpeg"};
 
-// Both are false for a name that no file can have, too: too long a one, for example.
+// Both are false also for an invalid name, for example one that is too long.
 bool isThere(const fs::path& path) {
   std::error_code none;
   return fs::exists(path, none);
@@ -29,7 +29,7 @@ bool isFolder(const fs::path& path) {
   return fs::is_directory(path, none);
 }
 
-/// How a kind of data set names its files.
+/// File names of a kind of data set.
 struct Layout {
   const char* image_prefix;
   const char* homography_prefix;
@@ -45,7 +45,7 @@ struct Layout {
 constexpr Layout kOxford{"img", "H", "to", "p"};
 constexpr Layout kHpatches{"", "H_", "_", ""};
 
-/// Image `k` with any of the usual endings; with the first one where there is none.
+/// Image `k` with any of the usual endings, or the first ending if there is no such file.
 fs::path imageFile(const fs::path& folder, const Layout& layout, int k) {
   const std::string stem = layout.image_prefix + std::to_string(k);
   for (const char* ending : kImageEndings) {
@@ -64,7 +64,7 @@ bool endsIn(const std::string& text, const std::string& end) {
 
 constexpr const char* kPointsEnding = ".points";
 
-/// Adds the pair, or says which of its files is missing or broken.
+/// Adds the pair, or reports a missing or broken file.
 void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
   try {
     for (const std::string& file : {pair.reference, pair.target, truth}) requireRegularFile(file);
@@ -86,7 +86,7 @@ void addSet(const fs::path& folder, const Layout& layout, Dataset& dataset) {
     const std::string reference = imageFile(folder, layout, i).string();
     for (int k = i + 1; k <= kImagesPerSet; ++k) {
       const fs::path homography = folder / layout.homography(i, k);
-      if (i > 1 && !isThere(homography)) continue;  // most sets have those of image 1 alone
+      if (i > 1 && !isThere(homography)) continue;  // most sets have only those of image 1
       const std::string target = imageFile(folder, layout, k).string();
       addPair({set, std::to_string(i) + "-" + std::to_string(k), reference, target, {}, {}, {}},
               homography.string(), dataset);
@@ -104,7 +104,7 @@ std::vector<fs::path> filesEndingIn(const char* ending, const fs::path& folder) 
   return files;
 }
 
-/// The file `stem` with any of the usual endings of images; with .png where there is none.
+/// The file `stem` with any of the usual endings of images, or .png if there is no such file.
 std::string imageOf(const fs::path& stem) {
   for (const char* ending : kImageEndings) {
     if (isThere(stem.string() + ending)) return stem.string() + ending;
@@ -201,7 +201,7 @@ void addList(const fs::path& file, Dataset& dataset) {
   }
 }
 
-/// The picture at `path`, or all of the folder `path` in the order of their names.
+/// The picture at `path`, or all pictures of the folder `path` in the order of their names.
 std::vector<std::string> pictures(const std::string& path, Dataset& dataset) {
   if (!isThere(path)) {
     dataset.problems.push_back(path + ": is missing");
@@ -244,8 +244,8 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
   if (files.empty()) return;
   const auto n = static_cast<int>(files.size());
   for (int i = 0; i < count; ++i) {
-    // Every second warp is degraded: with an even number of pictures each round begins one further
-    // on, so that each picture is seen both ways.
+    // Every second warp is degraded. With an even number of pictures each round starts one further,
+    // so that each picture is used both ways.
     const int picture = (i + (n % 2 == 0 ? i / n : 0)) % n;
     const std::string& file = files[static_cast<std::size_t>(picture)];
     const Warp warp = drawWarp(*limits, i, seed);

@@ -10,49 +10,46 @@
 
 namespace ktgp_orb::tools {
 
-/// A place in the reference and where the target shows it, px.
+/// A point of the reference and its position in the target, px.
 struct AnnotatedPoint {
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();
   Eigen::Vector2d target = Eigen::Vector2d::Zero();
 };
 
-/// Two images of which the truth is known.
+/// Two images with known truth.
 struct ImagePair {
   std::string set;   ///< e.g. "leuven"
   std::string name;  ///< e.g. "1-2"
   std::string reference;
   std::string target;
   Eigen::Matrix3d homography;  ///< reference to target, px
-  /// Where present, the truth: `homography` is fitted to them.
+  /// If present, the truth; `homography` is then fitted to the points.
   std::vector<AnnotatedPoint> points{};
-  /// Where present, both images are rendered from the picture `reference`, which is also `target`.
+  /// If present, both images are rendered from the picture `reference`, which is also `target`.
   std::optional<Warp> warp{};
 };
 
-/// What could be used and what could not.
+/// The usable pairs, and the problems of the others.
 struct Dataset {
   std::vector<ImagePair> pairs;
   std::vector<std::string> problems;  ///< one line each, beginning with the file's name
 };
 
 /// Adds the pairs found at `path`:
-/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and H2to3p ... H5to6p
-/// where
-///   it has them),
+/// - an Oxford/VGG folder (img1.ppm ... img6.ppm with H1to2p ... H1to6p, and others if they exist),
 /// - an HPatches folder (1.ppm ... 6.ppm with H_1_2 ... H_1_6),
 /// - a folder of the Extreme View Dataset (1/NAME.png, 2/NAME.png and h/NAME.txt),
 /// - a folder of annotated pairs (NAMEA.png, NAMEB.png and NAME.points; see readPoints),
 /// - a folder of such folders, in the order of their names, or
-/// - a text file with `name imageA imageB truth` a line, the truth being a homography A->B, or
-/// points
-///   where its name ends in .points (paths relative to it, no blanks
-///   in names, # begins a comment).
-/// Image 1 is the reference. A file that is missing or broken becomes a problem; the rest goes on.
+/// - a text file with a line `name imageA imageB truth` per pair; the truth is a homography A->B,
+///   or annotated points if its name ends in .points. Paths are relative to the file, without
+///   blanks; # begins a comment.
+/// Image 1 is the reference. A missing or broken file becomes a problem; the others are used.
 void addPairs(const std::string& path, Dataset& dataset);
 
-/// Adds `count` warps of the pictures at `paths` (images, or folders of images), each picture in
-/// turn, as the set `name`: see warpLimits. Throws std::invalid_argument for another
-/// name. A path that is missing or holds no image becomes a problem.
+/// Adds `count` warps of the pictures at `paths` (images, or folders of images), using each picture
+/// in turn, as the set `name`: see warpLimits. Throws std::invalid_argument for another name. A
+/// missing path, or one without an image, becomes a problem.
 void addWarps(const std::string& name, const std::vector<std::string>& paths, int count,
               std::uint64_t seed, Dataset& dataset);
 

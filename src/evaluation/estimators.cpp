@@ -40,7 +40,7 @@ std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pa
   return errors;
 }
 
-/// The inliers of `h` itself: OpenCV's mask is of the model before its last refinement.
+/// The inliers of `h`: OpenCV's mask belongs to the model before its last refinement.
 HomographyEstimate conclude(const cv::Mat& h, const PointPairs& pairs, double threshold) {
   HomographyEstimate result;
   result.mask.assign(pairs.size(), 0);
@@ -68,7 +68,7 @@ HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference
   return {result.status == Status::ok, result.homography, result.mask, result.covariance};
 }
 
-/// Cost of a model, smaller is better. MSAC: squared error, but never more than the threshold's.
+/// Cost of a model, smaller is better. MSAC: squared error, at most that of the threshold.
 double msacCost(const std::vector<double>& squared_errors, double threshold) {
   double cost = 0.0;
   for (double e : squared_errors) cost += std::min(e, threshold * threshold);
@@ -104,14 +104,14 @@ std::array<std::size_t, kSampleSize> drawSample(std::size_t n, std::mt19937_64& 
   return sample;
 }
 
-/// Samples that are enough to have drawn one of inliers only, with the wanted confidence.
+/// Number of samples that include one of only inliers with the given confidence.
 double samplesNeeded(double inlier_share, double confidence) {
   const double all_inliers = std::pow(inlier_share, kSampleSize);
   if (all_inliers >= 1.0) return 0.0;
   return std::log(1.0 - confidence) / std::log1p(-all_inliers);
 }
 
-/// Least squares over the inliers, which changes who they are: a few rounds.
+/// Least squares over the inliers, which then change: a few rounds.
 HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Point2f>& reference,
                             const std::vector<cv::Point2f>& target, const PointPairs& pairs,
                             double threshold) {
@@ -130,7 +130,7 @@ HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Poin
   return model;
 }
 
-/// RANSAC's loop with another measure of quality; the best model is fitted again to its inliers.
+/// RANSAC's loop with another cost; the best model is fitted again to its inliers.
 template <typename Cost>
 HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOptions& options) {
   const std::vector<cv::Point2f> reference = toOpenCv(pairs.reference);

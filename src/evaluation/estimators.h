@@ -11,7 +11,7 @@
 
 namespace ktgp_orb::tools {
 
-/// Ways to find the homography that most pairs agree with.
+/// Estimators of the homography that most pairs agree with.
 enum class Estimator {
   ransac,  ///< Fischler & Bolles 1981, OpenCV's
   msac,    ///< Torr & Zisserman 2000: truncated squared error instead of a count
@@ -21,18 +21,18 @@ enum class Estimator {
   magsac,  ///< Barath et al. 2020 (MAGSAC++), OpenCV's USAC_MAGSAC; needs OpenCV 4.6
 };
 
-/// All that this build has, by their names on the command line.
+/// All estimators of this build, by their names on the command line.
 const std::vector<std::pair<std::string, Estimator>>& estimators();
 
 struct HomographyEstimate {
   bool found = false;
   Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();  ///< reference to target
-  std::vector<std::uint8_t> mask;  ///< 1 where the reprojection error of it is below the threshold
-  /// Of its first eight entries (see ProsacResult), where the estimator says so.
+  std::vector<std::uint8_t> mask;  ///< 1 where its reprojection error is below the threshold
+  /// Of its first eight entries (see ProsacResult), if the estimator gives it.
   std::optional<Covariance8> covariance{};
 };
 
-/// Threshold, budget, confidence and seed are `options` for all of them.
+/// `options` has threshold, budget, confidence and seed for all of them.
 HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pairs,
                                       const cv::Size& reference_size, const ProsacOptions& options);
 

@@ -12,7 +12,7 @@ using util::imagePoint;
 
 constexpr int kNoCell = -1;
 
-/// Columns and rows of cells over an image.
+/// Columns and rows of cells in an image.
 struct Grid {
   int columns;
   int rows;
@@ -39,7 +39,7 @@ int cellOf(const Grid& grid, const Features& features, std::int32_t index, const
   return inside ? static_cast<int>(row) * grid.columns + static_cast<int>(column) : kNoCell;
 }
 
-/// The matches of one shifted grid, counted by target cell and by pair of cells.
+/// The matches of one shifted grid, counted per target cell and per pair of cells.
 class CellCounts {
  public:
   explicit CellCounts(const Grid& grid)
@@ -52,7 +52,7 @@ class CellCounts {
     ++target_[static_cast<std::size_t>(target)];
   }
 
-  /// The reference cell that most matches of the target cell go to; the first of equals.
+  /// The reference cell with most matches of the target cell; the first one for equal numbers.
   int best(int target) const {
     const auto row = pair_.begin() + static_cast<std::ptrdiff_t>(at(target, 0));
     const auto best = std::max_element(row, row + grid_.cells());
@@ -85,7 +85,7 @@ class CellCounts {
   std::vector<int> target_;
 };
 
-/// For each target cell its best reference cell where that is supported, else kNoCell.
+/// The best reference cell of each target cell if it is supported, else kNoCell.
 std::vector<int> supportedCells(const CellCounts& counts, const Grid& grid,
                                 const Neighbourhood& neighbourhood, double factor) {
   std::vector<int> supported(static_cast<std::size_t>(grid.cells()), kNoCell);

@@ -15,11 +15,11 @@ using Neighbourhood = std::vector<cv::Point>;
 /// All cells at most `radius` away: 3x3 for 1, 5x5 for 2.
 Neighbourhood square(int radius);
 
-/// The cell and the four that share an edge with it.
+/// The cell and its four edge neighbours.
 Neighbourhood cross();
 
-/// GMS without rotation and scale, with the neighbourhood as a parameter; over 3x3 cells it keeps
-/// what GmsFilter keeps. Removes all others from `matches`.
+/// GMS without rotation and scale, with the neighbourhood as a parameter; with 3x3 cells it keeps
+/// the same matches as GmsFilter. Removes all others from `matches`.
 void filterByGridStatistics(const Features& reference, const Features& target,
                             const Neighbourhood& neighbourhood, const GmsOptions& options,
                             std::vector<Correspondence>& matches);

@@ -1,4 +1,4 @@
-// ktgp_evaluate: named methods over image sets of which the truth is known.
+// ktgp_evaluate: runs named methods on image sets with known truth.
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
@@ -76,14 +76,14 @@ std::vector<Method> knownMethods(const Arguments& arguments) {
   return methods;
 }
 
-/// Those that this build can run.
+/// Those that this build supports.
 std::vector<Method> available(std::vector<Method> methods) {
   const auto is_missing = [](const Method& m) { return !m.unavailable.empty(); };
   methods.erase(std::remove_if(methods.begin(), methods.end(), is_missing), methods.end());
   return methods;
 }
 
-/// The methods named in the arguments, in that order. Throws std::invalid_argument.
+/// The methods named in the arguments, in their order. Throws std::invalid_argument.
 std::vector<Method> wantedMethods(const Arguments& arguments) {
   std::vector<Method> all = knownMethods(arguments);
   std::vector<Method> wanted;
@@ -109,7 +109,7 @@ void listMethods(const Arguments& arguments) {
   }
 }
 
-/// "all" leaves out what this build has not, but not silently.
+/// "all" skips methods that this build does not have, with a message.
 void warnOfMissingMethods(const Arguments& arguments) {
   const std::vector<std::string>& names = arguments.methods;
   if (std::find(names.begin(), names.end(), "all") == names.end()) return;
@@ -120,7 +120,7 @@ void warnOfMissingMethods(const Arguments& arguments) {
   }
 }
 
-/// Shares the pairs among the jobs; the order of the scores is that of the pairs.
+/// Distributes the pairs over the jobs; the scores have the order of the pairs.
 std::vector<PairScore> evaluatePairs(const Arguments& arguments,
                                      const std::vector<ImagePair>& pairs) {
   std::vector<PairScore> scores(pairs.size());
@@ -134,7 +134,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
       progress.advance(pairs[i].set + " " + pairs[i].name);
     }
   };
-  // Their ends are waited for whatever happens, and what one of them throws is thrown here.
+  // All jobs are joined in any case; then an exception of a job is rethrown.
   std::vector<std::future<void>> helpers;
   for (int i = 1; i < arguments.jobs; ++i) {
     helpers.push_back(std::async(std::launch::async, work));
@@ -145,7 +145,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
-  app.add_option("DATA", arguments.data, "image sets or lists of pairs; with --warps images")
+  app.add_option("DATA", arguments.data, "image sets or lists of pairs; images with --warps")
       ->type_name("PATH");
   app.add_option("--methods", arguments.methods, "names, separated by commas, or `all`")
       ->delimiter(',')
@@ -160,23 +160,22 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--json", arguments.json, "write rows, summary and options")->type_name("FILE");
   app.add_option("--csv", arguments.csv, "write a row per pair and method")->type_name("FILE");
   app.add_option("--jobs", arguments.jobs,
-                 "pairs evaluated at the same time; times are only good with 1")
+                 "pairs evaluated in parallel; times are accurate only with 1")
       ->check(CLI::Range(1, 1024))
       ->capture_default_str();
   app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--longest-side", arguments.longest_side,
-                 "reduce larger images to this, and the truth with them, px; 0: do not")
+                 "reduce larger images, and the truth, to this size, px; 0: never")
       ->check(CLI::Range(0, 100000))
       ->capture_default_str();
-  app.add_option(
-         "--truth-deviation", arguments.truth_deviation,
-         "how exact the true homographies are at the corners, px (a standard deviation): it "
-         "is added to that of the covariances that are held against them")
+  app.add_option("--truth-deviation", arguments.truth_deviation,
+                 "standard deviation of the true homographies at the corners, px; added to the "
+                 "covariances that are compared with them")
       ->check(CLI::Range(0.0, 100.0))
       ->capture_default_str();
-  app.add_flag("--list-methods", arguments.list_methods, "say which methods there are and end");
+  app.add_flag("--list-methods", arguments.list_methods, "list the methods and exit");
   const char* const warps = "Warps";
   app.add_option("--warps", arguments.warps,
                  "make pairs from images: small, medium, large or extreme, or several "
@@ -199,7 +198,7 @@ Dataset findPairs(const Arguments& arguments) {
   Dataset dataset;
   std::istringstream names(arguments.warps);
   for (std::string name; std::getline(names, name, ',');) {
-    dataset.problems.clear();  // the same images again, and the same problems
+    dataset.problems.clear();  // the same images, so the same problems again
     addWarps(name, arguments.data, arguments.warp_pairs, arguments.warp_seed, dataset);
   }
   if (!arguments.warps.empty()) return dataset;
@@ -241,7 +240,7 @@ int evaluate(int argc, char** argv) {
   app.footer(kExamples);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
-  cv::setNumThreads(1);  // the jobs are the threads
+  cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {
     listMethods(arguments);
     return 0;

@@ -1,4 +1,4 @@
-// ktgp_evaluate_bag: the four stages from frame to frame of a recording.
+// ktgp_evaluate_bag: evaluates the four stages on consecutive frames of a recording.
 #include <algorithm>
 #include <cstdio>
 #include <opencv2/core/utility.hpp>
@@ -15,9 +15,9 @@ namespace ktgp_orb::tools {
 namespace {
 
 constexpr const char* kDescription =
-    "Matches each frame of a recording to the one before and says how many homographies are "
-    "found,\n"
-    "how long tracks survive and, where the recording has the truth, how large the errors are.";
+    "Matches each frame of a recording to the previous one and prints how many homographies are\n"
+    "found, "
+    "how long tracks survive and, if the recording has the truth, how large the errors are.";
 
 struct Arguments {
   std::string bag;

@@ -14,7 +14,7 @@ namespace {
 
 using util::position;
 
-/// Asks about each match once, in order.
+/// Calls the predicate once per match, in order.
 template <typename Predicate>
 void removeIf(Predicate predicate, std::vector<Correspondence>& matches) {
   matches.erase(std::remove_if(matches.begin(), matches.end(), predicate), matches.end());
@@ -200,7 +200,7 @@ Step align(const AlignmentOptions& options) {
   return {
       "align", [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
         if (!m.homography) return;
-        // Where none is known, any is better determined than a deviation of 1 of every entry.
+        // Without an estimate, assumes a deviation of 1 for every entry.
         UncertainHomography start;
         start.homography = *m.homography;
         start.covariance = m.covariance.value_or(Covariance8::Identity());

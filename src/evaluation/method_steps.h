@@ -15,7 +15,7 @@
 
 namespace ktgp_orb::tools {
 
-/// The pair of images that a method matches.
+/// The input of a method.
 struct Scene {
   const cv::Mat& reference_image;  ///< 8-bit grey
   const cv::Mat& target_image;     ///< 8-bit grey
@@ -29,19 +29,19 @@ struct OwnFeatures {
   Features target;
 };
 
-/// What a method has found so far. Every step takes from `matches` what does not pass it.
+/// The state of a method. Every step removes matches from `matches` that do not pass it.
 struct Matching {
   std::vector<Correspondence> matches;
-  std::vector<Correspondence> candidates{};  ///< what the homography was estimated from
-  /// Where a method does not use the scene's features: its own, which `matches` refer to.
+  std::vector<Correspondence> candidates{};  ///< input of the estimation of the homography
+  /// The method's own features, which `matches` refer to, if it does not use the scene's.
   std::optional<OwnFeatures> own{};
-  ReferenceViews views{};                       ///< of the reference, from other sides
-  bool estimated = false;                       ///< a step has looked for a homography
-  std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, where it found one
-  std::optional<Covariance8> covariance{};      ///< of it, where the estimator gives one
+  ReferenceViews views{};                       ///< simulated views of the reference
+  bool estimated = false;                       ///< a step has searched for a homography
+  std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, if found
+  std::optional<Covariance8> covariance{};      ///< of it, if the estimator gives one
 };
 
-/// One stage of a method. May keep buffers: a step serves one thread.
+/// One stage of a method. May keep buffers; used by one thread.
 struct Step {
   std::string name;
   std::function<void(const Scene&, Matching&)> run;
@@ -50,25 +50,27 @@ struct Step {
 // Hamming space.
 /// For every target descriptor the nearest of the reference (KNN with k = 2).
 Step nearest(const KnnOptions& options);
-/// The same, but only pairs of which each is the other's nearest; both directions in one pass.
+/// The same, but only mutual nearest pairs; both directions in one pass.
 Step mutualNearest(const KnnOptions& options);
-/// TF: d1/d2 below `threshold`, strictly.
+/// TF: d1/d2 below `threshold`.
 Step ratio(double threshold);
-/// d1 of at most twice the smallest d1 of the pair, and of at most `floor` in any case.
+/// d1 at most twice the smallest d1 of the pair; d1 up to `floor` always passes.
 Step distanceThreshold(int floor);
 /// Cross-check: the target descriptor is also the nearest of its reference descriptor.
 Step bidirectional(const KnnOptions& options);
 
 // Descriptors as vectors in Euclidean space.
-/// Cosine of the angle between the descriptors as 256 zeros and ones of at least `threshold`.
+/// Cosine of the angle between the descriptors as vectors of 256 zeros and ones, at least
+/// `threshold`.
 Step cosineSimilarity(double threshold);
-/// Norms of the descriptors as 32 bytes differ by at most `tolerance` times the larger.
+/// Norms of the descriptors as vectors of 32 bytes, which differ by at most `tolerance` times the
+/// larger.
 Step similarNorm(double tolerance);
-/// Euclidean distance of the descriptors as 32 bytes of at most mean + standard deviation.
+/// Euclidean distance of the descriptors as vectors of 32 bytes, at most mean + standard deviation.
 Step euclideanDistance();
 
 // Images.
-/// Mean grey value around the keypoints, each in standard deviations from its image's mean, differs
+/// Mean grey value around the keypoints, in standard deviations from its image's mean; they differ
 /// by at most `tolerance`.
 Step greyLevel(double tolerance);
 
@@ -77,17 +79,17 @@ Step gms(const GmsOptions& options);
 Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
 /// Keeps the inliers of the homography.
 Step homography(Estimator estimator, const ProsacOptions& options);
-/// Aligns matches by the images, corrects the homography by them, and keeps of those that it was
-/// estimated from the matches that agree with the corrected one; all stays where it cannot.
+/// Aligns matches by the images and corrects the homography. Keeps the matches used for it that
+/// agree with the corrected homography; changes nothing if the alignment fails.
 Step align(const AlignmentOptions& options);
 
-// All at once.
-/// Features of the method's own.
+// Whole methods.
+/// The method's own features.
 Step extract(const OrbOptions& options);
-/// KtgpMatcher from end to end: its homography and final matches. Where its growth is on, with the
-/// simulated views of the reference that a step before has made.
+/// KtgpMatcher from end to end: its homography and final matches. With growth, uses the simulated
+/// views of the reference from an earlier step.
 Step matcher(const MatcherOptions& options);
-/// Views of the reference as the growth has use for, found with the options `orb`.
+/// Simulated views of the reference for the growth, extracted with the options `orb`.
 Step simulate(const OrbOptions& orb, int views);
 
 }  // namespace ktgp_orb::tools

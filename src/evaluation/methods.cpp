@@ -5,7 +5,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// The preset with the threads, the budget, the seed and the alignment of `options`.
+/// The preset with the threads, budget, seed and alignment of `options`.
 MatcherOptions robust(const MatcherOptions& options) {
   MatcherOptions preset = MatcherOptions::robust();
   preset.knn = options.knn;
@@ -21,8 +21,8 @@ OrbOptions withTeblid(OrbOptions options) {
   return options;
 }
 
-/// What finds most in hard pairs (doc/tuning.md): more and weaker corners, descriptors that see
-/// through changes of light, growth.
+/// Finds most hard pairs (doc/tuning.md): more and weaker corners, descriptors that tolerate
+/// changes of light, growth.
 OrbOptions forHardPairs(OrbOptions options) {
   options.descriptor = DescriptorKind::teblid;
   options.max_features = 3000;
@@ -41,7 +41,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
                                std::optional<Estimator> estimator) {
   const MatcherOptions& options = pipeline.matcher;
   GmsOptions motion = options.gms;
-  motion.enabled = true;  // a method's name says whether it has GMS
+  motion.enabled = true;  // the method's name decides about GMS
   GmsOptions rotating = motion;
   rotating.rotation = rotating.scale = true;
   AlignmentOptions alignment = options.alignment;
@@ -91,7 +91,7 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
        "ROBUST over 3000 TEBLID features, FAST threshold 10",
        {extract(forHardPairs(pipeline.orb)), matcher(robust(options))}},
       {"HARD-VIEWS",
-       "HARD, the reference also seen from 12 simulated sides",
+       "HARD, with 12 simulated views of the reference",
        {extract(forHardPairs(pipeline.orb)), simulate(forHardPairs(pipeline.orb), 13),
         matcher(robust(options))}},
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(motion)}},

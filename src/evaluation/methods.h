@@ -14,19 +14,19 @@ struct Method {
   std::string name;
   std::string description;
   std::vector<Step> steps;
-  std::string unavailable{};  ///< why it cannot be run in this build; empty where it can
+  std::string unavailable{};  ///< why this build cannot run it; empty if it can
 };
 
-/// All methods over our features, with the thresholds of `options`. With `estimator`, every method
-/// that ends in a homography uses that one, but for the presets, which are the matcher as it is.
-/// What the literature leaves open is said in doc/method.md.
+/// All methods with our features and the thresholds of `options`. If `estimator` is given, every
+/// method that estimates a homography uses it, except the presets, which are the unchanged matcher.
+/// doc/method.md describes our choices where the literature is incomplete.
 std::vector<Method> allMethods(const PipelineOptions& options,
                                std::optional<Estimator> estimator = std::nullopt);
 
 /// Time and result of one step.
 struct StepResult {
   std::string name;
-  std::size_t matches = 0;  ///< left after it
+  std::size_t matches = 0;  ///< matches left after it
   double milliseconds = 0.0;
 };
 

@@ -13,7 +13,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Sums up values that not every pair has.
+/// Sums of values that some pairs do not have.
 struct Average {
   double mean = 0.0;
   double rms = 0.0;
@@ -32,7 +32,7 @@ struct Average {
   }
 };
 
-/// Nothing where no pair has a corner error: the method looks for no homography.
+/// Empty if no pair has a corner error: the method estimates no homography.
 std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
   std::vector<double> errors;
   std::vector<double> correlations;
@@ -139,7 +139,7 @@ void put(json& out, const std::optional<CornerConsistency>& consistency) {
       std::count_if(corners.begin(), corners.end(), [](double x) { return x < kConsistentBelow; });
 }
 
-/// The columns of the CSV file, which are keys of toRow.
+/// The columns of the CSV file: keys of toRow.
 constexpr std::array<const char*, 33> kColumns{"set",
                                                "pair",
                                                "method",
@@ -256,7 +256,7 @@ json toJson(const SetSummary& s) {
   return out;
 }
 
-/// A value as a field of a CSV row; nothing for null and infinity.
+/// A value as a field of a CSV row; empty for null and infinity.
 std::string toField(const json& value) {
   if (!value.is_string()) return value.dump() == "null" ? "" : value.dump();
   auto text = value.get<std::string>();
@@ -273,7 +273,7 @@ std::string format(const char* pattern, Values... values) {
   return line.data();
 }
 
-/// AUCs and shares in percent, the median in px; dashes where there is nothing to say.
+/// AUCs and shares in percent, the median in px; dashes for missing values.
 std::string toColumns(const std::optional<AccuracySummary>& a) {
   if (!a) {
     return format("%5s %5s %5s %5s %8s %6s %6s %6s %6s %7s %6s", "-", "-", "-", "-", "-", "-", "-",

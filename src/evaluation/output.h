@@ -8,15 +8,15 @@
 
 namespace ktgp_orb::tools {
 
-/// How good the homographies of one method are over the pairs of one set.
+/// Quality of the homographies of one method over the pairs of one set.
 struct AccuracySummary {
   /// Area under the curve of the corner error up to each of kAucThresholds.
   std::array<double, kAucThresholds.size()> auc{};
   double median_corner_error = 0.0;  ///< px; infinite where half of the pairs have no homography
-  double found = 0.0;          ///< share of pairs with a homography that the method calls good
-  double wrong = 0.0;          ///< share of those found that are more than kWrongBeyond off
-  std::optional<double> zncc;  ///< mean of the pairs found; needs no ground truth
-  // Of the pairs found with a covariance; see CornerConsistency.
+  double found = 0.0;                ///< share of pairs with a homography that the method accepts
+  double wrong = 0.0;                ///< share of those found with an error above kWrongBeyond
+  std::optional<double> zncc;        ///< mean over the pairs found; needs no ground truth
+  // Over the pairs found with a covariance; see CornerConsistency.
   std::optional<double> consistency_ratio;   ///< median of the true over the predicted corner error
   std::optional<double> consistency_median;  ///< of e' S^-1 e at the corners
   std::optional<double> consistent;          ///< share of corners below kConsistentBelow
@@ -35,18 +35,18 @@ struct SetSummary {
   double extraction_milliseconds = 0.0;
   double milliseconds = 0.0;
   std::array<double, kPrecisionThresholds.size()> precision{};
-  // Averages of the pairs' means and RMS, as in the paper; pairs without a match do not count.
+  // Means of the pairs' means and RMS, as in the paper; pairs without a match do not count.
   evaluation::ErrorSummary descriptor_distance;
   evaluation::ErrorSummary displacement;
   evaluation::ErrorSummary reprojection_error;
   double total_milliseconds = 0.0;          ///< from the images to the result
-  std::optional<AccuracySummary> accuracy;  ///< only where the method estimates a homography
+  std::optional<AccuracySummary> accuracy;  ///< only if the method estimates a homography
 };
 
-/// One entry per set and method, in the order of `scores`, then "all" where there are several sets.
+/// One entry per set and method, in the order of `scores`, then "all" if there are several sets.
 std::vector<SetSummary> summarizeSets(const std::vector<PairScore>& scores);
 
-/// Everything: a row per pair and method, and the summary. Infinite values become null.
+/// All data: a row per pair and method, and the summary. Infinite values become null.
 nlohmann::json toJson(const std::vector<PairScore>& scores);
 
 /// One row per pair and method.

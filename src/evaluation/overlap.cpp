@@ -7,7 +7,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Sums of two values that belong together.
+/// Sums of pairs of values.
 class Correlation {
  public:
   void add(double a, double b) {
@@ -24,7 +24,8 @@ class Correlation {
   std::optional<double> value() const {
     const double variance_a = aa_ - a_ * a_ / n_;
     const double variance_b = bb_ - b_ * b_ / n_;
-    constexpr double kLeast = 1e-3;  // grey values squared, a pixel: rounding of the sums is below
+    constexpr double kLeast =
+        1e-3;  // grey values squared per pixel; rounding errors of the sums are smaller
     if (variance_a < kLeast * n_ || variance_b < kLeast * n_) return std::nullopt;
     return (ab_ - a_ * b_ / n_) / std::sqrt(variance_a * variance_b);
   }
@@ -45,7 +46,7 @@ std::optional<double> overlapCorrelation(const cv::Mat& reference, const cv::Mat
   constexpr double kLeastShare = 0.01;
   cv::Mat values;
   target.convertTo(values, CV_32F);
-  // H is known up to its sign; the side of the horizon that counts holds the reference's middle.
+  // H is known up to its sign; the middle of the reference has a positive third coordinate.
   const Eigen::Vector3d middle(0.5 * (reference.cols - 1), 0.5 * (reference.rows - 1), 1.0);
   const Eigen::Matrix3d h = (homography.row(2).dot(middle) < 0.0 ? -1.0 : 1.0) * homography;
   Correlation correlation;

@@ -15,7 +15,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Of every step the median of its times.
+/// The median of each step's times.
 std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& runs) {
   std::vector<StepResult> steps = runs.front();
   for (std::size_t i = 0; i < steps.size(); ++i) {
@@ -27,7 +27,7 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
   return steps;
 }
 
-/// The alignment needs them; they cost no time.
+/// The alignment needs them; keeping them takes no time.
 OrbOptions withImages(OrbOptions options) {
   options.images = ImageKeeping::share;
   return options;
@@ -52,7 +52,7 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
 }
 
-/// Reduces the image; returns px of the original to px of the reduced one.
+/// Reduces the image; returns the map from original px to reduced px.
 Eigen::Matrix3d reduce(int longest_side, cv::Mat& image) {
   const double scale = longest_side / static_cast<double>(std::max(image.cols, image.rows));
   if (longest_side == 0 || scale >= 1.0) return Eigen::Matrix3d::Identity();
@@ -65,7 +65,7 @@ Eigen::Matrix3d reduce(int longest_side, cv::Mat& image) {
   return m;
 }
 
-/// The pair as it is after both images were reduced.
+/// The pair after reducing both images.
 void reduce(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, ImagePair& pair) {
   pair.homography = target * pair.homography * reference.inverse();
   for (AnnotatedPoint& p : pair.points) {
@@ -99,7 +99,7 @@ CornerConsistency cornerConsistency(const UncertainHomography& found, const Eige
 void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                      const std::vector<AnnotatedPoint>& points, double truth_deviation,
                      MethodScore& score) {
-  constexpr double kAnnotated = 1.0;  // px: how exact annotated points are
+  constexpr double kAnnotated = 1.0;  // px, accuracy of annotated points
   if (!found.estimated) return;
   score.found = found.homography.has_value();
   score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),

@@ -14,40 +14,40 @@ namespace ktgp_orb::tools {
 
 constexpr std::array<double, 3> kPrecisionThresholds{1.0, 2.0, 3.0};
 constexpr std::array<double, 4> kAucThresholds{1.0, 3.0, 5.0, 10.0};
-/// A homography is called wrong beyond this corner error, px.
+/// A homography with a larger corner error is wrong, px.
 constexpr double kWrongBeyond = 20.0;
 
-/// The error e at an image corner and its covariance S, as that of the homography has it.
+/// The error e at an image corner and its covariance S, from that of the homography.
 struct CornerConsistency {
   double predicted = 0.0;              ///< root mean trace of S over the corners, px
   double ratio = 0.0;                  ///< root mean square of e over `predicted`
-  std::array<double, 4> normalised{};  ///< e' S^-1 e at each corner; median 1.39 where S is right
+  std::array<double, 4> normalised{};  ///< e' S^-1 e at each corner; median 1.39 if S is right
 };
-/// 99.9 % of e' S^-1 e are below this where S is right: chi-square with two degrees of freedom.
+/// 99.9 % of e' S^-1 e are below this if S is right: chi-square with two degrees of freedom.
 constexpr double kConsistentBelow = 13.8;
 
-/// What one method makes of one pair.
+/// The result of one method for one pair.
 struct MethodScore {
   std::string method;
-  std::size_t matches = 0;  ///< NM
-  double retention = 0.0;   ///< matches over target keypoints; the paper's Q where the method is KT
+  std::size_t matches = 0;     ///< NM
+  double retention = 0.0;      ///< matches over target keypoints; the paper's Q for the method KT
   double matched_share = 0.0;  ///< REP as Eq. 9 has it
   evaluation::ErrorSummary descriptor_distance;
   evaluation::ErrorSummary displacement;        ///< px
   evaluation::ErrorSummary reprojection_error;  ///< px, against the truth
   std::array<double, kPrecisionThresholds.size()> precision{};
   std::size_t correct = 0;  ///< matches within evaluation::kCorrectWithin
-  /// Mean over the corners, or over the annotated points, px; infinite where the method found no
-  /// homography; nothing where it does not look for one.
+  /// Mean over the corners, or over the annotated points, px; infinite if the method found no
+  /// homography; empty if it estimates none.
   std::optional<double> corner_error;
-  bool found = false;  ///< a homography, which the method calls good
-  /// Whether its errors at annotated points are within the 99.9 % bound of its covariance; nothing
-  /// where there are no such points or the method gives no covariance.
+  bool found = false;  ///< a homography that the method accepts
+  /// Whether its errors at annotated points are within the 99.9 % bound of its covariance; empty
+  /// without such points or without a covariance.
   std::optional<bool> within_covariance;
-  /// How the error of the homography at the four corners compares with its covariance there;
-  /// nothing where the method gives no covariance or the truth is annotated points.
+  /// Comparison of the homography's error at the four corners with its covariance; empty without a
+  /// covariance, or if the truth is annotated points.
   std::optional<CornerConsistency> consistency;
-  /// Of the images laid over each other by the homography; see overlapCorrelation.
+  /// Of the images overlapped by the homography; see overlapCorrelation.
   std::optional<double> zncc;
   std::vector<StepResult> steps;
   double milliseconds = 0.0;        ///< all steps, without the features of the scene
@@ -57,7 +57,7 @@ struct MethodScore {
 /// One pair with every method.
 struct PairScore {
   ImagePair pair;
-  std::string problem;  ///< why the pair could not be used; empty where it could
+  std::string problem;  ///< why the pair could not be used; empty if it could
   std::size_t reference_keypoints = 0;
   std::size_t target_keypoints = 0;
   double extraction_milliseconds = 0.0;  ///< features of both images
@@ -65,17 +65,17 @@ struct PairScore {
   std::vector<MethodScore> methods;
 };
 
-/// Evaluates pairs one after the other, reusing its buffers; serves one thread.
+/// Evaluates pairs one after the other, reusing its buffers; used by one thread.
 class PairEvaluator {
  public:
-  /// Each method is run `repetitions` times and the median of each step's time is kept.
-  /// Images with a longer side than `longest_side` px are reduced to that; 0: none are.
-  /// `truth_deviation`: standard deviation of the true homographies at the corners, px; it is added
-  /// to that of the covariances that are held against them.
+  /// Each method is run `repetitions` times; the result has the median of each step's time. Images
+  /// with a longer side than `longest_side` px are reduced to that; 0: never. `truth_deviation`:
+  /// standard deviation of the true homographies at the corners, px; added to the covariances that
+  /// are compared with them.
   PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
                 int longest_side = 0, double truth_deviation = 0.0);
 
-  /// A file that cannot be read ends in a problem, not in an exception.
+  /// A file that cannot be read gives a problem, not an exception.
   PairScore evaluate(const ImagePair& pair);
 
  private:

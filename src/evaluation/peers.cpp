@@ -7,7 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 
-// In features2d from 4.4 on; before, in a module that distributions do not ship.
+// In features2d since 4.4; before, in a module that distributions do not ship.
 #define KTGP_ORB_HAVE_SIFT (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 3))
 
 namespace ktgp_orb::tools {
@@ -28,8 +28,8 @@ Step detect(const Detector& detector) {
           }};
 }
 
-/// For every target descriptor the nearest of the reference, where it is nearer than
-/// `threshold` times the second (Lowe 2004).
+/// The nearest reference descriptor of every target descriptor, if it is nearer than `threshold`
+/// times the second (Lowe 2004).
 Step nearestByRatio(int norm, double threshold) {
   return {"match", [norm, threshold](const Scene&, Matching& m) {
             const Features& reference = m.own->reference;
@@ -62,7 +62,7 @@ Step corners() {
           }};
 }
 
-/// Follows the corners into the target: pyramidal Lucas-Kanade (Bouguet 2000), OpenCV's defaults.
+/// Tracks the corners into the target: pyramidal Lucas-Kanade (Bouguet 2000), OpenCV's defaults.
 Step opticalFlow() {
   return {"flow", [](const Scene& scene, Matching& m) {
             std::vector<cv::Point2f> from;
@@ -92,7 +92,7 @@ Step ecc() {
               cv::findTransformECC(scene.reference_image, scene.target_image, h,
                                    cv::MOTION_HOMOGRAPHY, until);
             } catch (const cv::Exception&) {
-              return;  // this is how it says that it did not converge
+              return;  // ECC reports by an exception that it did not converge
             }
             Eigen::Matrix3f found;
             cv::cv2eigen(h, found);
@@ -100,7 +100,7 @@ Step ecc() {
           }};
 }
 
-/// The steps, then the estimator; what is missing in this OpenCV instead of them.
+/// The steps, then the estimator; or the reason why this OpenCV cannot run them.
 Method peer(const std::string& name, const std::string& description, std::vector<Step> steps,
             Estimator estimator, const ProsacOptions& options) {
   const auto is_here = [&](const auto& entry) { return entry.second == estimator; };

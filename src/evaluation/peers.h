@@ -7,10 +7,10 @@
 
 namespace ktgp_orb::tools {
 
-/// OpenCV's own ways from two images to a homography, each with its own keypoints or none: SIFT,
-/// AKAZE, FLOW and ECC. Like OpenCV they have no verdict: whatever the estimator returns is called
-/// found. A method that this OpenCV has not is listed with the reason in `unavailable`.
-/// Threshold and budget of the estimator (MAGSAC++ unless `estimator` is given) are `options`.
+/// OpenCV's own methods for a homography between two images, with their own keypoints or none:
+/// SIFT, AKAZE, FLOW and ECC. They have no verdict: every homography that the estimator returns
+/// counts as found. `unavailable` gives the reason if this OpenCV lacks a method. `options` has
+/// threshold and budget of the estimator (MAGSAC++ unless `estimator` is given).
 std::vector<Method> peerMethods(const ProsacOptions& options,
                                 std::optional<Estimator> estimator = std::nullopt);
 

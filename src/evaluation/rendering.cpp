@@ -7,8 +7,8 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// Samples along each side of a pixel of the view: enough to meet every pixel of the source where
-/// the view shrinks it most. The shrinking is looked at on a grid of places of the view.
+/// Samples along each side of a pixel of the view: enough to hit every pixel of the source where
+/// the view shrinks it most, judged on a grid of points of the view.
 int samplesPerSide(const cv::Size& source, const Eigen::Matrix3d& source_from_view,
                    const cv::Size& view) {
   constexpr int kGrid = 8;

@@ -5,18 +5,18 @@
 
 namespace ktgp_orb::tools {
 
-/// Value of a CV_32F image at (x, y) px, interpolated between the four pixels around it in full
-/// precision (cv::remap and cv::warpPerspective round positions to 1/32 px). The place must lie
-/// inside: 0 <= x <= width - 1, 0 <= y <= height - 1.
+/// Value of a CV_32F image at (x, y) px, interpolated between the four nearest pixels in full
+/// precision (cv::remap and cv::warpPerspective round positions to 1/32 px). Requires 0 <= x <=
+/// width - 1, 0 <= y <= height - 1.
 float sampleBilinear(const cv::Mat& image, double x, double y);
 
-/// True where sampleBilinear may be asked.
+/// True if sampleBilinear is defined there.
 bool isInside(const cv::Size& size, double x, double y);
 
-/// What a camera sees of `source` (CV_32F): pixel u of the result (CV_32F) is the mean of `source`
-/// over the square of side 1 px around u, as a pixel of a sensor takes it, so that nothing
-/// aliases however much the view shrinks the source. `source_from_view` maps pixels of the view to
-/// pixels of the source; what lies outside the source or beyond the horizon is 0.
+/// Renders `source` (CV_32F) as a camera sees it: pixel u of the result (CV_32F) is the mean of
+/// `source` over the square of side 1 px around u, like a pixel of a sensor, so that nothing
+/// aliases, however much the view shrinks the source. `source_from_view` maps pixels of the view to
+/// pixels of the source. Pixels outside the source or beyond the horizon are 0.
 cv::Mat renderView(const cv::Mat& source, const Eigen::Matrix3d& source_from_view,
                    const cv::Size& size);
 

@@ -50,7 +50,7 @@ void SequenceEvaluator::followTracks(const SequenceMatch& match) {
   std::vector<bool> continued(track_length_.size(), false);
   for (const Correspondence& c : match.match.correspondences) {
     const auto r = static_cast<std::size_t>(c.reference_index);
-    // A keypoint that several others claim goes on as one track.
+    // If several matches share a keypoint, it continues one track.
     if (c.level < Level::ktgp || continued[r]) continue;
     continued[r] = true;
     const int matches = track_length_[r] + 1;
@@ -88,8 +88,8 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
 SequenceScore SequenceEvaluator::score() const {
   SequenceScore score;
   score.frames = frames_;
-  // Tracks of k matches that end at frame t began at frame t - k; those that begin too near the
-  // end to be followed over k frames do not count.
+  // Tracks of k matches that end at frame t began at frame t - k. Tracks that begin too late to be
+  // followed over k frames do not count.
   const std::size_t n = long_tracks_.size();
   const auto tracks = [&](std::size_t frame, std::size_t k) {
     return k <= long_tracks_[frame].size() ? long_tracks_[frame][k - 1] : 0;

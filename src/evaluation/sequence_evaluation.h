@@ -9,35 +9,36 @@
 
 namespace ktgp_orb::tools {
 
-/// One frame matched to the one before it.
+/// One frame matched to the previous one.
 struct FrameScore {
   double time = 0.0;  ///< s since the first frame
   Status status = Status::no_reference;
   std::size_t keypoints = 0;
   std::array<std::size_t, 4> matches{};  ///< after knn, tf, gms, prosac
   Search search = Search::whole;
-  double inlier_ratio = 0.0;  ///< final matches over those that passed the ratio filter; 0 of none
-  double rmse = 0.0;          ///< of the inliers, px
-  double milliseconds = 0.0;  ///< features of this frame and all stages
-  std::optional<double> corner_error;  ///< of this frame's homography, px; where truth is known
+  double inlier_ratio =
+      0.0;  ///< final matches over those that passed the ratio filter; 0 if there are none
+  double rmse = 0.0;                   ///< of the inliers, px
+  double milliseconds = 0.0;           ///< features of this frame and all stages
+  std::optional<double> corner_error;  ///< of this frame's homography, px; if the truth is known
   std::optional<double> drift;  ///< of the homographies since the window's start, multiplied, px
 };
 
 struct SequenceScore {
   std::vector<FrameScore> frames;
-  /// Element k-1: of the keypoints matched from a frame to the next one, the share that is matched
+  /// Element k-1: share of the keypoints matched from a frame to the next one that are matched
   /// without a gap over k frames. Element 0 is 1.
   std::vector<double> survival;
 };
 
-/// Runs the four stages from frame to frame and keeps count.
+/// Runs the four stages on consecutive frames and collects the figures.
 class SequenceEvaluator {
  public:
-  /// Drift is accumulated over `window` frames, then begins anew; 0: over all.
+  /// Drift is accumulated over `window` frames, then restarts; 0: over all frames.
   SequenceEvaluator(const OrbOptions& orb, const MatcherOptions& matcher, int window);
 
-  /// `stamp` in s: where it goes back, the sequence begins anew; a gap does not matter. `image`:
-  /// 8-bit grey. `truth`: homography from the frame before to this one, where known.
+  /// `stamp` in s: if it goes back, the sequence restarts; a gap does not matter. `image`: 8-bit
+  /// grey. `truth`: homography from the previous frame to this one, if known.
   void addFrame(double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth);
 
   SequenceScore score() const;

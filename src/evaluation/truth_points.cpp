@@ -75,7 +75,7 @@ double meanTransferError(const Eigen::Matrix3d& homography,
 
 bool isWithinCovariance(const UncertainHomography& estimate,
                         const std::vector<AnnotatedPoint>& points, double sigma) {
-  // Chi-square of two degrees of freedom: exp(-x/2) is the chance to be beyond x.
+  // Chi-square with two degrees of freedom: exp(-x/2) is the probability of a value above x.
   const double limit = -2.0 * std::log(0.001 / static_cast<double>(points.size()));
   for (const AnnotatedPoint& point : points) {
     const auto jacobian = homography::jacobianByEntries(estimate.homography, point.reference);

@@ -18,14 +18,14 @@ using util::Random;
 
 constexpr double kDegree = kPi / 180.0;
 constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
-constexpr double kShown = 0.85;              // of the picture by the reference view
+constexpr double kShown = 0.85;              // share of the picture in the reference view
 const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
 
 double uniform(Random& random, double low, double high) {
   return low + (high - low) * static_cast<double>(random.next() >> 11) * 0x1p-53;
 }
 
-/// From [-most, most] without what is nearer to zero than `least`, as evenly distributed as before.
+/// Uniform in [-most, most] without values closer to zero than `least`.
 double keptAway(double value, double least, double most) {
   return least > 0.0 ? value * (1.0 - least / most) + std::copysign(least, value) : value;
 }
@@ -40,8 +40,8 @@ Eigen::Matrix3d translation(const Eigen::Vector2d& t) {
   return m;
 }
 
-/// The reference camera looks straight at a plane; the target camera sees it turned, tilted and
-/// through another focal length. What is drawn is drawn in the order of the declarations.
+/// The reference camera looks straight at a plane; the target camera sees it rotated, tilted and
+/// with another focal length. The random values are drawn in the order of the declarations.
 Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
   const double rotation = uniform(random, -limits.rotation, limits.rotation) * kDegree;
   const double log_zoom = uniform(random, std::log(1.0 / limits.zoom), std::log(limits.zoom));
@@ -87,7 +87,7 @@ void degrade(const Degradation& d, cv::Mat& view) {
   view += noise;
 }
 
-/// The largest part of the reference view's proportions, times kShown, around the middle.
+/// The largest part with the proportions of the reference view, times kShown, around the middle.
 Eigen::Matrix3d pictureFromReference(const cv::Size& picture) {
   const double scale =
       kShown * std::min(picture.width / double{kWarpWidth}, picture.height / double{kWarpHeight});
@@ -108,13 +108,13 @@ std::optional<WarpLimits> warpLimits(const std::string& name) {
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};
-  // Hard in every respect at once: tilt, zoom and light.
+  // Hard in every respect: tilt, zoom and light.
   if (name == "extreme") return WarpLimits{180.0, 4.0, 70.0, 80.0, 2.0, 0.4, 2.0, 50.0, true};
   return std::nullopt;
 }
 
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed) {
-  // Two neighbouring seeds of SplitMix64 would share their numbers but for a shift: one more step.
+  // Two neighbouring seeds of SplitMix64 give the same numbers, shifted: draw once more.
   Random random(Random(seed).next() ^ Random(static_cast<std::uint64_t>(index)).next());
   Warp warp;
   warp.homography = drawHomography(limits, random);

@@ -8,8 +8,8 @@
 
 namespace ktgp_orb::tools {
 
-/// How far the camera moves between the two views of a warp. Every value is drawn evenly from
-/// -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
+/// Limits for the motion of the camera between the two views of a warp. Every value is drawn
+/// uniformly from -limit to limit (the zoom on a logarithmic scale, from 1/zoom to zoom).
 struct WarpLimits {
   double rotation = 0.0;    ///< about the optical axis, degrees
   double zoom = 1.0;        ///< of the lens
@@ -19,17 +19,17 @@ struct WarpLimits {
   double gain = 0.2;        ///< of a degraded target, from 1 - gain to 1 + gain
   double least_zoom = 1.0;  ///< the zoom is at least this or at most its inverse
   double least_tilt = 0.0;  ///< the tilt is at least this in either direction, degrees
-  bool always_degraded = false;  ///< not only every other target
+  bool always_degraded = false;  ///< not only every second target
 };
 
-/// "small", "medium", "large" or "extreme"; nothing for another name.
+/// "small", "medium", "large" or "extreme"; empty for another name.
 std::optional<WarpLimits> warpLimits(const std::string& name);
 
 constexpr int kWarpWidth = 640;
 constexpr int kWarpHeight = 480;
 
-/// What the camera does to the light on its way to the target image: Gaussian blur, gamma, gain,
-/// noise, in this order.
+/// Changes of light between the picture and the target image: Gaussian blur, gamma, gain, noise, in
+/// this order.
 struct Degradation {
   double blur = 0.0;   ///< sigma, px
   double gamma = 1.0;  ///< exponent of the grey value over 255
@@ -38,14 +38,14 @@ struct Degradation {
   std::uint64_t seed = 0;
 };
 
-/// A pair of views of one picture, as numbers; the images are made by renderWarp.
+/// The parameters of a pair of views of one picture; renderWarp makes the images.
 struct Warp {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px; exact
   std::optional<Degradation> degradation;                    ///< of the target image
 };
 
 /// Warp number `index` of a series. The same arguments give the same warp; even numbers are clean,
-/// odd ones are degraded, or all where the limits say so.
+/// odd ones are degraded, or all if the limits say so.
 Warp drawWarp(const WarpLimits& limits, int index, std::uint64_t seed);
 
 struct WarpedImages {
@@ -54,8 +54,8 @@ struct WarpedImages {
 };
 
 /// Both views of `picture` (8-bit grey, any size). The reference view shows the middle 85 % of the
-/// largest 4:3 part of the picture, so that a small warp does not leave it; where a target view
-/// does, it is black. Both are rendered from the picture itself with antialiasing.
+/// largest 4:3 part of the picture, so that a small warp stays inside the picture; parts outside
+/// are black. Both are rendered from the picture with antialiasing.
 WarpedImages renderWarp(const cv::Mat& picture, const Warp& warp);
 
 }  // namespace ktgp_orb::tools

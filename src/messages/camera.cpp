@@ -38,7 +38,7 @@ void requireCalibrated(const sensor_msgs::CameraInfo& info) {
   }
 }
 
-/// `camera`, which is of the whole sensor, for an image that is a part of it, made smaller.
+/// Adapts `camera`, calibrated for the whole sensor, to a reduced image of a part of it.
 void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   camera(0, 2) -= info.roi.x_offset;
   camera(1, 2) -= info.roi.y_offset;
@@ -55,7 +55,7 @@ cv::Size imageSize(const sensor_msgs::CameraInfo& info) {
           static_cast<int>(height / std::max(1U, info.binning_y))};
 }
 
-/// Moves no point.
+/// Whether the lens moves no point.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
                                     [](double coefficient) { return coefficient != 0.0; });
@@ -72,7 +72,8 @@ Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
     throw std::invalid_argument("calibration is '" + name +
                                 "'; expected by_name, raw or rectified");
   }
-  const std::string last = image_topic.substr(image_topic.rfind('/') + 1);  // npos + 1 is zero
+  const std::string last =
+      image_topic.substr(image_topic.rfind('/') + 1);  // without a slash, npos + 1 is zero
   return last.rfind("image_rect", 0) == 0 ? Pixels::rectified : Pixels::raw;
 }
 
@@ -98,7 +99,7 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size) {
   requireCalibrated(info);
   sensor_msgs::CameraInfo known = info;
-  // Where there is no distortion the model has no say, and drivers leave it empty.
+  // Without distortion the model does not matter, and drivers leave it empty.
   const bool distorts =
       info.distortion_model == "equidistant" ||
       std::any_of(info.D.begin(), info.D.end(), [](double x) { return x != 0.0; });

@@ -10,7 +10,7 @@ namespace {
 
 namespace encodings = sensor_msgs::image_encodings;
 
-/// An empty `encoding` leaves the image as it is.
+/// An empty `encoding` means no conversion.
 ViewedImage converted(const sensor_msgs::ImageConstPtr& message, const std::string& encoding) {
   if (message->width == 0 || message->height == 0) {
     throw RefusedImage("image is empty; expected at least one pixel");

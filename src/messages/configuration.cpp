@@ -58,7 +58,7 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.overlay = parameters.overlay;
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
-  // The constructor says what is wrong with the rest; threads would be started only to be ended.
+  // The constructor checks the rest; with one thread it starts none.
   requireInRange("threads", parameters.threads, 0, 256);
   SequenceOptions options = c.sequence;
   options.orb.threads = options.matcher.knn.threads = 1;

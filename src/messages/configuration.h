@@ -14,26 +14,25 @@
 
 namespace ktgp_orb {
 
-/// One consistent set of everything that can be tuned, as the core and the messages use it.
-/// What each field means and may be stands in parameters/table.def.
+/// A consistent set of all parameters, in the types of the core and the messages.
+/// parameters/table.def describes the values.
 struct Configuration {
   std::uint32_t number = 0;  ///< counts the changes
   SequenceOptions sequence;
-  sensor_msgs::ImageConstPtr reference_image;  ///< the fixed reference at first; null: none
+  sensor_msgs::ImageConstPtr reference_image;  ///< the initial fixed reference; null: none
   util::GreyStretch stretch;                   ///< of 16-bit images
   CameraView view;                             ///< of the camera's images, not of reference_image
-  bool rectify = false;                        ///< a lens is wanted in `view`
-  std::string lens_problem;                    ///< why `view` has none, where something is wrong
-  double max_pair_megapixels = 64.0;           ///< 10^6 px that an image of ~match_pair may have
+  bool rectify = false;                        ///< the lens in `view` is wanted
+  std::string lens_problem;                    ///< why `view` has no lens, in case of a problem
+  double max_pair_megapixels = 64.0;           ///< largest image of ~match_pair, 10^6 px
   double max_rate = 0.0;                       ///< Hz; 0: all frames
   bool overlay = true;
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };
 
-/// All but what other files and messages hold, which is null: the reference image, the masks, the
-/// lens.
-/// Throws std::invalid_argument for what is out of its limits, NaN for example.
+/// Everything except what comes from files and messages, which is null: the reference image, the
+/// masks, the lens. Throws std::invalid_argument for values out of their limits, including NaN.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
 

@@ -15,7 +15,7 @@ std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
 }
 
-/// Leaves of `mask` what `other` has, too.
+/// Restricts `mask` to `other`.
 void narrow(const cv::Mat& other, const std::string& name, cv::Mat& mask) {
   if (other.empty()) return;
   if (other.size() != mask.size()) {
@@ -52,11 +52,11 @@ void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   frame.mask = maskOf(frame.image.size());
   frame.lens = view_.lens;
   if (frame.lens && frame.lens->calibration().image_size != frame.image.size()) {
-    frame.lens = nullptr;  // not of this image
+    frame.lens = nullptr;  // does not apply to this image
   }
 }
 
-// Made once for all images of one size.
+// Computed once for all images of one size.
 const cv::Mat& FrameMaker::maskOf(const cv::Size& size) {
   const bool masked = !view_.file_mask.empty() || !view_.sent_mask.empty();
   if ((!masked && view_.roi.empty()) || mask_.size() == size) return mask_;

@@ -11,29 +11,29 @@
 
 namespace ktgp_orb {
 
-/// What of a camera's images is looked at, and through which lens.
+/// The used part of a camera's images, and the lens.
 struct CameraView {
-  cv::Rect roi;       ///< px; without area: all of the image
+  cv::Rect roi;       ///< px; empty: the whole image
   cv::Mat file_mask;  ///< CV_8UC1, of mask_image; empty: none
   cv::Mat sent_mask;  ///< CV_8UC1, of ~mask; empty: none
   LensConstPtr lens;  ///< null: points stay in the camera's own pixels
 };
 
-/// "x y width height", separated by blanks or commas; an empty rectangle for an empty text. Throws
-/// std::invalid_argument for anything else.
+/// Parses "x y width height", separated by blanks or commas; an empty rectangle for an empty text.
+/// Throws std::invalid_argument for anything else.
 cv::Rect roiFrom(const std::string& text);
 
 /// The mask in a message (see maskImage); empty for an image without pixels. Throws RefusedImage.
 cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message);
 
-/// Makes frames of a camera's images. An instance belongs to one thread at a time.
+/// Creates frames from a camera's images. An instance belongs to one thread at a time.
 class FrameMaker {
  public:
   FrameMaker(const util::GreyStretch& stretch, const CameraView& view)
       : stretch_(stretch), view_(view) {}
 
-  /// Makes `frame` the image of the message, without features. Throws RefusedImage as greyImage
-  /// does, for a mask of another size than the image, and where the roi is outside of it.
+  /// Sets `frame` to the image of the message, without features. Throws RefusedImage as greyImage
+  /// does, for a mask of another size than the image, and for a roi outside of it.
   void make(const sensor_msgs::ImageConstPtr& message, Frame& frame);
 
  private:
@@ -42,7 +42,7 @@ class FrameMaker {
   util::GreyStretch stretch_;
   CameraView view_;
   PixelMemoryPool memory_;
-  cv::Mat mask_;  // of all in view_, for images of its size
+  cv::Mat mask_;  // all masks of view_ combined, for images of its size
 };
 
 }  // namespace ktgp_orb

@@ -23,15 +23,15 @@ namespace encodings = sensor_msgs::image_encodings;
 
 constexpr int kNoCode = -1;
 
-/// How the pixels of an encoding lie in memory and become grey.
+/// Memory layout of an encoding's pixels, and their conversion to grey.
 struct Format {
   std::string encoding;
   int type;     ///< of the pixels, OpenCV's
-  int to_grey;  ///< OpenCV's conversion; kNoCode where they are grey
+  int to_grey;  ///< OpenCV's conversion; kNoCode for grey pixels
 };
 
-/// Every encoding that is a picture. OpenCV names a Bayer pattern by its second row from the second
-/// pixel on, ROS by its first. Channels without a name are taken for OpenCV's usual order, BGR.
+/// All image encodings. OpenCV names a Bayer pattern by its second row from the second pixel on,
+/// ROS by its first row. Channels without a name are taken as OpenCV's usual order, BGR.
 const std::vector<Format>& formats() {
   static const std::vector<Format> all{
       {encodings::MONO8, CV_8UC1, kNoCode},
@@ -67,7 +67,7 @@ const Format& formatOf(const std::string& encoding) {
   for (const Format& format : formats()) {
     if (format.encoding == encoding) return format;
   }
-  constexpr std::size_t kShown = 64;  // characters of a name that comes from anywhere
+  constexpr std::size_t kShown = 64;  // characters of an untrusted name
   const bool is_long = encoding.size() > kShown;
   throw RefusedImage("encoding '" + encoding.substr(0, kShown) + (is_long ? "..." : "") +
                      "' is not an image to match; expected grey (mono8, mono16, 8UC1, 16UC1), "
@@ -104,9 +104,9 @@ bool isHostBigEndian() {
   return first == 0;
 }
 
-/// The pixels where they are; in the processor's order of bytes, which may need a copy.
+/// The pixels without a copy, unless the order of bytes must be changed.
 cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
-  // OpenCV has no view of constant data; nothing writes into this one.
+  // OpenCV has no view of constant data; this one is only read.
   auto* data = const_cast<std::uint8_t*>(image.data.data());
   cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type, data,
                  image.step);
@@ -186,7 +186,7 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 
 namespace {
 
-/// The picture in a file, read as OpenCV's `flags` say. Throws RefusedImage.
+/// Reads an image file with OpenCV's `flags`. Throws RefusedImage.
 cv::Mat readPicture(const std::string& name, const std::string& path, int flags) {
   std::error_code unused;
   const auto status = std::filesystem::status(path, unused);
@@ -195,7 +195,11 @@ cv::Mat readPicture(const std::string& name, const std::string& path, int flags)
   }
   cv::Mat picture = cv::imread(path, flags);
   if (picture.empty()) {
-    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file");
+    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file" +
+                       (std::filesystem::path(path).is_relative()
+                            ? ", with an absolute name: this one is looked for in " +
+                                  std::filesystem::current_path(unused).string()
+                            : ""));
   }
   return picture;
 }

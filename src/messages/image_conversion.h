@@ -12,28 +12,28 @@
 
 namespace ktgp_orb {
 
-/// An image message that cannot be used; what() says what is wrong and what would be right.
+/// An image message that cannot be used; what() gives the reason and what is expected.
 class RefusedImage : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
-/// message's own data and is valid while `message` lives. Colour and Bayer images are converted;
-/// 16-bit ones are converted, then stretched. Throws RefusedImage for an empty image, a step or
-/// amount of data that does not fit the size, and an encoding that is neither grey, colour, yuv422
-/// nor Bayer; more data than the size needs is legal.
+/// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
+/// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
+/// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422 or
+/// Bayer. More data than needed is legal.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch = {});
-/// The same; colour and Bayer images are converted into `buffer`, in the memory it has where they
-/// fit.
+/// The same; colour and Bayer images are converted into `buffer`, whose memory is reused if it
+/// fits.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
                   cv::Mat& buffer);
 
-/// Makes `frame` the image of the message, without features. A mono8 image is held by its message,
-/// so that inside one nodelet manager no pixel is ever copied. Throws as greyImage does.
+/// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
+/// that no pixel is copied within one nodelet manager. Throws as greyImage does.
 void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
              Frame& frame);
-/// The same, in memory that nobody else holds; the frame does from now on.
+/// The same, with memory from `memory`.
 void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
              const std::shared_ptr<PixelMemory>& memory, Frame& frame);
 
@@ -41,18 +41,18 @@ void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch&
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
                    const util::GreyStretch& stretch = {});
 
-/// CV_8UC1: 0 where the image is black, 255 everywhere else. Takes the encodings that greyImage
-/// takes; a Bayer pixel counts by itself, a yuv422 one by its brightness. Throws RefusedImage.
+/// CV_8UC1: 0 where the image is black, 255 elsewhere. Accepts the encodings of greyImage; a Bayer
+/// pixel counts by itself, a yuv422 pixel by its brightness. Throws RefusedImage.
 cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message);
-/// The same of pixels in memory; of four channels the last one, the opacity, does not count.
+/// The same for pixels in memory; of four channels the last one, the opacity, is ignored.
 cv::Mat notBlack(const cv::Mat& image);
 
 /// The mask in an image file of any depth; empty for an empty path. Throws as readImageFile.
 cv::Mat readMaskFile(const std::string& path);
 
-/// An image file as a mono8 message, mono16 where the file has 16 bits, with stamp zero; null for
-/// an empty path. Throws RefusedImage, which begins with `name`, for a file that cannot be read,
-/// and for what is no regular file: a pipe would be waited for.
+/// An image file as a mono8 message, or mono16 if the file has 16 bits, with stamp zero; null for
+/// an empty path. Throws RefusedImage, beginning with `name`, for a file that cannot be read or is
+/// not a regular file; reading a pipe could block.
 sensor_msgs::ImageConstPtr readImageFile(const std::string& name, const std::string& path);
 
 }  // namespace ktgp_orb

@@ -1,5 +1,7 @@
 #include "messages/message_conversion.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
@@ -13,38 +15,38 @@ namespace {
 
 using util::imagePoint;
 
-// The messages' constants and the core's enumerators are one numbering.
-static_assert(int(Status::ok) == MatchStatistics::STATUS_OK, "");
-static_assert(int(Status::no_reference) == MatchStatistics::STATUS_NO_REFERENCE, "");
-static_assert(int(Status::too_few_features) == MatchStatistics::STATUS_TOO_FEW_FEATURES, "");
-static_assert(int(Status::too_few_matches) == MatchStatistics::STATUS_TOO_FEW_MATCHES, "");
-static_assert(int(Status::no_model) == MatchStatistics::STATUS_NO_MODEL, "");
-static_assert(int(Status::model_rejected) == MatchStatistics::STATUS_MODEL_REJECTED, "");
-static_assert(int(Status::ok) == HomographyStamped::STATUS_OK, "");
-static_assert(int(Status::no_reference) == HomographyStamped::STATUS_NO_REFERENCE, "");
-static_assert(int(Status::too_few_features) == HomographyStamped::STATUS_TOO_FEW_FEATURES, "");
-static_assert(int(Status::too_few_matches) == HomographyStamped::STATUS_TOO_FEW_MATCHES, "");
-static_assert(int(Status::no_model) == HomographyStamped::STATUS_NO_MODEL, "");
-static_assert(int(Status::model_rejected) == HomographyStamped::STATUS_MODEL_REJECTED, "");
-static_assert(int(NoReference::none) == MatchStatistics::REASON_NONE, "");
-static_assert(int(NoReference::first_frame) == MatchStatistics::REASON_FIRST_FRAME, "");
-static_assert(int(NoReference::gap) == MatchStatistics::REASON_GAP, "");
-static_assert(int(NoReference::stamp_went_back) == MatchStatistics::REASON_STAMP_WENT_BACK, "");
-static_assert(int(NoReference::size_changed) == MatchStatistics::REASON_SIZE_CHANGED, "");
-static_assert(int(NoReference::encoding_changed) == MatchStatistics::REASON_ENCODING_CHANGED, "");
-static_assert(int(NoReference::not_set) == MatchStatistics::REASON_NOT_SET, "");
-static_assert(int(NoReference::reset) == MatchStatistics::REASON_RESET, "");
-static_assert(int(NoReference::mode_changed) == MatchStatistics::REASON_MODE_CHANGED, "");
-static_assert(int(NoReference::first_frame) == HomographyStamped::REASON_FIRST_FRAME, "");
-static_assert(int(NoReference::gap) == HomographyStamped::REASON_GAP, "");
-static_assert(int(NoReference::stamp_went_back) == HomographyStamped::REASON_STAMP_WENT_BACK, "");
-static_assert(int(NoReference::size_changed) == HomographyStamped::REASON_SIZE_CHANGED, "");
-static_assert(int(NoReference::encoding_changed) == HomographyStamped::REASON_ENCODING_CHANGED, "");
-static_assert(int(NoReference::not_set) == HomographyStamped::REASON_NOT_SET, "");
-static_assert(int(NoReference::reset) == HomographyStamped::REASON_RESET, "");
-static_assert(int(NoReference::mode_changed) == HomographyStamped::REASON_MODE_CHANGED, "");
-static_assert(int(NoReference::lens_changed) == MatchStatistics::REASON_LENS_CHANGED, "");
-static_assert(int(NoReference::lens_changed) == HomographyStamped::REASON_LENS_CHANGED, "");
+// The constants of the messages and the enumerators of the core have the same numbers.
+static_assert(int(Status::ok) == MatchStatus::STATUS_OK, "");
+static_assert(int(Status::no_reference) == MatchStatus::STATUS_NO_REFERENCE, "");
+static_assert(int(Status::too_few_features) == MatchStatus::STATUS_TOO_FEW_FEATURES, "");
+static_assert(int(Status::too_few_matches) == MatchStatus::STATUS_TOO_FEW_MATCHES, "");
+static_assert(int(Status::no_model) == MatchStatus::STATUS_NO_MODEL, "");
+static_assert(int(Status::model_rejected) == MatchStatus::STATUS_MODEL_REJECTED, "");
+static_assert(int(Status::ok) == MatchStatus::STATUS_OK, "");
+static_assert(int(Status::no_reference) == MatchStatus::STATUS_NO_REFERENCE, "");
+static_assert(int(Status::too_few_features) == MatchStatus::STATUS_TOO_FEW_FEATURES, "");
+static_assert(int(Status::too_few_matches) == MatchStatus::STATUS_TOO_FEW_MATCHES, "");
+static_assert(int(Status::no_model) == MatchStatus::STATUS_NO_MODEL, "");
+static_assert(int(Status::model_rejected) == MatchStatus::STATUS_MODEL_REJECTED, "");
+static_assert(int(NoReference::none) == MatchStatus::REASON_NONE, "");
+static_assert(int(NoReference::first_frame) == MatchStatus::REASON_FIRST_FRAME, "");
+static_assert(int(NoReference::gap) == MatchStatus::REASON_GAP, "");
+static_assert(int(NoReference::stamp_went_back) == MatchStatus::REASON_STAMP_WENT_BACK, "");
+static_assert(int(NoReference::size_changed) == MatchStatus::REASON_SIZE_CHANGED, "");
+static_assert(int(NoReference::encoding_changed) == MatchStatus::REASON_ENCODING_CHANGED, "");
+static_assert(int(NoReference::not_set) == MatchStatus::REASON_NOT_SET, "");
+static_assert(int(NoReference::reset) == MatchStatus::REASON_RESET, "");
+static_assert(int(NoReference::mode_changed) == MatchStatus::REASON_MODE_CHANGED, "");
+static_assert(int(NoReference::first_frame) == MatchStatus::REASON_FIRST_FRAME, "");
+static_assert(int(NoReference::gap) == MatchStatus::REASON_GAP, "");
+static_assert(int(NoReference::stamp_went_back) == MatchStatus::REASON_STAMP_WENT_BACK, "");
+static_assert(int(NoReference::size_changed) == MatchStatus::REASON_SIZE_CHANGED, "");
+static_assert(int(NoReference::encoding_changed) == MatchStatus::REASON_ENCODING_CHANGED, "");
+static_assert(int(NoReference::not_set) == MatchStatus::REASON_NOT_SET, "");
+static_assert(int(NoReference::reset) == MatchStatus::REASON_RESET, "");
+static_assert(int(NoReference::mode_changed) == MatchStatus::REASON_MODE_CHANGED, "");
+static_assert(int(NoReference::lens_changed) == MatchStatus::REASON_LENS_CHANGED, "");
+static_assert(int(NoReference::lens_changed) == MatchStatus::REASON_LENS_CHANGED, "");
 static_assert(int(Search::whole) == MatchStatistics::SEARCH_WHOLE_IMAGE, "");
 static_assert(int(Search::near) == MatchStatistics::SEARCH_NEAR, "");
 static_assert(int(Search::fell_back) == MatchStatistics::SEARCH_FELL_BACK, "");
@@ -113,9 +115,9 @@ void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
 }
 
-/// Where the message has the correspondence of an aligned point; nothing where it is a guided match
-/// that does not agree with the aligned homography. The guided ones stand from place `guided` on.
-/// Both parts are in the order of the target's keypoints.
+/// Index in the message of an aligned point's correspondence; empty for a guided match that
+/// disagrees with the aligned homography. Guided matches begin at index `guided`. Both parts are in
+/// the order of the target's keypoints.
 std::optional<std::uint32_t> placeOf(const AlignedPoint& point, std::size_t guided,
                                      const Correspondences& message) {
   const auto target = static_cast<std::uint32_t>(point.target_index);
@@ -146,7 +148,7 @@ void appendAligned(const AlignmentResult& alignment, std::size_t guided, Corresp
   }
 }
 
-/// Every correspondence that passed the ratio filter, with the level it reached.
+/// Every correspondence that passed the ratio filter, with its level.
 CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const SequenceMatch& match) {
   const Frame& reference = *match.reference;
   const Frame& target = *match.frame;
@@ -195,7 +197,7 @@ HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const Sequenc
   auto message = boost::make_shared<HomographyStamped>();
   message->header = header;
   message->reference_stamp = timeOf(match.accumulated->first_stamp);
-  message->status = HomographyStamped::STATUS_OK;
+  message->status = MatchStatus::STATUS_OK;
   message->rectified = match.frame->lens != nullptr;
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
@@ -267,7 +269,7 @@ std::string explanation(NoReference reason) {
     case NoReference::first_frame:
       return "no reference: the first frame";
     case NoReference::gap:
-      return "no reference: the frame before is older than max_reference_age";
+      return "no reference: the previous frame is older than max_reference_age";
     case NoReference::stamp_went_back:
       return "no reference: the stamp went back";
     case NoReference::size_changed:
@@ -310,7 +312,7 @@ MatchPtr toMatch(const FrameMessages& messages) {
 
 namespace {
 
-/// The image of the frame, in the pixels that its keypoints are in.
+/// The image of the frame in the pixels of its keypoints.
 cv::Mat shown(const Frame& frame) {
   if (!frame.lens) return frame.image;
   cv::Mat rectified;

@@ -14,32 +14,32 @@
 
 namespace ktgp_orb {
 
-/// The messages about one frame. Those that may be null are so for a frame without a reference.
+/// The messages of one frame. Some are null for a frame without a reference.
 struct FrameMessages {
   CorrespondencesPtr correspondences;  ///< may be null
   HomographyStampedPtr homography;
   HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
   MatchStatisticsPtr statistics;
-  sensor_msgs::ImagePtr overlay;  ///< null unless asked for
-  /// The reference came through the camera's lens; false: from a file or a topic, taken as it is.
+  sensor_msgs::ImagePtr overlay;  ///< null unless wanted
+  /// The reference came through the camera's lens; false: from a file or a topic.
   bool reference_of_camera = true;
-  /// Of the frame, whether or not it bettered the homography; valid until the next one. May be
-  /// null.
+  /// The alignment of the frame, even if it did not improve the homography; valid until the next
+  /// frame. May be null.
   const AlignmentResult* alignment = nullptr;
 };
 
-/// All but the overlay; `header`: of the target image. What only the caller knows of the statistics
-/// (latency, counters, configuration) is left at zero.
+/// All except the overlay; `header`: of the target image. Statistics that only the caller knows
+/// (latency, counters, configuration) are zero.
 FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match);
 
-/// All but the picture in one message: as they are, so call it when the statistics are complete.
+/// All messages except the picture in one; call it when the statistics are complete.
 MatchPtr toMatch(const FrameMessages& messages);
 
-/// A sentence for people.
+/// A sentence for users.
 std::string explanation(NoReference reason);
 
-/// The overlay picture (bgr8) with the header of the target; without a reference: why there is
-/// none.
+/// The overlay picture (bgr8) with the header of the target; without a reference it shows the
+/// reason.
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
                                 OverlayStyle style);
 

@@ -24,7 +24,7 @@ void MessageMatcher::fixReference(const FramePtr& frame) {
 }
 
 void MessageMatcher::configure(const Configuration& configuration) {
-  // All that may throw comes before any change.
+  // All calls that may throw come before any change.
   const bool another = configuration.reference_image != configuration_.reference_image;
   const FramePtr reference = another ? configuredReference(configuration) : nullptr;
   sequence_.setOptions(configuration.sequence);

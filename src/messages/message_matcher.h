@@ -13,17 +13,17 @@ namespace ktgp_orb {
 /// An instance belongs to one thread at a time.
 class MessageMatcher {
  public:
-  /// Throws std::invalid_argument for options the core refuses and RefusedImage for a reference
-  /// image of no use; `configure` then changes nothing.
+  /// Throws std::invalid_argument for options that the core refuses, and RefusedImage for an
+  /// unusable reference image; `configure` then changes nothing.
   explicit MessageMatcher(const Configuration& configuration);
   void configure(const Configuration& configuration);
   const Configuration& configuration() const { return configuration_; }
 
-  /// Throws RefusedImage for an image of no use; the reference is then what it was.
+  /// Throws RefusedImage for an unusable image; the reference then stays.
   FrameMessages process(const sensor_msgs::ImageConstPtr& image);
-  /// The same for an image that has been made a frame. `ahead`: see SequenceMatcher::match.
+  /// The same for a frame. `ahead`: see SequenceMatcher::match.
   FrameMessages process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// Of the frame that was processed last; null where there is none since the last reset.
+  /// The last processed frame; null if there is none since the last reset.
   sensor_msgs::ImagePtr overlay() const;
 
   /// The next frame becomes the reference of the fixed mode.
@@ -31,14 +31,14 @@ class MessageMatcher {
   /// The reference of the fixed mode, or null.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
-  /// The reference of the fixed mode was a frame of the camera, not the configuration's image.
+  /// The reference of the fixed mode is a frame of the camera, not the configured image.
   bool holdsSetReference() const {
     return fixedReference() && fixedReference() != configured_reference_;
   }
 
-  /// Forgets the reference, but not a fixed one.
+  /// Forgets the reference, except a fixed one.
   void forgetReference();
-  /// Forgets every reference; the fixed one becomes the configuration's reference image again.
+  /// Forgets every reference; the configured reference image becomes the fixed one again.
   void reset();
 
  private:

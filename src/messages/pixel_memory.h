@@ -10,21 +10,21 @@
 
 namespace ktgp_orb {
 
-/// What the pixels of a frame lie in: the message, or a matrix that they were converted into.
+/// The memory of a frame's pixels: the message, or a matrix with the converted pixels.
 struct PixelMemory {
   sensor_msgs::ImageConstPtr message;
   cv::Mat grey;
 };
 
-/// Hands out memory for frames and takes it back once nobody holds it, so that in steady state
-/// nothing is allocated for an image. A message is let go when the next image comes.
+/// Hands out memory for frames and reuses it when it is free again, so that in steady state no
+/// image needs an allocation. A message is released when the next image arrives.
 class PixelMemoryPool {
  public:
   std::shared_ptr<PixelMemory> take() {
     std::shared_ptr<PixelMemory> free;
     for (const std::shared_ptr<PixelMemory>& one : all_) {
       if (one.use_count() > 1) continue;
-      // Copied, which makes all that its last holder read come before what is done with it now.
+      // The copy orders memory accesses: all reads of the last holder come before the next write.
       free = one;
       free->message.reset();
     }
@@ -32,7 +32,7 @@ class PixelMemoryPool {
       free = std::make_shared<PixelMemory>();
       if (all_.size() < kMost) all_.push_back(free);
     }
-    // A caller may hold the matrix, though not the frame that had it.
+    // A caller may hold the matrix without the frame.
     if (util::isShared(free->grey)) free->grey.release();
     return free;
   }

@@ -8,18 +8,18 @@
 
 namespace ktgp_orb {
 
-/// Leaves out frames so that no more than so many a second remain, evenly: time is cut into slots,
-/// and the first frame of each is taken. Where the camera is as fast as the limit, each frame is in
-/// the middle of its slot, so that stamps may shake by half a slot.
+/// Skips frames evenly to limit their rate: time is divided into slots, and the first frame of each
+/// slot is used. If the camera's rate equals the limit, each frame is in the middle of its slot, so
+/// stamps may vary by half a slot.
 class RateLimiter {
  public:
-  /// Hz; 0: all frames are taken. A change begins anew.
+  /// Hz; 0: use all frames. A change restarts the slots.
   void setRate(double rate) {
     if (rate != rate_) first_.reset();
     rate_ = rate;
   }
 
-  /// Whether the frame with this stamp is taken. A stamp before the last one begins anew.
+  /// Whether to use the frame with this stamp. A stamp before the last one restarts the slots.
   bool takes(const ros::Time& stamp) {
     if (rate_ <= 0.0) return true;
     if (!first_ || stamp < last_) {

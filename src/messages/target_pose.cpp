@@ -1,5 +1,7 @@
 #include "messages/target_pose.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <vector>
 
 namespace ktgp_orb {
@@ -24,14 +26,14 @@ void TargetPose::setOptions(const ProsacOptions& options) {
   const ProsacOptions& now = prosac_.options();
   if (options.max_error == now.max_error && options.max_iterations == now.max_iterations &&
       options.confidence == now.confidence && options.seed == now.seed) {
-    return;  // the buffers stay
+    return;  // keep the buffers
   }
   prosac_ = ProsacHomography(options);
 }
 
 std::optional<PlanarPose> TargetPose::find(const FrameMessages& messages, const PixelCamera& camera,
                                            double width) {
-  if (!messages.correspondences || messages.homography->status != HomographyStamped::STATUS_OK) {
+  if (!messages.correspondences || messages.homography->status != MatchStatus::STATUS_OK) {
     return std::nullopt;
   }
   const cv::Size reference(static_cast<int>(messages.correspondences->reference_width),
@@ -49,8 +51,8 @@ std::optional<PlanarPose> TargetPose::find(const FrameMessages& messages, const 
   return planarPose(found.homography, found.covariance, camera.camera, reference, width);
 }
 
-/// That of `result_`; from aligned points it is estimated again as the alignment does, since their
-/// errors are not those of keypoints.
+/// The homography of `result_`; aligned points are fitted like in the alignment, since their errors
+/// differ from those of keypoints.
 UncertainHomography TargetPose::homographyOfPairs(const cv::Size& reference) {
   UncertainHomography found{result_.homography, result_.covariance, result_.shared_covariance,
                             result_.plane_deviation};
@@ -62,8 +64,8 @@ UncertainHomography TargetPose::homographyOfPairs(const cv::Size& reference) {
   return final_.trusted ? refined : found;
 }
 
-// The aligned points where there are enough of them, good to hundredths of a pixel; else the
-// matches that passed GMS.
+// The aligned points if there are enough, accurate to hundredths of a pixel; else the matches that
+// passed GMS.
 void TargetPose::undistort(const FrameMessages& messages, const Lens& lens) {
   const Correspondences& matches = *messages.correspondences;
   std::vector<cv::KeyPoint> reference;
@@ -75,7 +77,7 @@ void TargetPose::undistort(const FrameMessages& messages, const Lens& lens) {
     for (const AlignedPoint& point : messages.alignment->points) {
       reference.push_back(keypoint(point.reference));
       target.push_back(keypoint(point.target));
-      pairs_.quality.push_back(0.5);  // they are all as good
+      pairs_.quality.push_back(0.5);  // all are equally good
     }
   } else {
     for (std::size_t i = 0; i < matches.level.size(); ++i) {

@@ -10,19 +10,18 @@
 
 namespace ktgp_orb {
 
-/// Where a flat target is, from what was found in a frame and the camera that its pixels belong to.
+/// Pose of a flat target, from the result of a frame and the camera of its pixels.
 /// An instance belongs to one thread at a time.
 class TargetPose {
  public:
-  /// `options`: of the homography where the lens distorts.
+  /// `options`: for the homography in case of distortion.
   void setOptions(const ProsacOptions& options);
 
-  /// `width`: of what the reference image shows, m. Nothing without correspondences and where no
-  /// target before the camera gives them.
+  /// `width`: the width that the reference image shows, m. Empty without correspondences, and if
+  /// they do not give a target in front of the camera.
   ///
-  /// Through a lens that distorts no homography leads to a flat target: there the aligned points,
-  /// or the matches that passed GMS, are moved to where they are without distortion, and the
-  /// homography is theirs.
+  /// With lens distortion, no homography maps a flat target to the image. Then the aligned points,
+  /// or the matches that passed GMS, are rectified, and a homography is fitted to them.
   std::optional<PlanarPose> find(const FrameMessages& messages, const PixelCamera& camera,
                                  double width);
 

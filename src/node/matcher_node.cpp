@@ -1,4 +1,4 @@
-// The matcher as a program of its own: loads the same nodelet that a manager would load.
+// The matcher as a standalone program: loads the same nodelet as a manager.
 
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -8,19 +8,20 @@
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "matcher");
-  cv::setNumThreads(1);  // the matcher has threads of its own; in a manager OpenCV is left alone
+  cv::setNumThreads(
+      1);  // the matcher has its own threads; in a manager OpenCV's setting is not changed
   try {
     nodelet::Loader loader;
     const bool loaded = loader.load(ros::this_node::getName(), "ktgp_orb/matcher",
                                     ros::names::getRemappings(), nodelet::V_string());
     if (!loaded) {
       ROS_FATAL(
-          "nodelet ktgp_orb/matcher does not start; if no reason stands above: is the "
-          "workspace sourced?");
+          "nodelet ktgp_orb/matcher does not start; if no reason is given above: is "
+          "the workspace sourced?");
       return 1;
     }
     ros::spin();
-  } catch (const std::exception& /*said by the nodelet itself*/) {
+  } catch (const std::exception& /*reported by the nodelet*/) {
     return 1;
   }
   return 0;

@@ -5,18 +5,18 @@
 
 namespace ktgp_orb {
 
-/// A callback queue with a thread of its own.
+/// A callback queue with its own thread.
 ///
-/// A nodelet's callbacks do not run in the manager's threads: one of these that is in a callback
-/// keeps the nodelet alive, and then it is that thread that destroys it, after the unloading has
-/// returned and with the nodelet's other callback queue already gone.
+/// A nodelet does not use the manager's threads for its callbacks: a manager's thread in a callback
+/// keeps the nodelet alive, and would destroy it after the unloading has returned, when the other
+/// callback queue no longer exists.
 struct CallbackThread {
   ros::CallbackQueue callbacks;
   ros::AsyncSpinner spinner{1, &callbacks};
 
   void start() { spinner.start(); }
-  /// The end of all callbacks: a disabled queue takes no more of them, and stopping its spinner
-  /// waits for the one that runs. What they use may go only then.
+  /// Ends all callbacks: a disabled queue accepts no more of them, and stopping its spinner waits
+  /// for the running one. Destroy what the callbacks use only after this.
   void stop() {
     callbacks.disable();
     spinner.stop();

@@ -1,5 +1,7 @@
 #include "nodelet/consumer_monitor.h"
 
+#include "nodelet/input_watch.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -70,6 +72,13 @@ void ConsumerMonitor::setMixture(const std::string& mixture) {
   mixture_ = mixture;
 }
 
+void ConsumerMonitor::setTroubles(const std::string& of_images,
+                                  const std::string& of_homographies) {
+  const Lock lock(mutex_);
+  image_trouble_ = of_images;
+  homography_trouble_ = of_homographies;
+}
+
 void ConsumerMonitor::setValue(const std::string& name, const std::string& value) {
   const Lock lock(mutex_);
   values_[name] = value;
@@ -117,15 +126,16 @@ void ConsumerMonitor::summarise(diagnostic_updater::DiagnosticStatusWrapper& rep
     report.summary(DiagnosticStatus::ERROR, "images refused: " + refusal_);
   } else if (clock_stands_) {
     report.summary(DiagnosticStatus::OK,
-                   "the clock stands: a paused bag, or nobody publishes /clock");
+                   "the clock stands: a paused bag, or /clock has no publisher");
   } else if (!mixture_.empty()) {
     warn(mixture_);
   } else if (silent_images_ > kPatience) {
-    warn("no image on " + image_topic_);
+    warn(noneOn("image", image_topic_, image_trouble_));
   } else if (silent_homographies_ > kPatience) {
-    warn("no homography on " + homography_topic_ + ": does the matcher run?");
+    warn(noneOn("homography", homography_topic_,
+                homography_trouble_.empty() ? "does the matcher run?" : homography_trouble_));
   } else if (last_.forgotten > 0) {
-    warn("images had to go before their homography came: max_memory is too small for them");
+    warn("images were dropped before their homography arrived: max_memory is too small for them");
   } else if (!warning_.empty()) {
     warn(warning_);
   }
@@ -139,7 +149,7 @@ void ConsumerMonitor::report(diagnostic_updater::DiagnosticStatusWrapper& report
   report.add("homographies found", total_.found);
   report.add("frames done", total_.done);
   report.add("dropped", total_.dropped);
-  report.add("dropped for max_memory", total_.forgotten);
+  report.add("dropped because of max_memory", total_.forgotten);
   report.add("refused", total_.refused);
   report.add("refused parameters", parameter_error_);
   report.addf("per frame (ms)", "%.2f",

@@ -9,8 +9,8 @@
 
 namespace ktgp_orb {
 
-/// Counts what a nodelet gets and gives, and reports it to diagnostics. All functions may be called
-/// from any thread.
+/// Counts what a nodelet receives and publishes, and reports it to diagnostics. All functions may
+/// be called from any thread.
 class ConsumerMonitor {
  public:
   void setTopics(const std::string& image, const std::string& homography);
@@ -19,17 +19,19 @@ class ConsumerMonitor {
   void imageArrived();
   void homographyArrived(bool found);
   void dropped(std::size_t count);
-  /// Images that had to go for max_memory.
+  /// Images that were dropped because of max_memory.
   void forgotten(std::size_t count);
   void refused(const std::string& reason);
-  /// A frame was worked on.
+  /// A frame was processed.
   void done(double milliseconds);
-  /// Something that people should know; empty: all is well.
+  /// A problem that users should know; empty: none.
   void setWarning(const std::string& warning);
-  /// Why the last change of parameters was refused; empty: it was not.
+  /// Why the last change of parameters was refused; empty: it was accepted.
   void setParameterError(const std::string& error);
-  /// That several nodes publish the images; empty: one does.
+  /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
+  /// Why images and homographies are missing; empty: not known.
+  void setTroubles(const std::string& of_images, const std::string& of_homographies);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);
 
@@ -37,8 +39,8 @@ class ConsumerMonitor {
   std::uint64_t homographies() const;
   std::uint64_t found() const;
 
-  /// Call once a second, before the reports. While the clock stands (a paused bag) nothing is
-  /// missed.
+  /// Call it once a second, before the reports. While the clock stands (a paused bag) nothing
+  /// counts as missing.
   void tick(bool clock_stands);
   void report(diagnostic_updater::DiagnosticStatusWrapper& report);
 
@@ -64,12 +66,14 @@ class ConsumerMonitor {
   int silent_images_ = 0;  // s
   int silent_homographies_ = 0;
   Counts total_;
-  Counts before_;  // as of the last tick
+  Counts before_;  // at the last tick
   Counts last_;    // in the last period
   std::string refusal_;
   std::string warning_;
   std::string parameter_error_;
   std::string mixture_;
+  std::string image_trouble_;
+  std::string homography_trouble_;
   bool clock_stands_ = false;
   std::map<std::string, std::string> values_;
 };

@@ -6,7 +6,7 @@
 
 namespace ktgp_orb {
 
-/// What tells a file from what it was before: size and time stamp. Zero where there is no file.
+/// Identifies a version of a file: size and time stamp. Zero if there is no file.
 struct FileState {
   std::uintmax_t size = 0;
   std::filesystem::file_time_type time{};

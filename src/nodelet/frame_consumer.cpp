@@ -1,5 +1,7 @@
 #include "nodelet/frame_consumer.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <utility>
 
 #include "messages/image_conversion.h"
@@ -9,23 +11,20 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr std::uint32_t kHomographies = 100;  // each is a link of a chain: none should be lost
+constexpr std::uint32_t kHomographies = 100;  // each is a link of the chain, so none should be lost
 
 }  // namespace
 
 FrameConsumer::~FrameConsumer() = default;
 
-// First of all the callbacks end.
+// Callbacks must end before anything else.
 void FrameConsumer::stop() {
   for (CallbackThread* queue : {&queue_, &data_queue_, &slow_queue_}) queue->stop();
   inbox_.close();
   if (worker_.joinable()) worker_.join();
   timer_.stop();
-  {
-    const Lock lock(connect_mutex_);
-    advertised_ = false;
-    if (subscribed_) unsubscribe();
-  }
+  disconnect();
+  outputs_.shutdown();
   diagnostics_.reset();
 }
 
@@ -41,18 +40,13 @@ void FrameConsumer::start() {
       homography_topic_, ros::message_traits::datatype<HomographyStamped>(), "homography"));
   monitor_.setTopics(image_topic_, homography_topic_);
   transport_ = std::make_unique<image_transport::ImageTransport>(data_node_);
-  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
+  outputs_.open(private_node_, [this] { connectionsChanged(); });
   configure();
   worker_ = std::thread(&FrameConsumer::run, this);
   diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
   diagnostics_->setHardwareID(image_topic_);
   diagnostics_->add("frames", &monitor_, &ConsumerMonitor::report);
-  {
-    // Locked until all are there, so that an early subscriber does not find half of them.
-    const Lock lock(connect_mutex_);
-    advertise();
-    advertised_ = true;
-  }
+  connect([this] { advertise(); });
   ros::NodeHandle slow_node = getNodeHandle();
   slow_node.setCallbackQueue(&slow_queue_.callbacks);
   timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
@@ -69,28 +63,8 @@ ros::NodeHandle FrameConsumer::privateNode(CallbackThread& queue) const {
   return node;
 }
 
-image_transport::Publisher FrameConsumer::advertiseImage(const std::string& topic,
-                                                         std::uint32_t queue_size, bool latch) {
-  const auto changed = [this](const image_transport::SingleSubscriberPublisher&) {
-    connectionsChanged();
-  };
-  const auto came = [this](const image_transport::SingleSubscriberPublisher&) {
-    connectionsChanged();
-    subscriberCame();
-  };
-  return private_transport_->advertise(topic, queue_size, came, changed, ros::VoidPtr(), latch);
-}
-
-void FrameConsumer::connectionsChanged() {
-  const Lock lock(connect_mutex_);
-  if (!advertised_) return;
-  const bool wanted = isWanted();
-  if (wanted && !subscribed_) subscribe();
-  if (!wanted && subscribed_) unsubscribe();
-}
-
 void FrameConsumer::subscribe() {
-  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // If publisher and subscriber of one process start at the same time, ROS may connect them twice
   // and deliver everything twice.
   image_sub_ = transport_->subscribe(
       "image", queue_size_,
@@ -109,21 +83,19 @@ void FrameConsumer::subscribe() {
         if (message->rectified && !std::exchange(said_rectified_, true)) {
           NODELET_WARN(
               "the homographies on %s are of rectified images: they fit %s only if its "
-              "images are those",
+              "images are rectified, too",
               homography_topic_.c_str(), image_topic_.c_str());
         }
-        monitor_.homographyArrived(message->status == HomographyStamped::STATUS_OK);
+        monitor_.homographyArrived(message->status == MatchStatus::STATUS_OK);
         inbox_.put(message);
       },
       ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
-  subscribed_ = true;
   monitor_.setListening(true);
 }
 
 void FrameConsumer::unsubscribe() {
   image_sub_.shutdown();
   homography_sub_.shutdown();
-  subscribed_ = false;
   inbox_.clear();
   restart_ = true;
   monitor_.setListening(false);
@@ -142,16 +114,12 @@ void FrameConsumer::tick() {
   monitor_.tick(clockStands());
   watch(*image_watch_, subscribed, monitor_.images(), images);
   watch(*homography_watch_, subscribed, monitor_.homographies(), homographies);
+  monitor_.setTroubles(image_watch_->trouble(), homography_watch_->trouble());
   monitor_.setMixture(watchMixture(images));
   diagnostics_->force_update();
 }
 
-bool FrameConsumer::isSubscribed() {
-  const Lock lock(connect_mutex_);
-  return subscribed_;
-}
-
-// The inbox has a quarter of it, and what waits for its homography the rest.
+// A quarter is for the inbox, the rest for images that wait for their homography.
 void FrameConsumer::setMaxMemory(int megabytes) {
   const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
   inbox_.setMostBytes(bytes / 4);
@@ -175,7 +143,7 @@ void FrameConsumer::run() {
       work(*content);
     } catch (const RefusedImage& error) {
       refuse(error.what());
-    } catch (const std::exception& error) {  // out of memory and the like: the next may work
+    } catch (const std::exception& error) {  // out of memory, for example: the next frame may work
       refuse(std::string("frame lost: ") + error.what());
     }
   }
@@ -197,7 +165,7 @@ ros::Time timeOf(std::int64_t nanoseconds) {
 }
 
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
-  if (message.status != HomographyStamped::STATUS_OK) return std::nullopt;
+  if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
   return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
 }
 

@@ -25,46 +25,31 @@
 
 namespace ktgp_orb {
 
-/// What nodelets have in common that take images and the matcher's homographies: they subscribe
-/// while they have subscribers, callbacks only store, one worker thread does the work, and they can
-/// be unloaded at any moment. As with the matcher, callbacks run in queues and threads of their
-/// own, not in the manager's.
+/// Base of nodelets that use images and the matcher's homographies. They subscribe while they have
+/// subscribers, callbacks only store, one worker thread does the work, and they can be unloaded at
+/// any time. As in the matcher, callbacks have their own queues and threads.
 ///
-/// A derived class calls stop() first of all in its destructor.
+/// A derived class calls stop() first in its destructor.
 class FrameConsumer : public ImageNodelet {
  public:
   ~FrameConsumer() override;
 
  protected:
-  /// Reads the parameters, and makes what the worker needs. Throws where they cannot be used.
+  /// Reads the parameters, and creates what the worker needs. Throws for unusable parameters.
   virtual void configure() = 0;
   /// Advertises all outputs.
   virtual void advertise() = 0;
-  /// Whether anybody wants an output.
-  virtual bool isWanted() const = 0;
-  /// Ends publishers, services and the parameter server; callbacks have ended.
+  /// Ends services and the parameter server, after the callbacks have ended.
   virtual void shutdown() = 0;
-  /// The worker's turn: what has arrived since the last one.
+  /// Called by the worker with everything that has arrived since the last call.
   virtual void work(FrameInbox::Content& content) = 0;
-  /// The worker's turn: nobody listened for a while.
+  /// Called by the worker when there was no subscriber for a while.
   virtual void restart() = 0;
-  /// A subscriber came, to whichever output.
-  virtual void subscriberCame() {}
 
   void stop();
-  /// Subscribes or unsubscribes as is wanted now.
-  void connectionsChanged();
   ros::NodeHandle privateNode(CallbackThread& queue) const;
-  /// An output below the private name, whose connections decide what is subscribed.
-  image_transport::Publisher advertiseImage(const std::string& topic, std::uint32_t queue_size,
-                                            bool latch = false);
-  template <typename Message>
-  ros::Publisher advertiseData(const std::string& topic, std::uint32_t queue_size) {
-    const auto changed = [this](const ros::SingleSubscriberPublisher&) { connectionsChanged(); };
-    return private_node_.advertise<Message>(topic, queue_size, changed, changed);
-  }
-  /// Calls `changed` with the parameters at once, and whenever they change. Throws where those at
-  /// the start are out of their range; later ones of no use are refused, and the old ones stay.
+  /// Calls `changed` with the parameters at once, and whenever they change. Throws if the initial
+  /// ones are out of their range; later unusable ones are refused, and the old ones stay.
   template <typename Config>
   std::unique_ptr<dynamic_reconfigure::Server<Config>> serveParameters(
       const std::function<void(const Config&)>& changed) {
@@ -86,30 +71,29 @@ class FrameConsumer : public ImageNodelet {
     });
     return server;
   }
-  /// Drawing of the next turn without waiting for a message.
+  /// Starts the worker without a message, for example to draw.
   void wake() { inbox_.wake(); }
-  /// Names it in diagnostics and, not too often, in the log.
+  /// Reports it in diagnostics and, with limited frequency, in the log.
   void refuse(const std::string& reason);
 
   /// An image that waits for its homography.
   void keep(const sensor_msgs::ImageConstPtr& image);
-  bool isSubscribed();
 
   CallbackThread queue_;       // connections, parameters
   CallbackThread data_queue_;  // images, homographies
   CallbackThread slow_queue_;  // diagnostics and the watch, which ask the master
   ConsumerMonitor monitor_;
   std::string homography_topic_;
-  ImageStore images_{kImages};  // the worker's own
+  ImageStore images_{kImages};  // used only by the worker
 
-  static constexpr std::size_t kImages = 40;  // that wait for their homography: a second or more
+  static constexpr std::size_t kImages = 40;  // that wait for their homography: more than a second
 
  private:
   void start() override;
   void setMaxMemory(int megabytes);
   void sayParametersRefused(const std::string& reason);
-  void subscribe();
-  void unsubscribe();
+  void subscribe() override;
+  void unsubscribe() override;
   void tick();
   void run();
 
@@ -117,31 +101,27 @@ class FrameConsumer : public ImageNodelet {
   ros::NodeHandle node_;
   ros::NodeHandle data_node_;
   ros::NodeHandle private_node_;
-  std::unique_ptr<image_transport::ImageTransport> transport_;          // of the input
-  std::unique_ptr<image_transport::ImageTransport> private_transport_;  // of the outputs
-  std::unique_ptr<InputWatch> homography_watch_;                        // the slow queue's own
+  std::unique_ptr<image_transport::ImageTransport> transport_;
+  std::unique_ptr<InputWatch> homography_watch_;  // used only in the slow queue
   ros::WallTimer timer_;
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
 
-  std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
-  bool advertised_ = false;
-  bool subscribed_ = false;
   image_transport::Subscriber image_sub_;
   ros::Subscriber homography_sub_;
 
-  boost::weak_ptr<const sensor_msgs::Image> last_image_;      // the data queue's own
+  boost::weak_ptr<const sensor_msgs::Image> last_image_;      // used only in the data queue
   boost::weak_ptr<const HomographyStamped> last_homography_;  // the same
   bool said_rectified_ = false;                               // the same
-  std::atomic<std::size_t> store_bytes_{0};                   // that images_ may take
+  std::atomic<std::size_t> store_bytes_{0};                   // limit for images_
   std::atomic<bool> restart_{false};
   FrameInbox inbox_;
   std::thread worker_;
 };
 
-/// Nanoseconds, as the core has it.
+/// Nanoseconds, as in the core.
 std::int64_t stampOf(const ros::Time& time);
 ros::Time timeOf(std::int64_t nanoseconds);
-/// The homography of the message; nothing where none was found.
+/// The homography of the message; empty if none was found.
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
 
 }  // namespace ktgp_orb

@@ -13,8 +13,8 @@
 
 namespace ktgp_orb {
 
-/// Hands what arrives to a worker, all at once. A worker that is late loses the oldest, never the
-/// newest.
+/// Passes everything that arrives to a worker at once. If the worker is late, the oldest items are
+/// dropped, never the newest.
 class FrameInbox {
  public:
   struct Content {
@@ -22,7 +22,7 @@ class FrameInbox {
     std::deque<HomographyStampedConstPtr> homographies;
   };
 
-  /// How many older ones had to go.
+  /// How many older ones were dropped.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     std::size_t gone = 0;
     {
@@ -47,13 +47,13 @@ class FrameInbox {
     ready_.notify_one();
   }
 
-  /// Of the pixels of the images; the newest stays whatever it takes.
+  /// Limit for the pixels of the images; the newest image always stays.
   void setMostBytes(std::size_t bytes) {
     const std::lock_guard<std::mutex> lock(mutex_);
     most_bytes_ = bytes;
   }
 
-  /// Makes take() return, with nothing where nothing came.
+  /// Makes take() return, also without new messages.
   void wake() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -62,7 +62,7 @@ class FrameInbox {
     ready_.notify_one();
   }
 
-  /// Waits for something; nothing once closed.
+  /// Waits for messages; empty after close().
   std::optional<Content> take() {
     std::unique_lock<std::mutex> lock(mutex_);
     ready_.wait(lock, [this] {
@@ -80,7 +80,7 @@ class FrameInbox {
     bytes_ = 0;
   }
 
-  /// Wakes the taker for good.
+  /// Wakes the worker for the last time.
   void close() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);
@@ -91,7 +91,7 @@ class FrameInbox {
 
  private:
   static constexpr std::size_t kImages = 10;
-  static constexpr std::size_t kHomographies = 300;  // small, and each is a link of a chain
+  static constexpr std::size_t kHomographies = 300;  // small, and each is a link of the chain
 
   std::mutex mutex_;
   std::condition_variable ready_;

@@ -12,7 +12,7 @@ void requireTransport(const ros::NodeHandle& node, const std::string& transport)
   if (std::find(names.begin(), names.end(), "image_transport/" + transport) != names.end()) return;
   throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
                               transport +
-                              "_image_transport brings it (on ROS Noetic: apt install "
+                              "_image_transport provides it (on ROS Noetic: apt install "
                               "ros-noetic-" +
                               transport + "-image-transport)");
 }

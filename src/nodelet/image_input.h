@@ -6,7 +6,7 @@
 
 namespace ktgp_orb {
 
-/// Throws std::invalid_argument, saying what would help, for an image transport that is not there.
+/// Throws std::invalid_argument, with advice, for an image transport that is not installed.
 void requireTransport(const ros::NodeHandle& node, const std::string& transport);
 
 }  // namespace ktgp_orb

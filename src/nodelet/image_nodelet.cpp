@@ -10,9 +10,11 @@
 namespace ktgp_orb {
 namespace {
 
-// ROS_*_THROTTLE would not do: one for all nodelets of a process, and silent while ROS time is
-// zero.
+// ROS_*_THROTTLE does not fit: it is shared by all nodelets of a process, and silent while ROS time
+// is zero.
 constexpr std::chrono::seconds kRepeatRefusal{5};
+
+using Lock = std::lock_guard<std::mutex>;
 
 }  // namespace
 
@@ -20,7 +22,7 @@ void ImageNodelet::onInit() {
   try {
     start();
   } catch (const std::exception& error) {
-    NODELET_FATAL("%s", error.what());  // the loader catches it and keeps it to itself
+    NODELET_FATAL("%s", error.what());  // the loader catches the exception without a message
     throw;
   }
 }
@@ -36,6 +38,35 @@ void ImageNodelet::openInput(const ros::NodeHandle& node, const ros::NodeHandle&
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
   requireTransport(node, transport);
   image_watch_ = std::make_unique<InputWatch>(image_topic_, transport);
+}
+
+void ImageNodelet::connectionsChanged() {
+  const Lock lock(connect_mutex_);
+  if (!connected_ || isWanted() == subscribed_) return;
+  subscribed_ = !subscribed_;
+  if (subscribed_) {
+    subscribe();
+  } else {
+    unsubscribe();
+  }
+}
+
+void ImageNodelet::connect(const std::function<void()>& advertise) {
+  const Lock lock(connect_mutex_);
+  advertise();
+  connected_ = true;
+}
+
+void ImageNodelet::disconnect() {
+  const Lock lock(connect_mutex_);
+  connected_ = false;
+  if (subscribed_) unsubscribe();
+  subscribed_ = false;
+}
+
+bool ImageNodelet::isSubscribed() {
+  const Lock lock(connect_mutex_);
+  return subscribed_;
 }
 
 void ImageNodelet::sayUnknown(const std::vector<std::string>& parameters) {
@@ -60,7 +91,7 @@ bool ImageNodelet::clockStands() {
 
 void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arrived,
                          std::uint32_t publishers) {
-  // A paused bag is no broken camera; a clock that never began is.
+  // A paused bag is not a broken camera; a clock that never started is an error.
   if (clock_stands_ && !clockIsMissing()) return;
   const std::string warning = watch.tick(subscribed, arrived, publishers);
   if (!warning.empty()) NODELET_WARN("%s", warning.c_str());

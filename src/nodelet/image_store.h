@@ -10,8 +10,8 @@
 
 namespace ktgp_orb {
 
-/// Keeps the newest images by their stamps until they are taken: no more than a number of them, and
-/// no more than a number of bytes. The newest stays whatever it takes.
+/// Stores the newest images by their stamps until they are taken. Limits their number and their
+/// bytes; the newest image always stays.
 class ImageStore {
  public:
   explicit ImageStore(std::size_t most) : most_(most) {}
@@ -19,9 +19,10 @@ class ImageStore {
   void setMost(std::size_t images) { most_ = images; }
   void setMostBytes(std::size_t bytes) { most_bytes_ = bytes; }
 
-  /// How many had to go for the bytes; those beyond the number are too old for a homography.
+  /// How many were dropped because of the bytes. Those beyond the number are too old for a
+  /// homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
-    take(image->header.stamp);  // of two with one stamp the newer
+    take(image->header.stamp);  // of two images with one stamp the newer stays
     images_[image->header.stamp] = image;
     bytes_ += image->data.size();
     order_.push_back(image->header.stamp);
@@ -33,7 +34,7 @@ class ImageStore {
 
   bool has(const ros::Time& stamp) const { return images_.count(stamp) > 0; }
 
-  /// Null: it is not there.
+  /// Null if it is not stored.
   sensor_msgs::ImageConstPtr take(const ros::Time& stamp) {
     const auto found = images_.find(stamp);
     if (found == images_.end()) return nullptr;
@@ -63,7 +64,7 @@ class ImageStore {
   std::size_t most_bytes_ = std::numeric_limits<std::size_t>::max();
   std::size_t bytes_ = 0;
   std::map<ros::Time, sensor_msgs::ImageConstPtr> images_;
-  std::deque<ros::Time> order_;  // as they came; also of those that were taken
+  std::deque<ros::Time> order_;  // in order of arrival; includes those that were taken
 };
 
 }  // namespace ktgp_orb

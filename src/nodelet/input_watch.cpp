@@ -10,12 +10,11 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr int kSecondsBeforeWarning = 5;
-constexpr int kSecondsBetweenWarnings = 30;
+constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing arrives
 const char* const kImage = "sensor_msgs/Image";
 const char* const kCompressed = "sensor_msgs/CompressedImage";
 
-/// Type of a topic that somebody publishes; empty: nobody does.
+/// Type of a published topic; empty if it has no publisher.
 std::string typeOf(const ros::master::V_TopicInfo& topics, const std::string& name) {
   const auto found = std::find_if(topics.begin(), topics.end(),
                                   [&name](const auto& topic) { return topic.name == name; });
@@ -43,6 +42,10 @@ std::set<std::string> publishersOf(const std::string& topic) {
 
 }  // namespace
 
+std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble) {
+  return "no " + what + " on " + topic + (trouble.empty() ? "" : ": " + trouble);
+}
+
 InputWatch::InputWatch(std::string topic, std::string transport)
     : InputWatch(std::move(topic), std::move(transport), kImage, "image") {}
 
@@ -60,22 +63,30 @@ std::string InputWatch::wanted() const {
   return transport_ == "raw" ? topic_ : topic_ + "/" + transport_;
 }
 
+void InputWatch::restart() {
+  silent_seconds_ = 0;
+  trouble_.clear();
+  said_ = false;
+}
+
 std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers) {
-  silent_seconds_ = arrived == arrived_before_ ? silent_seconds_ + 1 : 0;
+  const bool silent = arrived == arrived_before_ && subscribed == subscribed_;
   arrived_before_ = arrived;
-  if (!subscribed) {
-    // For want of subscribers, but a wrong topic name should show all the same.
-    return silent_seconds_ == kSecondsBeforeWarning ? trouble() : "";
-  }
-  if (silent_seconds_ % kSecondsBetweenWarnings != kSecondsBeforeWarning) return "";
-  const std::string reason = trouble();
+  subscribed_ = subscribed;
+  if (!silent) restart();
+  if (!silent || ++silent_seconds_ % kSecondsBetweenQuestions != 0) return "";
+  const std::string before = std::exchange(trouble_, askMaster());
+  if (std::exchange(said_, true) && trouble_ == before) return "";
+  // An idle publisher explains missing messages, but a wrong topic name should be reported all the
+  // same.
+  if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +
          (type_ == kImage ? ", transport " + transport_ : "") + ")" +
-         (reason.empty() ? "" : ": " + reason);
+         (trouble_.empty() ? "" : ": " + trouble_);
 }
 
-std::string InputWatch::trouble() const {
+std::string InputWatch::askMaster() const {
   ros::master::V_TopicInfo topics;
   if (!ros::master::getTopics(topics)) return "";
   const std::string name = wanted();
@@ -88,7 +99,7 @@ std::string InputWatch::trouble() const {
     }
     return problem;
   }
-  std::string problem = "nobody publishes " + name + ": is the topic name right?";
+  std::string problem = "no node publishes " + name + ": is the topic name right?";
   if (type_ != kImage) return problem;
   for (const std::string other : {"raw", "compressed"}) {
     const std::string sibling = other == "raw" ? topic_ : topic_ + "/" + other;

@@ -5,31 +5,37 @@
 
 namespace ktgp_orb {
 
-/// Finds out, once a second, that nothing comes on a topic, and says what may be wrong. It asks the
+/// "no WHAT on TOPIC", and the reason if it is known.
+std::string noneOn(const std::string& what, const std::string& topic, const std::string& trouble);
+
+/// Detects, once a second, that nothing arrives on a topic, and reports likely causes. It asks the
 /// master, which may take long.
 class InputWatch {
  public:
   /// Of images; `transport`: image transport.
   InputWatch(std::string topic, std::string transport);
-  /// Of messages of a type: `what` it is called, "homography" for example.
+  /// For messages of a type; `what`: its name, for example "homography".
   static InputWatch ofMessages(std::string topic, std::string type, std::string what);
 
-  /// `arrived`: messages since the start; `publishers`: of the topic, where subscribed. A warning
-  /// to print, or an empty string.
+  /// `arrived`: messages since the start; `publishers`: of the topic, if subscribed. Returns a
+  /// warning to print, or an empty string. Each cause is reported once.
   std::string tick(bool subscribed, std::uint64_t arrived, std::uint32_t publishers);
 
-  /// That several nodes publish the topic, whose images are then mixed, and who; empty: one does.
-  std::string mixture(std::uint32_t publishers) const;
+  /// Why messages are missing, from the last question to the master; empty: unknown, or they
+  /// arrive.
+  const std::string& trouble() const { return trouble_; }
 
-  /// Starts to wait anew.
-  void restart() { silent_seconds_ = 0; }
+  /// A message that several nodes publish the topic, with their names; empty if only one does.
+  std::string mixture(std::uint32_t publishers) const;
 
  private:
   InputWatch(std::string topic, std::string transport, std::string type, std::string what);
 
-  /// What the master knows that keeps messages away; empty: nothing.
-  std::string trouble() const;
-  /// The topic as the transport has it.
+  /// Restarts the waiting.
+  void restart();
+  /// What the master knows about the missing messages; empty: nothing.
+  std::string askMaster() const;
+  /// The topic that the transport subscribes to.
   std::string wanted() const;
 
   std::string topic_;
@@ -38,6 +44,9 @@ class InputWatch {
   std::string what_;
   std::uint64_t arrived_before_ = 0;
   int silent_seconds_ = 0;
+  bool subscribed_ = false;
+  std::string trouble_;
+  bool said_ = false;
 };
 
 }  // namespace ktgp_orb

@@ -1,5 +1,5 @@
-// What comes in to MatcherNodelet: images while anyone wants a result, and what says how to look at
-// them.
+// The inputs of MatcherNodelet: images, while a result has a subscriber, and mask, reference and
+// calibration.
 
 #include <exception>
 #include <string>
@@ -16,20 +16,11 @@ using Lock = std::lock_guard<std::mutex>;
 
 }  // namespace
 
-void MatcherNodelet::connectionsChanged() {
-  const Lock lock(connect_mutex_);
-  if (!advertised_) return;
-  const bool wanted = anySubscriber();
-  if (wanted && !subscribed_) subscribe();
-  if (!wanted && subscribed_) unsubscribe();
-}
-
 void MatcherNodelet::subscribe() {
   new_subscription_ = true;
   image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
                                      *transport_hints_);
-  subscribed_ = listening_ = true;
-  input_silence_begins_ = true;
+  listening_ = true;
   monitor_.setListening(true);
   subscribeCameraInfo();
   target_.listen(true);
@@ -39,8 +30,7 @@ void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
   camera_info_sub_.shutdown();
   target_.listen(false);
-  subscribed_ = listening_ = false;
-  input_silence_begins_ = true;
+  listening_ = false;
   newest_.clear();
   monitor_.setListening(false);
   const Lock lock(state_mutex_);
@@ -49,7 +39,7 @@ void MatcherNodelet::unsubscribe() {
 }
 
 void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
-  // Where publisher and subscriber of one process start at the same time, ROS may link them twice
+  // If publisher and subscriber of one process start at the same time, ROS may connect them twice
   // and deliver everything twice: each frame would then be matched to itself.
   if (last_arrived_.lock() == image) return;
   last_arrived_ = image;
@@ -68,7 +58,7 @@ bool MatcherNodelet::isSkipped(const sensor_msgs::Image& image) {
   return true;
 }
 
-// Two publishers of one topic count each for itself: then nothing can be said.
+// Two publishers of one topic have separate counters, so gaps mean nothing.
 void MatcherNodelet::countLost(std::uint32_t sequence_number) {
   if (new_subscription_.exchange(false) || publishers_ > 1) sequence_numbers_.restart();
   const std::uint32_t lost = sequence_numbers_.lostBefore(sequence_number);
@@ -101,7 +91,7 @@ void MatcherNodelet::cameraInfoArrived(const sensor_msgs::CameraInfoConstPtr& in
   if (!same_problem && !problem.empty()) {
     NODELET_WARN("%s cannot be used: %s", camera_info_topic_.c_str(), problem.c_str());
   }
-  // It comes with every image and is nearly always the same: then the old one stays.
+  // camera_info comes with every image and rarely changes; an equal one is ignored.
   const bool same = lens && lens_ && lens->calibration() == lens_->calibration();
   if (same_problem && (same || lens == lens_)) return;
   if (!same) lens_ = lens;
@@ -134,13 +124,13 @@ void MatcherNodelet::referenceArrived(const sensor_msgs::ImageConstPtr& image) {
     configuration.reference_image = none ? file_reference_ : image;
   });
   if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
-    NODELET_WARN("a reference came on %s; it counts when reference_mode is fixed",
+    NODELET_WARN("a reference arrived on %s; it is used when reference_mode is fixed",
                  reference_sub_.getTopic().c_str());
   }
 }
 
-// Once a second: the file that is the reference may be another one now. `at_once`: not only when it
-// has been the same for a second, since it may be half written.
+// Once a second: the reference file may have changed. Unless `at_once`, it is read only after it
+// has been stable for a second, since it may be half written.
 void MatcherNodelet::rereadReference(bool at_once) {
   if (config_.reference_image.empty()) return;
   const FileState now = FileState::of(config_.reference_image);
@@ -152,7 +142,7 @@ void MatcherNodelet::rereadReference(bool at_once) {
     const auto before =
         std::exchange(file_reference_, readImageFile("reference_image", config_.reference_image));
     change([&](Configuration& configuration) {
-      // What came on ~reference since stays.
+      // A reference from ~reference stays.
       if (configuration.reference_image == before) configuration.reference_image = file_reference_;
     });
     monitor_.setParameterError("");
@@ -174,13 +164,13 @@ void MatcherNodelet::watchInput() {
     if (subscribed_) publishers = image_sub_.getNumPublishers();
   }
   publishers_ = publishers;
-  if (input_silence_begins_.exchange(false)) image_watch_->restart();
   watch(*image_watch_, subscribed, monitor_.arrived(), publishers);
+  monitor_.setInputTrouble(image_watch_->trouble());
   monitor_.setMixture(watchMixture(publishers));
 }
 
-// Not in the services' queue: the updater reads a parameter, which waits for a master that is held
-// up.
+// Not in the services' queue: the updater reads a parameter, which blocks while the master does not
+// answer.
 void MatcherNodelet::report() {
   monitor_.tick(clockStands(), clockIsMissing());
   reportTarget();
@@ -188,7 +178,7 @@ void MatcherNodelet::report() {
   diagnostics_->force_update();
 }
 
-// Said once it has lasted: a camera_info may come a moment after the first image.
+// Reported only after a delay: a camera_info may arrive shortly after the first image.
 void MatcherNodelet::reportTarget() {
   const std::string problem = target_.problem();
   const bool lasts = !problem.empty() && problem == target_problem_;
@@ -198,8 +188,8 @@ void MatcherNodelet::reportTarget() {
   monitor_.setTargetProblem(problem);
 }
 
-// A frame that ~set_reference took is gone with the process. The master remembers that there was
-// one, so that whoever comes next can say it.
+// A frame that ~set_reference took is lost when the process ends. The master stores that there was
+// one, so that the next process can report it.
 void MatcherNodelet::reportReference() {
   const bool holds = holds_set_reference_;
   if (holds && !remembers_reference_) private_node_.setParam("reference_was_set", true);

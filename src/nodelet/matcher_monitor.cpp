@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nodelet/input_watch.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -101,6 +103,11 @@ void MatcherMonitor::setMixture(const std::string& mixture) {
   mixture_ = mixture;
 }
 
+void MatcherMonitor::setInputTrouble(const std::string& trouble) {
+  const Lock lock(mutex_);
+  input_trouble_ = trouble;
+}
+
 void MatcherMonitor::overlayDrawn(double milliseconds) {
   const Lock lock(mutex_);
   ++current_.overlays;
@@ -141,7 +148,7 @@ void MatcherMonitor::setTopic(const std::string& topic) {
 
 void MatcherMonitor::setListening(bool listening) {
   const Lock lock(mutex_);
-  // What came before says nothing about the new subscription.
+  // Old values do not apply to the new subscription.
   if (listening && !listening_) {
     periods_ = {};
     frames_without_reference_ = 0;
@@ -209,10 +216,10 @@ std::string MatcherMonitor::inputMessage(const Counts& counts, unsigned char& le
   level = DiagnosticStatus::OK;
   if (!listening_) return "idle: no subscriber on any output";
   if (paused_) return "paused";
-  if (clock_stands_) return "the clock stands: a paused bag, or nobody publishes /clock";
+  if (clock_stands_) return "the clock stands: a paused bag, or /clock has no publisher";
   if (counts.arrived == 0 && counts.seconds < kPatience) return "waits for images";
   level = DiagnosticStatus::ERROR;
-  if (counts.arrived == 0) return "no image on " + topic_;
+  if (counts.arrived == 0) return noneOn("image", topic_, input_trouble_);
   if (!mixture_.empty()) {
     level = DiagnosticStatus::WARN;
     return mixture_;
@@ -244,19 +251,19 @@ void MatcherMonitor::reportInput(diagnostic_updater::DiagnosticStatusWrapper& re
   report.add("images", total_.arrived);
   report.add("dropped", total_.dropped);
   report.add("lost on the way", total_.lost);
-  report.add("skipped for max_rate", total_.skipped);
+  report.add("skipped because of max_rate", total_.skipped);
   report.add("refused", total_.refused);
   report.add("last error", last_error_);
 }
 
-// A robot that faces a wall finds no homography and is well: a warning at most.
+// A robot in front of a wall finds no homography and is not faulty: only a warning.
 std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& level) const {
   level = DiagnosticStatus::WARN;
   if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
   if (!lens_problem_.empty()) return lens_problem_;
   if (!target_problem_.empty()) return target_problem_;
   if (!reference_problem_.empty()) return reference_problem_;
-  // One frame without a reference is what every sequence begins with.
+  // Every sequence begins with one frame without a reference.
   if (frames_without_reference_ > 1 && listening_ && !paused_) {
     return std::to_string(frames_without_reference_) +
            " frames in a row without a reference: " + toString(last_reason_);
@@ -270,7 +277,7 @@ std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& 
     return std::string(counts.ok == 0 ? "no homography found: " : "few homographies found: ") +
            toString(last_failure_);
   }
-  return counts.ok == 0 ? "no homography found, and none is asked for" : "homographies found";
+  return counts.ok == 0 ? "no homography found, and no output wants one" : "homographies found";
 }
 
 void MatcherMonitor::reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report) {
@@ -296,7 +303,7 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
       counts.matched > 0 ? counts.latency_sum / static_cast<double>(counts.matched) : 0.0;
   if (clock_is_missing_ && listening_) {
     report.summary(DiagnosticStatus::WARN,
-                   "use_sim_time is set, and nobody publishes /clock: the latency is not known");
+                   "use_sim_time is set, and /clock has no publisher: the latency is not known");
   } else if (std::abs(mean) > kImplausibleLatency) {
     report.summary(
         DiagnosticStatus::WARN,
@@ -304,7 +311,7 @@ void MatcherMonitor::reportLatency(diagnostic_updater::DiagnosticStatusWrapper& 
   } else {
     const unsigned char level = levelOf(counts.latency_max, limits_.max_latency);
     report.summary(level,
-                   level == DiagnosticStatus::OK ? "results are in time" : "results are late");
+                   level == DiagnosticStatus::OK ? "results are on time" : "results are late");
   }
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
   report.addf("maximum (ms)", "%.2f", 1e3 * counts.latency_max);

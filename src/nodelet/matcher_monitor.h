@@ -12,14 +12,14 @@
 
 namespace ktgp_orb {
 
-/// Limits beyond which diagnostics warn; see cfg/Ktgp.cfg.
+/// Limits for warnings in diagnostics; see cfg/Ktgp.cfg.
 struct MonitorLimits {
   double min_input_rate = 0.0;  ///< images per second
   double max_drop_ratio = 0.5;  ///< dropped / arrived
-  double max_lost_ratio = 1.0;  ///< never arrived / sent
+  double max_lost_ratio = 1.0;  ///< lost on the way / sent
   double max_latency = 0.5;     ///< s
   double min_ok_ratio = 0.5;    ///< frames with a homography / frames with a reference
-  double error_factor = 4.0;    ///< an error, no warning, this many times beyond a limit
+  double error_factor = 4.0;    ///< an error in place of a warning from this multiple of a limit on
 };
 
 /// Counts what happens to the images and reports it to diagnostics over the last ten seconds.
@@ -31,24 +31,26 @@ class MatcherMonitor {
   void imageArrived();
   /// Replaced by a newer one before it was matched.
   void imageDropped();
-  /// Sent, by the publisher's counter, and never arrived.
+  /// Sent, according to the publisher's counter, but not received.
   void imagesLost(std::uint64_t count);
-  /// For max_rate.
+  /// Skipped because of max_rate.
   void imageSkipped();
   void imageRefused(const std::string& reason);
-  /// Why the last change of parameters was refused; empty: it was not.
+  /// Why the last change of parameters was refused; empty: it was accepted.
   void setParameterError(const std::string& error);
-  /// Why points are in raw pixels though others are wanted; empty: they are not.
+  /// Why points are in raw pixels although rectified ones are wanted; empty: no problem.
   void setLensProblem(const std::string& problem);
-  /// Why the target has no outline or pose though these are wanted; empty: it has, or they are not.
+  /// Why the wanted outline or pose of the target is missing; empty: no problem.
   void setTargetProblem(const std::string& problem);
-  /// What became of the reference; empty: nothing that people should know.
+  /// A problem with the reference that users should know; empty: none.
   void setReferenceProblem(const std::string& problem);
-  /// That several nodes publish the images; empty: one does.
+  /// That several nodes publish the images; empty: only one does.
   void setMixture(const std::string& mixture);
+  /// Why images are missing; empty: not known.
+  void setInputTrouble(const std::string& trouble);
   void frameMatched(Status status, NoReference reason, std::size_t inliers, double latency_seconds);
   void overlayDrawn(double milliseconds);
-  /// Not drawn, since a newer image waited.
+  /// Not drawn, because a newer image waited.
   void overlaySkipped();
   void setTopic(const std::string& topic);
   void setListening(bool listening);
@@ -60,9 +62,9 @@ class MatcherMonitor {
   std::uint64_t skipped() const;
   std::uint64_t arrived() const;
 
-  /// Moves the window on by one period; call once before each round of reports. While the clock
-  /// stands and nothing comes (a paused bag) the window stands too. `clock_is_missing`: ROS time
-  /// is that of a clock which never began.
+  /// Moves the window forward by one period; call once before each round of reports. While the
+  /// clock stands and nothing arrives (a paused bag), the window does not move. `clock_is_missing`:
+  /// ROS time is simulated and its clock never started.
   void tick(bool clock_stands, bool clock_is_missing);
   void reportInput(diagnostic_updater::DiagnosticStatusWrapper& report);
   void reportMatcher(diagnostic_updater::DiagnosticStatusWrapper& report);
@@ -105,12 +107,13 @@ class MatcherMonitor {
   std::array<Counts, 10> periods_;
   std::size_t next_period_ = 0;
   Clock::time_point period_start_ = Clock::now();
-  std::string last_error_;  // of an image, while such ones come
+  std::string last_error_;  // of an image, as long as errors occur
   std::string parameter_error_;
   std::string lens_problem_;
   std::string target_problem_;
   std::string reference_problem_;
   std::string mixture_;
+  std::string input_trouble_;
   std::string topic_;
   bool listening_ = false;
   bool paused_ = false;
@@ -119,7 +122,7 @@ class MatcherMonitor {
   Status last_status_ = Status::no_reference;
   Status last_failure_ = Status::ok;  // of a frame with a reference; ok: there was none
   NoReference last_reason_ = NoReference::none;
-  std::uint64_t frames_without_reference_ = 0;  // in a row, up to the last frame
+  std::uint64_t frames_without_reference_ = 0;  // consecutive, up to the last frame
 };
 
 }  // namespace ktgp_orb

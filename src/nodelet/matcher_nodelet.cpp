@@ -13,13 +13,12 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr std::uint32_t kDataQueue = 10;  // messages that wait for a slow subscriber
+constexpr std::uint32_t kDataQueue = 10;  // messages queued for a slow subscriber
 
-// A matcher that is always behind still shows something.
+// Drawn at least this often, even if newer images always wait.
 constexpr std::chrono::seconds kLongestWithoutOverlay{1};
 
-/// `later` - `earlier`, s. Unlike ros::Duration, which throws beyond 68 years, it takes the stamps
-/// of any camera.
+/// `later` - `earlier`, s. Accepts the stamps of any camera; ros::Duration throws beyond 68 years.
 double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
   const double seconds = static_cast<double>(later.sec) - static_cast<double>(earlier.sec);
   return seconds + 1e-9 * (static_cast<double>(later.nsec) - static_cast<double>(earlier.nsec));
@@ -29,7 +28,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 double latencySeconds(const ros::Time& stamp) {
   const ros::Time now = ros::Time::now();
-  // A simulated clock that never began tells nothing.
+  // A simulated clock that never started gives no latency.
   return stamp.isZero() || now.isZero() ? 0.0 : secondsBetween(stamp, now);
 }
 
@@ -44,8 +43,8 @@ MatcherNodelet::~MatcherNodelet() {
   stop();
 }
 
-// First of all the callbacks end: a dynamic_reconfigure server that is destroyed in the middle of
-// one takes the manager down.
+// Callbacks must end before anything else: destroying a dynamic_reconfigure server during a
+// callback crashes the manager.
 void MatcherNodelet::stop() {
   for (CallbackThread* queue :
        {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
@@ -60,17 +59,8 @@ void MatcherNodelet::stop() {
   mask_sub_.shutdown();
   reference_sub_.shutdown();
   reconfigure_server_.reset();
-  {
-    const Lock lock(connect_mutex_);
-    advertised_ = false;
-    if (subscribed_) unsubscribe();
-  }
-  correspondences_pub_.shutdown();
-  homography_pub_.shutdown();
-  accumulated_pub_.shutdown();
-  match_pub_.shutdown();
-  statistics_pub_.shutdown();
-  overlay_pub_.shutdown();
+  disconnect();
+  outputs_.shutdown();
   target_.shutdown();
   diagnostics_.reset();
 }
@@ -99,7 +89,7 @@ void MatcherNodelet::start() {
   diagnostics_->add("input", &monitor_, &MatcherMonitor::reportInput);
   diagnostics_->add("matcher", &monitor_, &MatcherMonitor::reportMatcher);
   diagnostics_->add("latency", &monitor_, &MatcherMonitor::reportLatency);
-  advertise();
+  connect([this] { advertise(); });
   advertiseServices();
   subscribeSideInputs();
   startTimers();
@@ -107,14 +97,14 @@ void MatcherNodelet::start() {
        {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
     queue->start();
   }
-  connectionsChanged();  // without a subscriber too: for a transform, or where lazy is off
+  connectionsChanged();  // also without a subscriber: for a transform, or if lazy is off
   NODELET_INFO(
       "matches images on %s (transport %s)%s", image_topic_.c_str(),
       transport_hints_->getTransport().c_str(),
       lazy_ ? (" while " + private_node_.getNamespace() + "/* has subscribers").c_str() : "");
 }
 
-// Wall time: they must go on while a bag with --clock is paused.
+// Wall time: these must continue while a bag with --clock is paused.
 void MatcherNodelet::startTimers() {
   ros::NodeHandle slow_node = getNodeHandle();
   slow_node.setCallbackQueue(&slow_queue_.callbacks);
@@ -122,7 +112,7 @@ void MatcherNodelet::startTimers() {
                                            [this](const ros::WallTimerEvent&) { watchInput(); });
   report_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
                                             [this](const ros::WallTimerEvent&) { report(); });
-  // In the queue of the parameters, which may read files too.
+  // In the queue of the parameters, which may read files, too.
   file_timer_ = node_.createWallTimer(
       ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { rereadReference(false); });
   reset_timer_ = node_.createWallTimer(
@@ -130,29 +120,35 @@ void MatcherNodelet::startTimers() {
       false);
 }
 
+/// A topic with one message per frame, which `pick` selects; if it returns null, nothing is
+/// published.
+template <typename Message, typename Pick>
+void MatcherNodelet::advertiseOfFrames(const std::string& topic, const Pick& pick) {
+  const ros::Publisher publisher = outputs_.advertise<Message>(topic, kDataQueue);
+  frame_outputs_.emplace_back([publisher, pick](const FrameMessages& messages) {
+    if (publisher.getNumSubscribers() == 0) return;
+    if (const boost::shared_ptr<const Message> message = pick(messages)) publisher.publish(message);
+  });
+}
+
 void MatcherNodelet::advertise() {
-  // Locked until all are there, so that an early subscriber does not find half of them.
-  const Lock lock(connect_mutex_);
-  const ros::SubscriberStatusCallback changed = [this](const ros::SingleSubscriberPublisher&) {
-    connectionsChanged();
-  };
-  const image_transport::SubscriberStatusCallback overlay_changed =
-      [this](const image_transport::SingleSubscriberPublisher&) { connectionsChanged(); };
+  using Frame = FrameMessages;
   transport_ = std::make_unique<image_transport::ImageTransport>(image_node_);
-  private_transport_ = std::make_unique<image_transport::ImageTransport>(private_node_);
-  // Who is held up for a moment should lose none of the data; of the pictures the newest will do.
-  const auto advertise = [&](const char* topic, auto message) {
-    return private_node_.advertise<decltype(message)>(topic, kDataQueue, changed, changed);
-  };
-  correspondences_pub_ = advertise("correspondences", Correspondences());
-  homography_pub_ = advertise("homography", HomographyStamped());
-  accumulated_pub_ = advertise("accumulated_homography", HomographyStamped());
-  match_pub_ = advertise("match", Match());
-  statistics_pub_ = advertise("statistics", MatchStatistics());
-  target_.advertise(private_node_, camera_info_topic_, [this] { connectionsChanged(); });
-  overlay_pub_ =
-      private_transport_->advertise("matches_image", 1, overlay_changed, overlay_changed);
-  advertised_ = true;
+  outputs_.open(private_node_, [this] { connectionsChanged(); });
+  advertiseOfFrames<Correspondences>("correspondences",
+                                     [](const Frame& frame) { return frame.correspondences; });
+  advertiseOfFrames<HomographyStamped>("homography",
+                                       [](const Frame& frame) { return frame.homography; });
+  advertiseOfFrames<HomographyStamped>(
+      "accumulated_homography", [](const Frame& frame) { return frame.accumulated_homography; });
+  advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
+  target_.advertise(outputs_, private_node_, camera_info_topic_);
+  frame_outputs_.emplace_back([this](const Frame& frame) { target_.publish(frame); });
+  // The last one: it marks that all others were sent.
+  advertiseOfFrames<MatchStatistics>("statistics",
+                                     [](const Frame& frame) { return frame.statistics; });
+  // A slow subscriber should not lose data; of the pictures it needs only the newest.
+  overlay_pub_ = outputs_.advertiseImage("matches_image", 1);
 }
 
 void MatcherNodelet::startReconfigure() {
@@ -180,9 +176,9 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
     config_ = config;
     configured_ = true;
     monitor_.setParameterError("");
-  } catch (const std::exception& error) {  // NaN, which no clamp catches; an unknown mode or file
+  } catch (const std::exception& error) {  // NaN, which is not clamped; an unknown mode or file
     if (!configured_) {
-      refusal_ = error.what();  // the caller would swallow an exception
+      refusal_ = error.what();  // the caller would ignore an exception
       return;
     }
     monitor_.setParameterError(error.what());
@@ -198,7 +194,7 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
     throw std::invalid_argument("rectify is on, but the images on " + image_topic_ +
                                 " are rectified already (see the parameter calibration)");
   }
-  // What is not said anew stays: the file's content, or what came on ~reference since.
+  // The reference stays unless it changed: the file's content, or a reference from ~reference.
   const bool same_image = configured_ && config.reference_image == config_.reference_image;
   const FileState state = same_image ? file_state_ : FileState::of(config.reference_image);
   const auto file =
@@ -210,7 +206,7 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   wanted.view.sent_mask = configuration_.view.sent_mask;
   wanted.view.lens = config.rectify ? lens_ : nullptr;
   wanted.lens_problem = configuration_.lens_problem;
-  file_reference_ = file;  // nothing throws any more
+  file_reference_ = file;  // nothing throws after this
   file_state_ = file_seen_ = state;
   monitor_.setLimits(limitsFrom(config));
   max_rate_ = config.max_rate;
@@ -222,13 +218,13 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   {
     const Lock lock(connect_mutex_);
     target_.configure(config, pixels);
-    if (advertised_) subscribeCameraInfo();
+    subscribeCameraInfo();
   }
-  connectionsChanged();  // a transform may be wanted, which nobody subscribes to
+  connectionsChanged();  // a transform, which has no subscribers, may be wanted
 }
 
-// Only this function writes configuration_, and only from the first queue, one call at a time:
-// callbacks there may read it unlocked.
+// Only this function writes configuration_, in the first queue: callbacks of this queue may read it
+// without a lock.
 void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
   Configuration configuration = configuration_;
   edit(configuration);
@@ -237,11 +233,8 @@ void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
   configuration_ = configuration;
 }
 
-bool MatcherNodelet::anySubscriber() const {
-  return !lazy_ || correspondences_pub_.getNumSubscribers() > 0 ||
-         homography_pub_.getNumSubscribers() > 0 || accumulated_pub_.getNumSubscribers() > 0 ||
-         match_pub_.getNumSubscribers() > 0 || statistics_pub_.getNumSubscribers() > 0 ||
-         overlay_pub_.getNumSubscribers() > 0 || target_.isWanted();
+bool MatcherNodelet::isWanted() const {
+  return !lazy_ || outputs_.haveSubscribers() || target_.sendsTransform();
 }
 
 void MatcherNodelet::work() {
@@ -252,7 +245,7 @@ void MatcherNodelet::work() {
       publishOverlay();
     } catch (const RefusedImage& error) {
       refuse(error.what());
-    } catch (const std::exception& error) {  // out of memory and the like: the next frame may work
+    } catch (const std::exception& error) {  // out of memory, for example: the next frame may work
       refuse(std::string("frame lost: ") + error.what());
     }
   }
@@ -265,7 +258,7 @@ void MatcherNodelet::applyRequests(std::uint64_t arrival) {
     const Lock lock(state_mutex_);
     if (configuration_.number != matcher_->configuration().number) configuration = configuration_;
     std::swap(requests, requests_);
-    // An image from before the call is not meant.
+    // An image from before the call does not count.
     if (requests.fix_reference_after && arrival <= *requests.fix_reference_after) {
       std::swap(requests.fix_reference_after, requests_.fix_reference_after);
     }
@@ -321,15 +314,10 @@ std::string MatcherNodelet::whyNoLens() const {
 }
 
 void MatcherNodelet::publish(const FrameMessages& messages) {
-  if (messages.correspondences) correspondences_pub_.publish(messages.correspondences);
-  homography_pub_.publish(messages.homography);
-  if (messages.accumulated_homography) accumulated_pub_.publish(messages.accumulated_homography);
-  if (match_pub_.getNumSubscribers() > 0) match_pub_.publish(toMatch(messages));
-  target_.publish(messages);
-  statistics_pub_.publish(messages.statistics);  // last: whoever has it has the others
+  for (const auto& publish : frame_outputs_) publish(messages);
 }
 
-// After the data, which must not wait for a picture that is for people.
+// After the data, which must not wait for the picture.
 void MatcherNodelet::publishOverlay() {
   if (!matcher_->configuration().overlay || overlay_pub_.getNumSubscribers() == 0) return;
   const auto start = std::chrono::steady_clock::now();

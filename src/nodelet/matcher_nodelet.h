@@ -30,22 +30,22 @@
 
 namespace ktgp_orb {
 
-/// What is said after a restart, where the fixed reference was a frame of the camera.
+/// Message after a restart that lost a fixed reference taken from the camera.
 constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
-/// The matcher as a ROS nodelet. Topics, services and parameters stand in the README.
+/// The matcher as a ROS nodelet. doc/topics.md describes topics and services.
 ///
-/// Threads: callbacks only store (the newest image, a configuration, a request); one worker thread
-/// takes the newest image, applies what was stored before it, matches and publishes.
+/// Threads: callbacks only store (the newest image, a configuration, a request). One worker thread
+/// takes the newest image, applies everything stored before it, matches and publishes.
 ///
-/// The callbacks run in queues and threads of its own, not in the manager's. What may take long (a
-/// reference image is read from a file, the master does not answer) has queues of its own, so that
-/// neither images nor services wait for it.
+/// The callbacks run in the nodelet's own queues and threads, not in the manager's. Slow work
+/// (reading a reference image, asking the master) has its own queues, so that images and services
+/// do not wait for it.
 ///
-/// The member functions are in three files: matcher_inputs.cpp has what comes in on topics,
-/// matcher_services.cpp the services, matcher_nodelet.cpp the rest.
+/// matcher_inputs.cpp has the functions for inputs, matcher_services.cpp those for services,
+/// matcher_nodelet.cpp the rest.
 class MatcherNodelet : public ImageNodelet {
  public:
   MatcherNodelet() = default;
@@ -55,14 +55,15 @@ class MatcherNodelet : public ImageNodelet {
   void start() override;
   void stop();
   void advertise();
+  template <typename Message, typename Pick>
+  void advertiseOfFrames(const std::string& topic, const Pick& pick);
   void startReconfigure();
   void startTimers();
 
   // matcher_inputs.cpp
-  void connectionsChanged();
-  bool anySubscriber() const;
-  void subscribe();
-  void unsubscribe();
+  bool isWanted() const override;
+  void subscribe() override;
+  void unsubscribe() override;
 
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
   bool isSkipped(const sensor_msgs::Image& image);
@@ -91,13 +92,13 @@ class MatcherNodelet : public ImageNodelet {
   void publishOverlay();
   void refuse(const std::string& reason);
 
-  /// An image and its place among all that came.
+  /// An image and its number among all arrived images.
   struct Arrival {
     sensor_msgs::ImageConstPtr image;
     std::uint64_t number = 0;
   };
 
-  /// What services and connections ask of the worker.
+  /// Requests of services and connections to the worker.
   struct Requests {
     bool forget_reference = false;
     bool reset = false;
@@ -120,67 +121,59 @@ class MatcherNodelet : public ImageNodelet {
   // ROS side
   CallbackThread queue_;          // connections, parameters, ~mask, ~reference, camera_info
   CallbackThread image_queue_;    // images
-  CallbackThread service_queue_;  // services that only store a request: never waits
+  CallbackThread service_queue_;  // services that only store a request: never blocked
   CallbackThread slow_queue_;     // diagnostics and the watch, which ask the master
   CallbackThread pair_queue_;     // ~match_pair
   ros::NodeHandle node_;
   ros::NodeHandle image_node_;
   ros::NodeHandle private_node_;
   std::unique_ptr<image_transport::ImageTransport> transport_;
-  std::unique_ptr<image_transport::ImageTransport> private_transport_;
-  ros::Publisher correspondences_pub_;
-  ros::Publisher homography_pub_;
-  ros::Publisher accumulated_pub_;
-  ros::Publisher match_pub_;
-  ros::Publisher statistics_pub_;
+  std::vector<std::function<void(const FrameMessages&)>>
+      frame_outputs_;  // each publishes one topic
   image_transport::Publisher overlay_pub_;
   TargetPublisher target_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer watch_timer_;
   ros::WallTimer report_timer_;
-  ros::WallTimer file_timer_;   // looks whether the reference_image is another one now
+  ros::WallTimer file_timer_;   // checks whether the reference_image has changed
   ros::WallTimer reset_timer_;  // the same, once, after ~reset
   std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
   boost::recursive_mutex reconfigure_mutex_;
-  KtgpConfig config_;  // what configuration_ was made from
+  KtgpConfig config_;  // the source of configuration_
   bool configured_ = false;
-  std::string refusal_;  // why the parameters at start cannot be used
+  std::string refusal_;  // why the initial parameters cannot be used
   std::unique_ptr<dynamic_reconfigure::Server<KtgpConfig>> reconfigure_server_;
 
-  std::mutex connect_mutex_;  // guards the subscription and the advertising of what leads to it
-  bool advertised_ = false;
   image_transport::Subscriber image_sub_;
-  bool subscribed_ = false;
   ros::Subscriber camera_info_sub_;
   ros::Subscriber mask_sub_;
   ros::Subscriber reference_sub_;
   std::atomic<bool> lazy_{true};
-  std::atomic<bool> listening_{false};        // as subscribed_, for who must not wait
-  std::atomic<std::uint32_t> publishers_{0};  // of the input, as of the last watch
+  std::atomic<bool> listening_{false};        // copy of subscribed_ that needs no lock
+  std::atomic<std::uint32_t> publishers_{0};  // of the input, at the last watch
   std::atomic<bool> new_subscription_{false};
-  std::atomic<bool> input_silence_begins_{false};  // the watch waits anew
-  std::atomic<double> max_rate_{0.0};              // Hz
+  std::atomic<double> max_rate_{0.0};  // Hz
 
-  // The image queue's own
+  // Used only in the image queue
   SequenceNumbers sequence_numbers_;
   RateLimiter rate_limiter_;
   boost::weak_ptr<const sensor_msgs::Image> last_arrived_;
 
-  // Of the first queue alone
+  // Used only in the first queue
   LensConstPtr lens_;  // of the last camera_info
   sensor_msgs::ImageConstPtr file_reference_;
   FileState file_state_;  // of the reference_image when it was read
-  FileState file_seen_;   // when it was last looked at
+  FileState file_seen_;   // at the last check
 
-  // Of the slow queue alone
-  std::string target_problem_;  // as of the last report
+  // Used only in the slow queue
+  std::string target_problem_;  // at the last report
   bool said_target_problem_ = false;
-  bool remembers_reference_ = false;  // the master was told that ~set_reference set one
+  bool remembers_reference_ = false;  // the master stores that ~set_reference took one
 
   // Shared with the worker
-  std::atomic<bool> holds_set_reference_{false};  // the reference is one that ~set_reference set
-  std::atomic<bool> reference_lost_{false};       // that of the process before was one
-  std::mutex state_mutex_;  // guards configuration_ and requests_; never held while anything waits
+  std::atomic<bool> holds_set_reference_{false};  // the reference was taken by ~set_reference
+  std::atomic<bool> reference_lost_{false};       // the previous process held such a reference
+  std::mutex state_mutex_;  // guards configuration_ and requests_; never held while waiting
   Configuration configuration_;
   Requests requests_;
   std::atomic<bool> paused_{false};
@@ -188,7 +181,7 @@ class MatcherNodelet : public ImageNodelet {
   NewestSlot<Arrival> newest_;
   MatcherMonitor monitor_;
 
-  // The worker's own
+  // Used only by the worker
   std::unique_ptr<MessageMatcher> matcher_;
   std::string said_raw_points_;
   std::chrono::steady_clock::time_point last_overlay_;

@@ -1,5 +1,4 @@
-// The services of MatcherNodelet: they only store what is asked for, but for ~match_pair, which
-// matches by itself.
+// The services of MatcherNodelet: they only store a request, except ~match_pair, which matches.
 
 #include <boost/make_shared.hpp>
 #include <exception>
@@ -7,6 +6,8 @@
 
 #include "messages/image_conversion.h"
 #include "nodelet/matcher_nodelet.h"
+
+#include <ktgp_orb/MatchStatus.h>
 
 namespace ktgp_orb {
 namespace {
@@ -54,16 +55,16 @@ bool MatcherNodelet::setReference(Trigger::Request& /*request*/, Trigger::Respon
   response.success = response.message.empty();
   if (!response.success) return true;
   requests_.fix_reference_after = arrivals_;
-  response.message = "the next image to arrive becomes the fixed reference";
+  response.message = "the next image becomes the fixed reference";
   return true;
 }
 
-/// Empty where one can. With state_mutex_ locked.
+/// Empty if it is possible. Call with state_mutex_ locked.
 std::string MatcherNodelet::whyNoReferenceCanBeSet() {
   if (configuration_.sequence.reference.mode != ReferenceMode::fixed) {
     return "reference_mode is not fixed; set it first";
   }
-  if (paused_) return "paused: no image is looked at; call resume first";
+  if (paused_) return "paused: images are ignored; call resume first";
   if (!listening_) return "idle: no image is received, since no output has a subscriber";
   return "";
 }
@@ -100,9 +101,9 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
     configuration = configuration_;
   }
   configuration.sequence.reference.mode = ReferenceMode::fixed;
-  configuration.view = {};  // of the camera; these two come from anywhere
+  configuration.view = {};  // of the camera; the two images may come from elsewhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
-  const char* image = "";  // what an error is about, where it does not say so itself
+  const char* image = "";  // prefix for errors that do not name the image
   try {
     requireSize("reference", request.reference, configuration.max_pair_megapixels);
     requireSize("target", request.target, configuration.max_pair_megapixels);
@@ -118,8 +119,8 @@ bool MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   } catch (const std::exception& error) {
     response.success = false;
     response.message = std::string(image) + error.what();
-    response.homography.status = HomographyStamped::STATUS_NO_REFERENCE;
-    response.statistics.status = MatchStatistics::STATUS_NO_REFERENCE;
+    response.homography.status = MatchStatus::STATUS_NO_REFERENCE;
+    response.statistics.status = MatchStatus::STATUS_NO_REFERENCE;
   }
   return true;
 }

@@ -1,3 +1,4 @@
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/MosaicConfig.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <std_srvs/Trigger.h>
@@ -40,7 +41,8 @@ std::string withOneDigit(double value) {
   return text;
 }
 
-/// Writes beside the file and renames: nobody finds half a picture. Throws std::runtime_error.
+/// Writes a temporary file and renames it, so that readers never find half a picture. Throws
+/// std::runtime_error.
 void writePicture(const std::string& file, const cv::Mat& picture) {
   const std::string unfinished = file + ".part.png";
   if (!cv::imwrite(unfinished, picture) || std::rename(unfinished.c_str(), file.c_str()) != 0) {
@@ -51,8 +53,8 @@ void writePicture(const std::string& file, const cv::Mat& picture) {
 
 }  // namespace
 
-/// Images and homographies in, a growing mosaic out. Topics, services and parameters stand in
-/// doc/topics.md.
+/// Images and homographies in, a growing mosaic out. doc/views.md describes topics, services and
+/// parameters.
 class MosaicNodelet : public FrameConsumer {
  public:
   ~MosaicNodelet() override {
@@ -64,16 +66,10 @@ class MosaicNodelet : public FrameConsumer {
  private:
   void configure() override;
   void advertise() override;
-  bool isWanted() const override {
-    return !lazy_ || mosaic_pub_.getNumSubscribers() > 0 || homography_pub_.getNumSubscribers() > 0;
-  }
+  bool isWanted() const override { return !lazy_ || outputs_.haveSubscribers(); }
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override { images_.clear(); }
-  void subscriberCame() override {
-    picture_wanted_ = true;
-    wake();
-  }
   std::string whyEmpty();
   void place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image);
   void publishPose(const HomographyStamped& message);
@@ -88,20 +84,20 @@ class MosaicNodelet : public FrameConsumer {
   std::vector<ros::ServiceServer> services_;
   std::unique_ptr<dynamic_reconfigure::Server<MosaicConfig>> server_;
   std::atomic<bool> lazy_{false};
-  std::atomic<bool> picture_wanted_{false};  // by a subscriber that is new
+  std::atomic<bool> picture_wanted_{false};  // by a new subscriber
   std::atomic<bool> reset_{false};
 
   std::mutex config_mutex_;  // guards config_
   MosaicConfig config_;
   bool config_changed_ = true;
 
-  std::mutex map_mutex_;  // held to change mosaic_, which the worker does, and to read it elsewhere
+  std::mutex map_mutex_;  // held by the worker to change mosaic_, and by others to read it
   Mosaic mosaic_;
 
-  // The worker's own
+  // Used only by the worker
   MosaicConfig current_;
-  std_msgs::Header last_header_;                    // of the image that was placed last
-  std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still come
+  std_msgs::Header last_header_;                    // of the last placed image
+  std::deque<HomographyStampedConstPtr> unplaced_;  // whose image may still arrive
   Clock::time_point last_picture_;
   bool said_full_ = false;
 };
@@ -119,8 +115,11 @@ void MosaicNodelet::configure() {
 }
 
 void MosaicNodelet::advertise() {
-  mosaic_pub_ = advertiseImage("mosaic", 1, true);
-  homography_pub_ = advertiseData<HomographyStamped>("homography", 10);
+  mosaic_pub_ = outputs_.advertiseImage("mosaic", 1, true, [this] {
+    picture_wanted_ = true;
+    wake();
+  });
+  homography_pub_ = outputs_.advertise<HomographyStamped>("homography", 10);
   ros::NodeHandle service_node = privateNode(service_queue_);
   services_.push_back(service_node.advertiseService("save", &MosaicNodelet::save, this));
   services_.push_back(service_node.advertiseService("reset", &MosaicNodelet::reset, this));
@@ -130,11 +129,9 @@ void MosaicNodelet::advertise() {
 void MosaicNodelet::shutdown() {
   server_.reset();
   services_.clear();
-  mosaic_pub_.shutdown();
-  homography_pub_.shutdown();
 }
 
-// All homographies are links of the chain; of the images the newest that has one is placed.
+// All homographies are links of the chain; only the newest image with a homography is placed.
 void MosaicNodelet::work(FrameInbox::Content& content) {
   bool changed = false;
   {
@@ -193,9 +190,9 @@ void MosaicNodelet::reportMap() {
   monitor_.setValue("keyframes", std::to_string(mosaic_.keyframes()));
   monitor_.setValue("maps begun", std::to_string(mosaic_.maps()));
   const bool full = mosaic_.full();
-  monitor_.setWarning(full ? "the mosaic is full (max_megapixels): it grows no further" : "");
+  monitor_.setWarning(full ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
   if (full && !said_full_) {
-    NODELET_WARN("the mosaic has reached max_megapixels (%.1f) and grows no further",
+    NODELET_WARN("the mosaic has reached max_megapixels (%.1f) and does not grow any more",
                  current_.max_megapixels);
   }
   said_full_ = full;
@@ -206,9 +203,9 @@ void MosaicNodelet::publishPose(const HomographyStamped& message) {
   pose->header = message.header;
   pose->rectified = message.rectified;
   pose->reference_stamp = timeOf(mosaic_.firstStamp());
-  pose->status = HomographyStamped::STATUS_NO_MODEL;
+  pose->status = MatchStatus::STATUS_NO_MODEL;
   if (const auto h = mosaic_.pose()) {
-    pose->status = HomographyStamped::STATUS_OK;
+    pose->status = MatchStatus::STATUS_OK;
     Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(pose->homography.data()) = *h;
     pose->covariance.fill(std::numeric_limits<double>::quiet_NaN());
   }
@@ -258,11 +255,11 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
 
 std::string MosaicNodelet::whyEmpty() {
   if (!isSubscribed()) return "lazy is on, and no output has a subscriber: no image is received";
-  if (monitor_.images() == 0) return "no image has come on " + image_topic_;
+  if (monitor_.images() == 0) return "no image has arrived on " + image_topic_;
   if (monitor_.homographies() == 0) {
-    return "no homography has come on " + homography_topic_ + ": does the matcher run?";
+    return "no homography has arrived on " + homography_topic_ + ": is the matcher running?";
   }
-  return "of " + std::to_string(monitor_.images()) + " images none was placed; " +
+  return "of " + std::to_string(monitor_.images()) + " images, none was placed; " +
          std::to_string(monitor_.found()) + " of " + std::to_string(monitor_.homographies()) +
          " homographies were found";
 }

@@ -8,12 +8,12 @@
 
 namespace ktgp_orb {
 
-/// Hands values from one thread to another, one place wide: a value that comes while another one
-/// waits replaces it, so that the taker always gets the newest and never falls behind.
+/// Passes values from one thread to another. Holds one value: a new value replaces a waiting one,
+/// so that the receiver always gets the newest.
 template <typename T>
 class NewestSlot {
  public:
-  /// Leaves `value` for the taker. True where it replaced one that nobody took.
+  /// Stores `value`. True if it replaced a value that was not taken.
   bool put(T value) {
     bool replaced = false;
     {
@@ -25,7 +25,7 @@ class NewestSlot {
     return replaced;
   }
 
-  /// Waits for a value; nothing once the slot is closed.
+  /// Waits for a value; empty after close().
   std::optional<T> take() {
     std::unique_lock<std::mutex> lock(mutex_);
     ready_.wait(lock, [this] { return closed_ || value_.has_value(); });
@@ -33,19 +33,19 @@ class NewestSlot {
     return std::exchange(value_, std::nullopt);
   }
 
-  /// True while a value waits to be taken.
+  /// True while a value waits.
   bool waiting() const {
     const std::lock_guard<std::mutex> lock(mutex_);
     return value_.has_value();
   }
 
-  /// Forgets the waiting value.
+  /// Removes the waiting value.
   void clear() {
     const std::lock_guard<std::mutex> lock(mutex_);
     value_.reset();
   }
 
-  /// Wakes the taker for good.
+  /// Wakes the receiver for the last time.
   void close() {
     {
       const std::lock_guard<std::mutex> lock(mutex_);

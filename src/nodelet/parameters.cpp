@@ -10,13 +10,23 @@
 namespace ktgp_orb {
 namespace {
 
-// Private parameters that are not dynamic: read by image_transport and at start, and what the
-// matcher remembers beyond its end.
+// Private parameters that are not dynamic: those read by image_transport, those read once at start,
+// and those that the matcher stores across a restart.
 const char* const kStaticParameters[] = {"image_transport", "queue_size", "reference_was_set"};
 
 [[noreturn]] void refuse(const std::string& parameter, const std::string& value,
                          const std::string& expected) {
   throw std::invalid_argument("parameter " + parameter + " is " + value + "; expected " + expected);
+}
+
+/// A double for an int parameter: dynamic_reconfigure would truncate it without a message.
+[[noreturn]] void refusePoint(const std::string& parameter, double number) {
+  std::ostringstream digits;
+  digits.precision(15);
+  digits << number;
+  if (number != std::floor(number)) refuse(parameter, digits.str(), "a whole number");
+  refuse(parameter, digits.str() + ".0, a number with a point",
+         "a whole number: write " + digits.str());
 }
 
 }  // namespace
@@ -45,13 +55,9 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
     const double number = is_int ? static_cast<int>(value) : static_cast<double>(value);
     check(number, boost::any_cast<double>(low), boost::any_cast<double>(high));
   } else if (low.type() == typeid(int)) {
-    const bool is_double = value.getType() == XmlRpc::XmlRpcValue::TypeDouble;
-    const double number = is_int      ? static_cast<int>(value)
-                          : is_double ? static_cast<double>(value)
-                                      : std::nan("");
-    // 2000.0 is what YAML makes of a number that went through a program.
-    if (number != std::floor(number)) refuse(parameter, given.str(), "a whole number");
-    check(number, boost::any_cast<int>(low), boost::any_cast<int>(high));
+    if (value.getType() == XmlRpc::XmlRpcValue::TypeDouble) refusePoint(parameter, value);
+    if (!is_int) refuse(parameter, given.str(), "a whole number");
+    check(static_cast<int>(value), boost::any_cast<int>(low), boost::any_cast<int>(high));
   } else if (low.type() == typeid(bool)) {
     if (value.getType() != XmlRpc::XmlRpcValue::TypeBoolean) {
       refuse(parameter, given.str(), "true or false");
@@ -83,7 +89,7 @@ std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
-    // Plugins keep their own parameters below a topic, such as matches_image/compressed.
+    // Plugins have their own parameters below a topic, such as matches_image/compressed.
     if (own.find('/') == std::string::npos && known.count(own) == 0) unknown.push_back(name);
   }
   return unknown;

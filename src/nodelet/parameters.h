@@ -12,13 +12,14 @@
 
 namespace ktgp_orb {
 
-/// Of a parameter that is set; `low` and `high` hold the type it was declared with. Throws
-/// std::invalid_argument naming the parameter, its value and its range.
+/// Checks a parameter if it is set; `low` and `high` have its declared type. Throws
+/// std::invalid_argument with the parameter, its value and its range.
 void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, const boost::any& low,
                     const boost::any& high);
 
-/// Checks the parameters that `node` was started with, from a launch file, YAML or the command
-/// line, which dynamic_reconfigure would clamp or ignore without a word. Throws as requireInRange.
+/// Checks the initial parameters of `node`, from a launch file, YAML or the command line;
+/// dynamic_reconfigure would clamp or ignore wrong ones without a message. Throws as
+/// requireInRange.
 template <typename Config>
 void requireAllInRange(const ros::NodeHandle& node) {
   for (const auto& description : Config::__getParamDescriptions__()) {
@@ -32,14 +33,15 @@ void requireAllInRange(const ros::NodeHandle& node) {
   }
 }
 
-/// Of the matcher: that reference_mode is a mode. Throws std::invalid_argument.
+/// Checks that reference_mode is a mode. Throws std::invalid_argument.
 void requireMode(const ros::NodeHandle& node);
 
-/// Sets T_w to that of the descriptor where `node` was started with a descriptor and without T_w.
+/// Sets T_w to the default of the descriptor if `node` was started with a descriptor and without
+/// T_w.
 void completeRatioThreshold(const ros::NodeHandle& node);
 
-/// Throws std::invalid_argument naming a number of `config` that is none (NaN) or infinite: no
-/// clamp of dynamic_reconfigure catches it.
+/// Throws std::invalid_argument with the name of a number of `config` that is NaN or infinite;
+/// dynamic_reconfigure does not clamp these.
 template <typename Config>
 void requireFinite(const Config& config) {
   for (const auto& description : Config::__getParamDescriptions__()) {
@@ -52,8 +54,7 @@ void requireFinite(const Config& config) {
   }
 }
 
-/// Parameters below `node` that are not among `known` and that nothing reads, misspelt ones for
-/// example.
+/// Parameters below `node` that are not in `known` and not used, for example misspelt ones.
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
                                            std::set<std::string> known);
 template <typename Config>

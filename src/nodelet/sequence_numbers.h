@@ -5,11 +5,11 @@
 
 namespace ktgp_orb {
 
-/// Counts the images that were lost on the way, by the publisher's counter (header.seq).
+/// Counts lost images, using the publisher's counter (header.seq).
 class SequenceNumbers {
  public:
-  /// Images lost between the one before and this one. 0 where the counter does not go up: it began
-  /// anew, or the publisher has none.
+  /// Images lost between the previous one and this one. 0 if the counter does not increase: it
+  /// restarted, or the publisher does not count.
   std::uint32_t lostBefore(std::uint32_t number) {
     const std::optional<std::uint32_t> before = last_;
     last_ = number;
@@ -18,11 +18,11 @@ class SequenceNumbers {
     return lost <= kMost ? lost : 0;
   }
 
-  /// The next image is not compared to the one before.
+  /// Do not compare the next image with the previous one.
   void restart() { last_.reset(); }
 
  private:
-  static constexpr std::uint32_t kMost = 1000;  // more than that is another publisher's counter
+  static constexpr std::uint32_t kMost = 1000;  // a larger gap means another publisher's counter
 
   std::optional<std::uint32_t> last_;
 };

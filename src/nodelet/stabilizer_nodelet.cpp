@@ -1,3 +1,4 @@
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/StabilizerConfig.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -28,7 +29,7 @@ StabilizerOptions optionsFrom(const StabilizerConfig& config) {
   return options;
 }
 
-/// The frame through the warp, with the header of the frame.
+/// The warped frame, with the header of the frame.
 sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eigen::Matrix3d& warp) {
   const ViewedImage frame = warpableImage(image);
   auto steady = boost::make_shared<sensor_msgs::Image>();
@@ -49,7 +50,7 @@ sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eige
 
 }  // namespace
 
-/// Images and homographies in, a steady image out. Topics and parameters stand in doc/topics.md.
+/// Images and homographies in, a steady image out. doc/views.md describes topics and parameters.
 class StabilizerNodelet : public FrameConsumer {
  public:
   ~StabilizerNodelet() override {
@@ -60,9 +61,6 @@ class StabilizerNodelet : public FrameConsumer {
  private:
   void configure() override;
   void advertise() override;
-  bool isWanted() const override {
-    return image_pub_.getNumSubscribers() > 0 || warp_pub_.getNumSubscribers() > 0;
-  }
   void shutdown() override;
   void work(FrameInbox::Content& content) override;
   void restart() override;
@@ -78,14 +76,14 @@ class StabilizerNodelet : public FrameConsumer {
   std::mutex mutex_;  // guards options_
   StabilizerOptions options_;
 
-  // The worker's own
+  // Used only by the worker
   Stabilizer stabilizer_;
   cv::Size size_;     // of the newest image
   ros::Time newest_;  // its stamp
   std::uint64_t restarts_ = 0;
   bool rectified_ = false;  // the pixels of the newest homography
   std::vector<SteadyFrame> ready_;
-  std::deque<SteadyFrame> due_;  // whose image may still come
+  std::deque<SteadyFrame> due_;  // whose image may still arrive
 };
 
 void StabilizerNodelet::configure() {
@@ -96,14 +94,12 @@ void StabilizerNodelet::configure() {
 }
 
 void StabilizerNodelet::advertise() {
-  image_pub_ = advertiseImage("image", 2);
-  warp_pub_ = advertiseData<HomographyStamped>("warp", 10);
+  image_pub_ = outputs_.advertiseImage("image", 2);
+  warp_pub_ = outputs_.advertise<HomographyStamped>("warp", 10);
 }
 
 void StabilizerNodelet::shutdown() {
   server_.reset();
-  image_pub_.shutdown();
-  warp_pub_.shutdown();
 }
 
 void StabilizerNodelet::restart() {
@@ -139,11 +135,11 @@ void StabilizerNodelet::follow(const HomographyStamped& message) {
     due_.push_back(frame);
     if (frame.starts_anew) ++restarts_;
   }
-  monitor_.setValue("starts anew", std::to_string(restarts_));
+  monitor_.setValue("restarts", std::to_string(restarts_));
 }
 
-// Over a network an image may come after its homography: it is waited for until a newer one is
-// there. A worker that is behind leaves out all but the newest.
+// Over a network an image may arrive after its homography: wait for it until a newer one arrives. A
+// late worker skips all but the newest.
 void StabilizerNodelet::publishDue() {
   const std::size_t most = static_cast<std::size_t>(stabilizer_.options().lag) + 2;
   std::size_t complete = 0;
@@ -176,12 +172,12 @@ void StabilizerNodelet::publish(const SteadyFrame& frame, const sensor_msgs::Ima
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
 }
 
-/// From the pixels of the image to those of the steady one.
+/// From pixels of the image to pixels of the steady image.
 void StabilizerNodelet::publishWarp(const SteadyFrame& frame, const std_msgs::Header& header) {
   auto warp = boost::make_shared<HomographyStamped>();
   warp->header = header;
   warp->reference_stamp = header.stamp;
-  warp->status = HomographyStamped::STATUS_OK;
+  warp->status = MatchStatus::STATUS_OK;
   warp->rectified = rectified_;
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(warp->homography.data()) = frame.warp;
   warp->covariance.fill(std::numeric_limits<double>::quiet_NaN());

@@ -1,5 +1,7 @@
 #include "nodelet/target_publisher.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <geometry_msgs/PolygonStamped.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <geometry_msgs/TransformStamped.h>
@@ -25,17 +27,12 @@ ProsacOptions prosacOptions(const KtgpConfig& config) {
 
 }  // namespace
 
-void TargetPublisher::advertise(ros::NodeHandle& node, const std::string& info_topic,
-                                const std::function<void()>& changed) {
+void TargetPublisher::advertise(Outputs& outputs, const ros::NodeHandle& node,
+                                const std::string& info_topic) {
   node_ = node;
   info_topic_ = info_topic;
-  const ros::SubscriberStatusCallback callback = [changed](const ros::SingleSubscriberPublisher&) {
-    changed();
-  };
-  outline_pub_ =
-      node.advertise<geometry_msgs::PolygonStamped>("target_outline", 1, callback, callback);
-  pose_pub_ = node.advertise<geometry_msgs::PoseWithCovarianceStamped>("target_pose", 1, callback,
-                                                                       callback);
+  outline_pub_ = outputs.advertise<geometry_msgs::PolygonStamped>("target_outline", 1);
+  pose_pub_ = outputs.advertise<geometry_msgs::PoseWithCovarianceStamped>("target_pose", 1);
   broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
 }
 
@@ -54,13 +51,12 @@ TargetPublisher::Settings TargetPublisher::settings() const {
   return settings_;
 }
 
-// Nobody can tell who looks at tf.
+// Listeners of tf are unknown.
 bool TargetPublisher::isPoseWanted(const Settings& settings) const {
   return pose_pub_.getNumSubscribers() > 0 || !settings.frame.empty();
 }
 
-bool TargetPublisher::isWanted() const {
-  if (outline_pub_.getNumSubscribers() > 0 || pose_pub_.getNumSubscribers() > 0) return true;
+bool TargetPublisher::sendsTransform() const {
   const Settings now = settings();
   return now.fixed() && now.width > 0.0 && !now.frame.empty();
 }
@@ -70,7 +66,7 @@ std::string TargetPublisher::problem() const {
   const bool pose = isPoseWanted(now);
   if (!pose && outline_pub_.getNumSubscribers() == 0) return "";
   if (!now.fixed()) {
-    return "the target is not looked for: reference_mode is " + now.mode + ", not fixed";
+    return "the target is not searched: reference_mode is " + now.mode + ", not fixed";
   }
   if (pose && now.width <= 0.0) return "the target has no pose: target_width is not set";
   const Lock lock(mutex_);
@@ -103,12 +99,12 @@ void TargetPublisher::publish(const FrameMessages& messages) {
   if (now.width > 0.0 && isPoseWanted(now)) publishPose(messages, now);
 }
 
-/// Four corners in px (z = 0), from the reference's upper left one clockwise; none where the target
-/// is not found, so that nobody takes the last one for this one.
+/// Four corners in px (z = 0), clockwise from the reference's upper left one; empty if the target
+/// is not found, so that an old outline is not taken for a new one.
 void TargetPublisher::publishOutline(const FrameMessages& messages) {
   const auto message = boost::make_shared<geometry_msgs::PolygonStamped>();
   message->header = messages.homography->header;
-  if (messages.correspondences && messages.homography->status == HomographyStamped::STATUS_OK) {
+  if (messages.correspondences && messages.homography->status == MatchStatus::STATUS_OK) {
     const Eigen::Matrix3d h = Eigen::Map<const RowMajor3>(messages.homography->homography.data());
     const double right = messages.correspondences->reference_width - 1.0;
     const double bottom = messages.correspondences->reference_height - 1.0;
@@ -125,7 +121,7 @@ void TargetPublisher::publishOutline(const FrameMessages& messages) {
   outline_pub_.publish(message);
 }
 
-/// Throws std::invalid_argument where there is none for the pixels of the frame.
+/// Throws std::invalid_argument if there is no camera for the pixels of the frame.
 PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
                                       const Settings& settings) const {
   sensor_msgs::CameraInfoConstPtr info;
@@ -145,7 +141,7 @@ PixelCamera TargetPublisher::cameraOf(const FrameMessages& messages,
 }
 
 void TargetPublisher::publishPose(const FrameMessages& messages, const Settings& settings) {
-  if (messages.homography->status != HomographyStamped::STATUS_OK) return;  // there is no target
+  if (messages.homography->status != MatchStatus::STATUS_OK) return;  // no target found
   std::string problem;
   try {
     const PixelCamera camera = cameraOf(messages, settings);
@@ -188,8 +184,6 @@ void TargetPublisher::publishPose(const std_msgs::Header& header, const PlanarPo
 
 void TargetPublisher::shutdown() {
   info_sub_.shutdown();
-  outline_pub_.shutdown();
-  pose_pub_.shutdown();
   broadcaster_.reset();
 }
 

@@ -12,30 +12,30 @@
 
 #include "messages/message_conversion.h"
 #include "messages/target_pose.h"
+#include "nodelet/outputs.h"
 
 namespace ktgp_orb {
 
-/// In fixed mode: where the reference, a flat target, is in the image and before the camera.
+/// In fixed mode: position of the reference, a flat target, in the image and in front of the
+/// camera.
 ///
 /// Publishes ~target_outline; with target_width and the camera_info of the image also ~target_pose,
-/// and with target_frame the transform from the image's frame to it. Callbacks and the worker may
-/// run at the same time.
+/// and with target_frame the transform from the image's frame to the target. Callbacks and the
+/// worker may run at the same time.
 class TargetPublisher {
  public:
-  /// `node`: private; its queue gets the connections and the camera_info. `changed`: called when a
-  /// subscriber comes or goes.
-  void advertise(ros::NodeHandle& node, const std::string& info_topic,
-                 const std::function<void()>& changed);
-  /// `pixels`: of the images that the camera_info is of.
+  /// `node`: private; its queue gets the camera_info.
+  void advertise(Outputs& outputs, const ros::NodeHandle& node, const std::string& info_topic);
+  /// `pixels`: kind of the images of the camera_info.
   void configure(const KtgpConfig& config, Pixels pixels);
-  /// Somebody wants to know.
-  bool isWanted() const;
-  /// Whether frames are matched now: subscribes to the camera_info where it is needed. Called, as
-  /// configure(), by one thread at a time.
+  /// Whether a transform is sent; its subscribers are unknown.
+  bool sendsTransform() const;
+  /// Tells whether frames are matched; subscribes to the camera_info if it is needed. Call this and
+  /// configure() from one thread at a time.
   void listen(bool listening);
-  /// After the messages of a frame.
+  /// Call it after the messages of a frame.
   void publish(const FrameMessages& messages);
-  /// Why what is wanted is not published; empty: it is, or nobody wants it.
+  /// Why a wanted output is not published; empty: no problem.
   std::string problem() const;
   void shutdown();
 
@@ -72,7 +72,7 @@ class TargetPublisher {
   sensor_msgs::CameraInfoConstPtr info_;
   std::string no_pose_;  // why the last frame with a target had no pose
 
-  TargetPose target_pose_;  // the worker's own
+  TargetPose target_pose_;  // used only by the worker
 };
 
 }  // namespace ktgp_orb

@@ -80,8 +80,8 @@ std::string noteOnRatioThreshold(double threshold, const std::string& descriptor
   for (const DescriptorKind other : {DescriptorKind::orb, DescriptorKind::teblid}) {
     if (other == kind || threshold != ratioThreshold(other)) continue;
     std::ostringstream note;
-    note << "T_w is " << threshold << ", as " << toString(other) << " descriptors want it; for "
-         << toString(kind) << " " << ratioThreshold(kind) << " was measured (doc/tuning.md)";
+    note << "T_w is " << threshold << ", the value for " << toString(other) << " descriptors; for "
+         << toString(kind) << " " << ratioThreshold(kind) << " is better (doc/tuning.md)";
     return note.str();
   }
   return {};

@@ -8,33 +8,33 @@
 
 namespace ktgp_orb {
 
-/// Everything that decides the outcome for a pair of images.
+/// Everything that determines the result for a pair of images.
 struct PipelineOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  Parameters parameters{};  ///< from which the other two were made
+  Parameters parameters{};  ///< the source of the other two
 };
 
-/// The parameters as the core takes them. Throws std::invalid_argument naming the parameter for
-/// what the core refuses.
+/// The parameters in the core's types. Throws std::invalid_argument with the parameter's name for
+/// values that the core refuses.
 PipelineOptions pipelineOptions(const Parameters& parameters);
 
-/// The same for a sequence, with what decides the reference.
+/// The same for a sequence, with the options of the reference.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
-/// What `threshold` (T_w) is where nobody sets it and the descriptor goes from one kind to another:
-/// the new kind's own (see ratioThreshold) where it was the old kind's own, else as it is.
+/// The new value of `threshold` (T_w) when the descriptor changes and T_w is not set: the default
+/// of the new kind (see ratioThreshold) if it was the default of the old kind; otherwise unchanged.
 double followDescriptor(double threshold, const std::string& from, const std::string& to);
 
-/// A line for the user where `threshold` (T_w) is the own one of another kind than `descriptor`;
+/// A message for the user if `threshold` (T_w) is the default of another kind than `descriptor`;
 /// else empty.
 std::string noteOnRatioThreshold(double threshold, const std::string& descriptor);
 
-/// The overlay_style, "auto" decided by the reference mode: another view of a fixed reference has
-/// moved too far for strokes. Throws std::invalid_argument for a name that is no style.
+/// The overlay_style; the reference mode decides "auto": views of a fixed reference move too far
+/// for strokes. Throws std::invalid_argument for an unknown style.
 OverlayStyle overlayStyleFrom(const Parameters& parameters);
 
-/// Throws std::invalid_argument for a name that is no mode.
+/// Throws std::invalid_argument for an unknown mode.
 ReferenceMode referenceModeFrom(const std::string& name);
 
 }  // namespace ktgp_orb

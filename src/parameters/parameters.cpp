@@ -80,7 +80,7 @@ std::string expected(const ParameterRow& row) {
   return (whole ? "a whole number in " : "a number in ") + row.limits.text();
 }
 
-/// The whole text as a number whatever the locale; false where it is none.
+/// The whole text as a number, in any locale; false if it is not a number.
 bool parse(const std::string& text, double& number) {
   std::istringstream in(text);
   in.imbue(std::locale::classic());
@@ -88,11 +88,7 @@ bool parse(const std::string& text, double& number) {
 }
 
 bool parse(const std::string& text, int& number) {
-  // 2000.0 is what YAML makes of a number that went through a program.
-  const std::size_t point = text.find('.');
-  const bool whole = point == std::string::npos || point == 0 || point + 1 == text.size() ||
-                     text.find_first_not_of('0', point + 1) != std::string::npos;
-  const char* const end = text.data() + (whole ? text.size() : point);
+  const char* const end = text.data() + text.size();
   const auto [stop, error] = std::from_chars(text.data(), end, number);
   return error == std::errc() && stop == end;
 }
@@ -119,7 +115,7 @@ std::string textOf(const std::string& value) {
 std::string textOf(double value) {
   std::ostringstream out;
   out.imbue(std::locale::classic());
-  for (const int digits : {6, 15, 17}) {  // the shortest that reads back as the same
+  for (const int digits : {6, 15, 17}) {  // the shortest text that gives the same number
     out.str("");
     out.precision(digits);
     out << value;

@@ -6,7 +6,7 @@
 
 namespace ktgp_orb {
 
-/// The value of every parameter; the defaults are those of the table.
+/// The value of every parameter; the defaults come from the table.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): the order is that of the documents
 struct Parameters {
 #define KTGP_GROUP(name)
@@ -60,21 +60,21 @@ struct ParameterRow {
 /// The table, in its order.
 const std::vector<ParameterRow>& parameterRows();
 
-/// The row of that name, or null.
+/// The row with that name, or null.
 const ParameterRow* findParameter(const std::string& name);
 
-/// The range of a number of another nodelet, "stabilizer" or "mosaic".
+/// The range of a parameter of another nodelet, "stabilizer" or "mosaic".
 Limits limitsOf(const std::string& nodelet, const std::string& name);
 
-/// Sets the parameter from its text: "0.66", "true", "keyframe". Throws std::invalid_argument,
-/// naming the parameter, the text and what is expected.
+/// Sets the parameter from text: "0.66", "true", "keyframe". Throws std::invalid_argument with the
+/// parameter, the text and what is expected.
 void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters);
 
-/// The value as setParameter takes it.
+/// The value as text for setParameter.
 std::string valueText(const ParameterRow& row, const Parameters& parameters);
 
-/// Throws std::invalid_argument for a value outside its limits, NaN for example, or a string that
-/// is none of the choices, naming the parameter, the value and what is expected.
+/// Throws std::invalid_argument with the parameter, the value and what is expected, for a value
+/// outside its limits, NaN, or an unknown choice.
 void requireValid(const Parameters& parameters);
 
 }  // namespace ktgp_orb

@@ -47,10 +47,10 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     }
     found->set_value(prepared.frame);
     FrameConstPtr reference = fixed_;
-    // Tasks start in order, so the frame before is at least in the works: no deadlock.
+    // Tasks start in order, so the previous frame is at least in progress: no deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
-    // With a search radius the frame before must be known first; the sequence alone has the views.
+    // A search radius needs the previous frame first; only the sequence has the views.
     const bool ahead =
         options_.matcher.knn.search_radius == 0.0 && options_.matcher.growth.views == 0;
     if (reference && ahead) {

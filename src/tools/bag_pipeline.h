@@ -13,9 +13,9 @@
 
 namespace ktgp_orb {
 
-/// Does the work on images that does not depend on what became of the images before, several images
-/// at a time: it finds the features and, unless the reference depends on earlier results (keyframe
-/// mode), matches them. Images come out in the order in which they went in.
+/// Processes several images in parallel, as far as an image does not depend on the results of
+/// earlier ones: extracts the features and, unless the reference depends on earlier results
+/// (keyframe mode), matches them. Images come out in their order.
 class FramePipeline {
  public:
   struct Prepared {
@@ -23,17 +23,17 @@ class FramePipeline {
     std::optional<MatchAhead> ahead;
   };
 
-  /// `fixed`: the reference of the fixed mode, null in the others. At least one thread. Throws
-  /// std::system_error or std::bad_alloc where there are not enough threads or memory.
+  /// `fixed`: the reference of the fixed mode, else null. At least one thread. Throws
+  /// std::system_error or std::bad_alloc for lack of threads or memory.
   FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed, int threads);
   ~FramePipeline();
 
   void push(const sensor_msgs::ImageConstPtr& image);
-  /// The oldest image. Waits for it; throws RefusedImage where it is of no use.
+  /// Waits for the oldest image and returns it; throws RefusedImage if it is unusable.
   Prepared pop();
 
   bool empty() const { return results_.empty(); }
-  /// Enough is in the works to keep all threads busy.
+  /// Enough images are in progress to keep all threads busy.
   bool full() const { return results_.size() >= 2 * threads_.size(); }
 
  private:
@@ -57,7 +57,7 @@ class FramePipeline {
   std::deque<Task> tasks_;
   bool closed_ = false;
   std::vector<Worker> workers_;
-  std::vector<std::thread> threads_;  ///< one for each worker
+  std::vector<std::thread> threads_;  ///< one per worker
 };
 
 }  // namespace ktgp_orb

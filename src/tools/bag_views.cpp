@@ -1,5 +1,7 @@
 #include "tools/bag_views.h"
 
+#include <ktgp_orb/MatchStatus.h>
+
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
@@ -13,7 +15,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kRate = 30.0;  // 1/s, of the video
+constexpr double kRate = 30.0;  // 1/s, rate of the video
 
 std::int64_t nanoseconds(const ros::Time& time) {
   return static_cast<std::int64_t>(time.toNSec());
@@ -75,7 +77,7 @@ BagViews::BagViews(const ViewOptions& options)
 
 void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& message) {
   std::optional<Eigen::Matrix3d> h;
-  if (message.status == HomographyStamped::STATUS_OK) {
+  if (message.status == MatchStatus::STATUS_OK) {
     h = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
   }
   if (video_) stabilize(image, message, h);

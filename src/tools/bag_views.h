@@ -17,31 +17,30 @@
 
 namespace ktgp_orb {
 
-/// What is made to be looked at; empty names: nothing.
+/// Files with views; empty names: none.
 struct ViewOptions {
   std::string stabilized;    ///< mp4
   std::string warps;         ///< csv: the frame -> steady picture homography of each frame
-  std::string mosaic;        ///< png, of the first map; those of further ones are mosaicOf
+  std::string mosaic;        ///< png, of the first map; mosaicOf names those of further maps
   std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
   StabilizerOptions stabilizer;
   MosaicOptions map;
-  bool force = false;  ///< may replace files
+  bool force = false;  ///< may overwrite files
 };
 
 /// Name of the picture of a map, counted from 1: "map.png", "map-2.png", ...
 std::string mosaicOf(const std::string& path, std::size_t number);
 
-/// Writes the steady video and the mosaic of a bag's images: the offline twin of the nodelets, with
-/// the same code.
+/// Writes the steady video and the mosaic of a bag's images, with the same code as the nodelets.
 class BagViews {
  public:
   explicit BagViews(const ViewOptions& options);
 
   /// The next image, with its homography. Throws RefusedImage and FileError.
   void add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& homography);
-  /// Completes the files; what no image was for is not written. Throws FileError.
+  /// Completes the files; a file without images is not written. Throws FileError.
   void close();
-  /// What became of it, in lines for people; empty where nothing was asked for.
+  /// The outcome in lines for users; empty if nothing was wanted.
   std::string report() const;
 
  private:
@@ -53,8 +52,8 @@ class BagViews {
   ViewOptions options_;
   Stabilizer stabilizer_;
   std::optional<tools::VideoFile> video_;
-  std::map<std::int64_t, cv::Mat> waiting_;        // frames whose place is not known yet
-  std::map<std::int64_t, Eigen::Matrix3d> steps_;  // frame before -> frame
+  std::map<std::int64_t, cv::Mat> waiting_;        // frames whose position is not known yet
+  std::map<std::int64_t, Eigen::Matrix3d> steps_;  // previous frame -> frame
   std::vector<SteadyFrame> ready_;
   std::optional<SteadyFrame> last_steady_;
   std::vector<Eigen::Matrix3d> before_;  // steps between neighbouring frames of the newest path
@@ -73,7 +72,7 @@ class BagViews {
   cv::Size size_;
 
   Mosaic mosaic_;
-  std::vector<std::unique_ptr<tools::OutputFile>> maps_;  // each complete, but without its name
+  std::vector<std::unique_ptr<tools::OutputFile>> maps_;  // complete, but without their names
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
   double place_milliseconds_ = 0.0;

@@ -20,8 +20,8 @@ constexpr const char* kColumns =
 constexpr int kStages = 4;
 constexpr int kColumnsAfterStatus = 29;  // without the error
 
-/// Not written into the file at once: ROS changes the stream's locale for it, which writes out what
-/// is buffered, and ends the program where the disk is full.
+/// Not written directly to the file: ROS changes the stream's locale, which flushes the buffer, and
+/// ends the program if the disk is full.
 std::string text(const ros::Time& time) {
   std::ostringstream out;
   out << time;
@@ -45,7 +45,7 @@ MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const s
 }
 
 MatchWriter::~MatchWriter() {
-  // Its destructor closes it, and throws, which ends the program, where the disk is full.
+  // Its destructor closes it and throws if the disk is full, which would end the program.
   try {
     if (bag_) bag_->close();
   } catch (const std::exception&) {
@@ -67,7 +67,7 @@ void MatchWriter::close() {
 
 template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
-  message.header.seq = sequence_[topic]++;  // as a publisher counts
+  message.header.seq = sequence_[topic]++;  // like a publisher
   try {
     bag_->write(prefix_ + "/" + topic, time, message);
   } catch (const rosbag::BagException& error) {

@@ -13,12 +13,12 @@
 
 namespace ktgp_orb {
 
-/// Writes what the matcher found to a bag, on the topics of the nodelet, and to a table.
+/// Writes the results to a bag, on the topics of the nodelet, and to a table.
 class MatchWriter {
  public:
-  /// `prefix`: of the topics, "/camera/matcher" for example. `csv`: path of the table, empty: none.
-  /// `force`: they may replace files. All functions throw std::runtime_error naming a file that
-  /// cannot be written.
+  /// `prefix`: of the topics, for example "/camera/matcher". `csv`: path of the table, empty: none.
+  /// `force`: existing files may be overwritten. All functions throw std::runtime_error with the
+  /// name of a file that cannot be written.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
               bool force);
   ~MatchWriter();
@@ -26,10 +26,10 @@ class MatchWriter {
   MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
-  /// A frame that could not be used has a line in the table alone.
+  /// A refused frame has a line only in the table.
   void writeRefused(const std_msgs::Header& header, const std::string& reason);
 
-  /// Completes both files and gives them their names, which they do not have before.
+  /// Completes both files and gives them their names.
   void close();
 
  private:

@@ -1,5 +1,5 @@
-// Matches the images of a bag without playing it: nothing is dropped, every core works, and the
-// result is the nodelet's, message for message.
+// Matches the images of a bag without playing it: uses all cores, drops no image, and gives the
+// same messages as the nodelet.
 
 #include <unistd.h>
 
@@ -37,7 +37,7 @@ struct Arguments {
   Parameters parameters;
 };
 
-/// Prints how far it got, on a terminal only.
+/// Prints the progress, only on a terminal.
 class Progress {
  public:
   explicit Progress(std::size_t total) : total_(total), shown_(isatty(STDERR_FILENO) != 0) {}
@@ -63,12 +63,12 @@ class Progress {
   bool shown_;
 };
 
-/// Namespace of the output: beside the image topic, as the nodelet has it.
+/// Namespace of the output: beside the image topic, as for the nodelet.
 std::string outputNames(const std::string& name, const std::string& topic) {
   return name.empty() ? cameraOf(topic) + "/matcher" : name;
 }
 
-/// The part of the work that goes frame by frame.
+/// The sequential part of the work, frame by frame.
 class Run {
  public:
   Run(const Arguments& arguments, std::unique_ptr<ImageSource> source,
@@ -102,7 +102,7 @@ class Run {
   std::size_t matched() const { return matched_; }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
-  /// Why the first of them was.
+  /// The reason for the first of them.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
   std::string viewReport() const { return views_.report(); }
@@ -157,7 +157,8 @@ class Run {
   RateLimiter rate_limiter_;
   std::size_t matched_ = 0;
   std::uint64_t skipped_ = 0;
-  std::deque<std::pair<RecordedImage, std::uint64_t>> waiting_;  // in the pipeline; skipped before
+  std::deque<std::pair<RecordedImage, std::uint64_t>>
+      waiting_;  // in the pipeline; number skipped before
   std::uint64_t refused_ = 0;
   std::string refusal_;
 };
@@ -169,7 +170,7 @@ int threadsFrom(const Parameters& parameters) {
 
 Configuration configurationFor(Parameters parameters, const std::string& bag,
                                const std::string& topic) {
-  parameters.threads = 1;  // for one image; several are worked on at a time
+  parameters.threads = 1;  // per image; several images are processed in parallel
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
   configuration.view.file_mask = readMaskFile(parameters.mask_image);
@@ -187,7 +188,7 @@ void checkFiles(Arguments& arguments) {
   plan.writeVideo(arguments.views.stabilized);
   plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
-  // How many maps there will be is not known; what an earlier run left is.
+  // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
 }
@@ -197,7 +198,7 @@ int matchBag(Arguments& arguments) {
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
   checkFiles(arguments);
-  cv::setNumThreads(1);  // the images themselves are spread over the cores
+  cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openBag(arguments.in, arguments.selection);
   const Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
@@ -225,18 +226,18 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
           ->type_name("FILE")
           ->group(group);
   app.add_option("--stabilizer_strength", views.stabilizer.strength,
-                 "quicker motion is shake and is taken out [s]")
+                 "faster motion is shake and is removed [s]")
       ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
       ->capture_default_str()
       ->needs(video)
       ->group(group);
-  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames that are waited for")
+  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames to wait for")
       ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
       ->capture_default_str()
       ->needs(video)
       ->group(group);
   app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
-                 "share of width and height cut off at each border")
+                 "share of width and height to cut off at each border")
       ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
       ->capture_default_str()
       ->needs(video)
@@ -250,16 +251,17 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
   CLI::Option* const map =
       app.add_option(
              "--mosaic", views.mosaic,
-             "write a picture (png) of all that was seen; where the map breaks off, after a cut "
-             "for example, the next one is in FILE-2, and so on")
+             "write the mosaic as a picture (png); further maps, after a cut for example, are in "
+             "FILE-2 and so on")
           ->type_name("FILE")
           ->group(group);
   app.add_option("--mosaic_keyframes", views.map.keyframes,
-                 "place frames by keyframes; false: by the homographies alone")
+                 "place frames by matches to keyframes; false: by the homographies alone")
       ->capture_default_str()
       ->needs(map)
       ->group(group);
-  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels, "it grows no further")
+  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels,
+                 "size at which the map stops growing")
       ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
       ->capture_default_str()
       ->needs(map)
@@ -271,10 +273,10 @@ void addViewArguments(CLI::App& app, ViewOptions& views) {
       ->group(group);
 }
 
-/// Each would be read and change nothing.
+/// Options that would be accepted without effect.
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   const std::string pose = "ktgp_bag writes no pose; the node publishes it";
-  const std::string diagnostics = "it is of the node's diagnostics, and here are none";
+  const std::string diagnostics = "it is for the diagnostics of the node";
   std::map<std::string, std::string> idle{
       {"target_width", pose},
       {"target_frame", pose},
@@ -286,20 +288,20 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
       {"max_latency", diagnostics},
       {"min_ok_ratio", diagnostics},
       {"error_factor", diagnostics},
-      {"max_pair_megapixels", "it is of the node's service match_pair"}};
+      {"max_pair_megapixels", "it is for the service match_pair of the node"}};
   if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
-    idle["reference_image"] = "it is looked at with --reference_mode fixed";
+    idle["reference_image"] = "it is used only with --reference_mode fixed";
   }
   if (parameters.reference_mode != "keyframe") {
     for (const char* name : {"keyframe_min_overlap", "keyframe_min_inliers"}) {
-      idle[name] = "it is looked at with --reference_mode keyframe";
+      idle[name] = "it is used only with --reference_mode keyframe";
     }
   }
-  if (!parameters.overlay) idle["overlay_style"] = "it is looked at with --overlay";
+  if (!parameters.overlay) idle["overlay_style"] = "it is used only with --overlay";
   for (const auto& [name, reason] : idle) {
     if (app.get_option("--" + name)->count() == 0) continue;
     std::string text = "--" + name;
-    text.append(" has no effect: ").append(reason).append("; expected it to be left out");
+    text.append(" has no effect: ").append(reason).append("; leave it out");
     throw std::invalid_argument(text);
   }
   if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
@@ -312,10 +314,11 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN.bag", arguments.in, "bag to read")->required()->check(CLI::ExistingFile);
   app.add_option("OUT.bag", arguments.out, "bag to write")->required();
   app.add_option("--topic", arguments.selection.topic,
-                 "image topic in IN.bag, raw or compressed; not needed where there is one only");
-  app.add_option("--start", arguments.selection.start, "begin this long after the bag does [s]")
+                 "image topic in IN.bag, raw or compressed; not needed if there is only one");
+  app.add_option("--start", arguments.selection.start,
+                 "start this long after the start of the bag [s]")
       ->check(tools::numberIn({0.0, 1e9}));
-  app.add_option("--duration", arguments.selection.duration, "use only this much of it [s]")
+  app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
                  "namespace of the output topics; without it: matcher beside the image topic");
@@ -333,11 +336,10 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Matches the images of a bag as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
-  app.footer(
-      std::string("Of the parameters, threads is the number of images worked on at a time, and "
-                  "overlay\nstands for a subscriber of matches_image; both defaults differ from "
-                  "the nodelet's.\n\n") +
-      tools::kExitCodes + "\nAfter 1 and 130 OUT.bag holds what could be used until then.");
+  app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
+                         "overlay\ndraws matches_image; both defaults differ from those of the "
+                         "nodelet.\n\n") +
+             tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments.parameters);
   arguments.views.force = arguments.force;

@@ -1,4 +1,4 @@
-// ktgp_match A B: matches two images and says what each of the four stages kept.
+// ktgp_match A B: matches two images and prints what each of the four stages kept.
 #include <unistd.h>
 
 #include <array>
@@ -31,12 +31,12 @@ constexpr const char* kExamples =
     "  ktgp_match img1.ppm img4.ppm --ground-truth H1to4p     errors against the known homography\n"
     "  ktgp_match a.png b.png --draw matches.png --csv matches.csv --json result.json\n"
     "  ktgp_match a.png b.png --gms_rotation --gms_scale      the camera rolled or zoomed\n"
-    "  ktgp_match a.png b.png --T_w 0.8                       few matches? let more through\n"
+    "  ktgp_match a.png b.png --T_w 0.8                       for few matches: keep more of them\n"
     "\n"
     "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
 
-/// Precision and corner errors are quoted at the estimator's default inlier threshold.
+/// Precision and corner errors use the estimator's default inlier threshold.
 
 struct Arguments {
   std::string reference;
@@ -58,12 +58,12 @@ struct Frame {
   double extraction_milliseconds = 0.0;
 };
 
-/// What is left after one stage, and how good it is.
+/// The matches left after one stage, and their quality.
 struct StageQuality {
   StageResult statistics;
   std::vector<Correspondence> matches;
   evaluation::ErrorSummary distance;
-  std::vector<double> errors;  ///< against the truth, px; empty where there is none
+  std::vector<double> errors;  ///< against the truth, px; empty without one
 };
 
 struct Outcome {
@@ -74,7 +74,7 @@ struct Outcome {
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// One line on a terminal's stderr that says what is being done; large images take a while.
+/// A status line on a terminal's stderr, since large images take a while.
 class Progress {
  public:
   void say(const std::string& what) const {
@@ -245,7 +245,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   return out;
 }
 
-/// One row per nearest neighbour; `level` says how far it came.
+/// One row per nearest neighbour; `level` is the last stage that it passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
   const std::vector<double>& errors = outcome.stages[0].errors;
@@ -303,7 +303,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("B", arguments.target, "target image")->required();
   file("--ground-truth", arguments.ground_truth,
        "the true homography A -> B, nine numbers as text: adds errors to the table");
-  file("--json", arguments.json, "write everything that is known about the pair");
+  file("--json", arguments.json, "write all results for the pair");
   file("--csv", arguments.csv, "write a row per nearest neighbour, with the last stage it passed");
   file("--draw", arguments.draw,
        "write both images side by side: yellow = final match, purple = removed by PROSAC, "

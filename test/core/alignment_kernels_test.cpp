@@ -40,7 +40,7 @@ AffineWalk randomWalk(std::mt19937& generator) {
           fixed(d)};
 }
 
-// The sums of a whole patch must be the same to the last bit whatever the vectors' width.
+// The sums of a whole patch must have the same bits for every width of the vectors.
 TEST(AlignmentKernels, EqualThePlainLoopsToTheLastBit) {
   const AlignmentKernels& plain = portableAlignmentKernels();
   for (const AlignmentKernels* set : test::everyKernels(bestAlignmentKernels, plain)) {

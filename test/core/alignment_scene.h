@@ -16,7 +16,7 @@
 
 namespace ktgp_orb::test {
 
-/// A picture that is a formula: it can be looked at from anywhere without interpolating. Waves of
+/// A picture given by a formula, so that it can be sampled anywhere without interpolation: waves of
 /// 7 to 60 px in all directions.
 class WavePicture {
  public:
@@ -80,13 +80,13 @@ inline Eigen::Vector2d apply(const Eigen::Matrix3d& h, const Eigen::Vector2d& x)
   return p.head<2>() / p.z();
 }
 
-/// A pair of frames of which all is known, and the matches between them.
+/// A pair of frames with known truth, and their matches.
 struct AlignmentScene {
   Features reference;
   Features target;
   std::vector<Correspondence> matches;
 
-  /// The target's keypoints are the reference's seen through `truth`.
+  /// The target's keypoints are the reference's mapped by `truth`.
   AlignmentScene(const cv::Mat& reference_image, const cv::Mat& target_image,
                  const Eigen::Matrix3d& truth, double spacing = 25.0, double margin = 40.0)
       : reference(gridFeatures(reference_image, spacing, margin)),
@@ -102,7 +102,7 @@ struct AlignmentScene {
   }
 };
 
-/// The scene of a picture before a camera that moves by `truth`; `shade` changes its grey values.
+/// The scene of a picture and a camera that moves by `truth`; `shade` changes the grey values.
 inline AlignmentScene planeScene(
     unsigned seed, const Eigen::Matrix3d& truth,
     const std::function<double(double)>& shade = [](double grey) { return grey; },
@@ -130,7 +130,7 @@ inline Eigen::Matrix3d turn(double degrees, double zoom) {
   return translation(319.5, 239.5) * h * translation(-319.5, -239.5);
 }
 
-/// A covariance as of a homography from keypoints: some tenths of a pixel at the corners.
+/// A covariance like that of a homography from keypoints: some tenths of a pixel at the corners.
 inline Covariance8 keypointCovariance() {
   Covariance8 covariance = Covariance8::Zero();
   for (int i : {0, 1, 3, 4}) covariance(i, i) = 1e-6;

@@ -65,7 +65,7 @@ TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
   }
 }
 
-// The sums are in single precision; said is 0.5 to 1.
+// The sums are in single precision; the documented range is 0.5 to 1.
 TEST(Alignment, NoCorrelationIsAboveOne) {
   const auto faint = [](double grey) { return 0.2 * grey + 180.0; };
   for (const auto& scene :
@@ -90,8 +90,8 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
   }
 }
 
-// A start that is 2.5 px off is beyond twice a threshold of 1 px, and beyond twice one of 2 px in
-// an image of half the size.
+// A start that is off by 2.5 px: more than twice a threshold of 1 px, and more than twice one of 2
+// px in an image of half the size.
 TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
   const Eigen::Matrix3d start = translation(1.5, 0.0);
   const auto status = [&](double max_error, const cv::Size& size) {
@@ -107,7 +107,7 @@ TEST(Alignment, ItsLimitsScaleWithTheThresholdAndTheImage) {
   EXPECT_EQ(status(2.0, {320, 240}), AlignmentStatus::not_better);
 }
 
-// Seen at a slant, the middle of a patch is not where the mean of the patch is.
+// With perspective, the middle of a patch is not mapped to the middle of its image.
 TEST(Alignment, PerspectiveWithinAPatchShiftsNothing) {
   Eigen::Matrix3d slant = Eigen::Matrix3d::Identity();
   slant(2, 0) = 6e-4;
@@ -120,7 +120,7 @@ TEST(Alignment, PerspectiveWithinAPatchShiftsNothing) {
     mean += p.target - test::apply(truth, p.reference);
   }
   mean /= static_cast<double>(result.points.size());
-  EXPECT_LT(mean.norm(), 0.004) << "px; without the correction 0.015";
+  EXPECT_LT(mean.norm(), 0.004) << "px; without the correction 0.017";
 }
 
 TEST(Alignment, GainAndBiasMakeNoDifference) {
@@ -157,7 +157,7 @@ TEST(Alignment, IsUnmovedByAThirdOfThePointsBeingElsewhere) {
   EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.3);
 }
 
-/// Moves the target's keypoints by up to `most` px along each axis: as far as detectors are off.
+/// Moves the target's keypoints by up to `most` px along each axis, like the errors of detectors.
 void disturb(double most, AlignmentScene& scene) {
   std::mt19937 random(5);
   std::uniform_real_distribution<float> shift(static_cast<float>(-most), static_cast<float>(most));
@@ -167,8 +167,8 @@ void disturb(double most, AlignmentScene& scene) {
   }
 }
 
-// Every patch is exact here, and two thirds of them lie on one plane to a hundredth of a pixel. The
-// homography of the scene is still the one that serves all.
+// Every patch is exact, and two thirds of them lie on one plane within a hundredth of a pixel. The
+// right homography is still the one that fits all.
 TEST(Alignment, DoesNotLockOntoOneOfTwoPlanes) {
   const test::WavePicture picture(7);
   const auto grey = [&](const Eigen::Vector2d& x) { return picture.at(x); };
@@ -185,8 +185,8 @@ TEST(Alignment, DoesNotLockOntoOneOfTwoPlanes) {
   EXPECT_LT(at_centre, 0.45);
 }
 
-// A relief: every piece of the picture moved on its own. Aligned points tell no better than
-// keypoints which plane it is that comes nearest to it.
+// A relief: every piece of the picture moved independently. Aligned points do not determine the
+// nearest plane better than keypoints.
 TEST(Alignment, KeepsTheHomographyWhereItsPointsScatterAsTheKeypointsDo) {
   const test::WavePicture picture(8);
   const auto align_relief = [&](float depth) {
@@ -253,7 +253,7 @@ TEST(Alignment, StripesSayNothingAlongThemselves) {
 }
 
 TEST(Alignment, KeepsTheHomographyThatTheKeypointsSupport) {
-  // The images moved 3.2 px against what the keypoints say.
+  // The images are shifted by 3.2 px against the keypoints.
   const Eigen::Matrix3d truth = translation(3.2, 0.0);
   AlignmentScene scene = planeScene(9, truth);
   scene.target.keypoints = scene.reference.keypoints;
@@ -266,7 +266,7 @@ TEST(Alignment, KeepsTheHomographyThatTheKeypointsSupport) {
 }
 
 TEST(Alignment, KeepsTheHomographyThatIsBetterDetermined) {
-  // Texture is left in one corner only, which says little about the others.
+  // There is texture in only one corner, which says little about the other corners.
   const Eigen::Matrix3d truth = tilt();
   AlignmentScene scene = planeScene(10, truth);
   cv::Mat rest = scene.reference.images[0];
@@ -377,14 +377,14 @@ double normalisedError(double spacing) {
   return sum / kTrials;
 }
 
-// It averages eight, one for each entry, when the covariance is right.
+// Eight on average, one for each entry, if the covariance is right.
 TEST(Alignment, ItsCovarianceIsThatOfItsErrors) {
   const double error = normalisedError(17.0);
   EXPECT_GT(error, 5.0);
   EXPECT_LT(error, 13.0);
 }
 
-// Patches of 16 px at keypoints 8 px apart see the same noise four times.
+// Patches of 16 px at keypoints 8 px apart contain the same noise four times.
 TEST(Alignment, ItsCovarianceCountsOverlappingPatchesOnce) {
   const double error = normalisedError(8.0);
   EXPECT_GT(error, 5.0);

@@ -13,7 +13,7 @@ namespace ktgp_orb::test {
 inline std::atomic<std::size_t> allocation_count{0};
 inline std::atomic<std::size_t> allocated_bytes{0};
 
-/// Allocations since it was made, whether freed since or not.
+/// Number of allocations since construction, freed or not.
 class AllocationCounter {
  public:
   std::size_t count() const { return allocation_count - start_count_; }
@@ -27,7 +27,7 @@ class AllocationCounter {
 inline void* countedAllocation(std::size_t size, std::size_t alignment) {
   ++allocation_count;
   allocated_bytes += size;
-  // aligned_alloc wants a multiple of the alignment, and asks for zero bytes get a pointer too.
+  // aligned_alloc requires a multiple of the alignment; requests for zero bytes also get a pointer.
   const std::size_t rounded = (size + alignment) / alignment * alignment;
   if (void* memory = std::aligned_alloc(alignment, rounded)) return memory;
   throw std::bad_alloc();

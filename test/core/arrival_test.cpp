@@ -1,5 +1,5 @@
-// How what arrives reaches a worker: queues that lose the oldest, a slot for the newest, and the
-// count of what was lost on the way. No ROS master is needed.
+// The queues between callbacks and worker: an inbox that drops the oldest, a slot for the newest,
+// and the count of lost messages. No ROS master is needed.
 
 #include <gtest/gtest.h>
 
@@ -52,7 +52,7 @@ TEST(FrameInbox, WakingGivesNothingOnceAndThenItWaitsAgain) {
   ASSERT_TRUE(woken);
   EXPECT_TRUE(woken->images.empty());
   std::thread later([&inbox] { inbox.put(image(1)); });
-  const auto content = inbox.take();  // not again because of the same call
+  const auto content = inbox.take();  // the first call must not deliver it again
   later.join();
   ASSERT_TRUE(content);
   EXPECT_EQ(content->images.size(), 1U);

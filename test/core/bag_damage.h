@@ -12,17 +12,16 @@ namespace ktgp_orb::test {
 
 using FileBytes = std::vector<std::uint8_t>;
 
-/// Damages the bytes of a sound bag in every way that disks, networks and people do: damage number
-/// `n` is the same whenever it is asked for.
+/// Damages the bytes of an intact bag in many ways. Damage number `n` is always the same.
 class BagDamage {
  public:
   explicit BagDamage(FileBytes sound) : sound_(std::move(sound)) { findRecords(); }
 
-  /// The damaged bytes; `what` says what was done.
+  /// The damaged bytes; `what` describes the damage.
   FileBytes make(std::uint64_t n, std::string& what) const {
     std::mt19937_64 random(n);
     FileBytes bytes = sound_;
-    // Every boundary of records is cut at once, before any kind is drawn.
+    // First a cut at every boundary of records, then random kinds.
     if (n < boundaries_.size()) return cut(bytes, boundaries_[n], what);
     using Kind = void (BagDamage::*)(FileBytes&, std::mt19937_64&, std::string&) const;
     constexpr Kind kKinds[] = {&BagDamage::flipAnywhere,  &BagDamage::flipInHeader,
@@ -39,7 +38,7 @@ class BagDamage {
  private:
   struct Record {
     std::size_t begin;  ///< the length of the header
-    std::size_t data;   ///< the length of the data stands before
+    std::size_t data;   ///< the length of the data precedes it
     std::size_t end;
     bool chunk;
   };
@@ -64,7 +63,7 @@ class BagDamage {
     boundaries_.pop_back();  // the whole file
   }
 
-  /// Those within uncompressed chunks, too.
+  /// Including those within uncompressed chunks.
   void addRecords(std::size_t begin, std::size_t end) {
     while (begin + 8 <= end) {
       const std::size_t data = begin + 8 + numberAt(begin);
@@ -104,7 +103,7 @@ class BagDamage {
     flip(bytes, record.begin + random() % (record.data - record.begin), random, what);
   }
 
-  /// A length or another number gets one of the values that programs stumble over.
+  /// Replaces a length or another number by a critical value.
   void falsifyLength(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
     const Record& record = anyRecord(random);
     const std::size_t places[] = {record.begin, record.data - 4, record.begin + 4,
@@ -133,7 +132,7 @@ class BagDamage {
     Record a = those[random() % those.size()];
     Record b = those[random() % those.size()];
     if (b.begin < a.begin) std::swap(a, b);
-    if (a.end > b.begin) return;  // the same, or one within the other
+    if (a.end > b.begin) return;  // the same record, or one within the other
     const auto at = [&](std::size_t i) { return sound_.begin() + static_cast<std::ptrdiff_t>(i); };
     bytes.assign(at(0), at(a.begin));
     bytes.insert(bytes.end(), at(b.begin), at(b.end));

@@ -1,4 +1,4 @@
-// The truth in the demo bag against the pictures themselves: direct alignment of the grey values.
+// Compares the truth in the demo bag with the pictures: direct alignment of the grey values.
 
 #include <gtest/gtest.h>
 

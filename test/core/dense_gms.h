@@ -14,14 +14,14 @@
 
 namespace ktgp_orb::test {
 
-/// Grid-based motion statistics as the paper tells them (Bian et al., CVPR 2017): for each scale,
-/// rotation and shift a dense table of all cell pairs is cleared, filled and scanned. The reference
-/// for GmsFilter's answer, and its peer in the benchmark. It shares no code with it.
+/// Grid-based motion statistics as in the paper (Bian et al., CVPR 2017): for each scale, rotation
+/// and shift a dense table of all cell pairs is cleared, filled and scanned. The reference for
+/// GmsFilter, and its peer in the benchmark. Shares no code with it.
 class DenseGms {
  public:
   explicit DenseGms(const GmsOptions& options) : options_(options) {}
 
-  /// 1 where the match is kept, for every correspondence, whatever its level.
+  /// 1 where the match is kept, for every correspondence of any level.
   const std::vector<std::uint8_t>& mask(const Features& reference, const Features& target,
                                         const std::vector<Correspondence>& matches) {
     left_.clear();
@@ -98,7 +98,7 @@ class DenseGms {
     left_cell_.resize(left_.size());
     for (std::size_t i = 0; i < left_.size(); ++i) {
       const cv::Point2f& p = left_[i];
-      // The product in single precision, the half in double, as the authors' program has it.
+      // The product in single precision, the half in double, as in the authors' program.
       const double x = std::floor(p.x * static_cast<float>(options_.grid_columns) + 0.5 * shift_x);
       const double y = std::floor(p.y * static_cast<float>(options_.grid_rows) + 0.5 * shift_y);
       const int left = cellAt(x, y, shift_x, shift_y, options_.grid_columns, options_.grid_rows);
@@ -109,7 +109,7 @@ class DenseGms {
     }
   }
 
-  /// best_right_: for each left cell the right cell with most matches, -1 where it has none or too
+  /// best_right_: for each left cell the right cell with most matches, -1 if it has none or too
   /// little support.
   void verifyPairs(int rotation) {
     best_right_.assign(left_count_.size(), -1);
@@ -123,7 +123,7 @@ class DenseGms {
   }
 
   bool isSupported(int left, int right, int rotation) {
-    // Where each of the nine left neighbours, row by row, is to be found around the right cell.
+    // Positions around the right cell of the nine left neighbours, row by row.
     static const std::array<std::array<int, 9>, 8> kPattern{{{0, 1, 2, 3, 4, 5, 6, 7, 8},
                                                              {3, 0, 1, 6, 4, 2, 7, 8, 5},
                                                              {6, 3, 0, 7, 4, 1, 8, 5, 2},

@@ -18,8 +18,8 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Keypoints at random places, descriptors at random; the target's are the reference's moved by
-/// (12, 5) with a few bits flipped, except the last third, which is random.
+/// Random keypoints and descriptors; the target's are the reference's moved by (12, 5) with a few
+/// bits flipped, except the last third, which is random.
 class RandomScene {
  public:
   explicit RandomScene(int n, unsigned seed = 1) : random_(seed), grey_(480, 640, CV_8U) {
@@ -59,7 +59,7 @@ class RandomScene {
   Features target_;
 };
 
-/// Features with the given descriptors, all at one place.
+/// Features with the given descriptors, all at one position.
 Features described(const std::vector<std::vector<uchar>>& descriptors) {
   Features features;
   features.image_size = {100, 100};

@@ -122,7 +122,7 @@ TEST(Project, KnowsTheSideOfTheHorizonThatIsSeen) {
   for (const double factor : {1.0, -1.0, 0.01, -50.0}) {
     for (const Eigen::Matrix3d& seen :
          {Eigen::Matrix3d(factor * h), Eigen::Matrix3d(factor * h.inverse())}) {
-      // Whatever the side, a point that one direction sees comes back by the other.
+      // On both sides of the horizon, a mapped point is mapped back by the inverse.
       const Eigen::Matrix3d back = seen.inverse();
       for (const Eigen::Vector2d& x :
            {Eigen::Vector2d(100.0, 300.0), Eigen::Vector2d(500.0, 450.0),
@@ -141,8 +141,8 @@ TEST(Project, KnowsTheSideOfTheHorizonThatIsSeen) {
 }
 
 TEST(Repeatability, FindsAllPointsOfAFloorAtASlantAgain) {
-  // A floor from above, and as a camera on it sees it: what lies above y = 250 is behind that
-  // camera, the origin of the first image as well.
+  // A floor seen from above, and by a camera on it: everything above y = 250 is behind that camera,
+  // including the origin of the first image.
   Eigen::Matrix3d truth;
   truth << -1.0, 15.2, -3940.0, 0.0, -0.9, 700.0, 0.0, 0.004, -1.0;
   std::vector<cv::Point2f> above;
@@ -181,7 +181,7 @@ TEST(CornerError, ByHand) {
   EXPECT_EQ(cornerError(Eigen::Matrix3d::Zero(), translation(0, 0), size), kInfinity);
 }
 
-/// The curve of areaUnderCurve at x, as it is defined: straight lines between the sorted errors
+/// The definition of the curve of areaUnderCurve at x: straight lines between the sorted errors
 /// below the threshold, from (0, 0) on.
 double shareAt(double x, std::vector<double> errors, double threshold) {
   std::sort(errors.begin(), errors.end());
@@ -255,7 +255,7 @@ double lens(double d) {
 }
 
 TEST(Repeatability, OverlapOfEqualDiscsAgreesWithTheClosedForm) {
-  // Discs of 30 px radius after normalisation, whatever the keypoint's own size.
+  // Discs of 30 px radius after normalisation, for every size of the keypoint.
   for (float size : {31.F, 60.F, 90.F}) {
     for (int d = 1; d < 40; ++d) {
       const double common = lens(d / 30.0);
@@ -274,12 +274,12 @@ TEST(Repeatability, OverlapFollowsScaleAndShape) {
   const Eigen::Matrix3d twice = Eigen::Vector3d(2.0, 2.0, 1.0).asDiagonal();
   EXPECT_EQ(detectorRepeatability(a, featuresAt({{200, 200}}, 62.F), twice, 0.01).repeated, 1u);
   EXPECT_EQ(detectorRepeatability(a, featuresAt({{200, 200}}, 31.F), twice).repeated, 0u);
-  // An ellipse of twice the width over a disc of its height: half of it is common.
+  // An ellipse of twice the width over a disc of its height: half of it overlaps.
   const Eigen::Matrix3d wide = Eigen::Vector3d(2.0, 1.0, 1.0).asDiagonal();
   const Features disc = featuresAt({{200, 100}}, 31.F);
   EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.51).repeated, 1u);
   EXPECT_EQ(detectorRepeatability(a, disc, wide, 0.49).repeated, 0u);
-  // Turned, it overlaps the disc as much.
+  // Rotated, it overlaps the disc by the same area.
   for (const double angle : {0.4, 0.8, 2.0}) {
     Eigen::Matrix3d turned = Eigen::Matrix3d::Identity();
     turned.topLeftCorner<2, 2>() =
@@ -310,7 +310,7 @@ double errorAlongTurnedEllipse(double angle) {
 
 TEST(Repeatability, OverlapOfATurnedEllipseIsThatOfTheUnturned) {
   const double unturned = errorAlongTurnedEllipse(0.0);
-  EXPECT_GT(unturned, 0.55);  // else the disc lies within the ellipse and tells nothing
+  EXPECT_GT(unturned, 0.55);  // otherwise the disc is inside the ellipse and the test is void
   EXPECT_LT(unturned, 0.95);
   for (const double angle : {0.4, 0.8, 1.2, 2.0, 2.8}) {
     EXPECT_NEAR(errorAlongTurnedEllipse(angle), unturned, 0.0075) << angle;

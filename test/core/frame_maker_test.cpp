@@ -1,5 +1,5 @@
-// What of a camera's images is looked at: masks, region of interest, lens, and how many of them.
-// No ROS master is needed.
+// The used part of a camera's images: masks, region of interest, lens, and rate. No ROS master is
+// needed.
 
 #include "messages/frame_maker.h"
 #include "messages/camera.h"
@@ -131,7 +131,7 @@ TEST(Lens, OfASecondCameraIsTurnedAsRectificationSays) {
             -std::sin(angle), 0.0, std::cos(angle)};
   const LensCalibration turned = lensFrom(info)->calibration();
   EXPECT_EQ(turned.rotation, cv::Matx33d(info.R.data()));
-  info.R.fill(0.0);  // of one that says nothing of it
+  info.R.fill(0.0);  // of a camera_info without rotation
   EXPECT_EQ(lensFrom(info)->calibration().rotation, cv::Matx33d::eye());
 }
 
@@ -175,8 +175,8 @@ TEST(Lens, OfAnotherImageSizeIsNotUsed) {
   EXPECT_EQ(frame.lens, nullptr);
 }
 
-/// Numbers of the frames of `rate` Hz that are taken of the first `count`; each stamp is off by up
-/// to `shake` of the time between two.
+/// Numbers of the frames of `rate` Hz that are used of the first `count`; each stamp is off by up
+/// to `shake` of the time between two frames.
 std::vector<int> taken(double rate, double max_rate, int count, double shake = 0.0) {
   RateLimiter limiter;
   limiter.setRate(max_rate);
@@ -196,7 +196,7 @@ TEST(RateLimiter, SkipsEvenly) {
     const std::vector<int> numbers = taken(rate, limit, 3000);
     EXPECT_NEAR(double(numbers.size()), 3000.0 * limit / rate, 1.5) << rate << " " << limit;
     const int step = static_cast<int>(rate / limit);
-    for (std::size_t i = 2; i < numbers.size(); ++i) {  // the first slot is half a one
+    for (std::size_t i = 2; i < numbers.size(); ++i) {  // the first slot is half a slot
       const int gap = numbers[i] - numbers[i - 1];
       EXPECT_TRUE(gap == step || gap == step + 1) << rate << " to " << limit << ": " << gap;
     }

@@ -1,4 +1,4 @@
-// Whatever the frames refer to, the path gives the map from any frame to any other.
+// For any references of the frames, the path gives the map from any frame to any other.
 #include "ktgp_orb/frame_path.h"
 
 #include <gtest/gtest.h>

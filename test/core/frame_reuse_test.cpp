@@ -1,5 +1,5 @@
-// Frames and matrices whose memory is used again once nobody holds them: what others hold, in other
-// threads too, never changes. Under ThreadSanitizer: no holder's last look races with the next use.
+// Frames and matrices whose memory is reused when it is free: memory in use, also in other threads,
+// never changes. Under ThreadSanitizer: no race between the holder's last read and the next use.
 
 #include <gtest/gtest.h>
 
@@ -45,9 +45,8 @@ std::uint64_t sumOf(const Frame& frame) {
   return 31 * sum + static_cast<std::uint64_t>(frame.stamp) + frame.encoding.size();
 }
 
-/// A thread that holds the last few of what it is handed, then looks at it and lets it go. Nothing
-/// but the atomic counts of the holders leads back to the thread that handed it over, which is what
-/// is tested.
+/// A thread that holds the last few frames that it received, then reads and releases them. Only the
+/// atomic counts of the holders synchronise it with the sender, which is what is tested.
 template <typename Held>
 class Holder {
  public:
@@ -77,8 +76,8 @@ class Holder {
   static std::uint64_t look(const FrameConstPtr& frame) { return sumOf(*frame); }
   static std::uint64_t look(const Features& features) { return sumOf(features); }
 
-  // OpenCV counts down inside its library, where ThreadSanitizer does not see it: the same
-  // operation on the count, without a change, is put before it for the sanitizer to see.
+  // OpenCV decrements the count inside its library, where ThreadSanitizer does not see it. So the
+  // same operation on the count, without a change, precedes it for the sanitizer.
   static void showRelease(const FrameConstPtr& /*frame*/) {}  // a std::shared_ptr, all in headers
   static void showRelease(const Features& features) {
     CV_XADD(&features.descriptors.u->refcount, 0);
@@ -121,7 +120,7 @@ TEST(FrameReuse, AFrameIsUsedAgainOnceAnotherThreadHasLetItGo) {
   SequenceOptions options;
   options.orb.max_features = 300;
   SequenceMatcher matcher(options);
-  Holder<FrameConstPtr> holder(3);  // longer than the sequence does
+  Holder<FrameConstPtr> holder(3);  // holds frames longer than the sequence
   for (int i = 0; i < kFrames; ++i) {
     const FrameConstPtr& frame = matcher.match(view(i), 0.1 * i).frame;
     holder.hold(frame, sumOf(*frame));
@@ -209,7 +208,7 @@ TEST(FrameReuse, NewOptionsLeaveAFrameAloneThatIsHandedInAgain) {
   kept.expectUnchanged();
 }
 
-// The mode has no use for the features yet; what was handed out without them stays without.
+// The mode does not need the features yet; a frame given without features stays without.
 TEST(FrameReuse, AFixedReferenceStaysAsItIsUntilItIsNeeded) {
   SequenceMatcher matcher(fewFeatures(ReferenceMode::previous, 400));
   const FramePtr target = std::make_shared<Frame>();
@@ -221,7 +220,7 @@ TEST(FrameReuse, AFixedReferenceStaysAsItIsUntilItIsNeeded) {
   EXPECT_TRUE(held->features.empty());
 }
 
-// The caller's pixels are his until the last frame of them is gone.
+// The caller's pixels are not reused before the last frame with them is released.
 TEST(FrameReuse, AFrameFoundAnewKeepsThePixelsOfTheOldOne) {
   SequenceMatcher matcher(fewFeatures(ReferenceMode::previous, 400));
   const cv::Mat pixels = view(0);

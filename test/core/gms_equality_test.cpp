@@ -1,4 +1,4 @@
-// GmsFilter's masks against those of the GMS authors' program and of a dense implementation.
+// Compares GmsFilter's masks with those of the GMS authors' program and of a dense implementation.
 
 #include <gtest/gtest.h>
 
@@ -109,7 +109,7 @@ TEST(GmsEquality, EqualsTheDenseReferenceOnRandomProblems) {
   std::size_t kept_something = 0;
   for (int i = 0; i < 300 && !HasFailure(); ++i) {
     const GmsOptions options = maker.options(9);
-    GmsFilter filter(options);  // the same one for several problems: nothing may stay behind
+    GmsFilter filter(options);  // reused for several problems, to find state that remains
     for (int k = 0; k < 12; ++k) {
       const Problem problem = maker.problem(i % 2 == 0 ? 500 : 60, options);
       expectEqualToDense(filter, problem, "problem " + std::to_string(i) + "/" + std::to_string(k));
@@ -151,8 +151,8 @@ TEST(GmsEquality, EqualsTheDenseReferenceForEverySizeFromNothing) {
 }
 
 TEST(GmsEquality, DoesNotRuleOutAPairForNeighboursThatDoNotCount) {
-  // The pair wins with the reference grid halved. Its reference cell is in the corner, so that five
-  // neighbours of its target cell do not count: those are crowded, and their matches go anywhere.
+  // The pair wins with the reference grid halved. Its reference cell is in the corner, so five
+  // neighbours of its target cell do not count: these have many matches, which lead to other cells.
   Problem problem;
   problem.reference.image_size = problem.target.image_size = {400, 400};
   for (int i = 0; i < 36; ++i) {

@@ -18,8 +18,8 @@ using test::mode;
 using test::Problem;
 using test::ProblemMaker;
 
-/// A square image pair in which the target shows the reference turned and zoomed about its centre;
-/// `per_cell` matches in each cell of the finer of the two grids, none near a line of the grid.
+/// A square image pair in which the target shows the reference rotated and zoomed about its centre;
+/// `per_cell` matches in each cell of the finer grid, none near a line of the grid.
 Problem perfectMotion(int quarter_turns, double zoom, int per_cell) {
   constexpr double kSide = 800.0;
   constexpr int kCells = 20;
@@ -157,7 +157,7 @@ TEST(GmsFilter, LeavesOtherLevelsAlone) {
   for (std::size_t i = 0; i < problem.matches.size(); ++i) {
     Correspondence& c = problem.matches[i];
     if (i % 3 == 0) c.level = Level::knn;
-    if (i % 3 == 0) c.reference_index = c.target_index = -1;  // not looked at
+    if (i % 3 == 0) c.reference_index = c.target_index = -1;  // not used
   }
   std::vector<Correspondence> matches = problem.matches;
   const GmsResult result = GmsFilter().filter(problem.reference, problem.target, matches);
@@ -184,7 +184,7 @@ TEST(GmsFilter, PassesAllWhereItIsSwitchedOff) {
 }
 
 TEST(GmsFilter, SwappedSizesChangeTheAnswer) {
-  // The size is in Features and nowhere else: a caller who swaps it sees what comes of it.
+  // The size comes only from Features: swapped sizes give another result.
   Problem problem = perfectMotion(0, 1.0, 3);
   problem.target.image_size = {800, 400};
   std::vector<Correspondence> matches = problem.matches;
@@ -258,7 +258,7 @@ TEST(GmsFilter, AllocatesNothingOnceItHasSeenTheLargestProblem) {
     }
   };
   run();
-  run();  // buffers that change hands with the winner have both seen the largest by now
+  run();  // after this, both buffers that are swapped have their largest size
   const test::AllocationCounter allocations;
   run();
   EXPECT_EQ(allocations.count(), 0u);

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::test {
 
-/// Two frames and the matches between them, as GmsFilter takes them.
+/// Input of GmsFilter: two frames and their matches.
 struct Problem {
   Features reference, target;
   std::vector<Correspondence> matches;
@@ -37,8 +37,8 @@ inline std::vector<std::uint8_t> maskOf(const std::vector<Correspondence>& match
   return mask;
 }
 
-/// Makes problems of every kind that could go wrong: sizes from nothing, images from one pixel,
-/// motions, noise, crowds in one cell, and keypoints on the lines between cells and beyond borders.
+/// Creates critical problems: empty ones, images of one pixel, motions, noise, many matches in one
+/// cell, and keypoints on the lines between cells and beyond borders.
 class ProblemMaker {
  public:
   explicit ProblemMaker(unsigned seed) : random_(seed) {}

@@ -1,4 +1,4 @@
-// In the steady state the growth allocates nothing.
+// The growth allocates nothing in steady state.
 #include <gtest/gtest.h>
 
 #include <opencv2/imgproc.hpp>

@@ -1,4 +1,4 @@
-// The parts of the growth against the plainest programs that do the same.
+// Compares the parts of the growth with plain programs that do the same.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -30,7 +30,7 @@ double angleOf(const LocalFrame& frame) {
   return std::atan2(frame.dy, frame.dx);
 }
 
-/// By the definition in votes.h, in double precision; a vote for each 8x8 px is not counted here.
+/// By the definition in votes.h, in double precision; without the limit of one vote per 8x8 px.
 bool votesFor(const FramePair& voter, const FramePair& pair) {
   const Eigen::Vector2d d(voter.from.x - pair.from.x, voter.from.y - pair.from.y);
   const double turn = angleOf(pair.to) - angleOf(pair.from);

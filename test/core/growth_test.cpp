@@ -1,5 +1,5 @@
 // The growth of a homography from single matches: on drawn keypoints with known truth, on data
-// without any, and through the matcher.
+// without any, and in the matcher.
 #include "ktgp_orb/growth.h"
 
 #include <gtest/gtest.h>
@@ -46,8 +46,7 @@ std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
 }
 
 /// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
-/// in some bits; `lures` look the same in both and lie anywhere; the others have nothing to do with
-/// each other.
+/// in some bits. `lures` have equal descriptors at random positions. The others are unrelated.
 struct Pair {
   Features reference, target;
 };
@@ -129,7 +128,7 @@ TEST(Growth, FindsNothingWhereThereIsNothing) {
   }
 }
 
-/// Letters of one alphabet at random places: parts agree wherever one looks.
+/// Letters of one alphabet at random positions: parts agree everywhere.
 cv::Mat letters(std::uint64_t seed) {
   Numbers numbers(seed);
   cv::Mat image(kSize, CV_8U, cv::Scalar(230));
@@ -248,7 +247,7 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_STREQ(stage.name, "growth");
   EXPECT_EQ(stage.output, result.growth.pairs.size());
   EXPECT_GT(stage.milliseconds, 0.0);
-  double others = -stage.milliseconds;  // its time is part of the whole
+  double others = -stage.milliseconds;  // its time is part of the total
   for (const StageResult& s : result.stages) others += s.milliseconds;
   for (const StageResult& s : result.refinements) others += s.milliseconds;
   EXPECT_NEAR(result.milliseconds(), others + stage.milliseconds, 1e-9);
@@ -396,7 +395,7 @@ TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
 TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
   OrbOptions orb;
   orb.max_features = 2000;
-  orb.fast_threshold = 5;  // as many as are wanted
+  orb.fast_threshold = 5;  // as many as wanted
   cv::Mat image;
   cv::resize(scene(7), image, kSize, 0.0, 0.0, cv::INTER_AREA);
   std::size_t bytes = 0;
@@ -411,7 +410,7 @@ TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
   EXPECT_LT(bytes, 3U << 20U);
 }
 
-/// Tiles that look alike: one tile further fits nearly as well, and nothing says which is right.
+/// Tiles that look alike: a shift by one tile fits nearly as well, and neither is certainly right.
 TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
   const cv::Mat tile = scene(11)(cv::Rect(0, 0, 80, 80));
   cv::Mat tiles;

@@ -141,7 +141,7 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
   h.setConstant(1e300);
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
-  h = -Eigen::Matrix3d::Identity();  // each onto itself, but from behind the camera
+  h = -Eigen::Matrix3d::Identity();  // the identity, but from behind the camera
   matcher.match(features, features, h, matches);
   EXPECT_TRUE(matches.empty());
   matcher.match(features, features, -h, matches);

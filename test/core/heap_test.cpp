@@ -1,6 +1,5 @@
-// The heap profile of a live sequence: from a thousand frames, image in to match out, nobody asks
-// for memory, OpenCV and Eigen included. It counts malloc itself, which only glibc lets a program
-// replace.
+// Heap use of a live sequence: from frame 1000 on, from image to match, no code allocates, OpenCV
+// and Eigen included. Counts malloc itself, which only glibc lets a program replace.
 
 #include <gtest/gtest.h>
 
@@ -31,7 +30,7 @@ TEST(Heap, IsCounted) {
   EXPECT_GT(calls - before, 0u);
 }
 
-/// Calls of the allocator in a thousand frames, once the buffers have grown.
+/// Number of allocator calls in a thousand frames, after the buffers have grown.
 std::size_t callsInAThousandFrames(const SequenceOptions& options) {
   const cv::Mat world = test::textureImage(cv::Size(500, 300), 1);
   std::vector<cv::Mat> views;
@@ -40,7 +39,7 @@ std::size_t callsInAThousandFrames(const SequenceOptions& options) {
   int n = 0;
   const auto run = [&](int frames) {
     for (int i = 0; i < frames; ++i, ++n) {
-      // To and fro, and now and then a jump.
+      // Back and forth, with an occasional jump.
       const int at = n % 50 == 0 ? 7 : std::abs(n % 14 - 7);
       matcher.match(views[static_cast<std::size_t>(at)], 0.1 * n);
     }

@@ -32,7 +32,8 @@ double area(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vec
   return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
 }
 
-/// Least over the four triangles, with the sign that tells whether the images agree on it.
+/// Minimum over the four triangles, with a sign that tells whether the images agree on the
+/// orientation.
 bool sameOrientation(const FourPoints& x, const FourPoints& u, double min_area) {
   for (std::size_t skip = 0; skip < 4; ++skip) {
     std::size_t k[3];
@@ -149,8 +150,9 @@ TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
 }
 
 TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
-  // Two thirds of the points agree to 0.02 px with one plane; the others lie 0.3 px off it, the
-  // more the farther down. All are as exact, and the best homography for the image is between.
+  // Two thirds of the points agree with one plane within 0.02 px; the others are 0.3 px off, more
+  // towards the bottom. All are equally accurate, and the best homography for the image is in
+  // between.
   Numbers numbers(5);
   std::vector<Eigen::Vector2d> reference;
   std::vector<Eigen::Vector2d> target;
@@ -191,7 +193,7 @@ TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
     target.push_back(project(before, reference.back()));
   }
   EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
-  for (int i = 0; i < 50; ++i) {  // far from where it is
+  for (int i = 0; i < 50; ++i) {  // far from the optimum
     reference.push_back(numbers.pointIn(kSize));
     target.emplace_back(project(before, reference.back()) + Eigen::Vector2d(40.0, 0.0));
   }
@@ -201,7 +203,7 @@ TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
   EXPECT_THROW(refiner.refine(reference, target, kSize, options, h), std::invalid_argument);
 }
 
-// An odd number of pairs is worked on with what the pairs before left in the place after the last.
+// An odd last pair is processed with a padding pair that still has old values.
 TEST(MEstimator, ForgetsThePairsOfTheCallBefore) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   h(2, 0) = -0.5;  // the horizon is at x = 2

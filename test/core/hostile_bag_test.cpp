@@ -1,4 +1,5 @@
-// Damaged bags: no crash, no room for what is not there, and no frame lost without a word.
+// Damaged bags: no crash, no memory for data that does not exist, and no frame lost without a
+// message.
 #include <gtest/gtest.h>
 #include <rosbag/bag.h>
 #include <std_msgs/String.h>
@@ -20,7 +21,7 @@ namespace {
 constexpr int kFrames = 8;
 constexpr char kTopic[] = "/camera/image_raw";
 
-/// KTGP_ORB_DAMAGES is the number of damages to a bag of each compression: more for a long run.
+/// KTGP_ORB_DAMAGES is the number of damages per compression; more for a long run.
 std::uint64_t damages() {
   const char* text = std::getenv("KTGP_ORB_DAMAGES");
   return text == nullptr ? 572 : std::strtoull(text, nullptr, 10);
@@ -123,8 +124,8 @@ TEST_P(HostileBag, NoDamageCrashesOrLosesAFrameWithoutAWord) {
     write(temporaryFile(), damage.make(n, what));
     const Reading reading = read(temporaryFile());
     frames += reading.images.size();
-    // A pixel or a stamp may be another: no checksum tells. A frame may neither be missing nor, of
-    // a part that is there twice, be too many.
+    // A pixel or a stamp may have changed: there is no checksum. But no frame may be missing, and a
+    // part that occurs twice must not add frames.
     if (reading.images.size() != kFrames) {
       EXPECT_NE(reading.damage, "") << what << reading.images.size() << " frames";
     }

@@ -1,5 +1,5 @@
 // The same input gives the same result on every machine, x86-64 or arm64: what is recorded here
-// came from an x86-64 one. scripts/check_arm64 runs this test on an emulated arm64.
+// came from an x86-64 one. dev/check_arm64 runs this test on an emulated arm64.
 
 #include <gtest/gtest.h>
 
@@ -28,7 +28,7 @@ class Hash {
   std::uint64_t hash_ = 0xcbf29ce484222325U;
 };
 
-/// Blocks of many sizes and greys, in whole numbers alone.
+/// Blocks of many sizes and grey values, using only integers.
 cv::Mat world() {
   cv::Mat image(700, 900, CV_8U, cv::Scalar(100));
   std::uint32_t state = 12345;
@@ -37,7 +37,7 @@ cv::Mat world() {
     return static_cast<int>((state >> 8) % below);
   };
   for (int i = 0; i < 9000; ++i) {
-    // One after the other: compilers differ in the order in which they evaluate arguments.
+    // In separate statements: compilers evaluate arguments in different orders.
     const int height = 2 + next(24);
     const int width = 2 + next(24);
     const int top = next(700);
@@ -48,7 +48,7 @@ cv::Mat world() {
   return image;
 }
 
-/// Frames of a camera that moves by whole pixels, each with noise of its own.
+/// Frames of a camera that moves by whole pixels, each with its own noise.
 cv::Mat frame(const cv::Mat& of, int i) {
   cv::Mat image = of(cv::Rect(10 + 9 * i, 20 + 5 * i, 640, 480)).clone();
   std::uint32_t state = 777U + static_cast<std::uint32_t>(i);

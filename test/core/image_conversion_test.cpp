@@ -1,4 +1,4 @@
-// What becomes of every encoding that sensor_msgs has. No ROS master is needed.
+// Conversion of every encoding of sensor_msgs. No ROS master is needed.
 #include "messages/image_conversion.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ using util::GreyStretch;
 constexpr int kWidth = 64;
 constexpr int kHeight = 48;
 
-/// A smooth picture, so that what Bayer patterns leave out can be filled in.
+/// A smooth picture, so that Bayer patterns can be interpolated.
 cv::Mat grey() {
   cv::Mat image(kHeight, kWidth, CV_8UC1);
   for (int y = 0; y < kHeight; ++y) {
@@ -32,7 +32,7 @@ cv::Mat grey() {
   return image;
 }
 
-/// All grey values once, so that a stretch keeps them as they are.
+/// All grey values once, so that stretching does not change them.
 const GreyStretch kAsTheyAre{GreyStretch::Kind::range, 0.0, 0, 65535};
 
 cv::Mat sixteenBits(const cv::Mat& image) {
@@ -58,7 +58,7 @@ cv::Mat withAlpha(const cv::Mat& image) {
   return out;
 }
 
-/// `red` at the place (x, y) of each 2x2, blue at the opposite one, green at the others.
+/// `red` at position (x, y) of each 2x2 block, blue at the opposite one, green at the others.
 cv::Mat bayer(int x, int y) {
   cv::Mat out = grey() / 8 + 120;
   for (int row = 0; row < kHeight; ++row) {
@@ -102,7 +102,7 @@ struct Expectation {
   cv::Mat grey;
 };
 
-/// Every encoding that is taken, with a picture in it and what must come out.
+/// Every accepted encoding, with a picture and the expected result.
 std::map<std::string, Expectation> taken() {
   const cv::Mat bgr = colour(40, 120, 200);
   const cv::Mat rgb = colour(200, 120, 40);
@@ -130,7 +130,7 @@ std::map<std::string, Expectation> taken() {
   return all;
 }
 
-/// Signed, floating-point and two-channel values are no pictures: depth, flow, disparity.
+/// Signed, floating-point and two-channel values are not pictures: depth, flow, disparity.
 const std::set<std::string> kRefused{"8UC2",  "8SC1",  "8SC2",  "8SC3",  "8SC4",  "16UC2",
                                      "16SC1", "16SC2", "16SC3", "16SC4", "32SC1", "32SC2",
                                      "32SC3", "32SC4", "32FC1", "32FC2", "32FC3", "32FC4",
@@ -261,7 +261,7 @@ TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
   std::remove(path.c_str());
 }
 
-// Opening a pipe would wait for who writes into it.
+// Opening a pipe would block until it has a writer.
 TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_pipe";
   std::remove(path.c_str());
@@ -278,7 +278,7 @@ TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   std::remove(path.c_str());
 }
 
-/// `hidden` of a black image, the rest of the darkest value that is not black.
+/// `hidden` of a black image; the rest has the darkest value that is not black.
 void expectMask(const sensor_msgs::ImageConstPtr& message) {
   const cv::Mat mask = maskImage(message);
   ASSERT_EQ(mask.type(), CV_8UC1) << message->encoding;
@@ -291,7 +291,7 @@ TEST(Masks, BlackHidesAndEverythingElseIsLookedAtInEveryEncoding) {
     cv::Mat pixels(expectation.pixels.size(), expectation.pixels.type(), cv::Scalar::all(0));
     pixels(cv::Rect(kWidth / 2, 0, kWidth / 2, kHeight)).setTo(cv::Scalar::all(1));
     expectMask(messageOf(encoding, pixels));
-    if (pixels.channels() == 4) {  // opacity is no colour
+    if (pixels.channels() == 4) {  // opacity is not a colour
       cv::Mat opaque = pixels.clone();
       cv::insertChannel(cv::Mat(pixels.size(), CV_MAKETYPE(pixels.depth(), 1), cv::Scalar(255)),
                         opaque, 3);

@@ -13,7 +13,7 @@ namespace ktgp_orb::test {
 #ifdef KTGP_ORB_HAVE_HIGHWAY
 
 /// Calls `visit` once for each instruction set of this processor, the best first, while run-time
-/// dispatch takes it for the only one.
+/// dispatch is restricted to it.
 template <typename Visit>
 void forEachInstructionSet(const Visit& visit) {
   std::int64_t left = hwy::SupportedTargets();
@@ -37,15 +37,15 @@ void forEachInstructionSet(const Visit& visit) {
 
 #endif
 
-/// Every set of kernels that this build has and this processor runs, the fastest first, the
-/// portable one last. `best`: what chooses among them.
+/// All sets of kernels that this build and this processor support, the fastest first, the portable
+/// one last. `best`: the function that chooses among them.
 template <typename Kernels>
 std::vector<const Kernels*> everyKernels(const Kernels& (*best)(), const Kernels& portable) {
   std::vector<const Kernels*> all;
   forEachInstructionSet([&] {
     const Kernels* chosen = &best();
     for (const Kernels* other : all) {
-      if (other == chosen) return;  // an instruction set that nothing was compiled for
+      if (other == chosen) return;  // nothing was compiled for this instruction set
     }
     if (chosen != &portable) all.push_back(chosen);
   });

@@ -35,7 +35,7 @@ int hamming(const std::uint8_t* a, const std::uint8_t* b) {
   return distance;
 }
 
-/// The definition, one pair after the other.
+/// The definition, pair by pair.
 Correspondence nearestTwo(const cv::Mat& reference, const cv::Mat& target, int t) {
   Correspondence c{-1, t, 1000, 1000, Level::knn};
   for (int r = 0; r < reference.rows; ++r) {
@@ -137,7 +137,7 @@ class KnnKernels : public ::testing::TestWithParam<const KnnKernel*> {
     return result_;
   }
 
-  /// References around the size of a block, where the candidate numbers begin anew.
+  /// References around the size of a block, where candidate numbers restart.
   std::vector<int> blockSizes() const {
     const int block = 2 * GetParam()->lanes * kGroupsPerBlock;
     return {block - 1, block, block + 1, 2 * block + 1};
@@ -146,7 +146,7 @@ class KnnKernels : public ::testing::TestWithParam<const KnnKernel*> {
   Generator generator_{20};
 
  private:
-  KnnSearch search_{*GetParam(), 1};  // reused by all calls of a test, as from frame to frame
+  KnnSearch search_{*GetParam(), 1};  // reused by all calls of a test, as in a sequence
   std::vector<Correspondence> result_;
 };
 
@@ -248,8 +248,8 @@ TEST_P(KnnKernels, TakeTheLowestIndexAcrossBlocks) {
 }
 
 TEST_P(KnnKernels, FollowCandidatesThatComeEverCloser) {
-  // Candidate r differs from the target in the last 256 - r bits, or in the first r: every one is
-  // a new best, or none is.
+  // Candidate r differs from the target in the last 256 - r bits, or in the first r: every
+  // candidate is a new best, or none is.
   const cv::Mat target = Generator::descriptors(1, [](int, int) { return std::uint8_t{0}; });
   const auto leadingOnes = [](int ones, int b) {
     return static_cast<std::uint8_t>(0xff00 >> std::clamp(ones - 8 * b, 0, 8));
@@ -413,7 +413,7 @@ TEST(KnnMatcher, TakesAHundredThousandFeaturesOnEitherSide) {
   for (int t = 0; t < 100000; t += 777) {
     ASSERT_TRUE(same({result[static_cast<std::size_t>(t)]}, {nearestTwo(few, many, t)}));
   }
-  // 66 bytes a reference, one correspondence a target; a matrix of distances would be 50 MB.
+  // 66 bytes per reference, one correspondence per target; a matrix of distances would take 50 MB.
   EXPECT_LT(allocations.bytes(), 100000 * (68 + sizeof(Correspondence)) + 100000);
 }
 

@@ -1,4 +1,4 @@
-// The stages in a row, on features that are made up: no data is needed.
+// The whole chain on artificial features: no data is needed.
 
 #include "ktgp_orb/ktgp_matcher.h"
 
@@ -19,8 +19,8 @@ namespace {
 
 const cv::Size kSize(640, 480);
 
-/// Two frames whose first `matching` keypoints correspond under a homography, up to half a pixel of
-/// noise and a few flipped bits; the others have nothing to do with each other.
+/// Two frames whose first `matching` keypoints correspond under a homography, with up to half a
+/// pixel of noise and a few flipped bits; the others are unrelated.
 struct Frames {
   Features reference;
   Features target;
@@ -96,7 +96,7 @@ TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
 TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
   const Frames frames = makeFrames(600, 300, 1);
   MatcherOptions options;
-  options.ratio_threshold = 0.95;  // lets wrong ones through to GMS and PROSAC
+  options.ratio_threshold = 0.95;  // keeps wrong matches for GMS and PROSAC
   KtgpMatcher matcher(options);
   MatchResult result;
   matcher.match(frames.reference, frames.target, result);
@@ -157,7 +157,7 @@ TEST(KtgpMatcher, FindsTheTrueMatchesAndNoOthers) {
     EXPECT_LT(test::cornerError(result.prosac.homography, frames.truth, kSize), 1.0);
     result.surviving(Level::ktgp, matches);
     EXPECT_EQ(matches.size(), result.prosac.inliers);
-    EXPECT_GT(matches.size(), 300u);  // GMS wants company in a cell
+    EXPECT_GT(matches.size(), 300u);  // GMS needs several matches per cell
     for (const Correspondence& c : matches) {
       EXPECT_EQ(c.reference_index, c.target_index);
       EXPECT_LT(c.target_index, 500);
@@ -171,7 +171,7 @@ TEST(KtgpMatcher, TakesAPredictionAndRepeatsItself) {
   MatchResult result;
   MatchResult again;
   matcher.match(frames.reference, frames.target, result);
-  matcher.match(frames.target, frames.reference, again);  // leaves its buffers behind
+  matcher.match(frames.target, frames.reference, again);  // fills its buffers
   matcher.match(frames.reference, frames.target, again);
   EXPECT_EQ(again.prosac.homography, result.prosac.homography);
   EXPECT_EQ(again.prosac.mask, result.prosac.mask);
@@ -196,7 +196,7 @@ TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {
     return result.status;
   };
   matcher.match(frames.reference, frames.target, result);
-  ASSERT_EQ(result.status, Status::ok);  // and leaves nothing of it behind
+  ASSERT_EQ(result.status, Status::ok);  // and no old result remains
   Features none;
   none.image_size = kSize;
   const Features one = makeFrames(1, 0, 5).reference;

@@ -1,5 +1,5 @@
-// Lens distortion taken out of the points: against the forward models, written down here once more,
-// and against a plane seen through a lens.
+// Removal of lens distortion from points: compared with the forward models, implemented here again,
+// and with a plane seen through a lens.
 
 #include "ktgp_orb/lens.h"
 
@@ -29,7 +29,7 @@ LensCalibration wide(LensModel model, const std::vector<double>& distortion) {
   return c;
 }
 
-/// Where the lens puts the ray (x, y, 1), before K: the models as they are defined.
+/// The ray (x, y, 1) after the lens and before K, by the definition of the models.
 cv::Point2d bent(const LensCalibration& c, double x, double y) {
   const std::vector<double>& d = c.distortion;
   const double r2 = x * x + y * y;
@@ -92,7 +92,7 @@ TEST(Lens, RefusesWhatIsNoCalibration) {
   EXPECT_THROW(Lens{bad}, std::invalid_argument);
 }
 
-/// Blocks of several sizes: corners that are seen alike from nearer and farther.
+/// Blocks of several sizes: corners that look alike from different distances.
 cv::Mat blocks(const cv::Size& size) {
   cv::Mat sum = cv::Mat::zeros(size, CV_32F);
   for (const int cell : {8, 16, 32}) {
@@ -107,7 +107,7 @@ cv::Mat blocks(const cv::Size& size) {
   return image;
 }
 
-/// What the camera sees of the world behind the lens of one coefficient, moved by (x, y) px of the
+/// The camera's view of the world through a lens with one coefficient, moved by (x, y) px of the
 /// rectified image.
 cv::Mat rawView(const LensCalibration& c, double x, double y) {
   static const cv::Mat world = blocks({1200, 900});
@@ -131,7 +131,7 @@ cv::Mat rawView(const LensCalibration& c, double x, double y) {
   return image;
 }
 
-/// Mean distance of the image's corners from where a shift of (-x, -y) puts them.
+/// Mean distance of the mapped corners from a shift of (-x, -y).
 double cornerError(const Eigen::Matrix3d& h, double x, double y) {
   double sum = 0.0;
   for (int i = 0; i < 4; ++i) {
@@ -157,7 +157,7 @@ SequenceMatch matched(const LensCalibration& calibration, const LensConstPtr& le
   return {};
 }
 
-// A camera's driver may send its calibration with every frame: what counts is what it says.
+// A driver may send its calibration with every frame: only a change of its content counts.
 TEST(Lens, AnEqualLensIsTheSameAndAnotherStartsASequence) {
   SequenceMatcher matcher;
   LensCalibration calibration = wide(LensModel::radial_tangential, {-0.30, 0.0, 0.0, 0.0, 0.0});

@@ -1,4 +1,4 @@
-// What follows the four stages, and what replaces them in the robust preset.
+// The optional stages after the four, and those of the robust preset.
 #include "ktgp_orb/ktgp_matcher.h"
 
 #include <gtest/gtest.h>

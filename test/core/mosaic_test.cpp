@@ -1,4 +1,4 @@
-// The mosaic against the picture that the camera was moved over.
+// Compares the mosaic with the picture that the camera was moved over.
 #include "ktgp_orb/mosaic.h"
 
 #include <gtest/gtest.h>
@@ -57,7 +57,7 @@ class Flight {
   explicit Flight(const MosaicOptions& options, const cv::Mat& picture = world(1))
       : mosaic(options), world_(picture) {}
 
-  /// `error`: of the homography that is handed on.
+  /// `error`: of the given homography.
   Placement go(const Eigen::Matrix3d& view,
                const Eigen::Matrix3d& error = Eigen::Matrix3d::Identity()) {
     std::optional<Eigen::Matrix3d> h;
@@ -66,10 +66,10 @@ class Flight {
   }
   Placement goLost(const Eigen::Matrix3d& view) { return goBy(view, std::nullopt); }
   void flyOver(const cv::Mat& picture) { world_ = picture; }
-  /// Of the frames to come, times what is there.
+  /// A factor for the brightness of the next frames.
   void setExposure(double exposure) { exposure_ = exposure; }
 
-  /// Root mean square distance in the map of where the corners are from where they should be, px.
+  /// Root mean square error of the corners in the map, px.
   double error() const {
     const Eigen::Matrix3d truth = first_ * view_->inverse();
     double sum = 0.0;
@@ -123,7 +123,7 @@ TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
   cv::extractChannel(map, alpha, 3);
   cv::cvtColor(map, colour, cv::COLOR_BGRA2BGR);
   EXPECT_GT(cv::countNonZero(alpha), 3 * kSize.area() / 2);
-  // The rim mixes the last pixel with nothing.
+  // The rim is a mixture of the last pixel and nothing.
   cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
   cv::Mat difference;
   cv::absdiff(colour, picture(area + cv::Point(400, 300)), difference);
@@ -152,8 +152,8 @@ TEST(Mosaic, BlendsSoThatNoSeamShows) {
   EXPECT_LE(steepest, 10) << "of a step of 80";
 }
 
-/// Mean difference from the world, grey values, after a flight on which frames grow darker and
-/// darker, and bright again on the way back.
+/// Mean difference from the world, grey values, after a flight in which frames become darker, and
+/// bright again on the way back.
 double errorOfARamp(const MosaicOptions& options) {
   const cv::Mat picture = world(1);
   Flight flight(options, picture);
@@ -180,7 +180,7 @@ TEST(Mosaic, KeepsItsBrightnessWhenTheExposureChanges) {
 }
 
 TEST(Mosaic, KeyframesFightTheDrift) {
-  // Each homography is off by a fifth of a pixel, as if the camera turned: errors that add up.
+  // Each homography is off by a fifth of a pixel, as if the camera rotated: the errors add up.
   const auto fly = [](const MosaicOptions& options) {
     Flight flight(options);
     Eigen::Matrix3d error = Eigen::Matrix3d::Identity();

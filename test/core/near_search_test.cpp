@@ -1,4 +1,4 @@
-// The search near predicted places against its definition, one pair after the other.
+// Compares the search near predicted positions with its definition, pair by pair.
 
 #include <gtest/gtest.h>
 
@@ -59,7 +59,8 @@ std::int32_t hamming(const cv::Mat& a, int row_a, const cv::Mat& b, int row_b) {
   return distance;
 }
 
-/// Which reference keypoints a target keypoint may be matched to, as KnnMatcher::matchNear has it.
+/// The reference keypoints that may match a target keypoint, by the definition of
+/// KnnMatcher::matchNear.
 std::vector<std::vector<bool>> maskOf(const Features& reference, const Features& target,
                                       const Eigen::Matrix3d& prediction, double radius) {
   Eigen::Matrix3d h = prediction.inverse();
@@ -177,7 +178,8 @@ TEST_P(NearKernels, FindThemAtAwkwardSizes) {
 }
 
 TEST_P(NearKernels, TakeTheLowerIndexOfEqualDistances) {
-  // Few descriptors, many places: ties between cells whose order is not that of the indices.
+  // Few different descriptors, many positions: ties between cells in another order than the
+  // indices.
   Features reference = makeFeatures(600, 5);
   Features target = makeFeatures(500, 6);
   for (int i = 0; i < 600; ++i)
@@ -187,7 +189,7 @@ TEST_P(NearKernels, TakeTheLowerIndexOfEqualDistances) {
 }
 
 TEST_P(NearKernels, CountEveryBit) {
-  // All distances from 0 to 256, the farthest too.
+  // All distances from 0 to 256.
   Features reference = makeFeatures(257, 7);
   Features target = makeFeatures(2, 8);
   for (int i = 0; i <= 256; ++i) {
@@ -222,7 +224,7 @@ TEST_P(NearKernels, TakeKeypointsWhereverTheyAre) {
   }
   expectExact(reference, target, Eigen::Matrix3d::Identity(), 48.0);
   expectExact(reference, target, turnAndShift(), 30.0);
-  // A horizon through the target: what lies behind it comes from nowhere.
+  // A horizon through the target: keypoints behind it have no predicted position.
   Eigen::Matrix3d oblique = Eigen::Matrix3d::Identity();
   oblique(2, 0) = -1.0 / 400.0;
   const Eigen::Matrix3d seen = oblique.inverse();
@@ -266,11 +268,12 @@ TEST(NearMatching, IsTheWholeSearchWithinALargeRadius) {
   EXPECT_TRUE(same(near, whole));
 }
 
-// What was laid out is used again by what it holds: whatever changes in between, in the same memory
-// too, the answer is that of a matcher that has seen nothing else.
+// The index is reused when its content is the same: after changes, also in the same memory, the
+// result equals that of a new matcher.
 TEST(NearMatching, TakesNoReferenceForAnother) {
   Features reference = makeFeatures(400, 15);
-  const Features other = makeFeatures(400, 16);  // as many, so that their number tells nothing
+  const Features other =
+      makeFeatures(400, 16);  // the same number of features, so that only the content differs
   const Features target = makeFeatures(300, 17);
   KnnMatcher matcher(withRadius(50.0));
   const Eigen::Matrix3d here = Eigen::Matrix3d::Identity();
@@ -321,7 +324,7 @@ TEST(NearMatching, GivesALoneCandidateTheBenefitOfAnUnrelatedSecond) {
   EXPECT_EQ(found[0].second_distance, kUnrelatedDistance);
   EXPECT_TRUE(found[0].mutual);
   EXPECT_EQ(found[1].reference_index, -1);
-  EXPECT_EQ(found[1].ratio(), 1.0);  // which no threshold lets pass
+  EXPECT_EQ(found[1].ratio(), 1.0);  // which every threshold refuses
   EXPECT_FALSE(found[1].mutual);
 }
 

@@ -1,4 +1,4 @@
-// Every number in a result belongs to the published homography, whatever made it.
+// Every number in a result belongs to the published homography, whichever stage found it.
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
@@ -35,7 +35,7 @@ Pair extract(const cv::Mat& reference, const cv::Mat& target, int features) {
   return pair;
 }
 
-/// A textured plane that moves, with a part that moves by itself, so that stages disagree.
+/// A textured plane that moves, and a part that moves differently, so that the stages disagree.
 Pair drawnPair(Numbers& numbers, int seed) {
   const cv::Size size(320, 240);
   cv::Mat image;
@@ -61,7 +61,7 @@ MatcherOptions drawnOptions(Numbers& numbers) {
   return options;
 }
 
-/// Counts what changed its label after PROSAC, so that a test sees that there was something to do.
+/// Counts the labels that changed after PROSAC, so that the test is not void.
 std::size_t expectOneAnswer(const Pair& pair, const MatcherOptions& options,
                             const MatchResult& result) {
   std::size_t inliers = 0;

@@ -1,4 +1,4 @@
-// Every stage keeps the options it was made with, also after it was moved.
+// Every stage keeps its options, also after it was moved.
 #include <gtest/gtest.h>
 
 #include <utility>

@@ -14,7 +14,7 @@ namespace {
 using orb::vectorAngle;
 using util::kPi;
 
-/// Calls visit(y, x) with vectors of whole numbers as the moments of a patch are, of all lengths.
+/// Calls visit(y, x) with integer vectors of all lengths, like the moments of a patch.
 template <typename Visit>
 void forEachVector(const Visit& visit) {
   std::uint64_t state = 1;
@@ -46,8 +46,7 @@ TEST(VectorAngle, IsExactOnTheAxes) {
   EXPECT_EQ(vectorAngle(-5.f, 0.f), 270.f);
 }
 
-// FNV-1a of all bits, recorded on x86-64. A compiler that fuses a multiplication with an addition
-// changes it.
+// FNV-1a of all bits, recorded on x86-64. Fused multiply-adds would change it.
 TEST(VectorAngle, HasTheSameBitsEverywhere) {
   std::uint64_t hash = 0xcbf29ce484222325U;
   forEachVector([&](float y, float x) {

@@ -34,7 +34,7 @@ Features opencvFeatures(const cv::Mat& image, const OrbOptions& options,
   return features;
 }
 
-// Not a tolerance anywhere: every float is compared bit for bit, in order.
+// No tolerance: every float is compared bit for bit, in order.
 void expectEqual(const Features& actual, const Features& expected, const std::string& what) {
   SCOPED_TRACE(what);
   ASSERT_EQ(actual.size(), expected.size());
@@ -54,7 +54,7 @@ void expectEqual(const Features& actual, const Features& expected, const std::st
   EXPECT_EQ(cv::norm(actual.descriptors, expected.descriptors, cv::NORM_INF), 0.0);
 }
 
-// Two things in cv::ORB depend on where it runs, and these tests on neither going another way:
+// Two things in cv::ORB depend on the platform; these tests avoid both:
 // - Versions before 4.6 divide by the scale to size a pyramid level where 4.6 multiplies by its
 //   inverse: the level may be a pixel larger or smaller.
 // - Its blur uses fused multiply-adds where the processor has them and the library has code for
@@ -121,7 +121,7 @@ TEST_F(OrbBesideOpencv, AgreesForOtherOptions) {
         options.scale_factor = scale_factor;
         options.levels = levels;
         options.fast_threshold = threshold;
-        // cv::ORB throws where a level shrinks to nothing.
+        // cv::ORB throws if a level has no pixels.
         if (std::pow(scale_factor, levels) > 400) continue;
         expectOpencvsAnswer(image, options,
                             "scale " + std::to_string(scale_factor) + " levels " +

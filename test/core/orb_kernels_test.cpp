@@ -85,7 +85,7 @@ TEST_P(OrbKernelsTest, ScoresEveryLengthOfRow) {
 }
 
 TEST_P(OrbKernelsTest, FindsTheMaximaOfEveryLengthOfRow) {
-  // Few different values: ties, which are no maxima, are common.
+  // Few different values: ties, which are not maxima, are frequent.
   const cv::Mat scores = test::noiseImage(Size(300, 3), 6) / 50;
   std::vector<std::int32_t> expected(200);
   std::vector<std::int32_t> actual(200);
@@ -117,7 +117,7 @@ TEST_P(OrbKernelsTest, GivesTheSameHarrisResponsesAndMoments) {
 }
 
 TEST_P(OrbKernelsTest, ReachesTheLimitsOfTheMoments) {
-  // One half of the disc white, the other black: no larger moments are possible.
+  // One half of the disc white, the other black: the largest possible moments.
   for (bool vertical : {false, true}) {
     for (int white : {0, 255}) {
       cv::Mat image(70, 70, CV_8U, cv::Scalar(white));
@@ -146,7 +146,7 @@ TEST_P(OrbKernelsTest, BlursEveryLengthOfRow) {
       }
       sets[s]->blur_across_rows(row_of, count, out[s].data());
     }
-    // The order of every 64 values along a row is the kernels' own.
+    // The order within every 64 values along a row depends on the kernels.
     for (int i = 0; i < 7 && count % 64 == 0; ++i) {
       for (auto& row : rows) std::sort(row[i].begin(), row[i].begin() + count);
       ASSERT_TRUE(std::equal(rows[0][i].begin(), rows[0][i].begin() + count, rows[1][i].begin()));

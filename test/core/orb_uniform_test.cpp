@@ -20,7 +20,7 @@ using cv::Size;
 constexpr int kStrong = 20;
 constexpr int kShare = 8;
 
-// Corners at different random places, more of them to the left, with scores of 10..59: some weak.
+// Random corners, more on the left, with scores of 10..59: some are weak.
 std::vector<cv::KeyPoint> randomCorners(const Size& size, int count, std::uint64_t seed) {
   cv::RNG rng(seed);
   std::vector<cv::KeyPoint> corners;
@@ -67,7 +67,7 @@ TEST(UniformChoice, GivesEveryCellAnEqualShareAndLosesNone) {
     for (int features : {1, 3, 17, 100, 499, 1000}) {
       const Chosen chosen = choose(image, features, randomCorners(image.size(), count, 2));
       ASSERT_EQ(static_cast<int>(chosen.keypoints.size()), std::min(count, features));
-      // Cells that gave up corners all keep the same number, but for one more in some.
+      // Cells with too many corners keep the same number; some keep one more.
       int most = 0;
       for (int kept : chosen.after) most = std::max(most, kept);
       for (std::size_t i = 0; i < chosen.after.size(); ++i) {

@@ -1,5 +1,5 @@
-// No memory at any one allocation of any public call: it throws, and the next call is as good as
-// any.
+// Every single allocation of every public call fails once: the call throws, and the next call gives
+// the right result.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -15,7 +15,7 @@
 
 namespace {
 
-/// Allocations that still succeed; below zero: all do. Of any thread.
+/// Number of allocations that succeed before one fails; below zero: all succeed. For all threads.
 std::atomic<long> left{-1};
 std::atomic<bool> refused{false};
 
@@ -24,7 +24,7 @@ bool mayAllocate() {
   while (count >= 0) {
     if (count == 0) {
       refused = true;
-      left = -1;  // the one alone: what cleans up after it has memory
+      left = -1;  // only this one fails; the cleanup has memory
       return false;
     }
     if (left.compare_exchange_weak(count, count - 1)) break;
@@ -86,8 +86,8 @@ cv::Mat picture(int shift) {
   return scene(cv::Rect(shift, shift, 320, 240)).clone();
 }
 
-/// Runs `call` with the first, second, third ... allocation refused until it needs no more of them.
-/// After each failure `call` again, and `check` of what it then gives.
+/// Runs `call` with the first, second, third ... allocation failing, until no allocation is left to
+/// fail. After each failure runs `call` again, and `check` on its result.
 void refuseEach(const std::function<std::function<void()>()>& make,
                 const std::function<void()>& check) {
   int failures = 0;
@@ -292,7 +292,8 @@ TEST_F(OutOfMemory, ASequenceGoesOn) {
         };
       },
       [&] {
-        // The frame that failed may have been remembered or not; the next has a reference again.
+        // The failed frame may have become the reference or not; the next one has a reference
+        // again.
         EXPECT_TRUE(status == Status::ok || status == Status::no_reference);
         ok += status == Status::ok ? 1 : 0;
       });

@@ -1,4 +1,4 @@
-// What a viewer must be able to see: measured in the pixels of the drawings.
+// Properties that a viewer must see, measured in the pixels of the drawings.
 #include "ktgp_orb/overlay.h"
 
 #include <gtest/gtest.h>
@@ -132,7 +132,7 @@ TEST(Overlay, SideBySideJoinsAtMost150) {
     inside = line;
   }
   EXPECT_LE(runs, 150);
-  EXPECT_GE(runs, 60);  // neighbours may run together
+  EXPECT_GE(runs, 60);  // strokes of neighbouring matches may touch
 }
 
 TEST(Overlay, PanelStaysInsideAndIsLegible) {
@@ -152,8 +152,8 @@ TEST(Overlay, PanelStaysInsideAndIsLegible) {
   }
 }
 
-/// The rightmost pixel beside the headline whose grey value is from `low` to `high`, in the overlay
-/// of an image of one grey value.
+/// The rightmost pixel beside the headline with a grey value from `low` to `high`, in the overlay
+/// of a uniform image.
 int rightEnd(const MatchResult& result, int grey, int low, int high) {
   const cv::Size size(640, 480);
   const cv::Mat image(size, CV_8UC1, cv::Scalar(grey));

@@ -33,8 +33,8 @@ inline void PrintTo(const PaperSet& set, std::ostream* out) {
   *out << set.name;
 }
 
-/// What the method gives on the paper's own image pairs (its Tables 3 to 5) with cv::ORB at 2000
-/// features and exact search. KT and KTG follow from exact rules; KTGP, here from OpenCV's PROSAC,
+/// Results of the method on the paper's own image pairs (its Tables 3 to 5) with cv::ORB at 2000
+/// features and exact search. KT and KTG follow from exact rules; KTGP, here with OpenCV's PROSAC,
 /// depends on the estimator's samples and refinement.
 inline const std::array<PaperSet, 2> kPaperSets{{
     {"leuven",

@@ -1,4 +1,5 @@
-// The table of parameters against the core: the same defaults, and limits that the core has.
+// Compares the table of parameters with the core: the same defaults, and ranges within the core's
+// limits.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +12,7 @@
 namespace ktgp_orb {
 namespace {
 
-/// Whether the core takes these values.
+/// Whether the core accepts these values.
 bool coreTakes(const Parameters& parameters) {
   try {
     const PipelineOptions options = pipelineOptions(parameters);
@@ -69,7 +70,7 @@ TEST(Parameters, SayWhereTheRatioThresholdIsAnotherDescriptors) {
   EXPECT_EQ(noteOnRatioThreshold(0.8, "teblid"), "");
   EXPECT_EQ(noteOnRatioThreshold(1.0, "teblid"), "");
   EXPECT_EQ(noteOnRatioThreshold(0.66, "teblid"),
-            "T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured (doc/tuning.md)");
+            "T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better (doc/tuning.md)");
 }
 
 TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {

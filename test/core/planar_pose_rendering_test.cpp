@@ -1,4 +1,4 @@
-// Poses from exact renderings of a picture that hangs at known places, tilted by up to 60 degrees.
+// Poses from exact renderings of a picture at known positions, tilted by up to 60 degrees.
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
@@ -28,8 +28,8 @@ Eigen::Matrix3d camera() {
   return k;
 }
 
-/// Tilted by `tilt` about an axis of any direction within the picture, and turned by up to 20
-/// degrees; the farther, the more it is tilted, so that it stays in view.
+/// Tilted by `tilt` about a random axis in the picture, and rotated by up to 20 degrees. More
+/// tilted pictures are farther away, so that they stay in view.
 Eigen::Isometry3d drawPose(double tilt, test::Numbers& numbers) {
   const double direction = numbers.uniform(0.0, 2.0 * kPi);
   const Eigen::Vector3d axis(std::cos(direction), std::sin(direction), 0.0);
@@ -53,11 +53,12 @@ Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose) {
   return h / h(2, 2);
 }
 
-/// The picture is twice as fine as the reference image, so that both images are views of it.
+/// The picture has twice the resolution of the reference image, so that both images are views of
+/// it.
 constexpr double kFiner = 2.0;
 
-/// What a camera sees of the picture through a homography from the reference image, with some noise
-/// of the sensor.
+/// The camera's view of the picture through a homography from the reference image, with some sensor
+/// noise.
 cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed) {
   cv::Mat source, noise(kSize, CV_32F), grey;
   picture.convertTo(source, CV_32F);
@@ -106,7 +107,7 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
   RecordProperty("within", std::to_string(within));
   RecordProperty("median", std::to_string(median));
   EXPECT_GE(static_cast<double>(within), 0.98 * static_cast<double>(normalised.size()));
-  EXPECT_GT(median, 1.5);  // 5.35 where the covariance is exactly right
+  EXPECT_GT(median, 1.5);  // 5.35 if the covariance is exactly right
   EXPECT_LT(median, 8.5);
 }
 

@@ -1,4 +1,4 @@
-// The pose of a flat target against the truth, and its covariance against what happens.
+// The pose of a flat target compared with the truth, and its covariance with the measured errors.
 #include "ktgp_orb/planar_pose.h"
 
 #include <gtest/gtest.h>
@@ -60,7 +60,7 @@ Eigen::Matrix3d fit(const Eigen::Isometry3d& pose, double noise, std::mt19937& r
   return out;
 }
 
-/// Covariance of fit()'s answers, measured.
+/// Measured covariance of fit()'s results.
 Covariance8 covarianceOf(const Eigen::Isometry3d& pose, double noise, std::mt19937& random) {
   constexpr int kTrials = 4000;
   const Eigen::Matrix3d truth = fit(pose, 0.0, random);

@@ -1,4 +1,4 @@
-// The presets in config/ against those of the core.
+// Compares the presets in config/ with those of the core.
 #include <gtest/gtest.h>
 
 #include "cli/parameter_file.h"

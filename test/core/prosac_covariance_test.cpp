@@ -1,4 +1,4 @@
-// The covariance must say how far off the homography is, however few pairs it comes from.
+// The covariance must describe the error of the homography, also for few pairs.
 
 #include <gtest/gtest.h>
 
@@ -14,16 +14,16 @@ namespace {
 const cv::Size kSize(640, 480);
 using Vector8 = Eigen::Matrix<double, 8, 1>;
 
-/// Number of inliers, and between what bounds the normalised squared error may be on average.
+/// Number of inliers, and bounds for the mean of the normalised squared error.
 struct Case {
   std::size_t inliers;
   double lowest;
   double highest;
 };
 
-/// Of normal errors and a covariance that is known, d^T C^-1 d is 8 on average for eight entries.
-/// Where the scale of the errors is estimated from the same few pairs it has heavy tails, which the
-/// bounds leave some room for.
+/// For normal errors and a known covariance, d^T C^-1 d is 8 on average for eight entries. If the
+/// scale of the errors is estimated from the same few pairs, it has heavy tails, which the bounds
+/// allow for.
 double normalisedSquaredError(const ProsacResult& result, const Eigen::Matrix3d& truth) {
   Vector8 d;
   for (int k = 0; k < 8; ++k) d[k] = result.homography(k / 3, k % 3) - truth(k / 3, k % 3);
@@ -33,7 +33,7 @@ double normalisedSquaredError(const ProsacResult& result, const Eigen::Matrix3d&
 
 class Covariance : public testing::TestWithParam<Case> {
  protected:
-  /// Average over 3000 scenes with that many outliers for each inlier.
+  /// Mean over 3000 scenes with this number of outliers per inlier.
   double measure(double outliers_per_inlier) {
     const std::size_t inliers = GetParam().inliers;
     test::Numbers numbers(21);

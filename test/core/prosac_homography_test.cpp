@@ -20,7 +20,7 @@ namespace {
 std::size_t g_allocations = 0;
 }  // namespace
 
-// Not inlined: GCC would see malloc() meet delete and new meet free(), and warn.
+// Not inlined: otherwise GCC sees malloc() paired with delete, and warns.
 [[gnu::noinline]] void* operator new(std::size_t size) {
   ++g_allocations;
   if (void* p = std::malloc(size)) return p;
@@ -44,7 +44,8 @@ using test::Scene;
 
 const cv::Size kSize(640, 480);
 
-/// The mask must be the threshold test on the returned H, and every figure that of the mask.
+/// The mask must be the threshold test on the returned H, and every figure must follow from the
+/// mask.
 void expectConsistent(const PointPairs& pairs, const ProsacResult& result, double threshold) {
   ASSERT_EQ(result.mask.size(), pairs.size());
   std::size_t inliers = 0;
@@ -169,8 +170,8 @@ TEST(ProsacHomography, IsNearlyAsExactAsLeastSquaresThatKnowsTheInliers) {
     ours += cornerError(result.homography, scene.homography, kSize);
     best += cornerError(leastSquares(pairs, scene.inliers), scene.homography, kSize);
   }
-  // Least squares is the best that Gaussian noise allows. The heavy tails that the refinement
-  // reckons with, for the sake of real keypoints, cost a few per cent of it.
+  // Least squares is optimal for Gaussian noise. The refinement assumes heavy tails, as for real
+  // keypoints, and loses a few per cent here.
   EXPECT_LT(ours, 1.10 * best);
 }
 
@@ -188,7 +189,7 @@ TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
   ProsacHomography used;
   ProsacResult again;
   for (int run = 0; run < 3; ++run) {
-    used.estimate(makePairs(Scene(), numbers), kSize, again);  // leaves its buffers behind
+    used.estimate(makePairs(Scene(), numbers), kSize, again);  // fills its buffers
     used.estimate(pairs, kSize, again);
     EXPECT_EQ(again.homography, first.homography);
     EXPECT_EQ(again.covariance, first.covariance);
@@ -290,7 +291,7 @@ TEST(ProsacHomography, CovarianceAgreesWithMonteCarlo) {
     observed += error * error.transpose() / kRuns;
   }
   EXPECT_TRUE(predicted.isApprox(predicted.transpose(), 1e-9));
-  // Whitened by what was predicted, what was observed must be the identity. With 2000 runs the
+  // Whitened by the predicted covariance, the observed one must be the identity. With 2000 runs the
   // standard error of each eigenvalue is about 5 %.
   const Eigen::LLT<Matrix8> llt(predicted);
   ASSERT_EQ(llt.info(), Eigen::Success);
@@ -317,7 +318,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     scene.homography = test::randomHomography(kSize, 0.15, numbers);
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, from_scratch);
-    // A prediction is a few px off, and known up to any factor.
+    // A prediction is a few px off, and known up to a factor.
     Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
     shift(0, 2) = 1.0;
     shift(1, 2) = -1.0;
@@ -329,7 +330,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     samples_from_scratch += from_scratch.diagnostics.iterations;
   }
   EXPECT_LE(samples, samples_from_scratch);
-  // With a budget that is too small to find it by sampling, only the prediction helps.
+  // With too small a budget for sampling, only the prediction helps.
   ProsacOptions options;
   options.max_iterations = 10;
   int found_by_sampling = 0;
@@ -367,7 +368,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
     expectConsistent(pairs, result, 3.0);
     ASSERT_EQ(result.status, Status::ok);
     EXPECT_LT(cornerError(result.homography, scene.homography, kSize), 8.0);
-    // One that no plane could look like is as none at all.
+    // A prediction that is not the view of a plane is ignored.
     prosac.estimate(pairs, kSize, from_scratch);
     Eigen::Matrix3d mirrored = scene.homography;
     mirrored.col(0) *= -1.0;
@@ -381,7 +382,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
   const PointPairs pairs = makePairs(Scene(), numbers);
   const Eigen::Matrix3d bad = Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
   EXPECT_THROW(prosac.estimate(pairs, kSize, bad, result), std::invalid_argument);
-  // Chance support stays chance support, whatever was predicted.
+  // A prediction does not make chance support acceptable.
   int accepted = 0;
   for (int run = 0; run < 2000; ++run) {
     Scene scene;

@@ -18,7 +18,7 @@ using test::Numbers;
 
 const cv::Size kSize(640, 480);
 
-/// Pairs in random order of quality, `inliers` of 300 of which lie on the homography.
+/// Pairs in random order of quality; `inliers` of 300 agree with the homography.
 NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d& truth) {
   test::Scene scene;
   scene.pairs = 300;
@@ -51,7 +51,7 @@ TEST(ProsacSearch, FindsTheHomographyThatHalfOfThePairsAgreeWith) {
     ASSERT_TRUE(found.found);
     EXPECT_LT(cornerError(search, pairs, truth), 3.0);
     EXPECT_FALSE(found.exhausted);
-    // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 suffice, and 20 from the
+    // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 are enough, plus 20 from the
     // inliers of each new best.
     EXPECT_LT(found.iterations, 400);
   }
@@ -93,7 +93,7 @@ TEST(ProsacSearch, StartsWhereItIsTold) {
     ASSERT_TRUE(start);
     search.run(rules, &*start, pairs);
     EXPECT_LT(cornerError(search, pairs, truth), 3.0);
-    const bool found = search.run(rules, nullptr, pairs).found;  // and remembers nothing of it
+    const bool found = search.run(rules, nullptr, pairs).found;  // and no old state remains
     if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
   }
   EXPECT_LT(found_alone, 3);

@@ -1,4 +1,4 @@
-// Real matches: the paper's pairs must keep the matches that they should, unrelated images none.
+// Real matches: the paper's pairs must keep the expected matches, unrelated images none.
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-// The growth function and the two stopping rules against plain sums over binomials.
+// Compares the growth function and the two stopping rules with plain sums over binomials.
 
 #include <gtest/gtest.h>
 
@@ -52,7 +52,7 @@ TEST(ProsacSampler, GrowsAsTheFormulaSays) {
   };
   for (std::size_t m : {2, 4, 7}) {
     const ProsacSampler sampler(m, 100, 1000, 1);
-    const double steady = 1.0;  // a quarter of the budget is more than a sample a pair
+    const double steady = 1.0;  // a quarter of the budget is more than one sample per pair
     const double rest = 1000.0 - 1.0 - steady * static_cast<double>(100 - m);
     for (std::size_t n = m; n <= 100; ++n) {
       const double expected =
@@ -78,7 +78,7 @@ TEST(ProsacSampler, GrowsNoFurtherThanTheLimitAndThenSamplesFromAllOfIt) {
     ASSERT_LE(sampler.growthSetSize(), 30u);
     if (t > 200) largest.insert(*std::max_element(sample.begin(), sample.end()));
   }
-  EXPECT_GT(largest.size(), 10u);  // not the newest every time
+  EXPECT_GT(largest.size(), 10u);  // the newest pair is not in every sample
 }
 
 TEST(ProsacSampler, IsUniformOnceGrown) {
@@ -147,7 +147,7 @@ TEST(ProsacStopping, MaximalityTakesTheCheapestBeginning) {
 
 TEST(ProsacStopping, TheWholeOrderIsABeginningToo) {
   ProsacStopping stopping;
-  stopping.reset(4, 20, 0.01, 0.995);  // no shorter one is looked at
+  stopping.reset(4, 20, 0.01, 0.995);  // shorter sets are not considered
   stopping.update(std::vector<std::uint8_t>(20, 1));
   EXPECT_EQ(stopping.terminationLength(), 20u);
   EXPECT_EQ(stopping.samplesNeeded(), 1.0);

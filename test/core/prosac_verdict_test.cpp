@@ -1,4 +1,4 @@
-// When ProsacHomography must say "none": chance, repetition, and data that do not determine H.
+// When ProsacHomography must refuse: chance, repetition, and data that do not determine H.
 
 #include <gtest/gtest.h>
 
@@ -60,7 +60,7 @@ TEST_F(Verdict, RejectsPureOutliers) {
 }
 
 TEST_F(Verdict, RejectsPureOutliersWithWildOnesAmongThem) {
-  // Over the area that a wild point makes of it, the agreement of the others looks like a wonder.
+  // An outlier enlarges the area, so that the agreement of the others seems significant.
   int accepted = 0;
   for (int run = 0; run < 5000; ++run) {
     Scene scene;

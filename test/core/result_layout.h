@@ -16,7 +16,7 @@
 
 namespace ktgp_orb::test {
 
-/// A size or the place of a member, in bytes.
+/// A size or the offset of a member, in bytes.
 struct LayoutEntry {
   const char* name;
   std::size_t bytes;
@@ -26,11 +26,11 @@ struct LayoutEntry {
   {#type, sizeof(type)}, {               \
     "alignment of " #type, alignof(type) \
   }
-// The last member stands for those before it, where one of them is a matrix.
+// The last member also checks those before it, in case one of them is a matrix.
 #define KTGP_ORB_MEMBER(type, member) \
   { #type "::" #member, offsetof(type, member) }
 
-/// Every public type, as the including file is compiled.
+/// Every public type, as compiled in the including file.
 constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(AccumulatedHomography),
     KTGP_ORB_MEMBER(AccumulatedHomography, covariance),
@@ -110,7 +110,7 @@ constexpr LayoutEntry kLayout[] = {
 #undef KTGP_ORB_TYPE
 #undef KTGP_ORB_MEMBER
 
-/// kLayout as a program has it that was built for the widest vectors there are.
+/// kLayout in a program built for the widest vectors.
 const LayoutEntry* layoutForWideVectors();
 
 }  // namespace ktgp_orb::test

@@ -1,4 +1,4 @@
-// A user's -march must not move the members of what the library fills in and is handed.
+// A user's -march must not move the members of the library's types.
 #include "result_layout.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ TEST(ResultLayout, IsTheSameForEveryInstructionSet) {
   }
 }
 
-// Whoever adds a public type adds it to the list.
+// Add new public types to the list.
 TEST(ResultLayout, CoversEveryPublicType) {
   namespace fs = std::filesystem;
   std::set<std::string> covered;

@@ -1,5 +1,5 @@
-// Compiled with the flags of a user who builds for the widest vectors. Nothing else may be in here:
-// an inline function that the linker takes from here would crash an older processor.
+// Compiled with flags for the widest vectors. It must contain nothing else: if the linker took an
+// inline function from here, an older processor would crash.
 #include "result_layout.h"
 
 namespace ktgp_orb::test {

@@ -22,7 +22,7 @@ cv::Mat world() {
   return image;
 }
 
-/// What a camera sees that is `i` steps of (3, 2) px along.
+/// The camera's view after `i` steps of (3, 2) px.
 cv::Mat view(const cv::Mat& world, int i) {
   return world(cv::Rect(3 * i, 2 * i, kWidth, kHeight)).clone();
 }
@@ -75,7 +75,7 @@ TEST(Sequence, TracksAndDriftEndAtAFrameThatShowsNothing) {
   EXPECT_EQ(score.frames[3].status, Status::too_few_features);
   EXPECT_EQ(score.frames[4].status, Status::too_few_features);
   EXPECT_FALSE(score.frames[3].drift.has_value());
-  EXPECT_NEAR(*score.frames[5].drift, *score.frames[5].corner_error, 1e-9) << "it begins anew";
+  EXPECT_NEAR(*score.frames[5].drift, *score.frames[5].corner_error, 1e-9) << "it restarts";
   EXPECT_GT(score.survival[1], 0.0);
   EXPECT_EQ(score.survival[2], 0.0) << "no track can be longer than two matches";
 }

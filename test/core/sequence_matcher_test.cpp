@@ -1,5 +1,5 @@
-// What a frame of a sequence is matched to, why there is nothing to match it to, and what the
-// homographies of the sequence multiply to.
+// References of the frames of a sequence, reasons for missing references, and accumulated
+// homographies.
 
 #include "ktgp_orb/sequence_matcher.h"
 
@@ -34,12 +34,12 @@ const cv::Mat& world() {
   return image;
 }
 
-/// What the camera sees after `i` steps to the right and down.
+/// The camera's view after `i` steps to the right and down.
 cv::Mat view(int i) {
   return world()(cv::Rect(kStepX * i, kStepY * i, kWidth, kHeight)).clone();
 }
 
-/// A view of which only the columns from `begin` to `end` (shares of the width) can be seen.
+/// A view with only the columns from `begin` to `end` (shares of the width) visible.
 cv::Mat partOfView(double begin, double end) {
   cv::Mat image = view(0);
   image.colRange(0, static_cast<int>(begin * kWidth)).setTo(128);
@@ -58,7 +58,7 @@ SequenceOptions withMode(ReferenceMode mode) {
   return options;
 }
 
-/// That H moves the centre of the image by (x, y).
+/// Checks that H moves the centre of the image by (x, y).
 void expectTranslation(const Eigen::Matrix3d& h, double x, double y, double tolerance = 0.3) {
   const Eigen::Vector2d centre(0.5 * kWidth, 0.5 * kHeight);
   const Eigen::Vector2d moved = (h * centre.homogeneous()).hnormalized() - centre;
@@ -92,7 +92,7 @@ TEST(SequenceMatcher, TheTimeOfExtractionIsInMilliseconds) {
   OrbExtractor extractor;
   Frame frame;
   frame.image = view(0);
-  double share = 0.0;  // of what the call takes: nearly all, unless it is interrupted each time
+  double share = 0.0;  // of the call's time; nearly all, unless each repetition was interrupted
   for (int i = 0; i < 20; ++i) {
     const auto start = std::chrono::steady_clock::now();
     extractFeatures(extractor, frame);
@@ -104,7 +104,7 @@ TEST(SequenceMatcher, TheTimeOfExtractionIsInMilliseconds) {
   EXPECT_GT(share, 0.5);
 }
 
-// The reference has descriptors of the old kind: they are found anew.
+// The reference has descriptors of the old kind: its features are found again.
 TEST(SequenceMatcher, MatchesAcrossAChangeOfDescriptor) {
   SequenceOptions options = withMode(ReferenceMode::previous);
   SequenceMatcher matcher(options);
@@ -118,7 +118,7 @@ TEST(SequenceMatcher, MatchesAcrossAChangeOfDescriptor) {
   expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
 }
 
-// There is no image to find others in: refused, rather than compared bit by bit.
+// There is no image to extract other features from: refused, rather than compared.
 TEST(SequenceMatcher, RefusesFeaturesOfAnotherDescriptor) {
   OrbOptions options;
   Features orb;
@@ -187,7 +187,7 @@ TEST(SequenceMatcher, SaysWhyThereIsNoReference) {
   matcher.setOptions(withMode(ReferenceMode::previous));
   EXPECT_EQ(reason(13, 13.0), NoReference::mode_changed);
   EXPECT_EQ(reason(14, 13.1), NoReference::none);
-  // The largest step that stamps can make.
+  // The largest possible step of stamps.
   EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
   EXPECT_EQ(reason(15, -9.1e9), NoReference::stamp_went_back);
   EXPECT_EQ(reason(15, 9.1e9), NoReference::gap);
@@ -246,8 +246,8 @@ TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
   const std::size_t right = answer.match.inliers;
   ASSERT_LT(right, left);
 
-  // The same with a limit that the third frame falls short of: it has nothing in common with the
-  // second one, which is tried in its turn, so the keyframe's match must stand.
+  // The same with a limit that the third frame does not reach. The third frame has nothing in
+  // common with the second one, which is tried next, so the keyframe's match must stay.
   options.reference.min_inliers = static_cast<int>((left + right) / 2);
   matcher = SequenceMatcher(options);
   matcher.match(partOfView(0.0, 1.0), 1.0);
@@ -306,7 +306,7 @@ TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
   EXPECT_EQ(match.reference, frames[1]);
   expectTranslation(match.match.homography, -kStepX, -kStepY);
 
-  // One for the right reference is taken as it is.
+  // A match computed in advance for the right reference is used.
   MatchAhead ahead{frames[1], {}};
   ktgp.match(frames[1]->features, frames[2]->features, ahead.result);
   ahead.result.rmse = 1234.5;
@@ -334,7 +334,7 @@ TEST(SequenceMatcher, TheCallersImageMayChangeAfterTheCall) {
   cv::Mat buffer = view(0);
   matcher.match(buffer, 0.0);
   view(1).copyTo(buffer);
-  options.orb.max_features = 400;  // the reference's features are found again, in its image
+  options.orb.max_features = 400;  // the reference's features are extracted again from its image
   matcher.setOptions(options);
   expectTranslation(matcher.match(buffer, 0.1).match.homography, -kStepX, -kStepY);
 }
@@ -381,7 +381,7 @@ TEST(SequenceMatcher, AllocatesNothingOnceItsBuffersHaveGrown) {
     int n = 0;
     const auto run = [&](int frames) {
       for (int i = 0; i < frames; ++i, ++n) {
-        const int step = std::abs(n % 6 - 3);  // to and fro
+        const int step = std::abs(n % 6 - 3);  // back and forth
         EXPECT_EQ(matcher.match(views[step], 0.1 * n).match.status == Status::ok, n > 0);
       }
     };
@@ -423,8 +423,8 @@ TEST(SequenceMatcher, RefusesWhatCannotBeMeant) {
   EXPECT_EQ(match.reference->stamp, 1'000'000'000);
 }
 
-// Homographies of a chain with a known covariance: the spread of the products over many random
-// errors is what the propagation says.
+// A chain of homographies with a known covariance: the spread of the products over many random
+// errors must equal the propagated one.
 TEST(HomographyChain, CovarianceIsTheSpreadOfTheProducts) {
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   cv::RNG random(5);
@@ -432,7 +432,7 @@ TEST(HomographyChain, CovarianceIsTheSpreadOfTheProducts) {
   link.homography << 1.01, 0.02, -5.0, -0.015, 0.99, 3.0, 2e-5, -1e-5, 1.0;
   Vector8 sigma;
   sigma << 1e-4, 1e-4, 0.05, 1e-4, 1e-4, 0.05, 2e-7, 2e-7;
-  // Correlated, so that a transposed derivative shows.
+  // Correlated, to detect a transposed derivative.
   Eigen::Matrix<double, 8, 8> root = sigma.asDiagonal();
   for (int i = 1; i < 8; ++i) root(i, i - 1) = 0.6 * sigma(i);
   link.covariance = root * root.transpose();
@@ -489,9 +489,9 @@ TEST(MotionPredictor, CarriesTheMotionOnForTheTimeToTheNextFrame) {
   };
   expectTranslation(predicted(0, 100, 200), 2.0, 1.0, 1e-9);
   expectTranslation(predicted(0, 100, 150), 1.0, 0.5, 1e-9);
-  expectTranslation(predicted(0, 100, 5000), 6.0, 3.0, 1e-9);  // three times at most
+  expectTranslation(predicted(0, 100, 5000), 6.0, 3.0, 1e-9);  // at most three times
   expectTranslation(predicted(0, 100, 90), 0.0, 0.0, 1e-9);
-  // Without a clock the next frame is as far as the last one.
+  // Without a clock the next motion equals the last one.
   expectTranslation(predicted(7, 7, 7), 2.0, 1.0, 1e-9);
   expectTranslation(predicted(7, 7, 8), 2.0, 1.0, 1e-9);
 }
@@ -502,8 +502,8 @@ TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {
   EXPECT_TRUE(std::isnan(chained({}, chained(unknown, {})).covariance(0, 0)));
 }
 
-// The same smooth error in each of the homographies: after n of them it is n times as large, while
-// noise grows with the square root of n.
+// The same smooth error in each homography: after n of them it is n times as large, while noise
+// grows with the square root of n.
 TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
   UncertainHomography link;
   link.covariance(2, 2) = link.covariance(5, 5) = 0.04 + 0.01;
@@ -516,7 +516,7 @@ TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
   }
 }
 
-// Errors of any correlation: the covariance of the product is never too small.
+// For errors of any correlation the covariance of the product is never too small.
 TEST(HomographyChain, SharedErrorsOfAnyKindAreCovered) {
   UncertainHomography first, second;
   first.shared_covariance(2, 2) = 4.0;

@@ -1,5 +1,5 @@
-// The search near the predicted places in a sequence: what is predicted, and when the whole image
-// is searched after all.
+// The search near the predicted positions in a sequence: the prediction, and when the whole image
+// is searched instead.
 
 #include <gtest/gtest.h>
 
@@ -19,9 +19,9 @@ constexpr int kWidth = 320;
 constexpr int kHeight = 240;
 constexpr double kRadius = 16.0;
 constexpr int kStep =
-    30;  // px between frames: farther than the radius, so that only the motion helps
+    30;  // px between frames: more than the radius, so that the prediction is needed
 
-/// What the camera sees at (x, y) of the world.
+/// The camera's view at (x, y) of the world.
 cv::Mat view(int x, int y = 0) {
   static const cv::Mat world = test::textureImage(cv::Size(1200, 600), 1);
   return world(cv::Rect(x, y, kWidth, kHeight)).clone();
@@ -53,7 +53,7 @@ TEST(SequenceSearch, CarriesTheMotionOn) {
     if (i == 0) continue;
     ASSERT_EQ(n.match.status, Status::ok) << i;
     expectTranslation(n.match.homography, -kStep, -10);
-    // Nothing is known of the first motion; then it is.
+    // The first motion is unknown; then it is known.
     EXPECT_EQ(n.match.search, i == 1 ? Search::fell_back : Search::near) << i;
     EXPECT_EQ(n.fall_backs, 1u) << i;
     EXPECT_GE(n.match.stages[1].output, w.match.stages[1].output) << i;  // fewer look-alikes
@@ -63,7 +63,7 @@ TEST(SequenceSearch, CarriesTheMotionOn) {
 
 TEST(SequenceSearch, CountsTheTimeBetweenFrames) {
   SequenceMatcher matcher(options(kRadius));
-  // Frames are lost: the camera has moved as much farther.
+  // After lost frames the camera has moved proportionally farther.
   const int frames[] = {0, 1, 2, 4, 5, 8, 9, 11, 12};
   for (const int i : frames) {
     const SequenceMatch& match = matcher.match(view(kStep * i), 0.05 * i);
@@ -156,7 +156,7 @@ TEST(SequenceSearch, AllocatesNothingInAThousandFrames) {
     int n = 0;
     const auto run = [&](int frames) {
       for (int i = 0; i < frames; ++i, ++n) {
-        // To and fro, and now and then a jump, so that the whole image is searched too.
+        // Back and forth, with an occasional jump, so that the whole image is searched, too.
         const int at = n % 50 == 0 ? 7 : std::abs(n % 14 - 7);
         matcher.match(views[static_cast<std::size_t>(at)], 0.1 * n);
       }

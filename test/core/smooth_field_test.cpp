@@ -1,4 +1,5 @@
-// The covariance says how far off the homography is, also where the errors of neighbours are alike.
+// The covariance describes the error of the homography, also when neighbouring points have similar
+// errors.
 #include "core/homography/smooth_field.h"
 
 #include <gtest/gtest.h>
@@ -21,11 +22,11 @@ using test::Numbers;
 
 const cv::Size kSize(640, 480);
 
-/// What came of many scenes of which the truth is known.
+/// Results over many scenes with known truth.
 struct Consistency {
-  double median = 0.0;        ///< of e' S^-1 e at the corners; 1.39 where S is right
+  double median = 0.0;        ///< of e' S^-1 e at the corners; 1.39 if S is right
   double within = 0.0;        ///< share below 13.8, the 99.9 % bound
-  double noise_within = 0.0;  ///< the same with the noise's part of S alone
+  double noise_within = 0.0;  ///< the same with only the noise's part of S
   double deviation = 0.0;     ///< median of plane_deviation, px
 };
 
@@ -82,7 +83,7 @@ Eigen::Vector2d white(double sigma, Numbers& numbers) {
   return {x, sigma * numbers.normal()};
 }
 
-/// A field of standard deviation about `tau`: a few broad hills of random place and height.
+/// A field of standard deviation about `tau`: a few wide hills at random positions.
 Errors hills(double tau, double sigma) {
   return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
     constexpr int kHills = 40;
@@ -109,7 +110,7 @@ Errors hills(double tau, double sigma) {
   };
 }
 
-/// What a lens bends outwards: r³ from the middle.
+/// Outward distortion of a lens: r³ from the middle.
 Errors lens(double at_corner, double sigma) {
   return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
     const Eigen::Vector2d middle(319.5, 239.5);
@@ -137,7 +138,7 @@ TEST(SmoothField, WhiteNoiseHasNone) {
   }
 }
 
-// Keypoints of octave o are 1.2^o times as far off.
+// Keypoints of octave o have errors 1.2^o times as large.
 TEST(SmoothField, NoiseThatGrowsWithThePyramidLevelIsCovered) {
   const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
     std::vector<Eigen::Vector2d> errors(points.size());
@@ -167,12 +168,12 @@ TEST(SmoothField, ASceneThatIsNoPlaneIsCovered) {
 
 TEST(SmoothField, ALensThatBendsIsCovered) {
   const Consistency c = measure(lens(2.0, 0.05), 400, 1.0);
-  EXPECT_LT(c.median, 6.0);  // its errors at the corners, where H is held to it, are the largest
+  EXPECT_LT(c.median, 6.0);  // the error at the corners, where H is compared, is the largest
   EXPECT_GT(c.within, 0.9);
   EXPECT_GT(c.deviation, 0.1);
 }
 
-// One error is one error, however many points show it.
+// A common error counts once, for any number of points.
 TEST(SmoothField, MorePointsDoNotAverageItOut) {
   const Consistency few = measure(hills(0.5, 0.05), 100, 1.0);
   const Consistency many = measure(hills(0.5, 0.05), 1600, 1.0);

@@ -1,4 +1,5 @@
-// The steady picture against the camera's true path: shake goes, the path stays, no border shows.
+// Compares the steady picture with the camera's true path: removes shake, keeps the path, shows no
+// border.
 #include "ktgp_orb/stabilizer.h"
 
 #include <gtest/gtest.h>
@@ -55,7 +56,7 @@ std::vector<SteadyFrame> stabilized(const Path& path, const StabilizerOptions& o
   return ready;
 }
 
-/// Shake of the path as the steady picture shows it, from frame `first` on.
+/// Shake of the path in the steady picture, from frame `first` on.
 double shakeAfter(const Path& path, const std::vector<SteadyFrame>& steady, std::size_t first) {
   std::vector<Eigen::Matrix3d> steps;
   for (std::size_t i = first; i < path.size(); ++i) {
@@ -70,7 +71,8 @@ double shakeBefore(const Path& path, std::size_t first) {
   return shakeOf(steps, kSize);
 }
 
-/// Farthest that the picture shows beyond the border of the frame, px; negative: it stays inside.
+/// Largest distance that the picture shows beyond the border of the frame, px; negative: it stays
+/// inside.
 double beyondBorder(const Eigen::Matrix3d& warp) {
   double worst = -1e9;
   for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(639, 0),
@@ -135,7 +137,7 @@ TEST(Stabilizer, StartsAnewGentlyWithoutAHomography) {
   for (std::size_t i = 0; i < ready.size(); ++i) {
     EXPECT_EQ(ready[i].starts_anew, i == 0 || i == 60 || i == 61) << i;
   }
-  // The correction of the frame before is kept at first, and fades out: no jump of the view.
+  // The last correction is kept at first and fades out: the view does not jump.
   const Eigen::Vector2d before = centre(ready[59].warp);
   ASSERT_GT((before - Eigen::Vector2d(319.5, 239.5)).norm(), 1.0) << "nothing to jump from";
   EXPECT_LT((centre(ready[60].warp) - before).norm(), 0.2);

@@ -12,14 +12,14 @@
 
 namespace ktgp_orb::test {
 
-/// How well PROSAC's order tells inliers from outliers.
+/// How well the order of quality separates inliers from outliers.
 enum class Order {
   good,      ///< inliers tend to come first, with an overlap
-  random,    ///< says nothing
+  random,    ///< independent of the truth
   reversed,  ///< every outlier comes before every inlier
 };
 
-/// Point pairs of which `inliers` follow a known homography.
+/// Point pairs; `inliers` of them follow a known homography.
 struct Scene {
   std::size_t pairs = 100;
   std::size_t inliers = 50;
@@ -78,7 +78,7 @@ inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numb
   return homography;
 }
 
-/// Mean distance in px between where two homographies map the corners of the reference image.
+/// Mean distance in px between the corners of the reference image mapped by two homographies.
 inline double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b,
                           const cv::Size& size) {
   double sum = 0.0;

@@ -1,4 +1,4 @@
-// TEBLID against the descriptors of its authors' program, and its vector code against the plain
+// Compares TEBLID with the descriptors of its authors' program, and its vector code with the plain
 // definition.
 #include "core/orb/teblid.h"
 
@@ -100,7 +100,7 @@ TEST_P(TeblidOracle, GivesTheAuthorsDescriptors) {
 INSTANTIATE_TEST_SUITE_P(AllFiles, TeblidOracle, testing::Values("bikes_4", "boat_3", "leuven_1"),
                          [](const auto& tested) { return std::string(tested.param); });
 
-// Bits of a descriptor that a flat image must give: 0 <= threshold.
+// Bits that are set for a flat image: 0 <= threshold.
 TEST(Teblid, ComparesEqualMeansInAFlatImage) {
   for (int grey : {0, 7, 255}) {
     const cv::Mat integral = integralOf(test::flatImage({200, 150}, grey));
@@ -115,7 +115,7 @@ TEST(Teblid, ComparesEqualMeansInAFlatImage) {
   }
 }
 
-// Sums beyond 2^31 begin again at the other end of the range, which their differences do not see.
+// Sums beyond 2^31 overflow; their differences are still right.
 TEST(Teblid, IsTheSameWhereTheSumsOverflow) {
   const cv::Mat image = test::textureImage({200, 150}, 3);
   const cv::Mat integral = integralOf(image);
@@ -130,8 +130,8 @@ TEST(Teblid, IsTheSameWhereTheSumsOverflow) {
   }
 }
 
-// The border is where the mean of what is left begins to count: far inside and at the border the
-// same box gives the same bit, so a frame added around the image changes nothing but the borders.
+// At the border, the mean is over the rest of a box. Far inside and at the border the same box
+// gives the same bit, so a frame around the image changes only bits at the border.
 TEST(Teblid, SeesTheSameInAPartOfAnImage) {
   const cv::Mat image = test::textureImage({300, 280}, 5);
   const cv::Mat whole = integralOf(image);
@@ -142,7 +142,7 @@ TEST(Teblid, SeesTheSameInAPartOfAnImage) {
   }
 }
 
-// Nothing to compare with but that it neither reads outside the sums nor takes for ever.
+// There is no reference; it must only not read outside the sums, and end.
 TEST(Teblid, DescribesAnyKeypointOfAnyImage) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float infinity = std::numeric_limits<float>::infinity();
@@ -160,7 +160,7 @@ TEST(Teblid, DescribesAnyKeypointOfAnyImage) {
 
 const std::vector<float> kSizes = {31.f, 37.2f, 44.64f, 53.568f, 64.2816f, 77.13792f, 92.5655f};
 
-// Every size and angle, at fractions of a pixel, from far outside the image to its middle.
+// All sizes and angles, at fractions of a pixel, from far outside the image to its middle.
 std::vector<cv::KeyPoint> keypointsEverywhere(const cv::Size& size) {
   cv::RNG rng(7);
   std::vector<cv::KeyPoint> keypoints;
@@ -176,7 +176,7 @@ std::vector<cv::KeyPoint> keypointsEverywhere(const cv::Size& size) {
 }
 
 TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
-  // A describer sees all images: what it keeps from one of another size must not show.
+  // A describer is used for all images: data of an image of another size must not matter.
   std::vector<TeblidDescriber> describers;
   const auto kernels = test::everyKernels(bestTeblidKernel, portableTeblidKernel());
   for (const TeblidKernel* kernel : kernels) describers.emplace_back(kSizes, *kernel);
@@ -209,7 +209,7 @@ Features extracted(const cv::Mat& image, const OrbOptions& options) {
   return features;
 }
 
-// The keypoints are ORB's; only the descriptors are others, and the definition's.
+// The keypoints are ORB's; only the descriptors differ, and equal the definition's.
 TEST(TeblidExtraction, DescribesOrbsKeypoints) {
   for (const cv::Size& size :
        {cv::Size(640, 480), cv::Size(63, 63), cv::Size(62, 400), cv::Size(64, 333)}) {
@@ -277,8 +277,7 @@ TEST(TeblidExtraction, IsNeverMatchedWithOrb) {
   EXPECT_EQ(result.descriptor, DescriptorKind::teblid);
 }
 
-// 16 levels of half the size each: keypoints of the last one are never found, but its scale is
-// made.
+// 16 levels of half the size each: the last one never has keypoints, but its scale is computed.
 TEST(TeblidScale, BoundsKeepTheirSignHoweverLargeTheKeypoint) {
   for (const float size : {31.0F, 31.0F * 32768.0F}) {
     const TeblidScale scale(size, 64);

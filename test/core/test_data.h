@@ -6,7 +6,7 @@
 
 namespace ktgp_orb::test {
 
-/// Folder named by an environment variable, or nothing where it is unset: the test then skips.
+/// Folder named by an environment variable; empty if it is unset, and the test is skipped.
 inline std::optional<std::string> folderFrom(const char* variable) {
   const char* value = std::getenv(variable);
   if (value == nullptr || *value == '\0') return std::nullopt;
@@ -25,6 +25,6 @@ inline std::optional<std::string> oracleFolder() {
 
 }  // namespace ktgp_orb::test
 
-/// Skips the running test, in a line that says why, unless the folder is there.
+/// Skips the running test with a message unless the folder exists.
 #define KTGP_ORB_REQUIRE_FOLDER(folder, variable) \
   if (!(folder)) GTEST_SKIP() << variable << " is not set: this test needs it"

@@ -36,7 +36,7 @@ TEST(ThreadPool, FinishesEveryIterationBeforeItReturns) {
 TEST(ThreadPool, UsesItsThreads) {
   ThreadPool pool(2);
   std::atomic<int> arrived{0};
-  // Each iteration waits for the other: one thread alone would never finish.
+  // Each iteration waits for the other: a single thread would never finish.
   pool.parallelFor(2, [&](int) {
     ++arrived;
     while (arrived < 2) std::this_thread::yield();
@@ -77,7 +77,7 @@ TEST(ThreadPool, AllocatesNothingOnceBuilt) {
   EXPECT_EQ(sum, 101 * 4950);
 }
 
-TEST(ThreadPool, CountsItsOwnAllocations) {  // the counter itself works
+TEST(ThreadPool, CountsItsOwnAllocations) {  // tests the counter
   const test::AllocationCounter allocations;
   const std::vector<int> some(10);
   EXPECT_EQ(allocations.count(), 1u);

@@ -1,4 +1,4 @@
-// Compiled with the flags of a user who lets the compiler fuse a*b + c.
+// Compiled with flags that let the compiler fuse a*b + c.
 #include "user_flags.h"
 
 namespace ktgp_orb::test {

@@ -1,4 +1,4 @@
-// What decides the exact mask is computed in the library, whatever a program is built with.
+// The exact mask is computed in the library, so the flags of the user's program do not change it.
 #include "user_flags.h"
 
 #include <gtest/gtest.h>

@@ -1,5 +1,5 @@
-// The warps that ktgp_evaluate makes, and how it scores them: truth against an independent
-// projection, correlation against the textbook, peers on a warp that each of them must find.
+// The warps of ktgp_evaluate and their scores: the truth against an independent projection, the
+// correlation against a textbook implementation, peers on a warp that all must find.
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
@@ -25,7 +25,7 @@
 namespace ktgp_orb::tools {
 namespace {
 
-/// A smooth pattern without any period that a view could be shifted by.
+/// A smooth pattern without a period.
 double pattern(double x, double y) {
   return 128.0 + 45.0 * std::sin(0.11 * x + 0.02 * y) * std::cos(0.09 * y) +
          35.0 * std::sin(0.07 * y - 0.05 * x + 1e-4 * x * y);
@@ -47,7 +47,7 @@ Eigen::Vector2d apply(const Eigen::Matrix3d& h, double x, double y) {
   return {p.x() / p.z(), p.y() / p.z()};
 }
 
-/// Blobs and edges of all sizes: something for every kind of keypoint.
+/// Blobs and edges of all sizes, for every kind of keypoint.
 cv::Mat drawScene(unsigned seed, const cv::Size& size = {1000, 750}) {
   cv::RNG random(seed);
   cv::Mat image(size, CV_8U, cv::Scalar(128));
@@ -102,7 +102,7 @@ TEST(Rendering, ShowsAnAnalyticPatternWhereTheHomographySays) {
 }
 
 TEST(Rendering, AveragesWhatAPixelCovers) {
-  // A chequerboard of single pixels, shrunk five times: nothing but its mean is left.
+  // A chequerboard of single pixels, shrunk five times: only its mean is left.
   cv::Mat source(1000, 1000, CV_32F);
   for (int y = 0; y < 1000; ++y) {
     for (int x = 0; x < 1000; ++x) source.at<float>(y, x) = (x + y) % 2 == 0 ? 0.F : 200.F;
@@ -164,8 +164,8 @@ TEST_P(Warps, StayWithinTheirLimitsAndReachThem) {
   EXPECT_NEAR(std::log(smallest), -std::log(limits.zoom), 0.05 * std::log(limits.zoom) + 1e-5);
 }
 
-/// Where warps_test's picture of 1000x750 px has the pixel (0, 0) of the reference view, and how
-/// far apart it has its pixels: the middle 85 %, as documented.
+/// Position in warps_test's picture of 1000x750 px of pixel (0, 0) of the reference view, and the
+/// distance of its pixels: the middle 85 %, as documented.
 const cv::Size kPicture{1000, 750};
 constexpr double kScale = 0.85 * 1000.0 / 640.0;
 
@@ -173,9 +173,9 @@ Eigen::Vector2d inPicture(const Eigen::Vector2d& reference) {
   return Eigen::Vector2d(499.5, 374.5) + kScale * (reference - Eigen::Vector2d(319.5, 239.5));
 }
 
-/// The shift by which `view` (CV_32F) is off, within a block, from the pattern seen through
-/// `reference_from_view`: one step of least squares with gain and bias free, which is exact for
-/// shifts far below the pattern's waves.
+/// Shift of `view` (CV_32F) within a block against the pattern seen through `reference_from_view`:
+/// one step of least squares with free gain and bias, which is exact for shifts far below the
+/// pattern's waves.
 std::optional<Eigen::Vector2d> shiftOfBlock(const cv::Mat& view,
                                             const Eigen::Matrix3d& reference_from_view,
                                             const cv::Rect& block) {
@@ -230,7 +230,7 @@ TEST_P(Warps, TruthIsExact) {
     EXPECT_LT(offsetsOf(images.reference, Eigen::Matrix3d::Identity()).worst, 0.02) << i;
     const Offsets offsets = offsetsOf(images.target, warp.homography.inverse());
     blocks += offsets.blocks;
-    const double bound = warp.degradation ? 0.12 : 0.02;  // px; noise moves what is measured
+    const double bound = warp.degradation ? 0.12 : 0.02;  // px; noise affects the measurement
     EXPECT_LT(offsets.worst, bound) << i << ", " << offsets.blocks << " blocks";
     RecordProperty("worst_" + std::to_string(i), std::to_string(offsets.worst));
   }
@@ -304,7 +304,7 @@ TEST(Warp, EveryPictureIsSeenCleanAndDegraded) {
   }
   Dataset dataset;
   addWarps("small", {folder.string(), "nowhere.png"}, 36, 1, dataset);
-  EXPECT_EQ(dataset.pairs.size(), 36u) << "a folder stands for its images";
+  EXPECT_EQ(dataset.pairs.size(), 36u) << "a folder means its images";
   ASSERT_EQ(dataset.problems.size(), 1u);
   EXPECT_NE(dataset.problems[0].find("nowhere.png"), std::string::npos);
   fs::remove_all(folder);
@@ -312,7 +312,7 @@ TEST(Warp, EveryPictureIsSeenCleanAndDegraded) {
 
 // --- correlation of the overlap ---
 
-/// As a textbook has it: two passes, means first; the target interpolated by hand.
+/// The textbook version: two passes, means first; the target interpolated directly.
 std::optional<double> naiveCorrelation(const cv::Mat& a, const cv::Mat& b,
                                        const Eigen::Matrix3d& h) {
   std::vector<std::pair<double, double>> values;

@@ -1,8 +1,8 @@
 #pragma once
 
-// Replaces malloc and its kin, which only glibc lets a program do, by functions that report each
-// call. To be included in one source file of a test program, which defines onAllocation(); with a
-// sanitizer, which has a malloc of its own, it does nothing.
+// Replaces malloc and its kin, which only glibc allows, by functions that report each call. Include
+// it in one source file of a test program, which defines onAllocation(). Does nothing with a
+// sanitizer, which has its own malloc.
 
 #include <cerrno>
 #include <cstddef>
@@ -13,7 +13,7 @@
 
 namespace ktgp_orb::test {
 
-/// Called before each allocation, from whatever thread; may be called by what it calls itself.
+/// Called before each allocation, from any thread; may be called recursively.
 void onAllocation();
 
 }  // namespace ktgp_orb::test

@@ -1,4 +1,5 @@
-// Preloaded into a program (LD_PRELOAD), makes the system fail in ways that are hard to arrange:
+// When preloaded into a program (LD_PRELOAD), makes the system fail in ways that are hard to
+// arrange:
 //   KTGP_ORB_FAIL_WRITE=K   the K-th write to a regular file fails: the disk is full, for a moment
 //   KTGP_ORB_FAIL_MARK=FILE which is then made
 //   KTGP_ORB_CLOCK=FILE     the wall clock is ahead by the seconds that the file holds (a double)
@@ -35,7 +36,7 @@ bool mustFail(int descriptor) {
   return true;
 }
 
-/// How far the wall clock is ahead, s.
+/// Offset of the wall clock, s.
 double ahead() {
   static const double* const value = [] {
     const char* file = std::getenv("KTGP_ORB_CLOCK");

@@ -1,4 +1,4 @@
-// Sub-pixel alignment: any homography between any two pictures, with right and wrong matches.
+// Sub-pixel alignment: random homographies between two pictures, with right and wrong matches.
 #include <Eigen/Geometry>
 #include <cmath>
 #include <stdexcept>
@@ -35,7 +35,7 @@ std::vector<Correspondence> matches(Input& in, const Features& reference, const 
   return all;
 }
 
-/// A picture with keypoints anywhere; those of a message may lie outside, too.
+/// A picture with random keypoints; those of a message may be outside, too.
 Features frame(Input& in) {
   Features out = features(in, 150);
   out.image_size = {in.ConsumeIntegralInRange(24, 100), in.ConsumeIntegralInRange(24, 100)};
@@ -50,7 +50,7 @@ Features frame(Input& in) {
   return out;
 }
 
-/// The same frame, its keypoints where the homography puts them.
+/// The same frame, with its keypoints mapped by the homography.
 Features moved(const Features& reference, const Eigen::Matrix3d& h) {
   Features target = reference;
   for (cv::KeyPoint& keypoint : target.keypoints) {
@@ -72,13 +72,13 @@ void run(Input& in) {
   UncertainHomography start;
   start.homography = h;
   start.covariance = Covariance8::Identity();
-  // Not made anew: the answer does not depend on what was in them.
+  // Reused: the result must not depend on old content.
   static AlignmentResult result, again;
   Alignment alignment(options);
   alignment.align(reference, target, pairs, start, result);
   if (h.allFinite()) require(result.homography.allFinite(), "H is finite");
   if (result.status != AlignmentStatus::ok && result.status != AlignmentStatus::not_run) {
-    require(!h.allFinite() || result.homography == h, "H is the one handed in unless ok");
+    require(!h.allFinite() || result.homography == h, "H is the given one unless ok");
   }
   require(result.tried <= static_cast<std::size_t>(options.points),
           "no more points than asked for");

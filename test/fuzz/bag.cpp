@@ -1,4 +1,4 @@
-// The bag reader over any bytes.
+// The bag reader with arbitrary bytes.
 #include "bag/reader.h"
 #include "input.h"
 

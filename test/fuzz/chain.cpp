@@ -1,4 +1,4 @@
-// All stages over features as a message would hold them, of two frames that may show the same.
+// All stages with features as in a message, of two frames that may show the same scene.
 #include <Eigen/Geometry>
 #include <stdexcept>
 
@@ -55,7 +55,7 @@ void run(Input& in) {
   const Features target = in.ConsumeIntegralInRange(0, 3) != 0 ? moved(in, reference)  //
                                                                : features(in, 250);
   MatchHints hints = matchHints(in);
-  // Not made anew: the answer does not depend on what was in them.
+  // Reused: the result must not depend on old content.
   static MatchResult result, again;
   KtgpMatcher matcher(options);
   matcher.match(reference, target, hints, result);

@@ -61,7 +61,7 @@ void run(Input& in) {
   const cv::Mat picture = image(in, size, beyond);
   const cv::Mat mask = masked ? image(in, size, in.ConsumeIntegralInRange(0, 9)) : cv::Mat();
   const bool same_extractor = in.ConsumeIntegralInRange(0, 3) == 0;
-  // Not made anew: the answer does not depend on what was in them.
+  // Reused: the result must not depend on old content.
   static Features features, again;
   OrbExtractor extractor(options);
   extractor.extract(picture, mask, features);
@@ -83,7 +83,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   ktgp_orb::fuzz::Input in(bytes, size);
   try {
     ktgp_orb::fuzz::run(in);
-  } catch (const std::invalid_argument&) {  // options or a mask that are said to be refused
+  } catch (const std::invalid_argument&) {  // documented refusals of options or masks
   }
   return 0;
 }

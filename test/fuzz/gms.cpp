@@ -1,4 +1,4 @@
-// Motion statistics over any keypoints, beyond the border or not numbers at all.
+// Motion statistics with arbitrary keypoints, also beyond the border and NaN.
 #include <algorithm>
 #include <stdexcept>
 
@@ -38,9 +38,9 @@ std::vector<Correspondence> correspondences(Input& in, const Features& reference
   return all;
 }
 
-/// Whether the dense tables are not too slow.
+/// Whether the dense tables are fast enough.
 bool haveSmallTables(const GmsOptions& options) {
-  constexpr int kMost = 1000000;  // entries that are cleared and scanned
+  constexpr int kMost = 1000000;  // entries to clear and scan
   const int cells = std::min(kMost, options.grid_columns * options.grid_rows);
   const int scaled = options.scale ? 8 : 1;
   return cells <= kMost / cells / (options.rotation ? 8 : 1) / scaled / 4;

@@ -20,13 +20,13 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 
-/// What the fuzz targets share. The bytes that libFuzzer hands in first choose sizes and options;
-/// what is large (images, descriptors) grows from a seed and the bytes that are left.
+/// Common code of the fuzz targets. The bytes from libFuzzer first choose sizes and options; large
+/// data (images, descriptors) is generated from a seed and the remaining bytes.
 namespace ktgp_orb::fuzz {
 
 using Input = FuzzedDataProvider;
 
-/// An invariant: ends the program, and so the fuzzing, where it does not hold.
+/// An invariant: ends the program, and the fuzzing, if it does not hold.
 inline void require(bool holds, const char* what) {
   if (holds) return;
   std::fprintf(stderr, "invariant broken: %s\n", what);
@@ -41,7 +41,7 @@ inline void flipBits(std::uint8_t* descriptor, unsigned count, util::Random& ran
   }
 }
 
-/// Any double, but ordinary ones as often as odd ones.
+/// Any double, ordinary values as often as unusual ones.
 inline double anyDouble(Input& in, double low, double high) {
   constexpr double kOdd[] = {0.0,
                              -0.0,
@@ -54,7 +54,7 @@ inline double anyDouble(Input& in, double low, double high) {
   return in.ConsumeFloatingPointInRange(low, high);
 }
 
-/// Mostly few, at times up to `most`: small inputs find most and cost least.
+/// Mostly few, sometimes up to `most`: small inputs find most and are fast.
 inline int few(Input& in, int most) {
   const int eighth = in.ConsumeIntegralInRange(0, 7);
   return in.ConsumeIntegralInRange(0, eighth == 0 ? most : most / (eighth < 3 ? 4 : 16));
@@ -65,7 +65,7 @@ inline int threads(Input& in) {
   return in.ConsumeIntegralInRange(0, 63) == 0 ? 2 : 1;
 }
 
-/// A picture with corners: random blocks, flat parts and the bytes that are left.
+/// A picture with corners: random blocks, flat parts and the remaining bytes.
 inline cv::Mat image(Input& in, const cv::Size& size, int stride_beyond = 0) {
   cv::Mat wide(size.height, size.width + stride_beyond, CV_8U);
   util::Random random(in.ConsumeIntegral<std::uint16_t>());
@@ -89,7 +89,7 @@ inline cv::Mat image(Input& in, const cv::Size& size, int stride_beyond = 0) {
   return wide.colRange(0, size.width);
 }
 
-/// A picture and what a pyramid has of it, each level in memory of its own without room to spare.
+/// A picture and its pyramid, each level in its own memory without spare room.
 inline std::vector<cv::Mat> pyramid(Input& in, const cv::Size& size) {
   std::vector<cv::Mat> levels{image(in, size)};
   const int count = in.ConsumeIntegralInRange(1, 8);
@@ -104,7 +104,7 @@ inline std::vector<cv::Mat> pyramid(Input& in, const cv::Size& size) {
   return levels;
 }
 
-/// Rows of 32 bytes, many of them nearly or quite equal.
+/// Rows of 32 bytes, many of them equal or nearly equal.
 inline cv::Mat descriptors(Input& in, int rows) {
   cv::Mat all(rows, kDescriptorBytes, CV_8U);
   util::Random random(in.ConsumeIntegral<std::uint16_t>());
@@ -121,7 +121,7 @@ inline cv::Mat descriptors(Input& in, int rows) {
   return all;
 }
 
-/// A keypoint position: mostly within, at times on or beyond the border.
+/// A keypoint position: mostly inside, sometimes on or beyond the border.
 inline float coordinate(Input& in, int size) {
   const float within = in.ConsumeFloatingPointInRange(0.0F, static_cast<float>(size));
   switch (in.ConsumeIntegralInRange(0, 31)) {
@@ -138,7 +138,7 @@ inline float coordinate(Input& in, int size) {
   }
 }
 
-/// Features as a deserialised message would hold them: anywhere, or one by one as the bytes say.
+/// Features as in a deserialised message: random, or given by the bytes one by one.
 inline Features features(Input& in, int most) {
   Features out;
   out.image_size = {in.ConsumeIntegralInRange(1, 2000), in.ConsumeIntegralInRange(1, 2000)};
@@ -185,8 +185,8 @@ inline MatcherOptions matcherOptions(Input& in) {
   return options;
 }
 
-/// Bytes as a file that no disk sees; one at a time. Its folder holds nothing else, so that what it
-/// names beside itself is not there.
+/// Bytes as a file in memory; one at a time. Its folder has nothing else, so other files that it
+/// names do not exist.
 class MemoryFile {
  public:
   MemoryFile(const void* bytes, std::size_t size) {

@@ -4,7 +4,7 @@
 
 namespace ktgp_orb::fuzz {
 
-/// What holds for every result of the estimator.
+/// Invariants of every result of the estimator.
 inline void requireSound(const ProsacResult& result, const PointPairs& pairs, double threshold) {
   require(result.mask.size() == pairs.size() || result.status == Status::too_few_matches,
           "a mask entry for each pair");
@@ -21,7 +21,7 @@ inline void requireSound(const ProsacResult& result, const PointPairs& pairs, do
   require(std::isfinite(result.rmse) && result.rmse < threshold, "rmse below the threshold");
 }
 
-/// What holds for every match of two frames.
+/// Invariants of every match of two frames.
 inline void requireSound(const MatchResult& result, const Features& reference,
                          const Features& target, const MatcherOptions& options) {
   const auto& all = result.correspondences;
@@ -34,7 +34,7 @@ inline void requireSound(const MatchResult& result, const Features& reference,
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Correspondence& c = all[i];
     require(c.target_index == static_cast<std::int32_t>(i), "in target order");
-    if (c.reference_index == -1) {  // nothing near where it was looked for
+    if (c.reference_index == -1) {  // no keypoint near the predicted position
       require(result.search == Search::near && c.level == Level::knn, "no match, no level");
       continue;
     }

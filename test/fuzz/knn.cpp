@@ -1,5 +1,5 @@
-// Nearest neighbours, in the whole image and near predicted places, one way and both ways, against
-// a plain search.
+// Nearest neighbours, in the whole image and near predicted positions, in one and both directions,
+// compared with a plain search.
 #include <Eigen/LU>
 
 #include <stdexcept>
@@ -31,7 +31,7 @@ int hamming(const std::uint8_t* a, const std::uint8_t* b) {
   return distance;
 }
 
-/// `isAllowed(r, t)`: whether reference r may be matched to target t.
+/// `isAllowed(r, t)`: whether reference r may match target t.
 template <typename IsAllowed>
 std::vector<Correspondence> plain(const Features& reference, const Features& target,
                                   const IsAllowed& isAllowed) {

@@ -1,4 +1,4 @@
-// Image messages with any fields: converted as they say or refused.
+// Image messages with arbitrary fields: converted or refused.
 #include <sensor_msgs/image_encodings.h>
 
 #include <boost/make_shared.hpp>
@@ -10,7 +10,7 @@
 namespace ktgp_orb::fuzz {
 namespace {
 
-/// Mostly what the encoding says.
+/// Mostly consistent with the encoding.
 std::uint32_t bytesPerPixel(Input& in, const std::string& encoding) {
   if (in.ConsumeIntegralInRange(0, 7) == 0) return in.ConsumeIntegralInRange(0U, 9U);
   try {

@@ -10,9 +10,9 @@ namespace ktgp_orb::fuzz {
 
 #ifdef KTGP_ORB_HAVE_HIGHWAY
 
-/// While it lives, run-time dispatch takes one of this processor's instruction sets, which the
-/// input chooses, for the only one: the inputs together try them all. They are listed once, since
-/// a virtual processor takes its time to say what it can do.
+/// During its lifetime, run-time dispatch is restricted to one instruction set of this processor,
+/// which the input chooses; all inputs together try all of them. They are listed once, since a
+/// virtual processor answers this query slowly.
 class OneInstructionSet {
  public:
   explicit OneInstructionSet(Input& in) {

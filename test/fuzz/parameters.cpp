@@ -1,4 +1,4 @@
-// The parameter table from texts and files: what is taken, the core takes too.
+// The parameter table from texts and files: the core accepts everything that the table accepts.
 #include <stdexcept>
 
 #include "cli/parameter_file.h"

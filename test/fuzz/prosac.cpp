@@ -1,4 +1,5 @@
-// The estimator over any pairs of points: random, on a line, doubled, related, huge, not finite.
+// The estimator with pairs of points of all kinds: random, on a line, duplicated, related, huge,
+// not finite.
 #include <Eigen/LU>
 #include <optional>
 #include <stdexcept>
@@ -52,7 +53,7 @@ void run(Input& in) {
     for (int i = 0; i < 9; ++i) (*initial)(i / 3, i % 3) += anyDouble(in, -1.0, 1.0);
   }
   ProsacHomography prosac(options);
-  // Not made anew: the answer does not depend on what was in them.
+  // Reused: the result must not depend on old content.
   static ProsacResult result, again;
   prosac.estimate(pairs, size, initial, result);
   requireSound(result, pairs, options.max_error);

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""ktgp_evaluate_bag on the demo bag, whose truth is in it."""
+"""ktgp_evaluate_bag on the demo bag, which contains the truth."""
 
 import json
 import os

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""ktgp_bag looks at images as the nodelet does: names of compressed topics, max_rate, roi, lens."""
+"""ktgp_bag handles inputs like the nodelet: compressed topics, max_rate, roi, lens."""
 
 import os
 import subprocess
@@ -90,6 +90,22 @@ class BagInputsTest(unittest.TestCase):
         code, _, text = self.run_bag(self.write_bag('/front/image'), '--roi', '0 0 160')
         self.assertEqual(code, 2)
         self.assertIn("roi is '0 0 160'; expected x y width height", text)
+
+    def test_a_mask_of_16_bits_hides_what_is_black_alone(self):
+        mask = np.zeros((SIZE[1], SIZE[0]), np.uint16)
+        mask[:, 100:200] = 30000
+        mask[:, 200:] = 1
+        black = np.zeros_like(mask)
+        for pixels in (mask, np.dstack([mask, black, black])):
+            path = os.path.join(self.folder, 'mask.png')
+            cv2.imwrite(path, pixels)
+            code, topics, text = self.run_bag(self.write_bag('/front/image'), '--mask_image', path)
+            self.assertEqual(code, 0, text)
+            for message in topics['/front/matcher/correspondences'][1:]:
+                x = np.array(message.target_x)
+                self.assertGreater(x.min(), 99)
+                self.assertGreater((x < 190).sum(), 20, 'seen through 30000')
+                self.assertGreater((x > 210).sum(), 20, 'seen through 1')
 
     def test_rectify_needs_camera_info(self):
         code, _, text = self.run_bag(self.write_bag('/front/image'), '--rectify')

@@ -2,8 +2,8 @@
 """A bag through the live matcher, frame by frame: every message is there, consistent and true.
 
 Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be empty) and
-~segment_topic (names of the stretches of the demo bag; may be empty). Each frame is sent when the
-one before has its statistics, so that none is dropped however busy the machine is.
+~segment_topic (names of the parts of the demo bag; may be empty). Each frame is sent after the
+statistics of the previous one, so that none is dropped on a busy machine.
 """
 
 import sys
@@ -13,7 +13,7 @@ import numpy as np
 import rosbag
 import rospy
 import rostest
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_testing import Camera, Recorder
 
 STAGES = ['knn', 'tf', 'gms', 'prosac', 'align']
@@ -60,15 +60,15 @@ class BagTest(unittest.TestCase):
         cls.homographies.wait_for(last)
 
     def pairs(self):
-        """Headers of each frame and of the one before it."""
+        """Headers of each frame and of the previous one."""
         return list(zip(self.headers[1:], self.headers))
 
     def test_every_frame_has_every_message_with_its_header(self):
         self.assertGreater(len(self.headers), 10)
         statistics = self.statistics.messages()
         self.assertEqual([m.header.stamp for m in statistics], [h.stamp for h in self.headers])
-        self.assertEqual(statistics[0].status, MatchStatistics.STATUS_NO_REFERENCE)
-        self.assertEqual(statistics[0].reason, MatchStatistics.REASON_FIRST_FRAME)
+        self.assertEqual(statistics[0].status, MatchStatus.STATUS_NO_REFERENCE)
+        self.assertEqual(statistics[0].reason, MatchStatus.REASON_FIRST_FRAME)
         self.assertEqual([(s.name, s.output) for s in statistics[0].stages],
                          [(name, 0) for name in STAGES])
         self.assertEqual(statistics[-1].dropped_frames + statistics[-1].lost_frames, 0)
@@ -113,7 +113,7 @@ class BagTest(unittest.TestCase):
                 self.assertLess(max(m.target_index), statistics.target_features)
                 self.assertLess(max(m.reference_index), statistics.reference_features)
             self.assertEqual(homography.status, statistics.status)
-            if homography.status != HomographyStamped.STATUS_OK:
+            if homography.status != MatchStatus.STATUS_OK:
                 continue
             # The final matches are those within 3 px of the published homography.
             reference = np.column_stack([m.reference_x, m.reference_y]).astype(float)
@@ -129,7 +129,7 @@ class BagTest(unittest.TestCase):
                                    places=4)
 
     def test_most_frames_find_their_homography(self):
-        ok = [m.status == MatchStatistics.STATUS_OK for m in self.statistics.messages()[1:]]
+        ok = [m.status == MatchStatus.STATUS_OK for m in self.statistics.messages()[1:]]
         self.assertGreaterEqual(np.mean(ok), 0.9)
 
     def test_homographies_are_within_a_pixel_of_the_truth(self):
@@ -142,7 +142,7 @@ class BagTest(unittest.TestCase):
             message = self.homographies.with_stamp(header.stamp)
             truth = self.truth[header.stamp]
             self.assertEqual(truth.reference_stamp, message.reference_stamp)
-            found = message.status == HomographyStamped.STATUS_OK
+            found = message.status == MatchStatus.STATUS_OK
             errors.append(corner_error(matrix(message), matrix(truth), *self.size)
                           if found else np.inf)
         self.assertGreater(len(errors), 100)

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
-"""Every command of README.md and doc/ works as it stands there, run from a clean clone in a small size.
+"""Runs every command of README.md and doc/ in a clean clone, with small data.
 
-Commands are the indented lines, and the spans between backticks that begin as a command does. Each one has
-a row in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
-out/release, as if scripts/test had made it."""
+Commands are the indented lines, and spans between backticks that begin like a command. Each one has a row
+in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
+out/release, as after scripts/test."""
 
 import concurrent.futures
 import os
@@ -34,7 +34,7 @@ class Skipped(str):
 
 
 class Until(str):
-    """A command that runs on until it is ended; here when it says `text`."""
+    """A command that does not end by itself; it is ended when it prints `text`."""
 
     def __new__(cls, command, text):
         made = super().__new__(cls, command)
@@ -44,7 +44,8 @@ class Until(str):
 
 IN_CI = Skipped('a part of continuous integration, for minutes')
 TOO_LONG = Skipped('takes minutes to hours')
-WORKSPACE = Skipped('scripts/check_workspace runs it in a workspace of its own, in CI')
+BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a row takes seconds')
+WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
 SMALL = ' --features 300 --repeat 1'
@@ -54,48 +55,54 @@ COMMANDS = {
     'scripts/demo': Skipped('the test "demo" runs it'),
     'scripts/test': Skipped('runs this test'),
     'scripts/test -R robot_': Skipped('runs tests of which this is one'),
-    'scripts/bench': TOO_LONG,
-    'scripts/bench --benchmark_filter=align': TOO_LONG,
-    'scripts/bench --benchmark_filter=preset': TOO_LONG,
+    'scripts/bench': BENCHMARKS,
+    'scripts/bench --benchmark_filter=align': BENCHMARKS,
+    'scripts/bench --compare OLD.json NEW.json':
+        'scripts/bench --compare old/benchmarks.json new/benchmarks.json',
+    'scripts/bench --benchmark_filter=preset': BENCHMARKS,
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
     'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
     'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
-    'scripts/check': IN_CI,
-    'scripts/check_arm64': TOO_LONG,
-    'scripts/check_arm64 --fast': IN_CI,
-    'scripts/check_arm64 knn_matcher_test': IN_CI,
-    'scripts/check_includes': 'scripts/check_includes',
-    'scripts/check_platform bullseye': TOO_LONG,
-    'scripts/check_platform trixie': IN_CI,
-    'sudo scripts/check_platform bookworm': IN_CI,
-    'scripts/compare_benchmarks OLD.json NEW.json':
-        'scripts/compare_benchmarks old/benchmarks.json new/benchmarks.json',
-    'scripts/count_arm64_instructions': TOO_LONG,
-    'scripts/count_arm64_instructions 1000': TOO_LONG,
+    'dev/check': IN_CI,
+    'dev/check_arm64': TOO_LONG,
+    'dev/check_arm64 --fast': TOO_LONG,
+    'dev/check_arm64 knn_matcher_test': TOO_LONG,
+    'dev/check_includes': 'dev/check_includes',
+    'dev/check_platform bullseye': TOO_LONG,
+    'dev/check_platform': IN_CI,
+    'dev/check_platform trixie': IN_CI,
+    'dev/check_workspace': IN_CI,
+    'sudo dev/check_platform bookworm': IN_CI,
     'scripts/evaluate':
         'scripts/evaluate --built out/release --data sets --output report --methods ORB,KT,KTG,KTGP '
         '--repeat 1 --warp-pairs 2',
     'scripts/evaluate --data DIR':
         'scripts/evaluate --built out/release --data sets --methods KTGP --repeat 1 --warp-pairs 0 '
         '--output one_method',
-    'scripts/faults': TOO_LONG,
-    'scripts/fuzz': IN_CI,
-    'scripts/fuzz gms 600': TOO_LONG,
-    'scripts/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
-    'scripts/latency': TOO_LONG,
-    'scripts/mutate': TOO_LONG,
-    'scripts/mutate core/gms': TOO_LONG,
-    'scripts/sanitize': IN_CI,
-    'scripts/sanitize thread': IN_CI,
-    'scripts/sanitize address': IN_CI,
-    'scripts/sanitize thread full': TOO_LONG,
-    'scripts/soak --frames 20000': IN_CI,
-    'scripts/verdict': TOO_LONG,
+    'dev/fuzz': TOO_LONG,
+    'dev/fuzz gms 600': TOO_LONG,
+    'dev/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
+    'dev/mutate': TOO_LONG,
+    'dev/mutate core/gms': TOO_LONG,
+    'dev/sanitize': IN_CI,
+    'dev/sanitize thread': IN_CI,
+    'dev/sanitize address': IN_CI,
+    'dev/sanitize thread full': TOO_LONG,
+    'scripts/test -L long': TOO_LONG,
+    'scripts/test -L long -R latency': TOO_LONG,
+    'scripts/test -L long -R faults': TOO_LONG,
+    'scripts/test -L long -R verdict': TOO_LONG,
+    'scripts/test -L long -R soak': IN_CI,
+    'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R soak': TOO_LONG,
+    'dev/nightly': TOO_LONG,
     'ktgp_evaluate homogr evd dogman notredame --longest-side 1200 --methods '
     'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
     'ktgp_evaluate --warps extreme --warp-pairs 480 IMAGES --methods '
     'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'rostopic echo /usb_cam/matcher/homography': Skipped('waits for images; rostopic\'s own'),
+    'sudo apt install ros-noetic-usb-cam': Skipped('Ubuntu\'s package of the driver'),
+    'rosrun usb_cam usb_cam_node _video_device:=/dev/video0': Skipped('needs a camera'),
     'rosparam set use_sim_time false': Skipped('for a master that has it; rosparam\'s own'),
     'rostopic echo -n 1 ~mask/encoding': Skipped('waits for a mask; rostopic\'s own'),
     'rostopic echo /diagnostics': Skipped('waits for diagnostics; rostopic\'s own'),
@@ -111,6 +118,9 @@ COMMANDS = {
 
     'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
         Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
+    'roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video':
+        Until('roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video',
+              'matches images on /usb_cam/image_raw'),
     'roslaunch ktgp_orb multi_camera.launch cameras:="front left right"':
         Until('roslaunch ktgp_orb multi_camera.launch cameras:="front left right"',
               'matches images on /right/image_raw'),
@@ -125,17 +135,17 @@ COMMANDS = {
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
-    'roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-    'target_width:=0.594 target_frame:=poster':
-        Until('roslaunch ktgp_orb matcher.launch reference_mode:=fixed reference_image:=poster.png '
-              'target_width:=0.594 target_frame:=poster', MATCHER),
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png, '
+    'target_width: 0.594, target_frame: poster}"':
+        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
+              'reference_image: $PWD/poster.png, target_width: 0.594, target_frame: poster}"', MATCHER),
     'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
         Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
               'matches images on /camera/image_raw'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
-              'waits for /camera/matcher/match; nobody publishes it'),
+              'waits for /camera/matcher/match; no node publishes it'),
 
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
@@ -164,9 +174,9 @@ COMMANDS = {
         '--alignment=false' + SMALL,
 }
 # Named in the text, not written out.
-ALSO = ['scripts/update_documents --check', 'scripts/evaluate --help', 'scripts/merge_benchmarks --filter',
+ALSO = ['dev/update_documents --check', 'scripts/evaluate --help', 'scripts/bench --help',
         'scripts/setup --list debian build test rqt', 'scripts/setup --list noetic core',
-        'scripts/merge_benchmarks old raw.json', 'scripts/merge_benchmarks new raw.json']
+        'scripts/bench --merge old raw.json', 'scripts/bench --merge new raw.json']
 # Others need these results.
 FIRST = [command for command in COMMANDS.values() if 'make_demo_bag' in command] + [
     command for command in ALSO if 'raw.json' in command]
@@ -185,22 +195,23 @@ def commands_of(text):
         found.append(re.sub(r'\s+#.*', '', line).strip())
     for span in re.findall(r'`([^`\n]+)`', text):
         word = span.split()[0]
-        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'scripts/\w+$', word) or \
+        if word in FIRST_WORDS and len(span.split()) > 1 or re.match(r'(scripts|dev)/\w+$', word) or \
                 span == 'catkin_make':
             found.append(span)
-    helpers = ('scripts/environment', 'scripts/setup', 'scripts/update_documents')
+    helpers = ('scripts/environment', 'scripts/setup', 'dev/update_documents')
     return [command for command in found if command and command not in helpers]
 
 
 def documents():
     yield os.path.join(ROOT, 'README.md')
-    for name in sorted(os.listdir(os.path.join(ROOT, 'doc'))):
-        if name.endswith('.md'):
-            yield os.path.join(ROOT, 'doc', name)
+    for folder, _, names in os.walk(os.path.join(ROOT, 'doc')):
+        for name in sorted(names):
+            if name.endswith('.md'):
+                yield os.path.join(folder, name)
 
 
 def copy_sources(to):
-    """What a clone would have, and what is not yet committed."""
+    """Copies the files of a clone, and those not yet committed."""
     if os.path.exists(os.path.join(ROOT, '.git')):
         names = subprocess.check_output(
             ['git', '-c', 'safe.directory=*', 'ls-files', '-z', '--cached', '--others',
@@ -216,7 +227,7 @@ def copy_sources(to):
 
 
 def copy_build(to, clone):
-    """The devel space of this build as that of the clone."""
+    """Makes the devel space of this build that of the clone."""
     os.makedirs(to)
     devel = os.path.join(to, 'devel')
     subprocess.run(['cp', '-rs', os.path.join(BUILD, 'devel'), devel], check=True)
@@ -270,7 +281,7 @@ class CommandsTest(unittest.TestCase):
         cls.home = os.path.join(folder.name, 'home')
 
     def shell(self, command):
-        """A shell of the user's, in the clone, after source ...setup.bash."""
+        """Starts a command in the clone, in a user's shell after source ...setup.bash."""
         environment = {name: value for name, value in os.environ.items()
                        if name not in ('DISPLAY', 'ROS_PACKAGE_PATH', 'CMAKE_PREFIX_PATH', 'PYTHONPATH',
                                        'LD_LIBRARY_PATH', 'ROS_MASTER_URI')}
@@ -285,7 +296,7 @@ class CommandsTest(unittest.TestCase):
             stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
 
     def run_one(self, command):
-        """What it said, where something is wrong with it; else nothing."""
+        """The output of a command that failed; empty if it succeeded."""
         process = self.shell(command)
         if not isinstance(command, Until):
             output = process.communicate()[0]
@@ -325,7 +336,7 @@ class CommandsTest(unittest.TestCase):
         self.check_the_folder_of_the_programs()
 
     def check_the_folder_of_the_programs(self):
-        """scripts/evaluate looks for both of them in one folder."""
+        """scripts/evaluate expects both programs in one folder."""
         folder = os.path.join(self.clone, 'build', 'core_only')
         links = [os.path.join(root, 'link.txt') for root, _, files in os.walk(folder)
                  if 'link.txt' in files]
@@ -341,12 +352,11 @@ class CommandsTest(unittest.TestCase):
 
     def test_rosrun_finds_one_program_after_every_script(self):
         program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'ktgp_match')
-        for name in sorted(os.listdir(os.path.join(self.clone, 'scripts'))):
-            script = os.path.join(self.clone, 'scripts', name)
-            if not os.path.isfile(script):  # Python's cache of what a script imports
-                continue
+        scripts = [os.path.join(self.clone, folder, name) for folder in ('scripts', 'dev')
+                   for name in sorted(os.listdir(os.path.join(self.clone, folder)))]
+        for script in filter(os.path.isfile, scripts):
             with open(script, encoding='utf-8') as file:
-                folders = re.findall(r"(?:\$root/|ROOT, '|folder=)((?:out|build)/[\w$]+)", file.read())
+                folders = re.findall(r"(?:\$root/|ROOT, '|ROOT / .|folder=)((?:out|build)/[\w$]+)", file.read())
             for folder in folders:
                 if folder == 'out/release':
                     continue

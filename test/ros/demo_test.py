@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""scripts/demo with what is built, on a short flight: it ends by itself and leaves what it says."""
+"""scripts/demo with an existing build, on a short flight: it ends by itself and writes all its files."""
 
 import os
 import re
@@ -59,21 +59,21 @@ class DemoTest(unittest.TestCase):
 
     def test_leaves_what_it_says(self):
         output = os.path.join(self.folder, 'out')
-        result = self.demo('--seconds', str(FRAMES // 30), output)
+        # So slow that a busy machine drops no frame.
+        result = self.demo('--seconds', str(FRAMES // 30), '--rate', '0.1', output)
         self.assertEqual(result.returncode, 0, result.stdout)
         self.assertEqual(sorted(os.listdir(output)),
                          ['demo.bag', 'matches.mp4', 'mosaic.png', 'report.log', 'roslaunch.log',
                           'stabilized.mp4', 'stages.png', 'summary.txt'])
         for name in ('matches.mp4', 'stabilized.mp4'):
-            # A busy machine may drop frames.
-            self.assertIn(frames_of(os.path.join(output, name)), range(3, FRAMES + 1), name)
+            self.assertIn(frames_of(os.path.join(output, name)), range(FRAMES - 2, FRAMES + 1), name)
         with open(os.path.join(output, 'summary.txt')) as file:
             self.assertIn(file.read(), result.stdout)
         mosaic = cv2.imread(os.path.join(output, 'mosaic.png'), cv2.IMREAD_UNCHANGED)
         self.assertEqual(mosaic.shape[2], 4)
         self.assertGreater((mosaic[:, :, 3] > 0).sum(), 1.1 * 640 * 480, 'more than one frame')
         error = float(re.search(r'off by ([0-9.]+) px', result.stdout).group(1))
-        self.assertLess(error, 10.0, result.stdout)
+        self.assertLess(error, 2.0, result.stdout)
         self.assertEqual(cv2.imread(os.path.join(output, 'stages.png')).shape[2], 3)
 
     def test_the_target_of_the_demo_is_where_the_truth_says(self):

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Every picture encoding is matched; what cannot be matched is refused, said and counted."""
+"""Every image encoding is matched; others are refused with a message, and counted."""
 
 import sys
 import unittest
@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
-from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait_until
 from rosgraph_msgs.msg import Log
 
@@ -67,7 +67,7 @@ class EncodingsTest(unittest.TestCase):
 
     def assert_translation(self, stamp):
         message = self.homographies.wait_for(stamp)
-        self.assertEqual(message.status, HomographyStamped.STATUS_OK)
+        self.assertEqual(message.status, MatchStatus.STATUS_OK)
         homography = np.array(message.homography).reshape(3, 3)
         corners = np.array([[0, 0, 1], [639, 0, 1], [639, 479, 1], [0, 479, 1]]).T
         mapped = homography @ corners
@@ -78,10 +78,10 @@ class EncodingsTest(unittest.TestCase):
     def check_motion(self, encoding):
         convert = ENCODINGS[encoding]
         first = self.send_and_wait(encoding, convert)
-        self.assertEqual(first.status, MatchStatistics.STATUS_NO_REFERENCE,
+        self.assertEqual(first.status, MatchStatus.STATUS_NO_REFERENCE,
                          'a change of encoding must reset the reference')
         second = self.send_and_wait(encoding, convert)
-        self.assertEqual(second.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(second.status, MatchStatus.STATUS_OK)
         self.assertEqual(second.reference_stamp, first.header.stamp)
         self.assert_translation(second.header.stamp)
 
@@ -93,19 +93,19 @@ class EncodingsTest(unittest.TestCase):
         stamp = self.camera.send(
             image_message(view(100, 100, 320, 240), self.camera.next_stamp()))
         self.assertEqual(self.statistics.wait_for(stamp).status,
-                         MatchStatistics.STATUS_NO_REFERENCE)
+                         MatchStatus.STATUS_NO_REFERENCE)
 
     def refused(self, change, expected_words):
-        """Sends a broken image; it must be refused with a reason, and the next good one work."""
+        """Sends a broken image; it must be refused with a reason, and the next good one must work."""
         before = self.send_and_wait()
         broken = image_message(view(100, 100), self.camera.next_stamp())
         change(broken)
         self.camera.send(broken)
-        # The image may wait in the slot: only when it is counted may the next one follow.
+        # The image may wait in the slot: send the next one only after it was counted.
         wait_until(lambda: self.refused_count() > before.refused_frames, 'the image is counted')
         after = self.send_and_wait()
         self.assertEqual(after.refused_frames, before.refused_frames + 1)
-        self.assertEqual(after.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(after.status, MatchStatus.STATUS_OK)
         self.assertEqual(after.reference_stamp, before.header.stamp)
         self.assertIsNone(self.statistics.with_stamp(broken.header.stamp))
         wait_until(lambda: expected_words in self.last_error(), 'diagnostics say ' + expected_words)

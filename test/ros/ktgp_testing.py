@@ -1,6 +1,7 @@
-"""What the integration tests share: images with a known motion, a camera, a recorder of topics."""
+"""Common code of the integration tests: images with a known motion, a camera, a recorder of topics."""
 
 import os
+import socket
 import threading
 import time
 
@@ -8,7 +9,7 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Image
 
-# s that any expected message may take on a busy machine; less where the code is broken on purpose
+# s; limit for any expected message on a busy machine; less for mutation tests
 TIMEOUT = float(os.environ.get('KTGP_ORB_TEST_TIMEOUT', '120'))
 
 
@@ -26,7 +27,7 @@ _TEXTURE = texture()
 
 
 def view(x, y, width=640, height=480):
-    """The picture that a camera moved by x, y pixels sees."""
+    """The view of a camera moved by x, y pixels."""
     return np.ascontiguousarray(_TEXTURE[y:y + height, x:x + width])
 
 
@@ -51,7 +52,7 @@ def wait_until(condition, what, timeout=TIMEOUT):
 
 
 def check_each(cases, check):
-    """Runs a check for every case and names those that fail (rosunit does not show subtests)."""
+    """Runs a check for every case and lists the failures (rosunit does not show subtests)."""
     failures = []
     for case in cases:
         try:
@@ -63,8 +64,8 @@ def check_each(cases, check):
 
 
 def warm_up(camera, recorder):
-    """Sends frames until the recorder has something: then every nodelet on the way is connected
-    (those of one manager share their connections, so these say nothing)."""
+    """Sends frames until the recorder has a message: then every nodelet of the chain is connected.
+    (The nodelets of a manager share their connections, so the connections do not tell.)"""
     def answered():
         camera.send(image_message(view(100, 100), camera.next_stamp()))
         time.sleep(0.1)
@@ -73,7 +74,7 @@ def warm_up(camera, recorder):
 
 
 def wait_for_matcher(camera, *recorders):
-    """Waits until the matcher is connected to its camera and to those who want its results."""
+    """Waits until the matcher is connected to its camera and to the subscribers of its results."""
     camera.wait_for_subscriber()
     for recorder in recorders:
         wait_until(lambda recorder=recorder: recorder.publishers() == 1,
@@ -83,6 +84,12 @@ def wait_for_matcher(camera, *recorders):
 def translation(message):
     """Of a message with a homography, px."""
     return message.homography[2], message.homography[5]
+
+
+def no_delay(publisher):
+    """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
+    return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+            for connection in publisher.impl.connections}
 
 
 class Recorder:
@@ -113,6 +120,9 @@ class Recorder:
     def publishers(self):
         return self._subscriber.get_num_connections()
 
+    def names_of_publishers(self):
+        return {connection.callerid_pub for connection in self._subscriber.impl.connections}
+
     def close(self):
         self._subscriber.unregister()
 
@@ -121,18 +131,18 @@ class Camera:
     """Publishes images one by one on /camera/image_raw, 33 ms of stamps apart."""
 
     def __init__(self, topic='/camera/image_raw'):
-        self._publisher = rospy.Publisher(topic, Image, queue_size=5)
+        self.publisher = rospy.Publisher(topic, Image, queue_size=5)
         self._stamp = rospy.Time(1000, 0)
         self._count = 0
 
     def wait_for_subscriber(self):
-        wait_until(lambda: self._publisher.get_num_connections() > 0, 'the matcher subscribes')
+        wait_until(lambda: self.publisher.get_num_connections() > 0, 'the matcher subscribes')
 
     def wait_for_no_subscriber(self):
-        wait_until(lambda: self._publisher.get_num_connections() == 0, 'the matcher unsubscribes')
+        wait_until(lambda: self.publisher.get_num_connections() == 0, 'the matcher unsubscribes')
 
     def subscribers(self):
-        return self._publisher.get_num_connections()
+        return self.publisher.get_num_connections()
 
     def next_stamp(self):
         self._stamp += rospy.Duration(0.033)
@@ -142,7 +152,7 @@ class Camera:
         return self._stamp
 
     def send(self, message):
-        self._publisher.publish(message)
+        self.publisher.publish(message)
         return message.header.stamp
 
     def send_view(self, encoding='mono8', convert=lambda grey: grey):

@@ -21,7 +21,13 @@ import ktgp_table  # noqa: E402
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 FILES = sorted(glob.glob(os.path.join(PACKAGE, 'launch', '*.launch')))
+ARGUMENTS = {'T_w', 'T_G', 'features'}  # parameters that have an argument of their own
 STATIC_PARAMETERS = {'image_transport', 'queue_size'}
+
+
+def flow(values):
+    """YAML in one line, as the argument set takes it."""
+    return yaml.safe_dump(values, default_flow_style=True, width=1e9).strip()
 
 
 def arguments_of(name):
@@ -31,7 +37,7 @@ def arguments_of(name):
 
 
 def load(path, bag):
-    """The file as roslaunch understands it; a bag file where it takes one."""
+    """The configuration that roslaunch reads, with a bag file if the file needs one."""
     arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
     values = ['bag:=' + bag] if 'bag' in arguments else []
     return load_config_default([(path, values)], None, verbose=False, assign_machines=False)
@@ -105,10 +111,10 @@ class LaunchFilesTest(unittest.TestCase):
                 values[name] = '/some ' + name
             else:
                 values[name] = default + 1
-        given = ['%s:=%s' % (name, str(value).lower() if isinstance(value, bool) else value)
-                 for name, value in values.items()]
+        given = ['%s:=%s' % (name, values[name]) for name in ARGUMENTS]
+        rest = {name: value for name, value in values.items() if name not in ARGUMENTS}
         for launch in ('matcher.launch', 'bag.launch', 'tune.launch', 'multi_camera.launch'):
-            got = self.parameters_of(launch, *given)
+            got = self.parameters_of(launch, 'set:=' + flow(rest), *given)
             self.assertEqual({name: got.get(name) for name in values}, values, launch)
             self.assertLessEqual(set(self.parameters_of(launch)), STATIC_PARAMETERS, launch)
             self.assertLessEqual(set(got), set(values) | STATIC_PARAMETERS, launch)
@@ -121,15 +127,18 @@ class LaunchFilesTest(unittest.TestCase):
             return {key: param.value for key, param in config.params.items()
                     if key.startswith('/camera/target/')}
         self.assertEqual(parameters(), {})
-        given = parameters('target:=/a/picture')
-        self.assertEqual(given['/camera/target/reference_image'], '/a/picture')
+        given = parameters('target:=/a/p"i\\c t\'ure')
+        self.assertEqual(given['/camera/target/reference_image'], '/a/p"i\\c t\'ure')
+        os.environ['PWD'] = os.getcwd()
+        self.assertEqual(parameters('target:=b.png')['/camera/target/reference_image'],
+                         os.getcwd() + '/b.png')
         self.assertEqual(given['/camera/target/reference_mode'], 'fixed')
 
     def test_every_other_argument_of_the_matcher_reaches_it_through_each_file(self):
         given = {'namespace': 'front', 'name': 'eyes', 'transport': 'compressed', 'queue_size': '7',
                  'machine': 'arm', 'respawn': 'true', 'required': 'true', 'manager': '/mine'}
-        there = set(arguments_of('matcher.launch')) - set(KtgpConfig.defaults)
-        self.assertEqual(there, set(given) | {'image', 'preset', 'params'},
+        there = set(arguments_of('matcher.launch')) - ARGUMENTS
+        self.assertEqual(there, set(given) | {'image', 'preset', 'params', 'set'},
                          'a new argument needs its place in this test')
         # bag.launch and tune.launch play to one process here, and end with it; one of several
         # cameras must not end the launch, and their namespaces are their names.
@@ -211,11 +220,17 @@ class LaunchFilesTest(unittest.TestCase):
                 for path in (file.name, os.path.basename(file.name)):
                     os.environ['PWD'] = os.getcwd()
                     got = self.parameters_of(launch, 'preset:=robust', 'params:=' + path,
-                                             'levels:=6')
+                                             'set:={levels: 6}')
                     self.assertIs(got['guided'], True, launch)
                     self.assertIs(got['mutual'], False, launch)
                     self.assertEqual(got['T_w'], 0.71, launch)
                     self.assertEqual(got['levels'], 6, launch)
+
+    def test_parameters_of_the_consumers_reach_them(self):
+        for name, values in (('stabilizer', {'lag': 7}), ('mosaic', {'rate': 0.5, 'gain': False})):
+            config = self.configuration(name + '.launch', ['set:=' + flow(values)])
+            got = {key: config.params['/camera/%s/%s' % (name, key)].value for key in values}
+            self.assertEqual(got, values)
 
     def test_presets_hold_parameters_within_their_ranges(self):
         for path in glob.glob(os.path.join(PACKAGE, 'config', '*.yaml')):
@@ -226,13 +241,6 @@ class LaunchFilesTest(unittest.TestCase):
                     if not isinstance(value, (str, bool)):
                         self.assertLessEqual(KtgpConfig.min[name], value)
                         self.assertLessEqual(value, KtgpConfig.max[name])
-
-    def test_a_reference_image_is_meant_from_the_callers_folder(self):
-        path = os.path.join(PACKAGE, 'launch', 'matcher.launch')
-        for given, meant in (('target.png', os.getcwd() + '/target.png'), ('/a/b.png', '/a/b.png')):
-            config = load_config_default([(path, ['reference_image:=' + given])], None,
-                                         verbose=False, assign_machines=False)
-            self.assertEqual(config.params['/camera/matcher/reference_image'].value, meant)
 
     def test_values_of_an_earlier_launch_do_not_linger(self):
         config = load(os.path.join(PACKAGE, 'launch', 'matcher.launch'), self.bag.name)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The launch files at work, each with a master of its own: bag.launch plays what it should and says
-what is wrong, tune.launch and rviz.launch start their programs, and a killed manager comes back."""
+"""Runs the launch files, each with its own master: bag.launch plays the right topics and reports
+problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
 import os
 import re
@@ -21,7 +21,7 @@ import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
-from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, image_message, view
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -54,7 +54,7 @@ def free_port():
 
 
 def fake_package(folder, package, program, then='exec sleep 1000'):
-    """A package whose program says how it was called and then waits."""
+    """A package with a program that prints its arguments and then waits."""
     os.makedirs(os.path.join(folder, 'lib', package))
     os.makedirs(os.path.join(folder, 'share', package))
     open(os.path.join(folder, '.catkin'), 'w').close()
@@ -70,7 +70,7 @@ def fake_package(folder, package, program, then='exec sleep 1000'):
 
 
 class Master:
-    """A ROS master of its own, to ask what runs."""
+    """A separate ROS master, to query the running nodes."""
 
     def __init__(self):
         self.uri = 'http://localhost:%d' % free_port()
@@ -100,7 +100,7 @@ class Master:
 
 
 class Launch:
-    """A roslaunch at work; its output as it comes."""
+    """A running roslaunch and its output."""
 
     def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
                  **environment):
@@ -129,7 +129,7 @@ class Launch:
         return text in self.output()
 
     def wait(self):
-        """Until it ends by itself."""
+        """Waits until it ends by itself."""
         try:
             self.process.wait(TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -164,10 +164,12 @@ class LaunchRunTest(unittest.TestCase):
         self.check_sim_time(None)
 
     def check_sim_time(self, expected):
-        """It is put back a moment after the launch has ended."""
+        """It is restored shortly after the launch has ended."""
         def value():
-            handle = self.master.handle
-            return handle.getParam('/use_sim_time') if handle.hasParam('/use_sim_time') else None
+            try:
+                return self.master.handle.getParam('/use_sim_time')
+            except rosgraph.MasterException:
+                return None
         Master.wait_until(lambda: value() is expected,
                           '/use_sim_time is %s again, what it was; else the next run has another one' %
                           expected, seconds=15)
@@ -181,13 +183,45 @@ class LaunchRunTest(unittest.TestCase):
             if before is not None:
                 self.master.handle.setParam('/use_sim_time', before)
             launch = self.launch(file, 'bag:=' + self.bag, 'rviz:=false')
-            # As early as can be: no node of it runs yet.
+            # As early as possible, before its first node.
             Master.wait_until(lambda: self.sim_time_is_set() or launch.process.poll() is not None,
                               'it is set')
             if before:
                 self.assertTrue(launch.says('process[player'), launch.output())
             launch.stop()
             self.check_sim_time(before)
+
+    def check_that_a_second_is_refused(self, first, master):
+        self.assertTrue(first.says('process[player'), first.output())
+        for file in ('bag.launch', 'demo.launch'):
+            second = Launch(master, file, 'bag:=' + self.bag, 'rviz:=false', cwd=self.folder)
+            self.addCleanup(second.stop)
+            output = second.wait()
+            self.assertIn('process %d on ' % first.process.pid, output)
+            self.assertIn('plays a bag on this master already', output)
+            self.assertNotIn('process[', output)
+            self.assertNotEqual(second.process.returncode, 0)
+        self.assertIsNone(first.process.poll(), first.output())
+        self.assertNotIn('process has died', first.output())
+
+    def test_a_second_bag_on_one_master_is_refused_and_the_first_plays_on(self):
+        first = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true', 'delay:=100')
+        self.check_that_a_second_is_refused(first, self.master)
+        self.assertTrue(self.sim_time_is_set())
+        first.stop()
+        # At once: the first has not yet put anything back.
+        third = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1')
+        self.assertIn('nothing subscribes to its results', third.wait())
+        self.check_no_sim_time()
+
+    def test_a_second_bag_is_refused_on_a_master_that_the_first_has_started(self):
+        class OwnMaster:
+            environment = dict(self.master.environment,
+                               ROS_MASTER_URI='http://localhost:%d' % free_port())
+        first = Launch(OwnMaster, 'bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true',
+                       'delay:=100', cwd=self.folder)
+        self.addCleanup(first.stop)
+        self.check_that_a_second_is_refused(first, OwnMaster)
 
     def sim_time_is_set(self):
         handle = self.master.handle
@@ -230,7 +264,8 @@ class LaunchRunTest(unittest.TestCase):
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))
         launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
-                             'reference_mode:=fixed', 'reference_image:=target.png')
+                             "set:={reference_mode: fixed, reference_image: '%s'}" %
+                             os.path.join(self.folder, 'target.png').replace("'", "''"))
         output = launch.wait()
         with rosbag.Bag(os.path.join(self.folder, 'out.bag')) as bag:
             messages = list(bag.read_messages())
@@ -243,7 +278,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertEqual((stamps[0], stamps[-1]), (0.0, round(0.1 * (FRAMES - 1), 3)), output)
         self.assertEqual(len(stamps) + statistics[-1].dropped_frames +
                          statistics[-1].lost_frames, FRAMES)
-        self.assertEqual({m.status for m in statistics}, {MatchStatistics.STATUS_OK})
+        self.assertEqual({m.status for m in statistics}, {MatchStatus.STATUS_OK})
         for match in by_topic['/camera/matcher/match']:
             shift = (match.header.stamp.to_sec() - FIRST) / 0.1 * 5  # from the given image
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
@@ -262,8 +297,19 @@ class LaunchRunTest(unittest.TestCase):
     def test_that_nobody_wants_the_results_is_said(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
         self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
+        self.check_outputs_are_documented()
         launch.stop()
         self.check_no_sim_time()
+
+    def check_outputs_are_documented(self):
+        prefix = '/camera/matcher/'
+        types = dict(self.master.handle.getTopicTypes())
+        published = {name[len(prefix):]: types[name]
+                     for name, _ in self.master.handle.getSystemState()[0]
+                     if name.startswith(prefix) and name.count('/') == 3 and '/parameter_' not in name}
+        with open(os.path.join(PACKAGE, 'doc', 'topics.md')) as file:
+            documented = dict(re.findall(r'^\| `~(\w+)`(?:, tf)? \| (\w+/\w+) \|', file.read(), re.M))
+        self.assertEqual(published, documented)
 
     def test_a_matcher_that_dies_at_the_start_ends_the_launch(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'T_w:=1.5', 'loop:=true',
@@ -304,12 +350,12 @@ class LaunchRunTest(unittest.TestCase):
             ['/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'camera_motion'),
              'match:=/left/matcher/match', '_frames:=%d' % (FRAMES + 5)], env=self.master.environment,
             stdout=subprocess.PIPE, universal_newlines=True)
-        # More frames than the bag has: it came round.
+        # More frames than the bag has: it was repeated.
         output, _ = listener.communicate(timeout=TIMEOUT)
-        self.assertIn('reason %d' % MatchStatistics.REASON_STAMP_WENT_BACK, output)
+        self.assertIn('reason %d' % MatchStatus.REASON_STAMP_WENT_BACK, output)
 
     def wait_for_matchers(self, launches, *cameras):
-        """Until the matchers of all cameras answer; no manager was started twice."""
+        """Waits until the matchers of all cameras answer; no manager may be started twice."""
         for camera in cameras:
             Master.wait_until(lambda camera=camera: self.has_service(camera + '/matcher/reset'),
                               camera + ' has its matcher')
@@ -351,7 +397,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertIsNone(launch.process.poll(), launch.output())
 
     def pid_of_manager(self):
-        """Of a manager in which the matchers of both cameras offer their services, or None."""
+        """The manager with the services of the matchers of both cameras, or None."""
         try:
             for side in ('left', 'right'):
                 host, port = self.master.handle.lookupService(

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The input is subscribed exactly while some output has a subscriber."""
+"""The input is subscribed exactly while an output has a subscriber."""
 
 import sys
 import unittest
@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, wait_until
 from sensor_msgs.msg import Image
 
@@ -25,13 +25,13 @@ RECORDERS = []  # all that were subscribed in a test
 
 
 def coloured(picture):
-    """Number of pixels that are no shade of grey."""
+    """Number of coloured pixels."""
     pixels = np.frombuffer(picture.data, np.uint8).reshape(-1, 3).astype(int)
     return np.count_nonzero(pixels.max(1) - pixels.min(1) > 60)
 
 
 def subscribe(output):
-    """A recorder that is connected: it misses nothing from now on."""
+    """A recorder that is connected, so that it misses nothing."""
     recorder = Recorder('/camera/matcher/' + output, OUTPUTS[output])
     RECORDERS.append(recorder)
     wait_until(lambda: recorder.publishers() > 0, output + ' is connected')
@@ -49,7 +49,7 @@ class LazyTest(unittest.TestCase):
         cls.camera.wait_for_no_subscriber()
 
     def tearDown(self):
-        """What a failed test has left open does not fail the next ones."""
+        """Closes what a failed test has left open."""
         for recorder in RECORDERS:
             recorder.close()
         RECORDERS.clear()
@@ -98,12 +98,12 @@ class LazyTest(unittest.TestCase):
         client = Client('/camera/matcher', timeout=TIMEOUT)
         client.update_configuration({'lazy': False})
         self.camera.wait_for_subscriber()
-        before = [self.camera.send_view() for _ in range(3)]  # nobody looks
+        before = [self.camera.send_view() for _ in range(3)]  # no subscriber
         recorder = subscribe('statistics')
         statistics = recorder.wait_for(self.camera.send_view())
         if statistics.dropped_frames == 0:
             self.assertEqual(statistics.reference_stamp, before[-1], 'the chain has no gap')
-        self.assertEqual(statistics.status, MatchStatistics.STATUS_OK)
+        self.assertEqual(statistics.status, MatchStatus.STATUS_OK)
         recorder.close()
         client.update_configuration({'lazy': True})
         self.camera.wait_for_no_subscriber()
@@ -113,13 +113,13 @@ class LazyTest(unittest.TestCase):
         self.camera.wait_for_subscriber()
         recorder.wait_for(self.camera.send_view())
         self.assertEqual(recorder.wait_for(self.camera.send_view()).status,
-                         MatchStatistics.STATUS_OK)
+                         MatchStatus.STATUS_OK)
         recorder.close()
         self.camera.wait_for_no_subscriber()
         recorder = subscribe('statistics')
         self.camera.wait_for_subscriber()
         self.assertEqual(recorder.wait_for(self.camera.send_view()).status,
-                         MatchStatistics.STATUS_NO_REFERENCE)
+                         MatchStatus.STATUS_NO_REFERENCE)
         recorder.close()
         self.camera.wait_for_no_subscriber()
 

@@ -6,7 +6,7 @@ import unittest
 
 import rospy
 import rostest
-from ktgp_orb.msg import MatchStatistics
+from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_testing import Recorder, wait_until
 
 
@@ -22,9 +22,9 @@ class LoopTest(unittest.TestCase):
                    'the bag has been played three times', timeout=120)
         messages = statistics.messages()
         for i in starts()[:3]:
-            self.assertEqual(messages[i].status, MatchStatistics.STATUS_NO_REFERENCE)
+            self.assertEqual(messages[i].status, MatchStatus.STATUS_NO_REFERENCE)
             self.assertEqual(messages[i + 1].reference_stamp, messages[i].header.stamp)
-            self.assertEqual(messages[i + 1].status, MatchStatistics.STATUS_OK)
+            self.assertEqual(messages[i + 1].status, MatchStatus.STATUS_OK)
 
 
 if __name__ == '__main__':

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The one message with everything holds what the three topics carry, frame by frame."""
+"""The combined message equals the messages of the three topics, for every frame."""
 
 import os
 import re
@@ -11,7 +11,7 @@ import numpy as np
 import rosgraph
 import rospy
 import rostest
-from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
 from ktgp_testing import Camera, Recorder, image_message, wait_until
 
 
@@ -38,7 +38,7 @@ class MatchMessageTest(unittest.TestCase):
             match = self.matches.wait_for(stamp)
             ready = stamp.to_sec() + 1e-3 * match.statistics.latency_milliseconds
             self.assertTrue(sent <= ready <= rospy.get_time(), 'sent %f, ready %f' % (sent, ready))
-            self.assertEqual(match.statistics.status, MatchStatistics.STATUS_OK)
+            self.assertEqual(match.statistics.status, MatchStatus.STATUS_OK)
             self.assertGreater(len(match.correspondences.reference_x), 200)
             for name, recorder in self.parts.items():
                 self.assert_same(getattr(match, name), recorder.wait_for(stamp))
@@ -47,7 +47,7 @@ class MatchMessageTest(unittest.TestCase):
         self.matches.wait_for(self.camera.send_view())
         for _ in range(5):
             match = self.matches.wait_for(self.camera.send_view())
-            self.assertEqual(match.homography.status, HomographyStamped.STATUS_OK)
+            self.assertEqual(match.homography.status, MatchStatus.STATUS_OK)
             found = match.correspondences
             h = np.array(match.homography.homography).reshape(3, 3)
             points = np.stack([found.reference_x, found.reference_y, np.ones(len(found.level))])
@@ -103,16 +103,16 @@ class MatchMessageTest(unittest.TestCase):
         self.matches.wait_for(self.camera.send_view())
         flat = image_message(np.full((480, 640), 100, np.uint8), self.camera.next_stamp())
         match = self.matches.wait_for(self.camera.send(flat))
-        self.assertEqual(match.homography.status, HomographyStamped.STATUS_TOO_FEW_FEATURES)
-        self.assertEqual(match.statistics.status, MatchStatistics.STATUS_TOO_FEW_FEATURES)
+        self.assertEqual(match.homography.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
+        self.assertEqual(match.statistics.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
         self.assertEqual(list(match.homography.homography), [0.0] * 9)
         self.assertEqual(len(match.correspondences.reference_x), 0)
 
     def test_a_frame_without_a_reference_is_said_too(self):
         small = image_message(np.full((240, 320), 100, np.uint8), self.camera.next_stamp())
         match = self.matches.wait_for(self.camera.send(small))
-        self.assertEqual(match.homography.status, HomographyStamped.STATUS_NO_REFERENCE)
-        self.assertEqual(match.statistics.status, MatchStatistics.STATUS_NO_REFERENCE)
+        self.assertEqual(match.homography.status, MatchStatus.STATUS_NO_REFERENCE)
+        self.assertEqual(match.statistics.status, MatchStatus.STATUS_NO_REFERENCE)
         self.assertEqual(match.correspondences.header.stamp, match.header.stamp)
 
 

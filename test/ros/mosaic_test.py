@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The mosaic against the picture that the camera is moved over."""
+"""Compares the mosaic with the picture that the camera is moved over."""
 
 import os
 import sys
@@ -12,7 +12,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
 from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, view, wait_until,
                           warm_up)
@@ -52,7 +52,7 @@ class MosaicTest(unittest.TestCase):
     def begin(self):
         self.assertTrue(self.reset().success)
         first = self.send(*START)
-        self.assertEqual(first.status, HomographyStamped.STATUS_OK)
+        self.assertEqual(first.status, MatchStatus.STATUS_OK)
         return first
 
     def test_is_the_picture_that_the_camera_was_moved_over(self):
@@ -62,7 +62,7 @@ class MosaicTest(unittest.TestCase):
         first = self.begin()
         for i in range(1, 25):
             message = self.send(START[0] + 20 * i, START[1] + 10 * i)
-            self.assertEqual(message.status, HomographyStamped.STATUS_OK)
+            self.assertEqual(message.status, MatchStatus.STATUS_OK)
             self.assertEqual(message.reference_stamp, first.header.stamp)
         self.assertLess(rms_error(message, START[0] + 480, START[1] + 240), 0.3)
         wait_until(pictures.messages, 'a picture is published')
@@ -107,11 +107,13 @@ class MosaicTest(unittest.TestCase):
     def test_the_map_grows_unseen_and_is_there_for_who_comes_late(self):
         self.begin()
         stamp = self.send(START[0] + 60, START[1]).header.stamp
-        self.poses.close()  # nobody looks any more
+        self.poses.close()  # no subscriber any more
         pictures = Recorder('/camera/mosaic/mosaic', Image)
         self.addCleanup(pictures.close)
         # No image comes meanwhile; the last picture that was published is of an older map.
         pictures.wait_for(stamp)
+        # Also for who looks at the header of the connection alone, rosbag for example.
+        self.assertEqual(pictures.messages()[-1]._connection_header['latching'], '1')
 
     def test_numbers_that_are_none_are_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""T_w and T_G change what passes, in the right direction, while images arrive."""
+"""T_w and T_G change the number of matches in the right direction, while images arrive."""
 
 import sys
 import threading
@@ -9,7 +9,7 @@ import rospy
 import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.cfg import KtgpConfig
-from ktgp_orb.msg import MatchStatistics
+from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, wait_until
 
 
@@ -45,7 +45,7 @@ class ReconfigureTest(unittest.TestCase):
 
         def frames():
             return [m for m in self.statistics.messages()
-                    if m.header.stamp > changed and m.status == MatchStatistics.STATUS_OK]
+                    if m.header.stamp > changed and m.status == MatchStatus.STATUS_OK]
         wait_until(lambda: len(frames()) >= 10, 'ten frames with %s' % parameters)
         return {stage: sum(m.stages[i].output for m in frames()) / len(frames())
                 for i, stage in enumerate(('knn', 'tf', 'gms', 'prosac'))}

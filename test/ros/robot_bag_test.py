@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""ktgp_bag: its output is the nodelet's, and bad bags and Ctrl-C lose nothing that was good."""
+"""ktgp_bag: its output equals the nodelet's; damaged bags and Ctrl-C lose no intact data."""
 
 import csv
 import glob
@@ -85,11 +85,11 @@ class BagTest(unittest.TestCase):
     # The nodelet's output
 
     def run_nodelet(self, mode, images, reference_image):
-        """Messages of every topic of a nodelet that is shown the images one at a time."""
+        """Messages of all topics of a nodelet that gets the images one at a time."""
         nodelet = subprocess.Popen(
             ['roslaunch', 'ktgp_orb', 'matcher.launch', 'manager:=/manager', 'namespace:=' + mode,
-             'image:=/camera/image_raw', 'reference_mode:=' + mode,
-             'reference_image:=' + reference_image])
+             'image:=/camera/image_raw',
+             "set:={reference_mode: %s, reference_image: '%s'}" % (mode, reference_image)])
         recorders = {name: Recorder('/%s/matcher/%s' % (mode, name), kind)
                      for name, kind in TOPICS.items()}
         camera = rospy.Publisher('/camera/image_raw', Image, queue_size=5)
@@ -193,7 +193,7 @@ class BagTest(unittest.TestCase):
     # Damage
 
     def check_damaged(self, bag, words, least, most):
-        """The good frames, and these alone, are matched exactly as in the sound bag."""
+        """Only the intact frames are matched, and exactly as in the intact bag."""
         sound, out = self.path('sound.bag'), self.path('damaged_out.bag')
         ktgp_bag(self.patio, sound, '--topic', '/camera/image_raw')
         run = ktgp_bag(bag, out, '--topic', '/camera/image_raw')
@@ -237,7 +237,7 @@ class BagTest(unittest.TestCase):
 
     def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
         cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
-                 (__file__, '/camera/image_raw', 'is no bag of format 2.0'),
+                 (__file__, '/camera/image_raw', 'is not a bag of format 2.0'),
                  ('/no/such.bag', '/camera/image_raw', 'does not exist'))
         for bag, topic, words in cases:
             run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)

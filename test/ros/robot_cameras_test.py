@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""multi_camera.launch: each camera of the list has its own matcher, and none sees another's images.
-All send at the same time, each its own picture with its own motion."""
+"""multi_camera.launch: each camera of the list has its own matcher, which gets only its images.
+All cameras send at the same time, each with its own picture and motion."""
 
 import sys
 import unittest
@@ -8,7 +8,7 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from ktgp_orb.msg import Match, MatchStatistics
+from ktgp_orb.msg import Match, MatchStatus
 from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
 
 FRAMES = 6
@@ -16,7 +16,7 @@ WIDTH, HEIGHT = 320, 240
 
 
 class OwnCamera:
-    """A camera before a picture of its own, moving in a direction of its own."""
+    """A camera with its own picture and its own direction of motion."""
 
     def __init__(self, name, number):
         self.name = name
@@ -56,7 +56,7 @@ class CamerasTest(unittest.TestCase):
                          [camera.stamp(frame) for frame in range(FRAMES)], camera.name)
         self.assertEqual({m.header.frame_id for m in matches}, {camera.name})
         self.assertEqual([m.statistics.status for m in matches],
-                         [MatchStatistics.STATUS_NO_REFERENCE] + (FRAMES - 1) * [0], camera.name)
+                         [MatchStatus.STATUS_NO_REFERENCE] + (FRAMES - 1) * [0], camera.name)
         for frame, match in enumerate(matches[1:], 1):
             self.assertEqual(match.homography.reference_stamp, camera.stamp(frame - 1))
             h = np.reshape(match.homography.homography, (3, 3))

@@ -12,10 +12,10 @@
 
 #include "robot_testing.h"
 
-/// What the tests share that unload a nodelet in the middle of everything.
+/// Common code of the tests that unload a nodelet during other work.
 namespace ktgp_orb::test {
 
-/// Runs a function again and again in a thread of its own.
+/// Calls a function repeatedly in its own thread.
 class Churn {
  public:
   explicit Churn(std::function<void(int)> act)
@@ -41,7 +41,7 @@ class Change {
   Change& set(const std::string& name, const std::string& value) {
     return add(config_.strs, name, value);
   }
-  /// False where the nodelet has just gone.
+  /// False if the nodelet was just unloaded.
   bool send(const std::string& nodelet) const {
     dynamic_reconfigure::Reconfigure call;
     call.request.config = config_;
@@ -60,7 +60,7 @@ class Change {
   dynamic_reconfigure::Config config_;
 };
 
-/// A picture in a file of its own, which goes with it.
+/// A picture in its own file, which is removed with it.
 class PictureFile {
  public:
   PictureFile(const std::string& name, const cv::Mat& pixels)

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 """Simulated time without a clock, a clock that stands, and a stabilizer with a wrong topic and a
-misspelt parameter: what is measured and what is said."""
+misspelt parameter: the values and messages."""
 
 import subprocess
 import sys
@@ -38,15 +38,15 @@ class ClockTest(unittest.TestCase):
             wait_until(said, '%s says "%s"' % (task, words))
 
         # No clock at all.
-        says('latency', WARN, 'nobody publishes /clock')
+        says('latency', WARN, '/clock has no publisher')
         says('matcher: matcher', OK, 'homographies found')
         self.assertEqual({m.latency_milliseconds for m in statistics.messages()}, {0.0})
-        # Nothing comes from the topic that the stabilizer was given.
+        # Nothing arrives on the topic of the stabilizer.
         says('stabilizer: frames', WARN, 'no homography on /camera/matcher/nowhere')
-        words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): nobody publishes '
+        words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): no node publishes '
                  '/camera/matcher/nowhere: is the topic name right?')
         wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)
-        # A clock that began and stands: nothing is amiss.
+        # A clock that started and then stands: no problem.
         clock = rospy.Publisher('/clock', Clock, queue_size=1, latch=True)
         clock.publish(Clock(rospy.Time(1000)))
         says('matcher: input', OK, 'the clock stands', send=False)

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Diagnostics: each trouble is reported at its level, beyond the limits that the parameters set."""
+"""Diagnostics: each problem is reported with its level, for the limits set by parameters."""
 
 import subprocess
 import sys
@@ -21,7 +21,7 @@ GENEROUS = {'min_input_rate': 0.0, 'max_drop_ratio': 1.0, 'max_latency': 60.0,
 
 
 class Traffic:
-    """A camera with a thread: views, or what `picture` makes of them."""
+    """A camera with a thread: views, changed by `picture`."""
 
     def __init__(self, camera):
         self.camera = camera
@@ -79,7 +79,7 @@ class DiagnosticsTest(unittest.TestCase):
         values = self.wait_for('input', OK, 'images arrive')
         self.assertEqual(values['topic'], '/camera/image_raw')
         self.wait_for('matcher', OK, 'homographies found')
-        self.wait_for('latency', OK, 'results are in time')
+        self.wait_for('latency', OK, 'results are on time')
 
     def test_rate(self):
         self.configure(min_input_rate=40.0)  # 20 arrive: below the limit, not below a quarter
@@ -106,7 +106,7 @@ class DiagnosticsTest(unittest.TestCase):
         self.traffic.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
         self.configure(min_ok_ratio=1.0, error_factor=1.0)
         self.wait_for('matcher', WARN, 'few homographies')
-        self.wait_for('matcher', WARN, 'no homography')  # a robot that faces a wall is no error
+        self.wait_for('matcher', WARN, 'no homography')  # a robot in front of a wall is not an error
         self.configure(min_ok_ratio=0.0)
         self.wait_for('matcher', OK, 'no homography')
 

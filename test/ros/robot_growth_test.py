@@ -9,13 +9,13 @@ import numpy as np
 import rospy
 import rostest
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
 from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, wait_for_matcher
 from std_srvs.srv import Trigger
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
-OK = MatchStatistics.STATUS_OK
+OK = MatchStatus.STATUS_OK
 SIZE = (640, 480)
 SIDE = 150  # px of the part that both pictures show: one match in fifteen is right
 TURN = cv2.getRotationMatrix2D((320, 240), 35, 1.0)  # of it, about the middle of both

@@ -1,6 +1,6 @@
-// The heap profile of a live camera: what the nodelet allocates from the arrival of an image to the
-// publication of its matches, by the place that asks for it. In steady state that is the messages
-// published and what ROS needs to hand them over; the matching asks for nothing.
+// Heap use of a live camera: allocations of the nodelet from the arrival of an image to the
+// publication of its matches, by their call site. In steady state only the published messages, and
+// ROS when it passes them on, allocate; the matching does not.
 
 #include <cxxabi.h>
 #include <dlfcn.h>
@@ -8,6 +8,7 @@
 #include <ktgp_orb/Correspondences.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
 #include <array>
@@ -25,7 +26,7 @@
 namespace ktgp_orb::test {
 namespace {
 
-/// Who called whom when memory was asked for, and how often that was. Allocates nothing itself.
+/// The call stacks of the allocations, and their numbers. Allocates nothing itself.
 class StackCounts {
  public:
   struct Stack {
@@ -85,7 +86,7 @@ void onAllocation() {
 
 namespace {
 
-/// The function that an address lies in; empty for one that its library does not name.
+/// The name of the function at an address; empty if its library does not have it.
 std::string nameOf(void* address) {
   Dl_info info;
   if (dladdr(address, &info) == 0 || info.dli_sname == nullptr) return "";
@@ -99,15 +100,15 @@ bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-/// What an allocation is for.
+/// The purpose of an allocation.
 enum class Purpose { other, arrival, matching, making, handing_over };
 
 struct Site {
   Purpose purpose = Purpose::other;
-  std::string name;  ///< the innermost function of ours or of ROS's
+  std::string name;  ///< the innermost function of ours or of ROS
 };
 
-/// From the innermost call outwards, the first that tells.
+/// From the innermost call outwards; the first known function decides.
 Site siteOf(const StackCounts::Stack& stack) {
   Site site;
   for (int i = 0; i < stack.depth; ++i) {
@@ -136,7 +137,7 @@ TEST(RobotHeap, IsAskedForMessagesAlone) {
   Recorder<MatchStatistics> statistics("/camera/matcher/statistics");
   Recorder<Correspondences> correspondences("/camera/matcher/correspondences");
   Recorder<HomographyStamped> homography("/camera/matcher/homography");
-  camera.start();  // until the first image has found its way
+  camera.start();  // until the first image has arrived
   ASSERT_TRUE(statistics.waitForMore(1));
   camera.stop();
   std::map<int, int> statuses;
@@ -162,7 +163,7 @@ TEST(RobotHeap, IsAskedForMessagesAlone) {
   counting = true;
   run(kFrames);
   counting = false;
-  EXPECT_GE(statuses[MatchStatistics::STATUS_OK], kFrames * 9 / 10)
+  EXPECT_GE(statuses[MatchStatus::STATUS_OK], kFrames * 9 / 10)
       << "statuses: " << testing::PrintToString(statuses);
   ASSERT_FALSE(stacks.full());
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""What says how the images are looked at: mask, region of interest, lens, rate, a reference from a
-topic; and what must not hold the matcher up."""
+"""Settings for the images: mask, region of interest, lens, rate, a reference from a topic; and things
+that must not block the matcher."""
 
 import os
 import signal
@@ -18,19 +18,32 @@ from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, translation, view,
-                          wait_for_matcher, wait_until)
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, no_delay, texture, translation,
+                          view, wait_for_matcher, wait_until)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'mask_image': '', 'roi': '',
             'rectify': False, 'max_rate': 0.0, 'gms_scale': False, 'max_reference_age': 1.0}
-OK = MatchStatistics.STATUS_OK
+OK = MatchStatus.STATUS_OK
 WIDTH, HEIGHT = 640, 480
 STEP = 8  # px that the camera moves right from frame to frame
 TEXT = texture(seed=2)[:HEIGHT, :400]  # burned into the left of every image
+MIDDLE = 520  # px, of what the text leaves
+
+
+def deep_masks():
+    """By their encoding: black over the text, then 30000, then 1."""
+    mask = np.zeros((HEIGHT, WIDTH), np.uint16)
+    mask[:, TEXT.shape[1]:MIDDLE] = 30000
+    mask[:, MIDDLE:] = 1
+    black = np.zeros_like(mask)
+    return {'mono16': mask, 'rgb16': np.dstack([black, black, mask])}
+
+
+DEEP_MASKS = deep_masks()
 
 
 class InputsTest(unittest.TestCase):
@@ -62,7 +75,7 @@ class InputsTest(unittest.TestCase):
             self.camera.send(image_message(pixels, self.camera.next_stamp())))
 
     def send_view(self, text=False):
-        """Of what the camera sees next, behind text that does not move."""
+        """Of the next view, with text that does not move."""
         self.position = 100 + (self.position - 100 + STEP) % 480
         pixels = view(self.position, 100, WIDTH, HEIGHT)
         if text:
@@ -70,7 +83,7 @@ class InputsTest(unittest.TestCase):
         return self.send(pixels)
 
     def send_until_changed(self, before, send=None):
-        """Sends images until one is looked at with a newer configuration."""
+        """Sends images until one is processed with a newer configuration."""
         send = send or self.send_view
         for _ in range(1000):
             statistics = send()
@@ -111,6 +124,28 @@ class InputsTest(unittest.TestCase):
         self.client.update_configuration({'mask_image': '', 'roi': '400 0 240 480'})
         self.check_masked()
 
+    def check_deep_masked(self):
+        """30000 and 1 are used, 0 hides."""
+        self.check_masked()
+        x = np.array(self.correspondences.wait_for(self.camera.last_stamp()).target_x)
+        self.assertGreater((x < MIDDLE - 10).sum(), 20, 'seen through 30000')
+        self.assertGreater((x > MIDDLE + 10).sum(), 20, 'seen through 1')
+
+    def test_a_mask_of_16_bits_hides_what_is_black_alone(self):
+        for encoding, mask in DEEP_MASKS.items():
+            before = self.send_view().configuration
+            self.mask.publish(image_message(mask, rospy.Time(1), encoding))
+            self.send_until_changed(before)
+            self.check_deep_masked()
+        before = self.send_view().configuration
+        self.mask.publish(Image())
+        self.send_until_changed(before)
+        for mask in DEEP_MASKS.values():
+            with tempfile.NamedTemporaryFile(suffix='.png') as file:
+                cv2.imwrite(file.name, mask)
+                self.client.update_configuration({'mask_image': file.name})
+                self.check_deep_masked()
+
     def test_a_mask_of_another_size_is_said(self):
         refused = self.send_view().refused_frames
         with tempfile.NamedTemporaryFile(suffix='.png') as file:
@@ -134,7 +169,7 @@ class InputsTest(unittest.TestCase):
 
     def test_frames_beyond_max_rate_are_skipped_evenly_and_counted(self):
         self.client.update_configuration({'max_rate': 10.0})
-        first = before = self.send_view()  # of a 30 Hz camera; it begins the slots
+        first = before = self.send_view()  # of a 30 Hz camera; the first begins the slots
         for i in range(8):
             stamps = [self.camera.send(image_message(view(100 + STEP * i, 100),
                                                      self.camera.next_stamp())) for _ in range(3)]
@@ -191,7 +226,8 @@ class InputsTest(unittest.TestCase):
             if homography.rectified:
                 break
         self.assertTrue(homography.rectified)
-        self.assertEqual(statistics.reason, MatchStatistics.REASON_LENS_CHANGED)
+        self.assertEqual(no_delay(self.info), {True})
+        self.assertEqual(statistics.reason, MatchStatus.REASON_LENS_CHANGED)
         for _ in range(3):
             statistics = self.send_distorted()
             self.assertEqual(statistics.status, OK)
@@ -203,7 +239,7 @@ class InputsTest(unittest.TestCase):
         self.assertGreater(self.corner_error(raw), 1.0, 'else the test shows nothing')
         self.client.update_configuration({'rectify': False})
         statistics = self.send_distorted()
-        self.assertEqual(statistics.reason, MatchStatistics.REASON_LENS_CHANGED)
+        self.assertEqual(statistics.reason, MatchStatus.REASON_LENS_CHANGED)
         self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
 
     def test_rectify_without_a_calibration_of_this_size_warns_and_stays_raw(self):
@@ -214,7 +250,7 @@ class InputsTest(unittest.TestCase):
 
     def test_a_reference_from_a_topic(self):
         self.client.update_configuration({'reference_mode': 'fixed', 'gms_scale': True})
-        self.assertEqual(self.send(view(200, 150)).reason, MatchStatistics.REASON_NOT_SET)
+        self.assertEqual(self.send(view(200, 150)).reason, MatchStatus.REASON_NOT_SET)
         before = self.send(view(200, 150)).configuration
         self.reference.publish(image_message(view(300, 200, 320, 240), rospy.Time(7)))
         self.send_until_changed(before, lambda: self.send(view(200, 150)))
@@ -232,7 +268,7 @@ class InputsTest(unittest.TestCase):
         before = self.send(view(200, 150)).configuration
         self.reference.publish(Image())  # none any more
         last = self.send_until_changed(before, lambda: self.send(view(200, 150)))
-        self.assertEqual(last.reason, MatchStatistics.REASON_NOT_SET)
+        self.assertEqual(last.reason, MatchStatus.REASON_NOT_SET)
 
     def test_a_pipe_as_an_image_file_holds_nothing_up(self):
         path = os.path.join(tempfile.mkdtemp(), 'pipe')
@@ -262,7 +298,7 @@ class InputsTest(unittest.TestCase):
             caller.start()
             for _ in range(30):  # over several periods of the diagnostics, which do wait
                 self.assertTrue(reset().success)
-                self.assertEqual(self.send_view().reason, MatchStatistics.REASON_RESET)
+                self.assertEqual(self.send_view().reason, MatchStatus.REASON_RESET)
                 rospy.rostime.wallsleep(0.1)
             self.assertTrue(caller.is_alive(), 'else the test shows nothing')
         finally:
@@ -276,7 +312,7 @@ CAMERA = np.array([[500.0, 0.0, 320.0], [0.0, 500.0, 240.0], [0.0, 0.0, 1.0]])
 
 
 def ideal_pixels():
-    """Where each pixel of the camera's image is in the image without distortion."""
+    """Position of each pixel of the camera's image in the image without distortion."""
     y, x = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
     u, v = (x - CAMERA[0, 2]) / CAMERA[0, 0], (y - CAMERA[1, 2]) / CAMERA[1, 1]
     bent = np.hypot(u, v)
@@ -292,7 +328,7 @@ WORLD = texture()
 
 
 def distorted(x, y):
-    """What a camera moved by x, y sees through its lens."""
+    """The view of a camera moved by x, y through its lens."""
     return cv2.remap(WORLD, (IDEAL_X + x).astype(np.float32), (IDEAL_Y + y).astype(np.float32),
                      cv2.INTER_LINEAR)
 

@@ -46,7 +46,7 @@ TEST(Loading, CyclesUnderTrafficLeakNothingAndFallSilent) {
             << cycles << " (" << settled << " MB)\n";
   RecordProperty("growth_megabytes", std::to_string(growth));
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  // One image alone is 0.08 MB, a matcher 3 MB.
+  // One image takes 0.08 MB, a matcher 3 MB.
   EXPECT_LT(growth, 0.05 * (cycles - cycles / 4));
 #endif
 }
@@ -62,7 +62,7 @@ TEST(Loading, AFailedStartLeavesTheManagerInOrder) {
   }
 }
 
-// ROS may link a publisher and a subscriber of one process twice, when both start at once.
+// ROS may connect a publisher and a subscriber of one process twice if both start at once.
 TEST(Loading, AnImageDeliveredTwiceIsMatchedOnce) {
   Camera camera("/camera/image_raw", {320, 240}, 1.0);
   nodelet::Loader loader(false);
@@ -77,8 +77,8 @@ TEST(Loading, AnImageDeliveredTwiceIsMatchedOnce) {
   for (const auto& s : statistics.messages()) EXPECT_NE(s->header.stamp, s->reference_stamp);
 }
 
-// A matcher holds the image that is its reference. Where it is the very object that the camera
-// published, and no copy, the camera can count the holders.
+// A matcher holds the image of its reference. If that is the object that the camera published, and
+// not a copy, the camera can count the holders.
 void expectSharedBy(int matchers) {
   Camera camera("/camera_0/image_raw", {320, 240}, 100.0);
   nodelet::Loader loader(false);
@@ -89,7 +89,7 @@ void expectSharedBy(int matchers) {
     ASSERT_TRUE(loader.load(name + "/matcher", "ktgp_orb/matcher",
                             {{name + "/image", "/camera_0/image_raw"}}, {}));
   }
-  // One subscriber per process as far as the publisher knows: wait for each matcher's first frame.
+  // The publisher sees one subscriber per process: wait for the first frame of each matcher.
   for (auto& recorder : statistics) {
     ASSERT_TRUE(waitUntil([&] {
       if (recorder->messages().empty()) camera.publish();

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Camera and matcher on two machines, played by two network namespaces: the link is cut for ten
-seconds and restored, and the matching resumes by itself. Skipped, with the reason, where no network
-namespace is to be had.
+"""Camera and matcher on two machines, simulated by two network namespaces: the link is cut for ten
+seconds and restored, and the matching resumes by itself. Skipped with the reason if network
+namespaces are not available.
 
 robot_network_test.py [camera | listener]: the parts that run inside the namespaces.
 """
@@ -41,7 +41,7 @@ def interface(side):
 
 
 def skip_reason():
-    """Why network namespaces cannot be used here, or None: what the test does is tried."""
+    """Why network namespaces cannot be used here, or None; tries what the test needs."""
     if shutil.which('ip') is None:
         return 'network namespaces need the program ip (iproute2)'
     try:

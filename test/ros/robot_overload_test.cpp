@@ -14,14 +14,14 @@ using test::Camera;
 using test::Recorder;
 
 constexpr double kOverload = 10.0;
-constexpr std::size_t kFewestResults = 30;  // to judge by
+constexpr std::size_t kFewestResults = 30;  // needed for a verdict
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 constexpr int kFeatures = 500;
 #else
 constexpr int kFeatures = 3000;
 #endif
 double seconds = 15.0;
-constexpr double kAsked = 13.0;  // images for each result, so that ten are sure
+constexpr double kAsked = 13.0;  // images per result; more than ten, to be safe
 
 using Statistics = std::vector<MatchStatisticsConstPtr>;
 
@@ -30,9 +30,9 @@ double quantile(std::vector<double> values, double share) {
   return values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
 }
 
-/// Time from one result to the next, which is the matcher's time for a frame, and how many of them
-/// old the result was when it was published. Only the ratio tells on a machine that is busy
-/// elsewhere: both times stretch together.
+/// Time from one result to the next, which is the matcher's time per frame, and the age of a result
+/// in these units when it was published. On a busy machine only the ratio is meaningful: both times
+/// grow together.
 struct Timing {
   std::vector<double> frame_times;  // ms
   std::vector<double> latencies;    // ms
@@ -52,7 +52,7 @@ Timing timingOf(const Statistics& statistics) {
   return timing;
 }
 
-/// Keeps the camera ahead of the matcher, however much of the machine either of them gets.
+/// Keeps the camera faster than the matcher, however much CPU time each of them gets.
 void load(Camera& camera, Recorder<MatchStatistics>& recorder) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
   ASSERT_TRUE(test::waitUntil([&] {
@@ -68,8 +68,8 @@ void load(Camera& camera, Recorder<MatchStatistics>& recorder) {
   }));
 }
 
-/// When all is quiet, each image since the first matched one has a result or is counted as dropped,
-/// whether ROS dropped it or the matcher.
+/// After all callbacks, each image since the first matched one has a result or is counted as
+/// dropped, by ROS or by the matcher.
 void expectEveryImageCounted(Camera& camera, Recorder<MatchStatistics>& recorder) {
   const ros::Time last = camera.publish()->header.stamp;
   ASSERT_TRUE(test::waitUntil([&] { return recorder.messages().back()->header.stamp == last; }));
@@ -79,7 +79,7 @@ void expectEveryImageCounted(Camera& camera, Recorder<MatchStatistics>& recorder
 }
 
 TEST(Overload, LatencyStaysBelowTwoFrameTimes) {
-  // Slow enough that a camera can be ten times faster.
+  // Slow enough for a camera that is ten times faster.
   ros::param::set("/camera/matcher/features", kFeatures);
   ros::param::set("/camera/matcher/gms_rotation", true);
   ros::param::set("/camera/matcher/gms_scale", true);
@@ -88,7 +88,7 @@ TEST(Overload, LatencyStaysBelowTwoFrameTimes) {
   Recorder<MatchStatistics> recorder("/camera/matcher/statistics");
   ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
   ASSERT_TRUE(test::waitUntil([&] { return camera.subscribers() > 0; }));
-  camera.publish();  // alone, so that it is the first that is matched
+  camera.publish();  // alone, so that it is the first to be matched
   ASSERT_TRUE(recorder.waitForMore(1));
   camera.start();
   ASSERT_TRUE(recorder.waitForMore(8));

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A bag with --clock, paused and resumed: no false alarm meanwhile, and matching goes on after it."""
+"""A bag with --clock, paused and resumed: no false alarm, and matching continues."""
 
 import sys
 import unittest
@@ -7,7 +7,7 @@ import unittest
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from ktgp_orb.msg import MatchStatistics
+from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_testing import Recorder, wait_until
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool
@@ -34,7 +34,7 @@ class PausedBagTest(unittest.TestCase):
         self.assertTrue(pause(False).success)
         wait_until(lambda: len(statistics.messages()) > len(paused) + 5, 'the matching goes on')
         resumed = statistics.messages()[len(paused) + 2:]
-        self.assertTrue(any(s.status == MatchStatistics.STATUS_OK for s in resumed))
+        self.assertTrue(any(s.status == MatchStatus.STATUS_OK for s in resumed))
         for s in resumed:
             self.assertLess(s.latency_milliseconds, 5000)
         self.assertEqual([s.message for s in inputs() if s.level == DiagnosticStatus.ERROR], [])

@@ -1,9 +1,10 @@
-// Parameters change at random under traffic. Every statistics message must be what one single
-// configuration gives for its two frames: it is computed again from the frames and compared.
+// Random changes of parameters under traffic. Every statistics message must belong to one single
+// configuration for its two frames: it is computed again from the frames and compared.
 
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
 
 #include <map>
@@ -20,9 +21,9 @@ using test::Camera;
 using test::Recorder;
 
 int changes = 1000;
-double rate = 50.0;  // changes a second
+double rate = 50.0;  // changes per second
 
-/// A random valid change; ranges are such that a frame stays a matter of milliseconds.
+/// A random valid change; the ranges limit the time of a frame to milliseconds.
 void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
   const auto integer = [&](int low, int high) {
     return std::uniform_int_distribution<int>(low, high)(random);
@@ -89,7 +90,7 @@ class Reconfigure : public testing::Test {
     camera_.start();
     config_.features = 300;
     configurations_.push_back(config_);
-    // Something to match to in fixed mode.
+    // A reference for fixed mode.
     ASSERT_TRUE(recorder_.waitForMore(2));
     ASSERT_NO_FATAL_FAILURE(send([](KtgpConfig& config) { config.reference_mode = "fixed"; }));
     std_srvs::Trigger fix;
@@ -103,7 +104,7 @@ class Reconfigure : public testing::Test {
     send([this](KtgpConfig& config) { changeAtRandom(config, random_); });
   }
 
-  /// Sends one change; the answer is what the matcher made of it.
+  /// Sends one change; returns the accepted values.
   void send(const std::function<void(KtgpConfig&)>& change) {
     change(config_);
     dynamic_reconfigure::Reconfigure call;
@@ -133,14 +134,14 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
   ASSERT_LT(statistics.configuration, configurations_.size());
   Configuration configuration =
       configurationFrom(configurations_[statistics.configuration], statistics.configuration);
-  // Whatever the number of threads was, the result is that of one; thousands of pools need not
-  // start.
+  // The result does not depend on the number of threads; with one, thousands of pools need not be
+  // started.
   configuration.sequence.orb.threads = configuration.sequence.matcher.knn.threads = 1;
   OrbExtractor extractor(configuration.sequence.orb);
   const FramePtr target = frameAt(statistics.header.stamp, extractor);
   ASSERT_TRUE(target);
   EXPECT_EQ(statistics.target_features, target->features.size());
-  if (statistics.status == MatchStatistics::STATUS_NO_REFERENCE) return;
+  if (statistics.status == MatchStatus::STATUS_NO_REFERENCE) return;
   const FramePtr reference = frameAt(statistics.reference_stamp, extractor);
   ASSERT_TRUE(reference);
   EXPECT_EQ(statistics.reference_features, reference->features.size());
@@ -172,7 +173,7 @@ TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
     SCOPED_TRACE("configuration " + std::to_string(s->configuration));
     ASSERT_NO_FATAL_FAILURE(expectAsComputedAgain(*s));
     ++seen[s->configuration];
-    matched += s->status != MatchStatistics::STATUS_NO_REFERENCE ? 1 : 0;
+    matched += s->status != MatchStatus::STATUS_NO_REFERENCE ? 1 : 0;
   }
   EXPECT_EQ(statistics.back()->configuration, configurations_.size() - 1);
   std::printf("%zu messages, %zu of them with a reference, over %zu configurations\n",

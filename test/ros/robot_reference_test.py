@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Reference modes and services: what each frame is matched to, and who decides it."""
+"""Reference modes and services: the reference of each frame."""
 
 import os
 import sys
@@ -13,7 +13,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
 from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation, view,
                           wait_for_matcher, wait_until)
@@ -22,8 +22,8 @@ from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
             'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
-OK = MatchStatistics.STATUS_OK
-NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
+OK = MatchStatus.STATUS_OK
+NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
 
@@ -50,9 +50,20 @@ class ReferenceTest(unittest.TestCase):
         return answer.message
 
     def send(self, x, y=100, size=(WIDTH, HEIGHT)):
-        """Statistics of a frame that looks at the picture from x, y."""
+        """Statistics of a frame that shows the picture from x, y."""
         message = image_message(view(x, y, *size), self.camera.next_stamp())
         return self.statistics.wait_for(self.camera.send(message))
+
+    def images_arrived(self):
+        """As the matcher's next report has it; the one after it, since the first may be on its way."""
+        reports = Recorder('/diagnostics', DiagnosticArray)
+        self.addCleanup(reports.close)
+        def counts():
+            return [int(value.value) for report in reports.messages() for status in report.status
+                    if status.name.endswith(': input') for value in status.values
+                    if value.key == 'images']
+        wait_until(lambda: len(counts()) > 1, 'the matcher reports')
+        return counts()[-1]
 
     def pan(self, frames):
         return [self.send(100 + PAN * i) for i in range(frames)]
@@ -83,7 +94,7 @@ class ReferenceTest(unittest.TestCase):
             self.check_translation(homography, -PAN * (i - expected), 0)
 
     def drift(self, mode):
-        """How far the centre of the first frame is off after a pan over half the frame, px."""
+        """Error of the centre of the first frame after a pan over half the frame, px."""
         self.client.update_configuration({'reference_mode': mode})
         self.call('reset')
         statistics = self.pan(16)
@@ -114,7 +125,7 @@ class ReferenceTest(unittest.TestCase):
         self.pan(3)
         flat = image_message(np.full((HEIGHT, WIDTH), 128, np.uint8), self.camera.next_stamp())
         lost = self.statistics.wait_for(self.camera.send(flat))
-        self.assertEqual(lost.status, MatchStatistics.STATUS_TOO_FEW_FEATURES)
+        self.assertEqual(lost.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
         self.assertEqual(self.homographies.wait_for(lost.header.stamp).inliers, 0)
         self.assertNotEqual(self.send(100).status, OK)  # matched to the flat frame
         last = self.send(100 + PAN)
@@ -153,7 +164,7 @@ class ReferenceTest(unittest.TestCase):
     def test_set_reference_waits_for_a_usable_frame(self):
         self.client.update_configuration({'reference_mode': 'fixed'})
         before = self.send(150)
-        self.assertEqual(before.reason, MatchStatistics.REASON_NOT_SET)
+        self.assertEqual(before.reason, MatchStatus.REASON_NOT_SET)
         self.call('set_reference')
         depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
                               '32FC1')
@@ -197,8 +208,9 @@ class ReferenceTest(unittest.TestCase):
     def test_pause_and_resume(self):
         before = self.pan(2)[-1]
         self.call('pause')
+        arrived = self.images_arrived()
         unseen = self.camera.send(image_message(view(140, 100), self.camera.next_stamp()))
-        time.sleep(1.0)  # nothing tells that the matcher let it go; it must not arrive after "resume"
+        wait_until(lambda: self.images_arrived() == arrived + 1, 'it arrives while paused')
         # An image sent after `unseen` has gone through shows that `unseen` was ignored.
         self.call('resume')
         after = self.send(160)

@@ -1,10 +1,11 @@
-// What happens to single images on their way through the nodelet.
+// Single images on their way through the nodelet.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
 
 #include <opencv2/core/utility.hpp>
@@ -31,7 +32,7 @@ std::string anyMessage(Reports& reports) {
   return all;
 }
 
-/// What the matcher last said of its input.
+/// The matcher's last report about its input.
 std::string inputMessage(Reports& reports) {
   std::string last;
   for (const auto& report : reports.messages()) {
@@ -98,24 +99,25 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   const auto sendNumbered = [&](std::uint32_t number) {
     return send(numbered(number)).lost_frames;
   };
-  // Until the matcher has counted who publishes: with two of them the numbers would tell nothing.
-  ros::WallDuration(2.5).sleep();
+  // Until the matcher has counted who publishes, which it does between two reports: with two of
+  // them the numbers would tell nothing.
+  ASSERT_TRUE(reports.waitForMore(3));
   EXPECT_EQ(sendNumbered(70), 0U) << "what came before the subscription was not lost";
   EXPECT_EQ(sendNumbered(71), 0U);
   EXPECT_EQ(sendNumbered(75), 3U);
   EXPECT_EQ(sendNumbered(76), 3U);
-  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher began anew";
+  EXPECT_EQ(sendNumbered(5), 3U) << "the publisher restarted";
   EXPECT_EQ(sendNumbered(7), 4U);
   call("pause");
   const sensor_msgs::ImageConstPtr unseen = numbered(9);
   publisher_.publish(unseen);
   ASSERT_TRUE(waitUntil([&] { return unseen.use_count() == 1; })) << "it arrives";
   call("resume");
-  EXPECT_EQ(sendNumbered(10), 4U) << "what is lost while it is paused is missed by nobody";
+  EXPECT_EQ(sendNumbered(10), 4U) << "images lost while paused do not count";
   EXPECT_EQ(sendNumbered(4000000), 4U) << "another counter";
   EXPECT_EQ(sendNumbered(0), 4U);
   EXPECT_EQ(sendNumbered(0), 4U) << "a publisher that does not count";
-  // A thinned topic is no overload, unless somebody says that its gaps count.
+  // A throttled topic is not an overload, unless a parameter says that its gaps count.
   EXPECT_EQ(statistics_.messages().back()->dropped_frames, 0U);
   const auto inputSays = [&](const std::string& words) {
     reports.messages();
@@ -135,7 +137,7 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
   ros::param::del(kMatcher + "max_lost_ratio");
 }
 
-// The frame is gone with the process, but not the knowledge of it.
+// The frame is lost with the process, but that it existed is known.
 TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
   Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
   const auto said = [&] {
@@ -145,12 +147,12 @@ TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
   load("fixed");
   send(view());
   ASSERT_TRUE(call("set_reference").success);
-  EXPECT_EQ(send(view()).status, MatchStatistics::STATUS_OK);
+  EXPECT_EQ(send(view()).status, MatchStatus::STATUS_OK);
   ASSERT_TRUE(waitUntil([] { return ros::param::has(kMatcher + "reference_was_set"); }));
   EXPECT_FALSE(said());
   loader_.clear();
   load("fixed");
-  EXPECT_EQ(send(view()).reason, MatchStatistics::REASON_NOT_SET);
+  EXPECT_EQ(send(view()).reason, MatchStatus::REASON_NOT_SET);
   EXPECT_TRUE(waitUntil(said));
   EXPECT_TRUE(call("reset").success);
   reports.clear();
@@ -170,8 +172,8 @@ TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
   send(view());
   for (int trial = 0; trial < 5; ++trial) {
     EXPECT_TRUE(call("reset").success);
-    // The worker is busy with a large image while others come. The first of them is let go when the
-    // second one has arrived and taken its place, or has been matched after it.
+    // The worker is busy with a large image while others arrive. The first of them is released when
+    // the second one has replaced it, or has been matched after it.
     publisher_.publish(sensor_msgs::ImageConstPtr(view({2560, 1920})));
     const sensor_msgs::ImageConstPtr replaced = view();
     const sensor_msgs::ImageConstPtr before = view();
@@ -183,7 +185,7 @@ TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
     const auto answer = call("set_reference");
     ASSERT_TRUE(answer.success) << answer.message;
     ASSERT_TRUE(waitUntil([&] { return statisticsOf(before->header.stamp) != nullptr; }));
-    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatistics::REASON_NOT_SET);
+    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatus::REASON_NOT_SET);
     const MatchStatistics after = send(view());
     EXPECT_EQ(after.reference_stamp, after.header.stamp);
   }
@@ -221,15 +223,15 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
   load();
   const auto expect = [&](const MatchStatistics& statistics, int reason) {
     EXPECT_EQ(statistics.reason, reason);
-    EXPECT_EQ(statistics.status == MatchStatistics::STATUS_NO_REFERENCE,
-              reason != MatchStatistics::REASON_NONE);
+    EXPECT_EQ(statistics.status == MatchStatus::STATUS_NO_REFERENCE,
+              reason != MatchStatus::REASON_NONE);
     ASSERT_EQ(statistics.stages.size(), 5U);
     const char* const names[] = {"knn", "tf", "gms", "prosac", "align"};
     for (int i = 0; i < 5; ++i) EXPECT_EQ(statistics.stages[i].name, names[i]);
     EXPECT_EQ(statistics.kt, statistics.stages[1].output);
     EXPECT_EQ(statistics.ktg, statistics.stages[2].output);
-    EXPECT_EQ(statistics.stages[3].output > 0, reason == MatchStatistics::REASON_NONE);
-    EXPECT_EQ(statistics.inliers > 0, reason == MatchStatistics::REASON_NONE);
+    EXPECT_EQ(statistics.stages[3].output > 0, reason == MatchStatus::REASON_NONE);
+    EXPECT_EQ(statistics.inliers > 0, reason == MatchStatus::REASON_NONE);
     ASSERT_TRUE(waitUntil([&] {
       return !homographies.messages().empty() &&
              homographies.messages().back()->header.stamp == statistics.header.stamp;
@@ -239,19 +241,19 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
     EXPECT_EQ(homography.reason, reason);
     EXPECT_EQ(homography.inliers, statistics.inliers) << "of the published homography";
   };
-  expect(send(view()), MatchStatistics::REASON_FIRST_FRAME);
-  expect(send(view()), MatchStatistics::REASON_NONE);
-  expect(send(view({240, 320})), MatchStatistics::REASON_SIZE_CHANGED);
-  expect(send(view({240, 320})), MatchStatistics::REASON_NONE);
+  expect(send(view()), MatchStatus::REASON_FIRST_FRAME);
+  expect(send(view()), MatchStatus::REASON_NONE);
+  expect(send(view({240, 320})), MatchStatus::REASON_SIZE_CHANGED);
+  expect(send(view({240, 320})), MatchStatus::REASON_NONE);
   count_ += 11;
-  expect(send(view({240, 320})), MatchStatistics::REASON_GAP);
+  expect(send(view({240, 320})), MatchStatus::REASON_GAP);
   count_ -= 5;
-  expect(send(view({240, 320})), MatchStatistics::REASON_STAMP_WENT_BACK);
+  expect(send(view({240, 320})), MatchStatus::REASON_STAMP_WENT_BACK);
   call("reset");
-  expect(send(view({240, 320})), MatchStatistics::REASON_RESET);
+  expect(send(view({240, 320})), MatchStatus::REASON_RESET);
 }
 
-// Both topics through one queue, in the order in which they were published.
+// Both topics in one queue, in the order of publication.
 TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
   ros::CallbackQueue queue;
   ros::NodeHandle node;
@@ -278,7 +280,7 @@ TEST_F(Stream, TheDataDoNotWaitForTheOverlay) {
   }
 }
 
-/// A callback queue that does something first of all, in the thread that publishes.
+/// A callback queue that first runs a function, in the publishing thread.
 class Tap : public ros::CallbackQueueInterface {
  public:
   explicit Tap(std::function<void()> act) : act_(std::move(act)) {}
@@ -299,7 +301,7 @@ class Tap : public ros::CallbackQueueInterface {
   std::function<void()> act_;
 };
 
-/// A value of the last report that has it.
+/// A value of the last report that contains it.
 std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
                             const std::string& key) {
   std::string found;
@@ -313,7 +315,7 @@ std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
   return found;
 }
 
-// While the data of a frame go out, the next one comes: the matcher is always behind.
+// While the data of a frame are published, the next frame arrives: the matcher is always late.
 TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
   std::mutex mutex;
   std::string order;  // s: statistics, o: overlay
@@ -329,8 +331,11 @@ TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
   Tap data([&] {
     note('s');
     if (!behind) return;
+    // The second takes the place of the first, which is let go: then one waits.
+    const sensor_msgs::ImageConstPtr first = view();
+    publisher_.publish(first);
     publisher_.publish(sensor_msgs::ImageConstPtr(view()));
-    std::this_thread::sleep_for(std::chrono::milliseconds(20));  // it arrives
+    EXPECT_TRUE(waitUntil([&] { return first.use_count() == 1; }));
   });
   Tap pictures([&] { note('o'); });
   Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
@@ -375,7 +380,7 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
     }
     return Recorder<Match>::Ptr();
   };
-  // Until both are fed: to ROS they are one subscriber.
+  // Until both receive images: for ROS they are one subscriber.
   ASSERT_TRUE(waitUntil([&] {
     send(view());
     return !three.messages().empty();
@@ -385,7 +390,7 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
     ASSERT_TRUE(waitUntil([&] { return matchOf(one, stamp) && matchOf(three, stamp); }));
     const Match& a = *matchOf(one, stamp);
     const Match& b = *matchOf(three, stamp);
-    ASSERT_EQ(a.statistics.status, MatchStatistics::STATUS_OK);
+    ASSERT_EQ(a.statistics.status, MatchStatus::STATUS_OK);
     ASSERT_EQ(a.homography.reference_stamp, b.homography.reference_stamp);
     EXPECT_GT(a.correspondences.level.size(), 100U);
     EXPECT_EQ(a.correspondences, b.correspondences);

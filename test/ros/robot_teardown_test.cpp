@@ -1,10 +1,11 @@
-// Unloading in the middle of everything: parameters (fast ones, and slow ones that read files),
-// services, pairs to match, images, masks, references, calibrations, and subscribers that come and
-// go. Nothing may crash, hang or leave behind what was not set.
+// Unloading during other work: parameters (fast ones, and slow ones that read files), services,
+// pairs to match, images, masks, references, calibrations, and subscribers that are added and
+// removed. There must be no crash, no hang, and no parameter left that was not set.
 
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
 
@@ -27,7 +28,7 @@ using test::Recorder;
 using test::sleepMilliseconds;
 
 int cycles = 50;
-constexpr int kSlowEvery = 10;  // cycles; in such a one a reference image of 48 megapixels is set
+constexpr int kSlowEvery = 10;  // cycles; in these a reference image of 48 megapixels is set
 
 const std::string kMatcher = "/camera/matcher";
 const cv::Size kSize(320, 240);
@@ -38,14 +39,14 @@ cv::Mat noise(const cv::Size& size) {
   return pixels;
 }
 
-/// The files that parameters name.
+/// The files for parameters.
 struct Files {
   PictureFile large{"large", noise({8000, 6000})};
   PictureFile reference{"reference", test::texture(kSize)};
   PictureFile mask{"mask", cv::Mat(kSize, CV_8U, cv::Scalar(255))};
 };
 
-/// One group of parameters at a time, as a user who drags sliders and picks files.
+/// Changes one group of parameters at a time, like a user with sliders and file names.
 void changeParameters(const Files& files, int i) {
   const bool odd = i % 2 == 1;
   Change change;
@@ -70,7 +71,7 @@ void changeParameters(const Files& files, int i) {
   sleepMilliseconds(i % 30);
 }
 
-/// Sends what comes beside the images: every third one is of no use.
+/// Sends the other inputs: every third one is unusable.
 class SideInputs {
  public:
   SideInputs()
@@ -147,7 +148,7 @@ void subscribeForAMoment(int i) {
   sleepMilliseconds(5 + i % 20);
 }
 
-/// The parameter server holds nothing but what was set.
+/// Checks that the parameter server has only parameters that were set.
 void expectNoGarbage(const Files& files) {
   const std::map<std::string, std::set<std::string>> texts = {
       {"reference_image", {"", files.large.path(), files.reference.path()}},
@@ -187,7 +188,7 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
         slow = std::thread(
             [&files] { Change().set("reference_image", files.large.path()).send(kMatcher); });
       }
-      // No wait for anything: the unloading comes at any moment.
+      // No waiting: the unloading may come at any moment.
       sleepMilliseconds(std::uniform_int_distribution<int>(0, slow.joinable() ? 300 : 60)(random));
       ASSERT_TRUE(loader.unload(kMatcher)) << "cycle " << cycle;
       if (slow.joinable()) slow.join();
@@ -195,13 +196,13 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
       ros::param::set(kMatcher + "/reference_image", "");
     }
   }
-  // After all that it still does its work.
+  // After all this it still works.
   ros::param::del(kMatcher);
   Recorder<MatchStatistics> statistics(kMatcher + "/statistics");
   ASSERT_TRUE(test::loadMatcher(loader, "/camera"));
   EXPECT_TRUE(test::waitUntil([&] {
     const auto& messages = statistics.messages();
-    return !messages.empty() && messages.back()->status == MatchStatistics::STATUS_OK;
+    return !messages.empty() && messages.back()->status == MatchStatus::STATUS_OK;
   }));
   loader.clear();
 }

@@ -19,11 +19,11 @@
 #include <thread>
 #include <vector>
 
-/// What the tests share that load the nodelet into their own process: then the sanitizers see all
-/// of it, and a pointer can be compared on both sides.
+/// Common code of the tests that load the nodelet into their own process: the sanitizers then see
+/// all of it, and pointers can be compared on both sides.
 namespace ktgp_orb::test {
 
-constexpr double kTimeout = 180.0;  // s that anything expected may take on a busy machine
+constexpr double kTimeout = 180.0;  // s; limit for everything expected on a busy machine
 
 /// Waits for a condition of the live system; false after kTimeout.
 inline bool waitUntil(const std::function<bool()>& condition) {
@@ -51,7 +51,8 @@ inline cv::Mat texture(const cv::Size& size) {
   return picture;
 }
 
-/// What a camera sees that moves to and fro over the texture, 5 px right and 3 px down a frame.
+/// The view of a camera that moves back and forth over the texture, 5 px right and 3 px down per
+/// frame.
 class View {
  public:
   explicit View(const cv::Size& size)
@@ -78,7 +79,7 @@ class View {
   cv::Mat texture_;
 };
 
-/// Publishes views from a thread of its own, within the process: no image is copied on the way.
+/// Publishes views from its own thread, within the process: no image is copied.
 class Camera {
  public:
   Camera(const std::string& topic, const cv::Size& size, double rate)
@@ -97,7 +98,7 @@ class Camera {
   }
   void setRate(double rate) { rate_ = rate; }
   int count() const { return count_; }
-  /// Publishes one view and keeps a hold on it.
+  /// Publishes one view and holds it.
   sensor_msgs::ImageConstPtr publish() {
     const sensor_msgs::ImageConstPtr image = view_.image(count_++, ros::Time::now());
     if (keep_) {
@@ -108,7 +109,7 @@ class Camera {
     return image;
   }
   void publishAgain(const sensor_msgs::ImageConstPtr& image) { publisher_.publish(image); }
-  /// From now on every image is kept.
+  /// After this call every image is kept.
   void keep() { keep_ = true; }
   std::vector<sensor_msgs::ImageConstPtr> kept() {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -150,7 +151,7 @@ class Recorder {
     subscriber_ = node_.subscribe<Message>(
         topic, 0, [this](const Ptr& message) { messages_.push_back(message); });
   }
-  /// Everything that has come so far.
+  /// Everything that has arrived so far.
   const std::vector<Ptr>& messages() {
     queue_.callAvailable();
     return messages_;
@@ -184,7 +185,7 @@ inline double argument(int argc, char** argv, const std::string& name, double ot
   return otherwise;
 }
 
-/// The body of main(): a node whose own callbacks need no thread but one.
+/// The body of main(): a node whose own callbacks need only one thread.
 inline int runTests(int argc, char** argv, const std::string& name) {
   testing::InitGoogleTest(&argc, argv);
   ros::init(argc, argv, name);

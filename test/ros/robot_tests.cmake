@@ -3,20 +3,17 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
     robot_views_teardown)
   add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.cpp)
   target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
-  target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
+  target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST_MAIN}
     Threads::Threads)
+  ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
   add_dependencies(tests ${name}_test)
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
-# It replaces malloc as the core's heap_test does, and names functions by their address.
+# Like heap_test it replaces malloc, and it needs function names for addresses.
 target_include_directories(robot_heap_test PRIVATE ${PROJECT_SOURCE_DIR}/test/core)
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
-# A long run by scripts/soak, built by it alone.
-add_executable(robot_soak_test EXCLUDE_FROM_ALL robot_soak_test.cpp)
-target_include_directories(robot_soak_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
-target_link_libraries(robot_soak_test ktgp_orb_nodelets ktgp_orb_warnings ${GTEST_LIBRARIES}
-  Threads::Threads)
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
+ktgp_orb_rostest(robot_consumers robot_consumers.test)
 ktgp_orb_rostest(robot_growth robot_growth.test)
 ktgp_orb_rostest(robot_reference robot_reference.test)
 ktgp_orb_rostest(robot_clock robot_clock.test)
@@ -33,7 +30,7 @@ if(TARGET ktgp_bag)
 endif()
 ktgp_orb_python_test(robot_network ${CMAKE_CURRENT_SOURCE_DIR}/robot_network_test.py)
 
-# The longest begin first.
+# The longest tests start first.
 foreach(test make_demo_bag _ctest_${PROJECT_NAME}_rostest_robot_bag
     _ctest_${PROJECT_NAME}_rostest_robot_diagnostics)
   if(TEST ${test})

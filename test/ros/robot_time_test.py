@@ -1,20 +1,20 @@
 #!/usr/bin/python3
-"""Stamps as bad cameras and other clocks send them."""
+"""Unusual stamps, as from faulty cameras and other clocks."""
 
 import sys
 import unittest
 
 import rospy
 import rostest
-from ktgp_orb.msg import HomographyStamped, MatchStatistics
+from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_testing import (Camera, Recorder, check_each, image_message, view, wait_for_matcher,
                           wait_until)
 from std_srvs.srv import Trigger
 
-OK = MatchStatistics.STATUS_OK
-NO_REFERENCE = MatchStatistics.STATUS_NO_REFERENCE
-NONE, RESET = MatchStatistics.REASON_NONE, MatchStatistics.REASON_RESET
-BACK, GAP = MatchStatistics.REASON_STAMP_WENT_BACK, MatchStatistics.REASON_GAP
+OK = MatchStatus.STATUS_OK
+NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
+NONE, RESET = MatchStatus.REASON_NONE, MatchStatus.REASON_RESET
+BACK, GAP = MatchStatus.REASON_STAMP_WENT_BACK, MatchStatus.REASON_GAP
 LAST = 4294967295.0  # s, the largest stamp there is
 # Stamps, and the reason why each frame has no reference, or NONE for one that is matched.
 SEQUENCES = {

@@ -1,8 +1,9 @@
-// The stabilizer and the mosaic, unloaded in the middle of everything: images, homographies and
-// calibrations, parameters, ~save, ~reset, and subscribers that come and go. Nothing may crash,
-// hang or leave half a file behind.
+// Unloading of the stabilizer and the mosaic during other work: images, homographies and
+// calibrations, parameters, ~save, ~reset, and subscribers that are added and removed. There must
+// be no crash, no hang, and no partial file.
 
 #include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
@@ -27,8 +28,8 @@ const std::string kStabilizer = "/camera/stabilizer";
 const std::string kMosaic = "/camera/mosaic";
 const cv::Size kSize(320, 240);
 
-/// A camera and its matcher: images, homographies and calibrations of one view after the other.
-/// Some homographies are missing, some images come late, some are of no use.
+/// A camera and its matcher: images, homographies and calibrations of consecutive views. Some
+/// homographies are missing, some images are late, some are unusable.
 class Views {
  public:
   Views()
@@ -52,14 +53,13 @@ class Views {
 
  private:
   static HomographyStampedPtr homography(int i, const ros::Time& stamp) {
-    // As test::View moves: to and fro.
+    // Like test::View: back and forth.
     const auto position = [](int number) { return std::abs(number % 80 - 40); };
     const double step = position(i - 1) - position(i);
     auto message = boost::make_shared<HomographyStamped>();
     message->header.stamp = stamp;
     message->reference_stamp = stamp - ros::Duration(0.01);
-    message->status =
-        i % 31 == 0 ? HomographyStamped::STATUS_NO_MODEL : HomographyStamped::STATUS_OK;
+    message->status = i % 31 == 0 ? MatchStatus::STATUS_NO_MODEL : MatchStatus::STATUS_OK;
     message->homography = {1.0, 0.0, 5.0 * step, 0.0, 1.0, 3.0 * step, 0.0, 0.0, 1.0};
     return message;
   }
@@ -114,7 +114,7 @@ void save(int i) {
   if (i % 5 == 0) ros::service::call(kMosaic + "/reset", trigger);
 }
 
-/// The last map that was saved is whole.
+/// Checks that the last saved map is complete.
 void expectWholeMap() {
   EXPECT_NE(access((mapFile() + ".part.png").c_str(), F_OK), 0) << "half a file is left";
   const cv::Mat map = cv::imread(mapFile(), cv::IMREAD_UNCHANGED);
@@ -134,13 +134,13 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
     for (int cycle = 0; cycle < cycles; ++cycle) {
       ASSERT_TRUE(load(loader, kStabilizer, "ktgp_orb/stabilizer")) << "cycle " << cycle;
       ASSERT_TRUE(load(loader, kMosaic, "ktgp_orb/mosaic")) << "cycle " << cycle;
-      // No wait for anything: the unloading comes at any moment.
+      // No waiting: the unloading may come at any moment.
       sleepMilliseconds(std::uniform_int_distribution<int>(0, 120)(random));
       ASSERT_TRUE(loader.unload(kStabilizer)) << "cycle " << cycle;
       ASSERT_TRUE(loader.unload(kMosaic)) << "cycle " << cycle;
     }
   }
-  // After all that they still do their work.
+  // After all this they still work.
   for (const std::string& name : {kStabilizer, kMosaic}) ros::param::del(name);
   Recorder<sensor_msgs::Image> steady(kStabilizer + "/image");
   Recorder<HomographyStamped> pose(kMosaic + "/homography");
@@ -149,7 +149,7 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
   EXPECT_TRUE(steady.waitForMore(3));
   EXPECT_TRUE(test::waitUntil([&] {
     const auto& messages = pose.messages();
-    return !messages.empty() && messages.back()->status == HomographyStamped::STATUS_OK;
+    return !messages.empty() && messages.back()->status == MatchStatus::STATUS_OK;
   }));
   EXPECT_TRUE(test::waitUntil([] {
     SaveMosaic call;

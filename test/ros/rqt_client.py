@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""Starts the real rqt_reconfigure and works it with the mouse and the keyboard, as told on the standard
-input, a JSON list a line; the answer is a JSON line, too:
+"""Starts the real rqt_reconfigure and operates it with mouse and keyboard. Commands on the standard
+input are JSON lists, one per line; the answer is a JSON line:
 
     ["select", NODE]          click the node in the tree
     ["groups"]                titles of the groups shown, from top to bottom
@@ -152,7 +152,7 @@ class Client(Main):
 
 
 def fail(*error):
-    """An exception in a slot of the client: rqt would print it and go on with an empty page."""
+    """An exception in a slot of the client; rqt would only print it and show an empty page."""
     traceback.print_exception(*error)
     print(json.dumps({'error': ''.join(traceback.format_exception(*error))}), flush=True)
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
-"""The real rqt_reconfigure beside the live nodelets: every group is shown in the order of use, and what
-is dragged, chosen and typed there is what the matcher computes with.
+"""The real rqt_reconfigure with live nodelets: every group is shown in the order of use, and the
+matcher computes with the values that are dragged, chosen and typed there.
 
 KTGP_ORB_RQT names the folder of its sources (ROS 1 branches of rqt_reconfigure, rqt, qt_gui_core,
 python_qt_binding and rqt_console). Photographs are left in ROS_HOME."""
@@ -23,7 +23,7 @@ SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_g
 
 
 class Client:
-    """rqt_reconfigure on a display of its own."""
+    """rqt_reconfigure on a virtual display."""
 
     def __init__(self, home):
         rqt = os.environ['KTGP_ORB_RQT']
@@ -85,7 +85,7 @@ class RqtReconfigureTest(unittest.TestCase):
         self.assertGreater(os.path.getsize(path), 10000)
 
     def match(self):
-        """What is found between the same two images, by what the node now computes with."""
+        """The result for the same two images with the current values of the node."""
         for shift in (0, 10):
             stamp = self.camera.next_stamp()
             self.camera.send(image_message(view(100 + shift, 100), stamp))
@@ -130,7 +130,7 @@ class RqtReconfigureTest(unittest.TestCase):
         self.photograph('all')
 
     def value(self, name, condition):
-        """Of the parameter, when the node has taken it."""
+        """The value of the parameter after the node accepted it."""
         wait_until(lambda: condition(rospy.get_param('/camera/matcher/' + name)),
                    name + ' has arrived')
         return rospy.get_param('/camera/matcher/' + name)

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The stabilizer against a camera whose shake is known."""
+"""The stabilizer with a camera of known shake."""
 
 import sys
 import time
@@ -11,7 +11,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import HomographyStamped
+from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 
@@ -78,7 +78,7 @@ class StabilizerTest(unittest.TestCase):
         self.assertLess(shake(after) / zoom ** 2, 0.15 * shake(before))
         # The camera's own motion is still there, zoomed.
         np.testing.assert_allclose(after.mean(0), zoom * np.array([-4.0, -2.0]), atol=1.5)
-        # And it is the scene that is shown: sharp, not black.
+        # And it shows the scene: sharp, not black.
         self.assertGreater(steady[-1].std(), 0.6 * given[-1].std())
 
     def test_header_and_encoding_are_the_inputs(self):
@@ -89,7 +89,7 @@ class StabilizerTest(unittest.TestCase):
         self.assertEqual(message.header.frame_id, 'camera')
 
     def counts(self):
-        """Homographies that the stabilizer says it had, and how many of these were found."""
+        """Homographies that the stabilizer counted, and how many of these were found."""
         values = [{value.key: value.value for value in status.values}
                   for array in self.diagnostics.messages() for status in array.status
                   if status.name.endswith('stabilizer: frames')]
@@ -115,7 +115,7 @@ class StabilizerTest(unittest.TestCase):
             given = view(300 + 6 * i, 300 + (-1) ** i)
             steady = self.send(given)
         warp = self.warps.wait_for(steady.header.stamp)
-        self.assertEqual(warp.status, HomographyStamped.STATUS_OK)
+        self.assertEqual(warp.status, MatchStatus.STATUS_OK)
         self.assertEqual(warp.reference_stamp, steady.header.stamp)
         self.assertFalse(warp.rectified)
         h = np.reshape(warp.homography, (3, 3))
@@ -150,10 +150,10 @@ class StabilizerTest(unittest.TestCase):
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
         self.send(view(304, 300))
-        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['starts anew'])
+        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['restarts'])
         self.send(np.full((480, 640), 90, np.uint8))
-        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
+        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
         self.send(view(308, 300))
         self.send(np.full((240, 320), 90, np.uint8))
         self.assertEqual(self.send(view(312, 300)).width, 640)
@@ -172,7 +172,7 @@ class StabilizerTest(unittest.TestCase):
         self.send(view(304, 300))
 
     def report(self):
-        """What the stabilizer last said of itself: its message and its values."""
+        """The last diagnostics of the stabilizer: message and values."""
         said = [status for array in self.diagnostics.messages() for status in array.status
                 if status.name.endswith('stabilizer: frames')]
         return (said[-1].message, {v.key: v.value for v in said[-1].values}) if said else ('', {})
@@ -182,8 +182,8 @@ class StabilizerTest(unittest.TestCase):
         homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         self.addCleanup(homographies.close)
         self.send(view(300, 300))
-        wait_until(lambda: 'starts anew' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['starts anew'])
+        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
+        before = int(self.report()[1]['restarts'])
         self.images.close()
         self.warps.close()
         wait_until(lambda: 'no subscriber' in self.report()[0], 'the stabilizer sleeps')
@@ -192,7 +192,7 @@ class StabilizerTest(unittest.TestCase):
         wait_until(self.images.publishers, 'the image is connected')
         wait_until(lambda: 'no subscriber' not in self.report()[0], 'the stabilizer is awake')
         warm_up(self.camera, self.images)
-        wait_until(lambda: int(self.report()[1]['starts anew']) > before, 'it starts anew')
+        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
 
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""What a user is told at start: wrong topic, wrong parameter, misspelt parameter."""
+"""Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
 import subprocess
 import sys
@@ -16,14 +16,14 @@ from sensor_msgs.msg import CompressedImage
 
 
 def output_of_node(*parameters, until, look=lambda: None):
-    """Runs a second matcher until it has said all of `until`, then looks; what it said."""
+    """Runs a second matcher until it has printed all of `until`; returns its output."""
     return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
                             namespaces=['/other'], look=look)
 
 
 def output_of_launch(*arguments, until, namespaces, look=lambda: None):
-    """What is said is read from the output itself: on /rosout it is lost before the subscription is
-    connected."""
+    """Reads the messages from the output: on /rosout, those before the subscription is connected
+    are lost."""
     process = subprocess.Popen(
         ['roslaunch', 'ktgp_orb'] + list(arguments),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
@@ -59,8 +59,8 @@ class StartupTest(unittest.TestCase):
         wait_until(warning, 'the topic is named in a warning')
 
     def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
-        # Nobody wants its results, so it subscribes to nothing: it asks the master.
-        expected = 'nobody publishes /other/nothing_here: is the topic name right?'
+        # Its results have no subscriber, so it subscribes to nothing: it asks the master.
+        expected = 'no node publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))
 
     def test_compressed_images_on_the_wrong_topic_are_named_with_the_way_out(self):
@@ -69,7 +69,7 @@ class StartupTest(unittest.TestCase):
         expected = (
             '/left/picture is of type sensor_msgs/CompressedImage; expected sensor_msgs/Image, or '
             'the topic without its last part and that as image_transport',
-            'nobody publishes /right/picture: is the topic name right? There is '
+            'no node publishes /right/picture: is the topic name right? There is '
             '/right/picture/compressed, for image_transport compressed')
         output = output_of_launch('multi_camera.launch', 'cameras:=left right', 'image:=picture',
                                   until=expected, namespaces=['/left', '/right'])
@@ -83,7 +83,7 @@ class StartupTest(unittest.TestCase):
             'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
             'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 40]',
             'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
-            'reference_mode:=nearest': "reference_mode is 'nearest'; expected previous"}
+            'set:={reference_mode: nearest}': "reference_mode is 'nearest'; expected previous"}
 
         def check(parameter):
             expected = (words[parameter], 'process has died')
@@ -102,10 +102,10 @@ class StartupTest(unittest.TestCase):
                 found.append(rospy.get_param('/other/matcher/T_w'))
             output_of_node(*parameters, until=until, look=look)
             return found[0]
-        self.assertEqual(ratio_threshold('descriptor:=teblid'), 0.8)
-        self.assertEqual(ratio_threshold('preset:=robust', 'descriptor:=teblid'), 1.0)
-        note = 'T_w is 0.66, as orb descriptors want it; for teblid 0.8 was measured'
-        self.assertEqual(ratio_threshold('descriptor:=teblid', 'T_w:=0.66', until=(note,)), 0.66)
+        self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
+        self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
+        note = 'T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better'
+        self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):
         expected = ("image transport 'no_such_transport' is not installed",
@@ -121,20 +121,22 @@ class StartupTest(unittest.TestCase):
             expected = '/other/matcher/ratio_treshold is not known'
             self.assertIn(expected, output_of_node('params:=' + file.name, until=(expected,)))
 
-    def test_text_for_a_number_is_called_text_and_a_whole_number_may_have_a_point(self):
-        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
-            file.write('T_w: "0.7"\n')
-            file.flush()
-            expected = "/other/matcher/T_w is the text '0.7'; expected a number, without quotes"
-            self.assertIn(expected, output_of_node('params:=' + file.name, until=(expected,)))
-        with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
-            file.write('features: 1500.0\n')
-            file.flush()
-            expected = 'nobody publishes /other/nothing_here'  # it runs
-            found = []
-            output_of_node('image:=nothing_here', 'params:=' + file.name, until=(expected,),
-                           look=lambda: found.append(rospy.get_param('/other/matcher/features')))
-            self.assertEqual(found, [1500])
+    def test_what_is_no_number_or_no_whole_number_is_called_so(self):
+        words = {
+            'T_w: "0.7"': "T_w is the text '0.7'; expected a number, without quotes",
+            'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '
+                                'write 1500',
+            'features: 1500.5': 'features is 1500.5; expected a whole number'}
+
+        def check(line):
+            with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
+                file.write(line + '\n')
+                file.flush()
+                expected = ('/other/matcher/' + words[line], 'process has died')
+                output = output_of_node('params:=' + file.name, until=expected)
+                for text in expected:
+                    self.assertIn(text, output)
+        check_each(words, check)
 
 
 if __name__ == '__main__':

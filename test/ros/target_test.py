@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Where a flat target is, against a camera that looks at it straight and moves sideways."""
+"""The pose of a flat target for a camera that looks at it straight and moves sideways."""
 
 import sys
 import unittest
@@ -30,7 +30,7 @@ class TargetTest(unittest.TestCase):
                    transforms.publishers(), 'it runs')
         camera.wait_for_subscriber()
         calibration = CameraInfo(width=640, height=480)
-        # P is of the rectified image, which is not what is looked at: K counts.
+        # P belongs to the rectified image, which is not used here: K counts.
         calibration.K = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
         calibration.P = [3 * FOCAL, 0, 100, 0, 0, 3 * FOCAL, 100, 0, 0, 0, 1, 0]
         info.publish(calibration)
@@ -81,7 +81,7 @@ class TargetTest(unittest.TestCase):
         lost = camera.send(image_message(np.full((480, 640), 90, np.uint8), camera.next_stamp()))
         self.assertEqual(len(outlines.wait_for(lost).polygon.points), 0)
 
-        # A reference that changes with every frame is no target.
+        # A reference that changes with every frame is not a target.
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         wait_until(statistics.publishers, 'the statistics are connected')
         Client('/camera/matcher', timeout=TIMEOUT).update_configuration(

@@ -1,4 +1,4 @@
-"""scripts/check_includes: passes the repository and finds each kind of wrong include."""
+"""dev/check_includes: passes the repository and finds each kind of wrong include."""
 import pathlib
 import shutil
 import subprocess
@@ -9,7 +9,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def check(root):
-    return subprocess.run([str(ROOT / 'scripts/check_includes'), str(root)],
+    return subprocess.run([str(ROOT / 'dev/check_includes'), str(root)],
                           stdout=subprocess.PIPE, universal_newlines=True)
 
 
@@ -21,7 +21,7 @@ class CheckIncludes(unittest.TestCase):
             shutil.copytree(ROOT / folder, self.root / folder)
 
     def expect(self, included, where, words):
-        """That an include added to a file is found, and named."""
+        """Checks that an include added to a file is found and named."""
         path = self.root / where
         text = path.read_text()
         path.write_text('#include %s\n%s' % (included, text))

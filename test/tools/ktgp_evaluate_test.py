@@ -1,4 +1,4 @@
-"""ktgp_evaluate from outside."""
+"""Runs ktgp_evaluate as a program."""
 import csv
 import json
 import os

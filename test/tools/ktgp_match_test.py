@@ -1,4 +1,4 @@
-"""ktgp_match from outside."""
+"""Runs ktgp_match as a program."""
 import csv
 import json
 import unittest
@@ -208,9 +208,10 @@ class KtgpMatch(ToolCase):
     def test_what_a_parameter_file_has_wrong_is_named(self):
         for text, expected in (("T_W: 0.7\n", "no parameter T_W"), ("T_w: 2\n", "[0.01, 1]"),
                                ("T_w: .nan\n", "[0.01, 1]"), ("T_w: [1]\n", "T_w"),
-                               ("features: 10.5\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
+                               ("features: 10.5\n", "whole number"),
+                               ("features: 2000.0\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
                                ("extractor: slow\n", "opencv"), ("", "name: value"),
-                               ("&a {b: *a}\n", "too deep"),  # a map that holds itself
+                               ("&a {b: *a}\n", "too deep"),  # a map that contains itself
                                ("&a {dictitems: *a}\n", "too deep")):
             (self.folder / "bad.yaml").write_text(text)
             run = self.match("a.pgm", "b.pgm", "--params", "bad.yaml")

@@ -1,5 +1,5 @@
-"""No program destroys a file or calls a failure a success: ktgp_match, ktgp_evaluate and, where they
-are built, ktgp_bag and make_demo_bag from outside."""
+"""No program destroys a file or reports a failure as success: runs ktgp_match, ktgp_evaluate and, if
+they are built, ktgp_bag and make_demo_bag."""
 import json
 import os
 import pathlib
@@ -16,7 +16,7 @@ WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
 
 def small_files(limit):
-    """For preexec_fn: writing a file beyond so many bytes fails, as on a full disk."""
+    """For preexec_fn: writing a file beyond this size fails, as on a full disk."""
     def apply():
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -47,7 +47,7 @@ class OutputCase(ToolCase):
         return {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
 
     def refused(self, tool, *arguments, words, preexec=None):
-        """It ends with 2, says why in a line, and has neither changed nor left a file."""
+        """It ends with 2 and one line with the reason, and has neither changed nor left a file."""
         before = self.contents()
         run = self.run_with(tool, *arguments, preexec=preexec)
         self.assertEqual(run.returncode, 2, (arguments, run.stdout, run.stderr))
@@ -240,7 +240,7 @@ class BagOutput(OutputCase):
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--start", 0.09, "--duration", 0.1)
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn("3 images", run.stderr)
-        self.refused("ktgp_bag", self.bag, "no.bag", "--start", "60", words="in the time asked for")
+        self.refused("ktgp_bag", self.bag, "no.bag", "--start", "60", words="in the selected time")
         for value in ("nan", "-1", "x"):
             for option in ("--start", "--duration"):
                 self.refused("ktgp_bag", self.bag, "no.bag", f"{option}={value}", words=option)
@@ -266,7 +266,7 @@ class BagOutput(OutputCase):
                 error = process.communicate(timeout=60)[1]
                 self.assertTrue(stopped_in_time)
                 self.assertEqual(process.returncode, 2, error)
-                self.assertIn("was written by something else meanwhile", error)
+                self.assertIn("was written by another program meanwhile", error)
                 self.assertEqual((self.folder / name).read_text(), "mine")
 
     def test_of_two_runs_to_one_output_one_fails(self):
@@ -322,7 +322,7 @@ class BagOutput(OutputCase):
                      words="there is no reference")
         (self.folder / "node.yaml").write_text("target_width: 1.0\nmax_latency: 1.0\n")
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
-        self.assertEqual(run.returncode, 0, run.stderr)  # what a node had is no mistake
+        self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),

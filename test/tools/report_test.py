@@ -1,4 +1,4 @@
-"""The report: its tables against the known figures, its HTML as a browser sees it."""
+"""The report: its tables compared with the known figures, and its HTML in a browser."""
 import html.parser
 import os
 import pathlib
@@ -84,7 +84,7 @@ class Report(unittest.TestCase):
         cls.folder = tempfile.TemporaryDirectory()
         cls.output = pathlib.Path(cls.folder.name) / "report"
         data = pathlib.Path(DATA) / "oxford"
-        subprocess.run([sys.executable, "-B", ROOT / "scripts/report.py", "--tools",
+        subprocess.run([sys.executable, "-B", ROOT / "scripts/report", "--tools",
                         os.environ["KTGP_ORB_TOOLS"], "--data", data / "leuven", "--data",
                         data / "bikes", "--output", cls.output, "--repeat", "1", "--warp-pairs", "2", "--methods",
                         "ORB,ORB+RANSAC,KT,KTG,KTGP"], check=True, stdout=subprocess.DEVNULL)
@@ -186,7 +186,7 @@ class ReportOfBrokenData(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             output = pathlib.Path(folder) / "report"
             run = subprocess.run(
-                [sys.executable, "-B", ROOT / "scripts/report.py", "--tools",
+                [sys.executable, "-B", ROOT / "scripts/report", "--tools",
                  os.environ["KTGP_ORB_TOOLS"], "--data", folder + "/nowhere", "--output", output],
                 capture_output=True, text=True, check=False)
             self.assertEqual(run.returncode, 1, run.stderr)

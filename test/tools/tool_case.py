@@ -1,4 +1,4 @@
-"""What the tests of the command-line programs share."""
+"""Common code of the tests of the command-line programs."""
 import os
 import pathlib
 import random

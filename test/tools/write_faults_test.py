@@ -1,5 +1,5 @@
-"""A write that fails, whichever it is: the program ends with 2 and says so, and leaves no file that is
-not whole. KTGP_ORB_ALL_FAULTS=1 tries every write of each program, else ever larger steps."""
+"""Makes single writes fail: the program ends with 2 and a message, and leaves no partial file.
+KTGP_ORB_ALL_FAULTS=1 tries every write of each program; otherwise only some of them."""
 import os
 import pathlib
 import subprocess
@@ -21,7 +21,7 @@ class WriteFaults(ToolCase):
         (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")
 
     def run_failing(self, number, tool, *arguments):
-        """The program, and whether its write of that number was reached and failed."""
+        """Runs the program; returns also whether the write with that number was reached and failed."""
         mark = self.folder / "mark"
         mark.unlink(missing_ok=True)
         environment = dict(os.environ, LD_PRELOAD=os.environ["KTGP_ORB_FAULTS"],
@@ -55,7 +55,7 @@ class WriteFaults(ToolCase):
         print(f"{tool}: {failures} writes made to fail of less than {number}")
 
     def whole(self, file, tool, arguments):
-        """The same bytes as without a fault, but for measured times."""
+        """The same bytes as without a fault, except for measured times."""
         content = file.read_bytes()
         run, _ = self.run_failing(0, tool, *arguments)
         self.assertEqual(run.returncode, 0, run.stderr)

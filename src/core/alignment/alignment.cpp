@@ -24,8 +24,8 @@ using alignment::PointSpread;
 using util::position;
 using util::requireInRange;
 
-constexpr std::size_t kFewest = 12;  // aligned points that a homography is estimated from
-constexpr double kReach = 4.0;       // px that a point may lie off where H puts it
+constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
+constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
 
 Eigen::Vector2d checkedPosition(const Features& features, std::int32_t index, const char* frame) {
   if (index < 0 || static_cast<std::size_t>(index) >= features.size()) {
@@ -77,8 +77,8 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Minus the log-likelihood, up to a constant, of the points under errors of that scale with
-/// Student's t distribution of four degrees of freedom: what HomographyRefiner minimises.
+/// Negative log-likelihood of the points, up to a constant, for errors of that scale with Student's
+/// t distribution of four degrees of freedom, as minimised by the estimation.
 double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points,
                     double scale) {
   double sum = 0.0;
@@ -89,7 +89,7 @@ double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<Aligned
   return sum;
 }
 
-/// Mean square over the pairs that agree with H of how far they lie off it, px^2; 0 without any.
+/// Mean squared error over the pairs that agree with H, px^2; 0 if there are none.
 double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vector2d>& reference,
                const std::vector<Eigen::Vector2d>& target, double near) {
   double sum = 0.0;
@@ -103,7 +103,7 @@ double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vecto
   return count == 0 ? 0.0 : sum / static_cast<double>(count);
 }
 
-/// The largest deviation at a corner, in the image where it is smaller, px.
+/// Largest deviation at a corner, in the image where it is smaller, px.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
   const auto corners = homography::imageCorners(reference_size, {});
@@ -233,12 +233,12 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
   result.status = AlignmentStatus::ok;
 }
 
-/// It can be the view of a plane, the images agree better with it, most of the keypoints still do,
-/// the points gained by being aligned, and it is better determined.
+/// Accepts the new homography if it can be the view of a plane, the images agree better with it,
+/// most keypoints still agree, aligning made the points more accurate, and it is better determined.
 bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
                                const AlignmentResult& before) const {
-  // Of the keypoints that agreed. ORB's coarse ones lie off to one side by up to a pixel, so that
-  // the homography that serves them best is wrong where the camera turned.
+  // Share of the keypoints that agreed before. ORB's coarse keypoints have a common error of up to
+  // a pixel, so the homography that fits them best is wrong when the camera rotates.
   constexpr double kShare = 0.5;
   const Eigen::Matrix3d& h = candidate.homography;
   if (!homography::keepsPlaneInView(h, homography::imageCorners(reference_size, {}))) return false;
@@ -250,20 +250,21 @@ bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHo
       kShare * static_cast<double>(supporters(before.homography))) {
     return false;
   }
-  // Where a scene is far from a plane its points scatter about H however exact they are, and the
-  // aligned ones are fewer than the keypoints: they have to be worth that.
+  // In a scene far from a plane even exact points scatter about H. There are fewer aligned points
+  // than keypoints, so they must be clearly more accurate.
   constexpr double kWorth = 1.0 / 3.0;  // of the keypoints' variance
   if (scatter(h, aligned_reference, aligned_target, limits.max_error) >
       kWorth * scatter(before.homography, reference_points, target_points, limits.max_error)) {
     return false;
   }
-  // Smooth errors are the scene's and burden both; from keypoints they are hard to tell from noise.
+  // Smooth errors come from the scene and affect both; with keypoints they are hard to tell from
+  // noise.
   return uncertainty(h, candidate.covariance - candidate.shared_covariance, reference_size) <=
          uncertainty(before.homography, before.covariance - before.shared_covariance,
                      reference_size);
 }
 
-/// Matches near where it puts them.
+/// The matches near the predictions of the homography.
 std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
   std::size_t count = 0;
   for (std::size_t i = 0; i < reference_points.size(); ++i) {

@@ -3,7 +3,8 @@
 namespace ktgp_orb::alignment {
 namespace {
 
-/// Sixteen sums, one a column, so that vectors of any width add the same numbers in the same order.
+/// Sixteen sums, one per column, so that vectors of any width add the same numbers in the same
+/// order.
 class ColumnSums {
  public:
   void add(int column, float value) { sums_[column] += value; }

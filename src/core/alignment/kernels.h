@@ -5,30 +5,30 @@
 
 namespace ktgp_orb::alignment {
 
-/// Side of the patch that is aligned, px. Sixteen floats fill whole vectors of every width.
+/// Side of the aligned patch, px. Sixteen floats fill whole vectors of every width.
 constexpr int kPatchSide = 16;
-/// What smoothing and derivatives read beyond the patch on either side, px.
+/// Number of px that smoothing and derivatives read beyond the patch on each side.
 constexpr int kPatchBorder = 2;
 /// Side of the reference patch before smoothing.
 constexpr int kWarpSide = kPatchSide + 2 * kPatchBorder;
-/// Its rows in memory: whole vectors.
+/// Length of its rows in memory: whole vectors.
 constexpr std::ptrdiff_t kWarpPitch = 24;
-/// Side of the part of the target that the patch is moved about in, smoothed and before.
+/// Side of the part of the target in which the patch is moved, after and before smoothing.
 constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
-/// How far the patch may move in it from the middle, whatever fraction of a pixel that lies at, px.
+/// Largest shift of the patch from the middle of that part, for any fraction of a pixel, px.
 constexpr int kMaxReach = (kWindowSide - kPatchSide) / 2 - 2;
 
-/// A walk over an image on a slanted grid: where sample (row, column) lies, in 1/65536 px from the
-/// pixel that the walk is given.
+/// Sampling on a slanted grid: positions of samples (row, column), in 1/65536 px from the given
+/// pixel.
 struct AffineWalk {
   std::int32_t x0, y0;              ///< of sample (0, 0)
   std::int32_t x_column, y_column;  ///< to the next column
   std::int32_t x_row, y_row;        ///< to the next row
 };
 
-/// A smoothed patch of the reference and its derivatives by x and y, each with its mean taken off.
+/// A smoothed patch of the reference and its derivatives by x and y, each with its mean subtracted.
 struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
@@ -45,14 +45,14 @@ struct MatchSums {
   float i, ii, ti, xi, yi;
 };
 
-/// The pixel loops of the alignment. One set of functions per instruction set; all give the same
-/// bits: sums run over sixteen columns of their own, which are added in a fixed order at the end,
-/// and nothing is fused.
+/// The pixel loops of the alignment, one set of functions per instruction set. All give the same
+/// bits: each of sixteen columns has its own sum, the sums are added in a fixed order at the end,
+/// and multiply-adds are not fused.
 struct AlignmentKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// Bilinear samples of an image along `walk` from `pixel`: kWarpSide rows of kWarpPitch. All that
-  /// they touch is readable, and two bytes beyond on the right.
+  /// Bilinear samples of an image along `walk` from `pixel`: kWarpSide rows of kWarpPitch. All
+  /// pixels of the samples, and two bytes to the right, must be readable.
   void (*warp)(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk,
                float* patch);
 
@@ -60,16 +60,17 @@ struct AlignmentKernels {
   TemplateSums (*prepare)(const float* patch, PatchTemplate& out);
 
   /// Smooths the kRawWindowSide rows and columns from `pixel` on into kWindowSide rows of
-  /// kWindowPitch. Four columns more are readable.
+  /// kWindowPitch. Four more columns must be readable.
   void (*smooth)(const std::uint8_t* pixel, std::ptrdiff_t stride, float* window);
 
   /// Compares the template with the window's values from `corner` on, shifted right and down by the
-  /// fractions (fx, fy) of a pixel. Reads one row and column before them and two behind.
+  /// fractions (fx, fy) of a pixel. Reads one row and column before and two after.
   MatchSums (*compare)(const float* corner, float fx, float fy, const PatchTemplate& patch);
 };
 
-/// Weights of a pixel, the one before and the two behind, for the value `f` behind it (Catmull &
-/// Rom's cubic). Linear interpolation is off by up to a thirtieth of a pixel on fine texture.
+/// Weights of a pixel, the one before and the two after, for interpolation at the fraction `f`
+/// (cubic of Catmull & Rom). Linear interpolation has errors of up to a thirtieth of a pixel on
+/// fine texture.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
@@ -79,16 +80,16 @@ struct CubicWeights {
         last((0.5F * f - 0.5F) * f * f) {}
 };
 
-/// The sum of sixteen columns' sums, in the order that all kernels keep.
+/// The sum of the sums of sixteen columns, in the order that all kernels use.
 inline float sumOfColumns(const float* s) {
   float quarter[4];
   for (int i = 0; i < 4; ++i) quarter[i] = (s[i] + s[i + 8]) + (s[i + 4] + s[i + 12]);
   return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
 }
 
-/// Plain C++, the definition of what the others compute.
+/// Plain C++, the reference for the other sets.
 const AlignmentKernels& portableAlignmentKernels();
-/// The fastest that this build has and this processor runs.
+/// The fastest set that this build and this processor support.
 const AlignmentKernels& bestAlignmentKernels();
 
 }  // namespace ktgp_orb::alignment

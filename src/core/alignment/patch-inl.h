@@ -1,4 +1,4 @@
-// Warping, smoothing and comparing of patches. No include guard: kernels_highway.cpp includes this
+// Warping, smoothing and comparing patches. No include guard: kernels_highway.cpp includes this
 // once for each instruction set.
 #include <hwy/highway.h>
 
@@ -11,12 +11,12 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// A row of a patch is one vector of AVX-512, two of AVX2, four of the others.
+// A row of a patch is one vector with AVX-512, two with AVX2, four otherwise.
 const hn::CappedTag<float, kPatchSide> kFloats;
 using Floats = hn::Vec<decltype(kFloats)>;
 constexpr int kFloatLanes = static_cast<int>(hn::MaxLanes(kFloats));
 
-// Every product and sum below is a whole number under 2^24, so that floats hold it exactly.
+// Every product and sum below is an integer below 2^24, which floats represent exactly.
 void warp(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk, float* patch) {
   const hn::CappedTag<float, 8> df;
   const hn::RebindToSigned<decltype(df)> di;
@@ -123,7 +123,7 @@ TemplateSums products(const PatchTemplate& patch) {
   return {tt.total(), tx.total(), ty.total(), xx.total(), xy.total(), yy.total()};
 }
 
-// First all columns, then all rows: a load that straddles two fresh stores would wait for both.
+// First all columns, then all rows: a load that overlaps two recent stores would wait for both.
 TemplateSums prepare(const float* patch, PatchTemplate& out) {
   const hn::CappedTag<float, 8> wide;
   alignas(64) float smooth[kPatchSide][kWarpPitch];

@@ -24,7 +24,7 @@ struct LevelMap {
   }
 };
 
-/// The level that is smaller than level 0 by about `scale`; 0 up to where that does as well.
+/// The level that is smaller than level 0 by about `scale`; 0 also where level 0 fits as well.
 std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   constexpr double kLeast = 1.5;
   if (scale < kLeast) return 0;
@@ -42,16 +42,16 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Derivative of H's map at x, which it sends to `image`.
+/// Derivative of H's map at x; `image` is H's image of x.
 Eigen::Matrix2d derivative(const Eigen::Matrix3d& h, const Eigen::Vector2d& x,
                            const Eigen::Vector2d& image) {
   const double w = h.row(2).dot(x.homogeneous());
   return (h.topLeftCorner<2, 2>() - image * h.block<1, 2>(2, 0)) / w;
 }
 
-/// How far the middle of a patch seems to be off because H is no affine map: the mean over the
-/// patch of the second-order part of H, target px. The patch is seen through `back`, the inverse of
-/// H's derivative at its middle; `w`: third coordinate there; `side`: of the patch, target px.
+/// Apparent shift of the middle of a patch because H is not affine: the mean over the patch of the
+/// second-order part of H, target px. The patch is warped by `back`, the inverse of H's derivative
+/// at its middle; `w`: third coordinate there; `side`: of the patch, target px.
 Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matrix2d& back,
                           const Eigen::Vector2d& side) {
   const Eigen::Vector2d slope = back.transpose() * h.block<1, 2>(2, 0).transpose();
@@ -72,7 +72,7 @@ void PatchAligner::setImages(const std::vector<cv::Mat>& reference,
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
                                  double reach) {
-  constexpr double kMaxStretch = 4.0;  // of one direction against the other, or of levels
+  constexpr double kMaxStretch = 4.0;  // ratio of the two directions, or of the levels
   AlignedPatch result;
   const Eigen::Vector3d p = homography * point.homogeneous();
   if (!(p.z() > 0.0)) return result;
@@ -109,7 +109,7 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
                              const Eigen::Matrix2d& back) {
   constexpr double kUnit = 65536.0;
   const auto fixed = [](double x) { return static_cast<std::int32_t>(std::lrint(x * kUnit)); };
-  // The corner that the patch reaches farthest to, and one pixel for interpolation.
+  // The corner farthest from the middle, plus one pixel for interpolation.
   constexpr double kFirst = 0.5 * (kWarpSide - 1);
   constexpr double kLast = kWarpPitch - 1 - kFirst;
   const Eigen::Vector2d spread = back.cwiseAbs() * Eigen::Vector2d(kLast, kFirst);
@@ -139,8 +139,8 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
   constexpr double kLeastTexture = 500.0;  // grey values² per px², summed over the patch
   constexpr double kCount = kPatchSide * kPatchSide;
   constexpr double kHalf = 0.5 * (kPatchSide - 1);
-  constexpr int kSmoothSlack = 4;  // columns that smoothing may read beyond
-  constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px the patch can move
+  constexpr int kSmoothSlack = 4;  // columns that smoothing may read past the window
+  constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px that the patch can move
 
   // Gain and bias projected out of the derivatives.
   const double tt = sums_.tt;
@@ -155,7 +155,7 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
   if (!(least > kLeastTexture)) return PatchOutcome::textureless;
 
   const Eigen::Vector2d corner = position.array() - kHalf;
-  constexpr double kFar = 1e6;  // of no image, and still an int
+  constexpr double kFar = 1e6;  // far outside any image, but still an int
   if (!(std::abs(corner.x()) < kFar && std::abs(corner.y()) < kFar)) return PatchOutcome::outside;
   const int left = static_cast<int>(std::floor(corner.x())) - kSlack;
   const int top = static_cast<int>(std::floor(corner.y())) - kSlack;
@@ -179,13 +179,13 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     const double gain = m.ti / tt;
     const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
     if (!(gain > 0.0) || !(variance > 0.0)) return PatchOutcome::uncorrelated;
-    // Of a patch of hardly any contrast the sums, in single precision, may give more than one.
+    // With very low contrast, rounding of the single-precision sums may give more than one.
     correlation = std::min(1.0, gain * m.ti / variance);
     const double bx = (m.xi - sx * m.ti) / gain;
     const double by = (m.yi - sy * m.ti) / gain;
     Eigen::Vector2d move((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant);
-    // Where the target is the more blurred one, steps are too short by a factor: they shrink
-    // geometrically, and what is left of their sum is known from two of them (Aitken).
+    // If the target is more blurred than the reference, the steps are too short by a constant
+    // factor. They form a geometric series, and two of them determine its sum (Aitken).
     const double ratio = step > 0 ? move.dot(last_move) / last_move.squaredNorm() : 0.0;
     last_move = move;
     if (step > 0 && std::abs(ratio) < 0.8) move /= 1.0 - ratio;

@@ -9,36 +9,36 @@
 
 namespace ktgp_orb::alignment {
 
-/// What became of a point.
+/// Outcome for a point.
 enum class PatchOutcome : std::uint8_t {
   aligned,
-  outside,       ///< the patch, or the part of the target it is looked for in, leaves the image
-  distorted,     ///< H turns it inside out, or squeezes or stretches it beyond use
-  textureless,   ///< the patch does not say where it is, in one direction or both
+  outside,       ///< the patch, or its search window in the target, leaves the image
+  distorted,     ///< H mirrors, compresses or stretches it too much
+  textureless,   ///< too little texture to locate it, in one direction or both
   unsettled,     ///< the steps did not become small
-  beyond_reach,  ///< it moved too far from where H puts it
-  uncorrelated,  ///< it settled on something else
+  beyond_reach,  ///< it moved too far from the prediction of H
+  uncorrelated,  ///< the patch found looks different
 };
 
 struct AlignedPatch {
   PatchOutcome outcome = PatchOutcome::outside;
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, the centre of the patch
-  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, where that is found
+  Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, its position there
   double correlation = 0.0;                             ///< NCC², 0..1
 };
 
 /// Registers single patches of the reference in the target: translation by inverse-compositional
-/// least squares (Baker & Matthews, IJCV 2004) with gain and bias projected out, the patch seen
-/// through the local affine part of H (as SVO does; Forster et al., ICRA 2014).
+/// least squares (Baker & Matthews, IJCV 2004) with gain and bias projected out; the patch is
+/// warped by the local affine part of H (as in SVO; Forster et al., ICRA 2014).
 class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// The grey images at ever smaller scales, level 0 the image itself; kept by reference.
+  /// The grey image pyramids, level 0 first; stored by reference.
   void setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
-  /// `point`: px in the reference; the patch's centre is the middle of four pixels beside it.
-  /// `reach`: px of the target's level, up to kMaxReach.
+  /// `point`: px in the reference; the patch is centred between the four nearest pixels. `reach`:
+  /// px of the target's level, up to kMaxReach.
   AlignedPatch align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point, double reach);
 
  private:

@@ -8,19 +8,20 @@
 
 namespace ktgp_orb::alignment {
 
-/// Chooses points that lie spread over an image. Keeps its buffers.
+/// Chooses points spread over an image. Keeps its buffers.
 class PointSpread {
  public:
-  /// Up to `wanted` of `points` (px), as places in ascending order, into `chosen`. The image is cut
-  /// into about as many cells; each gives one point at a time, the earlier ones first, until there
-  /// are enough. Where not all cells can give another, those that do lie spread too. Of points of a
-  /// cell that nearly coincide, such as a corner found in several octaves, the first counts.
+  /// Writes the indices of up to `wanted` of the `points` (px) to `chosen`, ascending. The image is
+  /// cut into about as many cells. Each cell gives one point at a time, in the order of the input,
+  /// until there are enough. If not all cells can give another point, those that do are spread,
+  /// too. Of nearly coinciding points of a cell, such as a corner found in several octaves, only
+  /// the first counts.
   void choose(const std::vector<Eigen::Vector2d>& points, const cv::Size& image, std::size_t wanted,
               std::vector<std::uint32_t>& chosen);
 
  private:
   struct Cell {
-    std::uint32_t first = 0;  ///< place in order_
+    std::uint32_t first = 0;  ///< index into order_
     std::uint32_t size = 0;
   };
 

@@ -16,7 +16,7 @@ using util::position;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Adds values up without storing them.
+/// Running sums of the values.
 class Accumulator {
  public:
   void add(double value) {
@@ -84,9 +84,9 @@ double matchedShare(std::size_t matches, const Features& reference, const Featur
 
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& x) {
   const Eigen::Vector3d p = homography * x.homogeneous();
-  // H is known up to a factor, also a negative one. With the sign that makes the third coordinate
-  // positive where the plane is seen, no view of a plane turns it over: det H > 0. The last entry
-  // does not tell, as the origin may lie beyond the horizon.
+  // H is known up to a factor, which may be negative. With the sign that makes the third coordinate
+  // positive where the plane is seen, a view of a plane has det H > 0. The last entry does not
+  // decide, since the origin may be beyond the horizon.
   const bool has_horizon = homography(2, 0) != 0.0 || homography(2, 1) != 0.0;
   const double side = has_horizon ? homography.determinant() : homography(2, 2);
   const double w = side < 0.0 ? -p.z() : p.z();
@@ -136,7 +136,7 @@ double areaUnderCurve(const std::vector<double>& errors, double threshold) {
   double last = 0.0;
   for (const double error : sorted) {
     if (error >= threshold) break;
-    area += (share + 0.5) * (error - last);  // the mean of the shares at both ends
+    area += (share + 0.5) * (error - last);  // mean of the shares at both ends
     share += 1.0;
     last = error;
   }

@@ -38,7 +38,7 @@ Chord chordAt(const Ellipse& e, double y) {
   return {middle - half, middle + half};
 }
 
-/// Area common to both: exact chords, summed over `rows` by the midpoint rule.
+/// Area of the intersection: exact chords, summed over `rows` by the midpoint rule.
 double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   const double top = std::max(a.centre.y() - a.halfHeight(), b.centre.y() - b.halfHeight());
   const double bottom = std::min(a.centre.y() + a.halfHeight(), b.centre.y() + b.halfHeight());
@@ -54,7 +54,8 @@ double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   return area;
 }
 
-/// Scales the regions, not the distance of their centres: else large regions would always repeat.
+/// Scales the regions but not the distance of their centres; otherwise large regions would always
+/// repeat.
 double overlapError(Ellipse a, Ellipse b, int rows) {
   const double factor = kNormalisedRadius * kNormalisedRadius * kPi / a.area();
   a.shape /= factor;
@@ -76,7 +77,7 @@ Eigen::Matrix2d discShape(const cv::KeyPoint& keypoint) {
   return Eigen::Matrix2d::Identity() / (radius * radius);
 }
 
-/// The keypoint's disc as `homography` shows it in the other image, linearised at its centre.
+/// The keypoint's disc mapped by `homography`, linearised at its centre.
 Ellipse mappedDisc(const Eigen::Matrix3d& homography, const cv::KeyPoint& keypoint) {
   const Eigen::Vector3d p = homography * positionOf(keypoint).homogeneous();
   const Eigen::Vector2d centre = p.head<2>() / p.z();
@@ -119,11 +120,12 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
   for (std::size_t r = 0; r < mapped.size(); ++r) {
     for (std::size_t t = 0; t < found.size(); ++t) {
       const double distance = (mapped[r].centre - found[t].centre).norm();
-      // Unequal or far regions cannot overlap enough; most pairs end here.
+      // Regions that differ too much or are too far apart cannot overlap enough; this rejects most
+      // pairs.
       if (distance > 2.0 * kNormalisedRadius) continue;
       const double ratio = mapped[r].area() / found[t].area();
       if (std::min(ratio, 1.0 / ratio) < 1.0 - max_overlap_error) continue;
-      // A few rows are good to 3 % and enough to reject, many to 0.1 %.
+      // A few rows are accurate to 3 %, which is enough to reject; many rows to 0.1 %.
       if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
       const double error = overlapError(mapped[r], found[t], 64);
       if (error <= max_overlap_error) candidates.push_back({error, r, t});

@@ -6,14 +6,14 @@
 namespace ktgp_orb::gms {
 namespace {
 
-/// Bit k of the result is bit (k - m) mod 8: the ring turned by m places.
+/// Bit k of the result is bit (k - m) mod 8: the ring rotated by m places.
 unsigned turned(unsigned ring, unsigned m) {
   return ((ring << m) | (ring >> (kRing - m))) & 0xffu;
 }
 
-/// score >= T_G * sqrt(matches / cells), as the authors' program computes it in double precision.
+/// score >= T_G * sqrt(matches / cells), in double precision as in the authors' program.
 bool reaches(std::uint32_t score, double threshold, std::uint32_t matches, int cells) {
-  // The squares decide unless they are so close that rounding could; a root is slow.
+  // Compares the squares, which is faster than a root, unless rounding could change the result.
   const double left = static_cast<double>(score) * score * cells;
   const double right = threshold * threshold * matches;
   if (std::abs(left - right) > 1e-9 * right) return left > right;
@@ -32,36 +32,51 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
   references_.resize(room);
   steps_.resize(room);
   counts_.resize(room);
-  cells_.resize(members.places() + 1);
+  cells_.resize(members.places());
+  sums_.resize(members.places() + 1);
 
-  Cell sums;
-  for (std::size_t place = 0; place < members.places(); ++place) {
+  Sums sums;
+  for (std::uint32_t place = 0; place < members.places(); ++place) {
     const CellMembers::Cell& position = members.cells()[place];
-    const std::uint32_t end = members.cells()[place + 1].begin;
-    Cell cell = sums;
-    cell.target = reference.cell(position.column, position.row);
-    for (std::uint32_t i = position.begin; i < end; ++i) {
-      const std::uint32_t r = reference_cells[members.matches()[i]];
-      if (r == kNoCell) continue;
-      references_[sums.pairs] = r;  // overwritten by the next where it is not new
-      sums.pairs += histogram_[r]++ == 0 ? 1 : 0;
-      ++sums.matches;
-    }
-    std::uint64_t best = 0;  // count << 32 | ~cell: the largest is the best
-    for (std::uint32_t i = cell.pairs; i < sums.pairs; ++i) {
-      const std::uint32_t r = references_[i];
-      const std::uint32_t n = histogram_[r];
-      histogram_[r] = 0;
-      steps_[i] = static_cast<std::int32_t>(r - cell.target);
-      counts_[i] = static_cast<std::int32_t>(n);
-      best = std::max(best, std::uint64_t{n} << 32 | static_cast<std::uint32_t>(~r));
-    }
-    cell.best_count = static_cast<std::uint32_t>(best >> 32);
-    cell.best = cell.best_count > 0 ? ~static_cast<std::uint32_t>(best) : kNoCell;
-    sums.best_counts += cell.best_count;
-    cells_[place] = cell;
+    sums_[place] = sums;
+    addPairs(place, reference_cells, sums);
+    const std::uint32_t cell = reference.cell(position.column, position.row);
+    cells_[place] = closeCell(cell, sums_[place].pairs, sums.pairs);
+    sums.best_counts += cells_[place].best_count;
   }
-  cells_[members.places()] = sums;
+  sums_[members.places()] = sums;
+}
+
+/// Lists the reference cells of the matches at `place`, and counts them in the histogram.
+void CellPairs::addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells,
+                         Sums& sums) {
+  const std::uint32_t end = members_->cells()[place + 1].begin;
+  for (std::uint32_t i = members_->cells()[place].begin; i < end; ++i) {
+    const std::uint32_t r = reference_cells[members_->matches()[i]];
+    if (r == kNoCell) continue;
+    ++sums.matches;
+    if (histogram_[r]++ == 0) references_[sums.pairs++] = r;
+  }
+}
+
+/// Moves the counts of a target cell's pairs, from `begin` to `end`, out of the histogram, and
+/// finds the best pair.
+CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t begin,
+                                     std::uint32_t end) {
+  Cell cell;
+  cell.target = target_cell;
+  for (std::uint32_t i = begin; i < end; ++i) {
+    const std::uint32_t r = references_[i];
+    const std::uint32_t n = histogram_[r];
+    histogram_[r] = 0;
+    steps_[i] = static_cast<std::int32_t>(r - target_cell);
+    counts_[i] = static_cast<std::int32_t>(n);
+    if (n > cell.best_count || (n == cell.best_count && r < cell.best)) {
+      cell.best = r;
+      cell.best_count = n;
+    }
+  }
+  return cell;
 }
 
 std::uint32_t CellPairs::targetIndex(std::size_t place) const {
@@ -78,47 +93,46 @@ CellPairs::Neighbourhood CellPairs::neighbourhood(std::size_t place) const {
   return {row(cell - stride), row(cell), row(cell + stride)};
 }
 
-std::uint32_t CellPairs::sumAround(const Neighbourhood& around, std::uint32_t Cell::*field) const {
+std::uint32_t CellPairs::sumAround(const Neighbourhood& around, std::uint32_t Sums::*field) const {
   std::uint32_t sum = 0;
-  for (const Row& row : around) sum += cells_[row.end].*field - cells_[row.begin].*field;
+  for (const Row& row : around) sum += sums_[row.end].*field - sums_[row.begin].*field;
   return sum;
 }
 
 bool CellPairs::maySupport(std::size_t place, double threshold) const {
   if (cells_[place].best_count == 0) return false;
   if (reference_->neighbours[cells_[place].best] < kRing) return true;
-  // Whatever the rotation, no neighbour can give more than the count of its own best pair.
+  // For every rotation, a neighbour contributes at most the count of its own best pair.
   const Neighbourhood around = neighbourhood(place);
-  return reaches(sumAround(around, &Cell::best_counts), threshold,
-                 sumAround(around, &Cell::matches), 1 + target_->neighbours[targetIndex(place)]);
+  return reaches(sumAround(around, &Sums::best_counts), threshold,
+                 sumAround(around, &Sums::matches), 1 + target_->neighbours[targetIndex(place)]);
 }
 
 std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& around) const {
-  // The same neighbour on both sides: the same step from target cell to reference cell.
+  // The same neighbour in both grids: the same step from target cell to reference cell.
   const auto step = static_cast<std::int32_t>(cell.best - cell.target);
   std::array<PairRange, 3> ranges;
   for (std::size_t i = 0; i < around.size(); ++i) {
-    ranges[i] = {cells_[around[i].begin].pairs, cells_[around[i].end].pairs};
+    ranges[i] = {sums_[around[i].begin].pairs, sums_[around[i].end].pairs};
   }
   return static_cast<std::uint32_t>(
       kernels_->sum_of_step(steps_.data(), counts_.data(), ranges, step));
 }
 
 CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhood& around) const {
-  // The second half takes what lies in no direction, so that the loop has no branch.
-  std::array<std::uint32_t, std::size_t{2} * kRing> sums{};
+  Scores scores;
+  scores.fill(cell.best_count);
   const Grid& grid = *reference_;
   for (const Row& row : around) {
-    const std::uint32_t end = cells_[row.end].pairs;
-    for (std::uint32_t i = cells_[row.begin].pairs; i < end; ++i) {
-      const unsigned k =
-          grid.direction(references_[i] - static_cast<std::uint32_t>(steps_[i]), cell.target);
+    const std::uint32_t end = sums_[row.end].pairs;
+    for (std::uint32_t i = sums_[row.begin].pairs; i < end; ++i) {
+      const std::uint32_t target_cell = references_[i] - static_cast<std::uint32_t>(steps_[i]);
+      const unsigned k = grid.direction(target_cell, cell.target);
       const unsigned j = grid.direction(references_[i], cell.best);
-      sums[((k - j) & (kRing - 1)) | ((k | j) & kRing)] += static_cast<std::uint32_t>(counts_[i]);
+      if (k == kRing || j == kRing) continue;  // not a neighbour, or the cell itself
+      scores[(k + kRing - j) % kRing] += static_cast<std::uint32_t>(counts_[i]);
     }
   }
-  Scores scores{};
-  for (unsigned m = 0; m < kRing; ++m) scores[m] = cell.best_count + sums[m];
   return scores;
 }
 
@@ -130,20 +144,21 @@ unsigned CellPairs::supportedAtReferenceBorder(std::size_t place, const Scores& 
   Scores matches{};
   for (unsigned k = 0; k < kRing; ++k) {
     const std::uint32_t neighbour = index + target_->ring[k];
-    matches[k] =
-        cells_[members_->rank(neighbour + 1)].matches - cells_[members_->rank(neighbour)].matches;
+    matches[k] = sums_[members_->rank(neighbour + 1)].matches -
+                 sums_[members_->rank(neighbour)].matches;  // 0 if it is not occupied
   }
   unsigned supported = 0;
   for (unsigned m = 0; m < rotations; ++m) {
-    // Pairs of neighbours of which one is outside its image do not count.
+    // Pairs of neighbours with one outside its image do not count.
     const unsigned valid = target_inside & turned(reference_inside, m);
-    std::uint32_t sum = cells_[place + 1].matches - cells_[place].matches;
+    std::uint32_t sum = matchesAt(place);
     int cells = 1;
     for (unsigned k = 0; k < kRing; ++k) {
-      sum += (valid >> k & 1u) * matches[k];
-      cells += static_cast<int>(valid >> k & 1u);
+      if ((valid >> k & 1u) == 0) continue;
+      sum += matches[k];
+      ++cells;
     }
-    supported |= (reaches(scores[m], threshold, sum, cells) ? 1u : 0u) << m;
+    if (reaches(scores[m], threshold, sum, cells)) supported |= 1u << m;
   }
   return supported;
 }
@@ -162,12 +177,12 @@ unsigned CellPairs::supportedRotations(std::size_t place, double threshold,
   const unsigned rotations = all_rotations ? kRing : 1;
   if (reference_->neighbours[cell.best] < kRing)
     return supportedAtReferenceBorder(place, scores, rotations, threshold);
-  // At the target's border alone: the missing neighbours have no matches.
+  // Only at the target's border: the missing neighbours have no matches.
   const int cells = 1 + target_->neighbours[targetIndex(place)];
-  const std::uint32_t matches = sumAround(around, &Cell::matches);
+  const std::uint32_t matches = sumAround(around, &Sums::matches);
   unsigned supported = 0;
   for (unsigned m = 0; m < rotations; ++m) {
-    supported |= (reaches(scores[m], threshold, matches, cells) ? 1u : 0u) << m;
+    if (reaches(scores[m], threshold, matches, cells)) supported |= 1u << m;
   }
   return supported;
 }

@@ -21,7 +21,7 @@ using util::requireInRange;
 using gms::Grid;
 using gms::kNoCell;
 
-// The authors' order, which decides between equals.
+// The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
 int scaled(int cells, double scale) {
@@ -48,14 +48,14 @@ bool isIndexOf(const Features& features, std::int32_t index) {
 }
 
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
-/// authors' program: the cell of a keypoint on the line between two depends on the rounding.
+/// authors' program: rounding decides the cell of a keypoint on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
   const cv::Point2f& p = imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }
 
-/// Whether a position in cells is on the grid; no for one that is not a number.
+/// Whether a position in cells is on the grid; false for NaN.
 bool isOnGrid(const cv::Point2f& cells, const Grid& grid) {
   return cells.x >= 0.0F && cells.x < static_cast<float>(grid.columns) && cells.y >= 0.0F &&
          cells.y < static_cast<float>(grid.rows);
@@ -66,36 +66,34 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// How the support is kept. A match lies in one cell of each of the four shifted target grids, and
-// its keypoint in the reference image in one reference cell. It survives where in one of the grids
-//   - its pair of cells is the best of its target cell (most matches go that way), and
-//   - that pair has support, for the rotation in question.
-// The support of a pair is a question to the cell alone, with up to eight answers, one for each
-// rotation of the neighbourhood: a bit each. So every occupied target cell gets a Verdict, the
-// reference cell of its best pair and those bits (judge), and every match collects the bits of the
-// four cells that it lies in, where they speak of its own reference cell (vote). Counting one bit
-// over all matches then tells how many survive with that rotation. The rotation and scale that
-// keep most win. For the other scales all bits are first set wherever the cell's whole
-// neighbourhood could reach the threshold (ruleOut): where even that keeps no more than the best
-// so far, nothing needs to be judged.
+// How the support is computed. A match is in one cell of each of the four shifted target grids, and
+// in one reference cell. It survives if in one of the grids
+// - its pair of cells is the best of its target cell (most matches lead there), and
+// - that pair has support, for the current rotation.
+// The support depends only on the cell and the rotation: one bit for each of the eight rotations of
+// the neighbourhood. So judge computes a Verdict for every occupied target cell. vote collects for
+// every match the bits of its four cells, if they name its reference cell. The number of matches
+// with a bit is the number that survives with that rotation. The rotation and scale that keep most
+// matches win.
 
-/// What one shifted grid says about the matches of one target cell.
+/// The verdict of one shifted grid on the matches of one target cell.
 struct Verdict {
-  std::uint32_t best_cell;  ///< the reference cell of the matches it is about
-  std::uint32_t bits;       ///< bit m: supported with rotation m; kInBestPair
+  std::uint32_t best_cell = kNoCell;  ///< reference cell of its best pair
+  std::uint8_t rotations = 0;         ///< bit m: that pair has support with rotation m
 };
-constexpr unsigned kInBestPair = 1u << gms::kRing;
-constexpr unsigned kAllRotations = kInBestPair - 1;
 
-/// What the four shifted grids together say about every match.
+/// The combined verdicts of the four shifted grids for every match.
 struct Votes {
   std::vector<std::uint32_t> reference_cell;
-  std::vector<std::uint16_t> bits;  ///< as in Verdict
+  std::vector<std::uint8_t> in_best_pair;  ///< of at least one grid; 0 or 1
+  std::vector<std::uint8_t> rotations;     ///< as in Verdict
 
-  bool has(std::size_t match, unsigned bit) const { return (bits[match] >> bit & 1u) != 0; }
-  std::size_t count(unsigned bit) const {
+  bool survives(std::size_t match, unsigned rotation) const {
+    return (rotations[match] >> rotation & 1u) != 0;
+  }
+  std::size_t survivors(unsigned rotation) const {
     std::size_t n = 0;
-    for (const std::uint16_t b : bits) n += b >> bit & 1u;
+    for (const std::uint8_t r : rotations) n += r >> rotation & 1u;
     return n;
   }
 };
@@ -108,7 +106,7 @@ struct Winner {
   Votes votes;
 };
 
-/// What the filter does where it is switched off.
+/// The filter when it is switched off.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
   GmsResult result;
   for (Correspondence& c : correspondences) {
@@ -134,9 +132,10 @@ struct GmsFilter::Impl {
               const std::vector<Correspondence>& correspondences);
   void tryScale(std::size_t scale);
   void countPairs(const Grid& reference_grid);
-  void ruleOut();                   ///< fills the verdicts: an upper bound
-  void judge(bool after_rule_out);  ///< fills the verdicts
-  void vote();                      ///< from the verdicts to the votes
+  void ruleOut();                     ///< fills `possible`
+  std::size_t mostSurvivors() const;  ///< an upper bound over all rotations, from `possible`
+  void judge();                       ///< fills the verdicts
+  void vote();                        ///< from the verdicts to the votes
   GmsResult apply(std::vector<Correspondence>& correspondences) const;
 
   GmsOptions options;
@@ -144,17 +143,18 @@ struct GmsFilter::Impl {
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
   // The matches that take part: three arrays of equal length.
-  std::vector<std::uint32_t> number;    ///< place among the correspondences
+  std::vector<std::uint32_t> number;    ///< index among the correspondences
   std::vector<cv::Point2f> reference;   ///< normalised position in the reference image
   std::vector<gms::HalfCell> position;  ///< in the target image
   std::size_t outside = 0;              ///< correspondences left out: not in the target image
 
-  // One of each per shift of the target grid.
+  // One per shift of the target grid.
   std::array<gms::CellMembers, 4> members;
   std::array<gms::CellPairs, 4> pairs;
-  std::array<std::vector<Verdict>, 4> verdicts;  ///< by place, and one for "in no cell"
+  std::array<std::vector<Verdict>, 4> verdicts;       ///< by place, and one for "in no cell"
+  std::array<std::vector<std::uint8_t>, 4> possible;  ///< by place: its best pair may have support
 
-  Votes votes;  ///< of the scale being tried
+  Votes votes;  ///< for the current scale
   Winner winner;
 };
 
@@ -204,43 +204,61 @@ void GmsFilter::Impl::countPairs(const Grid& grid) {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     pairs[shift].count(members[shift], target_grid, grid, votes.reference_cell);
     verdicts[shift].resize(members[shift].places() + 1);
-    verdicts[shift].back() = {kNoCell, 0};
+    verdicts[shift].back() = {};
+    possible[shift].assign(members[shift].places() + 1, 1);
   }
 }
 
-/// Verdicts that allow every rotation, save where it is plain that none can be supported.
+/// A best pair cannot have more support than the matches around it. Checking this is far cheaper
+/// than judging the pair.
 void GmsFilter::Impl::ruleOut() {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
-    const gms::CellPairs& p = pairs[shift];
     for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      const bool may = p.maySupport(place, options.threshold);
-      verdicts[shift][place] = {p.best(place), may ? kInBestPair | kAllRotations : kInBestPair};
+      possible[shift][place] = pairs[shift].maySupport(place, options.threshold) ? 1 : 0;
     }
   }
 }
 
-void GmsFilter::Impl::judge(bool after_rule_out) {
+std::size_t GmsFilter::Impl::mostSurvivors() const {
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    for (std::size_t shift = 0; shift < members.size(); ++shift) {
+      const std::uint32_t place = members[shift].placeOfMatch()[i];
+      if (place == members[shift].places() || possible[shift][place] == 0) continue;
+      if (pairs[shift].best(place) != votes.reference_cell[i]) continue;
+      ++most;
+      break;
+    }
+  }
+  return most;
+}
+
+void GmsFilter::Impl::judge() {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     const gms::CellPairs& p = pairs[shift];
     for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      Verdict& verdict = verdicts[shift][place];
-      if (after_rule_out && verdict.bits == kInBestPair) continue;
-      const unsigned rotations = p.supportedRotations(place, options.threshold, options.rotation);
-      verdict = {p.best(place), kInBestPair | rotations};
+      Verdict verdict;
+      verdict.best_cell = p.best(place);
+      if (possible[shift][place] != 0) {
+        verdict.rotations = static_cast<std::uint8_t>(
+            p.supportedRotations(place, options.threshold, options.rotation));
+      }
+      verdicts[shift][place] = verdict;
     }
   }
 }
 
-/// A match is supported where any of the four grids supports it.
+/// A match survives if any of the four grids supports it.
 void GmsFilter::Impl::vote() {
-  votes.bits.resize(reference.size());
+  votes.in_best_pair.assign(reference.size(), 0);
+  votes.rotations.assign(reference.size(), 0);
   for (std::size_t i = 0; i < reference.size(); ++i) {
-    unsigned bits = 0;
     for (std::size_t shift = 0; shift < members.size(); ++shift) {
       const Verdict& verdict = verdicts[shift][members[shift].placeOfMatch()[i]];
-      bits |= verdict.best_cell == votes.reference_cell[i] ? verdict.bits : 0;
+      if (verdict.best_cell != votes.reference_cell[i]) continue;
+      votes.in_best_pair[i] = 1;
+      votes.rotations[i] |= verdict.rotations;
     }
-    votes.bits[i] = static_cast<std::uint16_t>(bits);
   }
 }
 
@@ -248,16 +266,14 @@ void GmsFilter::Impl::tryScale(std::size_t scale) {
   countPairs(reference_grids[scale]);
   const bool first = scale == 0;
   if (!first) {
-    // No rotation keeps more than what is in a best pair that is not ruled out.
     ruleOut();
-    vote();
-    if (votes.count(0) <= winner.kept) return;
+    if (mostSurvivors() <= winner.kept) return;
   }
-  judge(!first);
+  judge();
   vote();
   bool wins = first;
   for (unsigned m = 0; m < (options.rotation ? gms::kRing : 1); ++m) {
-    const std::size_t kept = votes.count(m);
+    const std::size_t kept = votes.survivors(m);
     if (kept <= winner.kept) continue;
     winner.kept = kept;
     winner.rotation = m;
@@ -273,12 +289,12 @@ GmsResult GmsFilter::Impl::apply(std::vector<Correspondence>& correspondences) c
   result.scale = kScales[winner.scale];
   result.outside_grid = outside;
   for (std::size_t i = 0; i < number.size(); ++i) {
-    if (winner.votes.has(i, winner.rotation)) {
+    if (winner.votes.survives(i, winner.rotation)) {
       correspondences[number[i]].level = Level::ktg;
       ++result.kept;
     } else if (winner.votes.reference_cell[i] == kNoCell) {
       ++result.outside_grid;
-    } else if (winner.votes.has(i, gms::kRing)) {
+    } else if (winner.votes.in_best_pair[i] != 0) {
       ++result.low_support;
     } else {
       ++result.not_best_pair;

@@ -40,64 +40,62 @@ Grid::Grid(int grid_columns, int grid_rows)
 
 void CellMembers::assign(const Grid& grid, bool shift_x, bool shift_y,
                          const std::vector<HalfCell>& positions) {
-  // A counting sort. Until the places are known, place_of_match_ holds cells.
+  // A counting sort.
   countMatches(grid, shift_x, shift_y, positions);
-  const std::uint32_t in_cells = static_cast<std::uint32_t>(positions.size()) - next_[kNoCell];
-  listOccupied(grid, in_cells);
-  sortMatches(in_cells);
+  listOccupied(grid);
+  sortMatches();
 }
 
 void CellMembers::countMatches(const Grid& grid, bool shift_x, bool shift_y,
                                const std::vector<HalfCell>& positions) {
   const int add_x = shift_x ? 1 : 0;
   const int add_y = shift_y ? 1 : 0;
-  place_of_match_.resize(positions.size());
-  next_.assign(grid.cells, 0);
+  cell_of_match_.resize(positions.size());
+  count_.assign(grid.cells, 0);
   for (std::size_t i = 0; i < positions.size(); ++i) {
     const int column = (positions[i].column + add_x) / 2;
     const int row = (positions[i].row + add_y) / 2;
     const bool in_grid = (column >= add_x) & (column < grid.columns) &  // no branches
                          (row >= add_y) & (row < grid.rows);
     const std::uint32_t cell = in_grid ? grid.cell(column, row) : kNoCell;
-    place_of_match_[i] = cell;
-    ++next_[cell];
+    cell_of_match_[i] = cell;
+    ++count_[cell];
   }
 }
 
-void CellMembers::listOccupied(const Grid& grid, std::uint32_t in_cells) {
-  next_[kNoCell] = 0;
+void CellMembers::listOccupied(const Grid& grid) {
+  cells_.clear();
+  cells_.reserve(grid.cells + 1);  // so that later frames allocate nothing
   rank_.resize(grid.cells + 1);
-  cells_.resize(std::min<std::size_t>(in_cells, grid.cells) + 1);
+  next_.resize(grid.cells);
   std::uint32_t begin = 0;
-  std::uint32_t occupied = 0;
   std::uint32_t cell = 0;
   for (int row = -1; row <= grid.rows; ++row) {
     for (int column = -1; column <= grid.columns; ++column, ++cell) {
-      const std::uint32_t count = next_[cell];
-      rank_[cell] = occupied;
+      rank_[cell] = static_cast<std::uint32_t>(cells_.size());
       next_[cell] = begin;
-      // The entry of an empty cell is overwritten by the next.
-      cells_[occupied] = {static_cast<std::uint16_t>(column), static_cast<std::uint16_t>(row),
-                          begin};
-      occupied += count > 0 ? 1 : 0;
-      begin += count;
+      if (count_[cell] == 0 || cell == kNoCell) continue;
+      cells_.push_back(
+          {static_cast<std::uint16_t>(column), static_cast<std::uint16_t>(row), begin});
+      begin += count_[cell];
     }
   }
-  rank_[grid.cells] = occupied;
-  cells_.resize(occupied + 1);
-  cells_[occupied] = {0, 0, in_cells};
+  rank_[grid.cells] = static_cast<std::uint32_t>(cells_.size());
+  cells_.push_back({0, 0, begin});
 }
 
-void CellMembers::sortMatches(std::uint32_t in_cells) {
-  const auto in_none = static_cast<std::uint32_t>(places());
-  next_[kNoCell] = in_cells;  // those in no cell go to the end and are left out
-  matches_.resize(place_of_match_.size());
-  for (std::size_t i = 0; i < matches_.size(); ++i) {
-    const std::uint32_t cell = place_of_match_[i];
+void CellMembers::sortMatches() {
+  matches_.resize(cells_.back().begin);
+  place_of_match_.resize(cell_of_match_.size());
+  for (std::size_t i = 0; i < cell_of_match_.size(); ++i) {
+    const std::uint32_t cell = cell_of_match_[i];
+    if (cell == kNoCell) {
+      place_of_match_[i] = static_cast<std::uint32_t>(places());
+      continue;
+    }
     matches_[next_[cell]++] = static_cast<std::uint32_t>(i);
-    place_of_match_[i] = cell == kNoCell ? in_none : rank_[cell];
+    place_of_match_[i] = rank_[cell];
   }
-  matches_.resize(in_cells);
 }
 
 }  // namespace ktgp_orb::gms

@@ -1,4 +1,4 @@
-// The inner loop of GMS in plain C++, the definition for the vector versions.
+// The inner loop of GMS in plain C++, the reference for the vector versions.
 #include "core/gms/kernels.h"
 
 namespace ktgp_orb::gms {

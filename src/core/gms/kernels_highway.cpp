@@ -15,7 +15,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-// The ranges are a few entries long: what a vector holds beyond the end is masked out.
+// The ranges have few entries: lanes past the end are masked out.
 std::int32_t sumOfStep(const std::int32_t* steps, const std::int32_t* counts,
                        const std::array<PairRange, 3>& ranges, std::int32_t step) {
   const hn::CappedTag<std::int32_t, kReadBeyond> d;

@@ -12,11 +12,11 @@ namespace {
 constexpr int kRounds = 10;
 constexpr std::size_t kMaxLastRounds = 4;
 constexpr double kFirstReach = 120.0;       // px of the reference
-constexpr double kReachFactor = 4.0 / 3.0;  // a round
+constexpr double kReachFactor = 4.0 / 3.0;  // per round
 constexpr std::size_t kFewestForHomography = 12;
 
-/// Matches within the last radius that a round needs. A right seed has found several times as many,
-/// and a wrong one seldom as many twice in a row: nearly all of the time goes into wrong ones.
+/// Matches within the last radius that a round needs. A right seed has found several times as many.
+/// A wrong seed seldom has as many twice in a row; wrong seeds take nearly all of the time.
 std::size_t fewest(int round) {
   return std::min<std::size_t>(4 + 2 * static_cast<std::size_t>(round), kFewestForHomography);
 }

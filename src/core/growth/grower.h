@@ -10,18 +10,18 @@
 namespace ktgp_orb::growth {
 
 /// Grows a map from a seed (Ferrari, Tuytelaars & Van Gool, ECCV 2004, expand and contract): guided
-/// matching in a region around it, the map fitted anew, the region larger and the radius smaller.
+/// matching in a region around it, a new fit of the map, then a larger region and a smaller radius.
 /// Keeps its buffers.
 class Grower {
  public:
   static constexpr float kFirstRadius = 15.F;  ///< px
   static constexpr float kLastRadius = 4.F;
 
-  /// False where too few matches are found on the way. `map`: first guess, then the homography.
+  /// False if too few matches are found on the way. `map`: the initial guess; then the homography.
   bool grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
             Eigen::Matrix3d& map);
 
-  /// What the homography predicts over the whole image, and the matches found there, after grow().
+  /// After grow(): the predictions of the homography over the whole image, and the matches there.
   const std::vector<Prediction>& predictions() const { return predictions_; }
   const std::vector<LocalMatch>& matches() const { return matches_; }
   const std::vector<PlacePair>& pairs() const { return pairs_; }

@@ -21,7 +21,7 @@ namespace {
 constexpr int kFewestVotes = 2;
 constexpr int kDescriptorBits = 8 * kDescriptorBytes;
 
-/// A match that others vote for, in a view of the reference.
+/// A match with votes, in a view of the reference.
 struct Seed {
   std::int32_t votes;
   std::int32_t view;  // 0: the reference itself
@@ -47,7 +47,7 @@ using growth::PlacePair;
 using growth::Seed;
 
 struct HomographyGrowth::Impl {
-  /// What is known of the target from one view of the reference.
+  /// The matches between the target and one view of the reference.
   struct View {
     Eigen::Matrix<double, 2, 3> to_view;
     KnnMatcher knn;
@@ -79,16 +79,16 @@ struct HomographyGrowth::Impl {
   homography::Finaliser finaliser;
   homography::FinalHomography final;
   cv::Size image_size;       // of the reference
-  std::size_t own_size = 0;  // its keypoints, without those of its views
+  std::size_t own_size = 0;  // number of its own keypoints, without those of its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
   std::vector<PlacePair> near;
-  std::vector<Eigen::Matrix3d> tried;  // maps that seeds led to
-  std::vector<Grown> grown;            // the same; the first `grown_count`, the others are buffers
+  std::vector<Eigen::Matrix3d> tried;  // maps that the seeds grew to
+  std::vector<Grown> grown;            // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
   std::vector<std::size_t> order;    // of `grown`, the best first
-  std::vector<cv::Point2f> repeats;  // of one of them
+  std::vector<cv::Point2f> repeats;  // of one map
   growth::Rivals rivals;
 };
 
@@ -132,7 +132,7 @@ void HomographyGrowth::Impl::collectSeeds() {
 
 /// Reference to target, from the seed and its voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
-  constexpr double kReach = 30.0;  // px: what the seed's own direction and size weigh
+  constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
   View& view = views[static_cast<std::size_t>(seed.view)];
   const auto place = [](const FramePair& pair) {
     return PlacePair{{pair.from.x, pair.from.y}, {pair.to.x, pair.to.y}};
@@ -170,7 +170,7 @@ bool HomographyGrowth::Impl::isExplained(const Seed& seed) const {
   });
 }
 
-/// Grows `map` and judges what comes of it.
+/// Grows `map` and judges the result.
 void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d& centre,
                                      GrowthResult& result) {
   if (!grower.grow(centre, reference, matcher, map)) return;
@@ -188,7 +188,7 @@ void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d&
   kept.met_repeats = false;
 }
 
-/// Those that chance explains least first.
+/// Those least explained by chance first.
 void HomographyGrowth::Impl::sortGrown() {
   order.resize(grown_count);
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -199,7 +199,7 @@ void HomographyGrowth::Impl::sortGrown() {
   });
 }
 
-/// Grows the best one anew from where the scene looks the same, until none of these is better.
+/// Grows the best one again from positions that look alike, until none of these is better.
 void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
@@ -218,7 +218,7 @@ void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
   }
 }
 
-/// The best one, unless chance explains it or another one that says the contrary is nearly as good.
+/// The best one, unless chance explains it, or another one that contradicts it is nearly as good.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   sortGrown();
   if (order.empty()) return;
@@ -236,8 +236,8 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   }
 }
 
-/// The homography of greatest likelihood, and what it rests on. False, and nothing is kept, where
-/// it is none that the whole reference could be seen by.
+/// The homography of maximum likelihood and its pairs. False, without a result, if it is not a view
+/// of the whole reference.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   collect(chosen, result);
   UncertainHomography estimate;

@@ -13,11 +13,11 @@
 
 namespace ktgp_orb::growth {
 
-/// A keypoint as a place, a direction of length 1 and a size.
+/// A keypoint as a position, a direction of length 1 and a size.
 struct LocalFrame {
   float x, y;      ///< px
-  float dx, dy;    ///< where it points
-  float log_size;  ///< natural logarithm of its diameter in px
+  float dx, dy;    ///< direction
+  float log_size;  ///< natural logarithm of the diameter in px
 };
 
 inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
@@ -26,7 +26,7 @@ inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
           std::log(std::max(keypoint.size, 1e-3F))};
 }
 
-/// The frame at the place `to` after a map with the derivative `jacobian`, which scales areas by
+/// The frame at position `to` after a map with the derivative `jacobian`, which scales areas by
 /// exp(2 `log_scale`).
 inline LocalFrame mapped(const LocalFrame& frame, const Eigen::Vector2f& to,
                          const Eigen::Matrix2f& jacobian, float log_scale) {
@@ -45,9 +45,9 @@ inline Bits bitsOf(const Features& features, std::size_t index) {
   return bits;
 }
 
-/// Hamming distance, without an instruction that not every processor has.
+/// Hamming distance, using only instructions that every processor has.
 inline int distance(const Bits& a, const Bits& b) {
-  std::uint64_t bytes = 0;  // each holds four times eight
+  std::uint64_t bytes = 0;  // each byte counts at most four times eight
   for (std::size_t i = 0; i < a.size(); ++i) {
     std::uint64_t v = a[i] ^ b[i];
     v -= (v >> 1) & 0x5555555555555555U;

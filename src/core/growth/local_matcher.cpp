@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::int64_t kNoKey = std::numeric_limits<std::int64_t>::max();
 
-/// The smaller, the nearer; of equal distances the lower number.
+/// The smaller key is nearer; for equal distances the lower number.
 std::int64_t key(int distance, std::int32_t number) {
   return (static_cast<std::int64_t>(distance) << 32) | number;
 }
@@ -56,7 +56,7 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
         const float ex = frame.x - x;
         const float ey = frame.y - y;
         const float squared = ex * ex + ey * ey;
-        // One branch that is seldom taken is faster than four that nobody can predict.
+        // One rarely taken branch is faster than four unpredictable ones.
         const bool is_inside = squared <= squared_radius;
         const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kCosine;
         const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kLogScale;

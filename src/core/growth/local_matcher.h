@@ -12,7 +12,7 @@
 
 namespace ktgp_orb::growth {
 
-/// A keypoint of the reference as a map says that the target shows it.
+/// A keypoint of the reference as predicted in the target by a map.
 struct Prediction {
   LocalFrame frame;
   std::int32_t reference;
@@ -22,27 +22,27 @@ struct LocalMatch {
   std::int32_t reference;
   std::int32_t target;
   std::int32_t distance;  ///< Hamming
-  float squared_error;    ///< px², from the predicted place
+  float squared_error;    ///< px², from the predicted position
 };
 
-/// Looks for the keypoints of the reference where, turned as and as large as they are predicted.
-/// Keeps its buffers.
+/// Searches the keypoints of the reference near their predicted positions, with the predicted
+/// direction and size. Keeps its buffers.
 class LocalMatcher {
  public:
   static constexpr int kMaxDistance = 80;
 
   void setTarget(const Features& target);
 
-  /// The pairs of which each is the other's nearest of those that are within `radius` px of the
-  /// predicted places moved by `shift`, turned by less than 0.6 rad and by less than a factor
-  /// of 1.8 larger or smaller, and at a Hamming distance of at most kMaxDistance; of equal
-  /// distances the lower index. In the order of the predictions. Returns for how many predictions
+  /// The mutual nearest pairs within `radius` px of the predicted positions moved by `shift`, with
+  /// a rotation of less than 0.6 rad, a size ratio of less than 1.8, and a Hamming distance of at
+  /// most kMaxDistance; for equal distances the lower index. In the order of the predictions.
+  /// Returns the number of predictions with any keypoint within the radius.
   /// there is a keypoint within the radius at all.
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
-  /// Calls visit(dx, dy, descriptor) for each keypoint that points the same way and is as large, as
-  /// match() has it, in the square of half side `radius` around `wanted`; dx, dy: from there, px.
+  /// Calls visit(dx, dy, descriptor) for each keypoint with similar direction and size, as in
+  /// match(), in the square of half side `radius` around `wanted`; dx, dy: offset, px.
   template <typename Visit>
   void visitAlike(const LocalFrame& wanted, float radius, Visit visit) const {
     cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
@@ -55,7 +55,7 @@ class LocalMatcher {
     });
   }
 
-  /// Pairs that pass all of these tests, mutual or not, of the last call of match().
+  /// Pairs of the last match() that passed all these tests, mutual or not.
   std::size_t candidates() const { return candidates_; }
 
   const LocalFrame& frame(std::int32_t target) const {
@@ -75,7 +75,7 @@ class LocalMatcher {
   std::vector<LocalFrame> frames_;
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;       // of each keypoint among them
-  std::vector<std::int64_t> best_reference_;  // key of the nearest prediction, of each of them
+  std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
   std::size_t candidates_ = 0;
 };
 

@@ -10,7 +10,7 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// Shift to the centroid and scale to a mean distance of 1.
+/// Shifts to the centroid and scales to a mean distance of 1.
 struct Scaling {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;
@@ -42,7 +42,7 @@ double weightOf(const PlacePair& pair, double scale, const Eigen::Matrix3d& map)
   return 1.0 / (1.0 + squared / (scale * scale));
 }
 
-/// Not turned inside out, and all pairs on the near side of the horizon.
+/// Not mirrored, and all pairs on the near side of the horizon.
 bool keepsSides(const Eigen::Matrix3d& map, const std::vector<PlacePair>& pairs) {
   if (!map.allFinite() || !(map.determinant() > 0.0)) return false;
   const auto is_in_sight = [&](const PlacePair& pair) {
@@ -82,7 +82,8 @@ bool fitHomography(const std::vector<PlacePair>& pairs, double scale, Eigen::Mat
   Matrix8 sums = Matrix8::Zero();
   Vector8 products = Vector8::Zero();
   for (const PlacePair& pair : pairs) {
-    // Divided by the third coordinate of the map before, the algebraic error is the geometric one.
+    // Divided by the third coordinate under the previous map, the algebraic error is the geometric
+    // one.
     const double depth =
         map.row(2).dot(pair.reference.homogeneous()) / map.row(2).dot(from.centre.homogeneous());
     const double weight = weightOf(pair, scale, map) / std::max(depth * depth, 1e-6);

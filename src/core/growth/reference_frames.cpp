@@ -11,7 +11,7 @@
 namespace ktgp_orb::growth {
 namespace {
 
-/// Longest over shortest axis of the ellipse that a circle becomes.
+/// Ratio of the axes of the ellipse that a circle is mapped to.
 double squeezeOf(const Eigen::Matrix2d& linear) {
   const double det = std::abs(linear.determinant());
   const double half = 0.5 * linear.squaredNorm();  // (a² + b²) / 2, and det = a b
@@ -46,7 +46,7 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {
   constexpr double kSqueeze = 1.8;
-  constexpr double kMaxSqueeze = 4.0;  // beyond the nearest view
+  constexpr double kMaxSqueeze = 4.0;  // relative to the nearest view
   constexpr double kMaxArea = 64.0;    // scaled by eight
   const double area = jacobian.determinant();
   if (!(area > 1.0 / kMaxArea && area < kMaxArea)) return false;

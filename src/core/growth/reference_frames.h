@@ -15,14 +15,14 @@ namespace ktgp_orb::growth {
 /// buffers.
 class ReferenceFrames {
  public:
-  /// `views`: or null.
+  /// `views`: may be null.
   void set(const Features& reference, const ReferenceViews* views);
 
-  /// The keypoints within `reach` px of `centre` where `map`, reference to target, puts them. Of
-  /// the views, those that the target looks like around the centre: in which the map leaves little
-  /// to squeeze, so that descriptors and directions can agree. Without those that fall more than
-  /// `kMargin` px outside the target. False, and none, where the map is no view of a plane around
-  /// the centre that descriptors could follow.
+  /// The keypoints within `reach` px of `centre`, mapped by `map`, reference to target. Only those
+  /// of the views that look like the target around the centre: the map from the view has little
+  /// tilt, so that descriptors and directions can agree. Without those more than `kMargin` px
+  /// outside the target. False, without keypoints, if the map around the centre is not the view of
+  /// a plane with a tilt that descriptors tolerate.
   bool predict(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
                const cv::Size& target, std::vector<Prediction>& predictions);
   static constexpr float kMargin = 50.F;
@@ -40,7 +40,7 @@ class ReferenceFrames {
   bool chooseViews(const Eigen::Matrix2d& jacobian);
 
   std::vector<View> views_;
-  std::vector<double> squeeze_;  // of each view
+  std::vector<double> squeeze_;  // tilt from each view
   std::vector<std::uint8_t> chosen_;
   std::vector<LocalFrame> frames_;
   std::vector<Bits> bits_;

@@ -8,7 +8,7 @@ namespace {
 
 constexpr float kReach = 120.F;   // px
 constexpr float kBin = 6.F;       // px
-constexpr float kOwn = 10.F;      // px: nearer shifts meet the homography's own matches
+constexpr float kOwn = 10.F;      // px; smaller shifts match the homography's own pairs
 constexpr int kMaxDistance = 64;  // Hamming
 constexpr int kSide = static_cast<int>(2 * kReach / kBin);
 

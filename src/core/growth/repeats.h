@@ -9,9 +9,9 @@
 
 namespace ktgp_orb::growth {
 
-/// How a scene repeats itself: windows of a facade, lines of letters. Of all keypoints of the
-/// target that look like a predicted one, within some distance of its place, the displacements that
-/// occur most often. Keeps its buffers.
+/// Repetitions of a scene, such as windows of a facade or lines of letters: the most frequent
+/// displacements from a predicted keypoint to target keypoints that look like it, within some
+/// distance. Keeps its buffers.
 class Repeats {
  public:
   /// The most frequent shifts in px, at most kMost, none within 10 px of zero.

@@ -12,18 +12,18 @@
 
 namespace ktgp_orb::growth {
 
-/// What a seed grew to.
+/// The result for a seed.
 struct Grown {
   Eigen::Matrix3d map;
   Judgement judgement;
   std::vector<LocalMatch> matches;
   std::vector<PlacePair> pairs;      // the same
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
-  bool met_repeats = false;          // it was grown from there, too
+  bool met_repeats = false;          // it was also grown from the repetitions
 };
 
-/// A facade fits itself a window further, and a rose window turned by a spoke: what fits there is
-/// no chance, but it need not be true. Keeps its buffers.
+/// A facade also fits itself shifted by one window, and a rose window rotated by one spoke. Such a
+/// homography is not due to chance, but may be wrong. Keeps its buffers.
 class Rivals {
  public:
   /// Whether `rival` has not significantly fewer matches than `grown`, and many of them lie where

@@ -13,10 +13,10 @@ constexpr std::array<double, 2> kShifts{20.0, 45.0};  // px
 constexpr int kDirections = 24;
 constexpr double kAboveLargest = 1.5;
 constexpr double kRounds = 10.0;  // of growth
-constexpr float kCell = 12.F;     // px: half of a patch's width is seen by both
+constexpr float kCell = 12.F;     // px; two patches at this distance share half of their width
 constexpr std::uint64_t kEmpty = ~std::uint64_t{0};
 
-/// log10 of the ways to choose four of n.
+/// log10 of the number of ways to choose four of n.
 double logQuadruples(double n) {
   double sum = 0.0;
   for (int i = 0; i < 4; ++i) sum += std::log10(std::max(n - i, 1.0) / (i + 1.0));
@@ -67,7 +67,7 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
     reference_cells_.assign(slots, kEmpty);
     target_cells_.assign(slots, kEmpty);
     double sum = 0.0;
-    int above = -1;  // the nearest first, so that a cell counts with the best that it has
+    int above = -1;  // the nearest first, so that a cell counts its best match
     for (const int limit : kDistances) {
       for (const LocalMatch& m : matches) {
         if (m.distance <= above || m.distance > limit) continue;
@@ -97,7 +97,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   const double own_chances = chances({});
   const Counts own = count(matches_, reference, matcher);
 
-  // As if the decoys had nothing: what would not pass then need not meet them.
+  // As if the decoys had no matches: most rejected homographies need no decoys.
   const auto matched = static_cast<std::size_t>(own.back());
   Judgement hope{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
@@ -121,7 +121,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   return best(own, own_chances, log_tests);
 }
 
-/// At the level that says most.
+/// At the level with the largest significance.
 Judgement Verdict::best(const Counts& own, double own_chances, double log_tests) const {
   Judgement judgement;
   judgement.matched = static_cast<std::size_t>(own.back());
@@ -149,21 +149,21 @@ void Verdict::meetRepeats(const std::vector<Prediction>& predictions,
 }
 
 void Verdict::raise(const Decoy& decoy) {
-  constexpr double kFewChances = 5.0;  // of so few, a single match would say too much
+  constexpr double kFewChances = 5.0;  // for fewer, a single match would count too much
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));
   }
 }
 
-/// Where the scene repeats itself, a shift may meet the next window or letter: a few decoys then
-/// have many matches, which are not chance. What they have beyond the others is left out here; the
-/// homography must be well above the best of them all the same (kAboveLargest).
+/// In a repetitive scene a shift may equal one period: a few decoys then have many matches, which
+/// are not due to chance. Their excess over the others is left out here. The homography must still
+/// be well above the best decoy (kAboveLargest).
 Verdict::Chance Verdict::chanceAt(std::size_t k) const {
-  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may meet a repetition
-  constexpr double kBeyond = 2.0;  // matches that chance may add to the other decoys'
+  constexpr std::size_t kRepeats = kDecoys / 12;  // decoys that may equal a period
+  constexpr double kBeyond = 2.0;                 // matches that chance may add to the other decoys
   Chance chance{0.0, 1.0};
   std::array<double, kDecoys> counts;
-  // One more than were seen (Laplace's rule): what was never seen may still happen.
+  // One more than were seen (Laplace's rule): unseen events are still possible.
   double sum = 1.0;
   double all_chances = 1.0;
   for (std::size_t d = 0; d < kDecoys; ++d) {
@@ -176,7 +176,7 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
     all_chances += decoy.chances;
   }
   chance.rate = sum / all_chances;
-  double squares = 0.0;  // of what they have beyond their chances, over these
+  double squares = 0.0;  // of their excess over the expected number
   for (const Decoy& decoy : decoys_) {
     const double expected = chance.rate * std::max(decoy.chances, 1.0);
     const double excess = std::min(decoy.counts[k], most) - expected;

@@ -13,36 +13,37 @@
 
 namespace ktgp_orb::growth {
 
-/// log10 of a bound on the probability of `count` or more where chance gives `mean` with `spread`
-/// times the variance of a Poisson distribution, spread >= 1: Chernoff's bound for Poisson, and for
-/// the negative binomial where the spread is above 1. 0 where the count is not above the mean.
+/// log10 of a bound on the probability of `count` or more, if chance gives `mean` with `spread`
+/// times the variance of a Poisson distribution, spread >= 1: Chernoff's bound for Poisson, or for
+/// the negative binomial if the spread is above 1. 0 if the count is not above the mean.
 double logChance(double count, double mean, double spread);
 
-/// What the verdict is based on.
+/// The figures behind the verdict.
 struct Judgement {
-  std::size_t matched = 0;        ///< cells with matches, of whatever distance and error
-  std::size_t support = 0;        ///< the same for the distance and the error that say most
-  double by_chance = 0.0;         ///< how much of it chance gives
-  double log_false_alarms = 0.0;  ///< log10 of the expected number of homographies as good
+  std::size_t matched = 0;  ///< cells with matches, at any distance and error
+  std::size_t support = 0;  ///< the same at the most significant distance and error
+  double by_chance = 0.0;   ///< how much of it chance would give
+  double log_false_alarms =
+      0.0;  ///< log10 of the expected number of homographies that are as good by chance
 };
 
-/// Whether the matches of a homography are more than chance gives.
+/// Decides whether the matches of a homography are more than chance gives.
 ///
 /// Chance is measured: the same homography shifted by 20 and 45 px in 24 directions each (decoys)
-/// is wrong by construction, but meets the same images, descriptors, region, directions and sizes.
-/// Chances that a decoy has, keypoints predicted where the target has one within 4 px, and those of
-/// the homography are counted, so that it does not matter where the target has more keypoints.
-/// Matches count once per 12x12 px in either image.
+/// is wrong by construction, but has the same images, descriptors, region, directions and sizes.
+/// The opportunities of each are counted, too (keypoints predicted within 4 px of a target
+/// keypoint), so the density of the target's keypoints does not matter. Matches count once per
+/// 12x12 px in either image.
 ///
-/// Where the scene repeats itself, another shift may do as well: the shifts that the keypoints
-/// themselves say are frequent (Repeats) are met too, and the homography must have well more
-/// matches than each.
+/// In a repetitive scene another shift may fit as well: shifts that are frequent between the
+/// keypoints (Repeats) are tried, too, and the homography must have clearly more matches than each
+/// of them.
 ///
-/// The homography was fitted to the matches, as no decoy was. Any four pairs determine one, which
-/// these four then support. It could have been fitted to all M pairs within the first radius and,
-/// as it moved from round to round, to as many others in each of the ten rounds. So the number of
-/// false alarms is, with s seeds and
-/// twelve limits (of the Hamming distance and of the error),
+/// The homography was fitted to the matches, the decoys were not. Any four pairs determine a
+/// homography that these four support. It could have been fitted to all M pairs within the first
+/// radius and, as it changed from round to round, to as many others in each of the ten rounds. So
+/// the number of false alarms, with s seeds and twelve limits (of the Hamming distance and of the
+/// error), is
 ///
 ///   NFA = 12 s C(10 M, 4) P(at least n - 4 by chance)
 class Verdict {
@@ -50,11 +51,11 @@ class Verdict {
   static constexpr float kRadius = 4.F;  ///< px
   static constexpr double kLogMaxFalseAlarms = -6.0;
 
-  /// `predictions`: all that the homography predicts. `first_radius`: what it was grown from.
+  /// `predictions`: all predictions of the homography. `first_radius`: radius of the first round.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
                   float first_radius, int seeds, LocalMatcher& matcher);
 
-  /// The shifts that the last one was held against, where it was so good that they mattered.
+  /// The shifts that the last homography was compared with, if these were needed.
   const std::vector<cv::Point2f>& repeats() const { return repeats_.shifts(); }
 
  private:
@@ -67,9 +68,9 @@ class Verdict {
   /// image.
   Counts count(const std::vector<LocalMatch>& matches, const ReferenceFrames& reference,
                const LocalMatcher& matcher);
-  /// What the decoys say of matches up to level k.
+  /// The decoys' matches up to level k.
   struct Chance {
-    double rate;    // matches for each chance
+    double rate;    // matches per opportunity
     double spread;  // variance over that of a Poisson distribution
   };
   Chance chanceAt(std::size_t k) const;
@@ -86,7 +87,7 @@ class Verdict {
   void raise(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
-  Counts largest_{};  // of all decoys and repeats, matches for each chance
+  Counts largest_{};  // of all decoys and repeats, matches per opportunity
   Repeats repeats_;
   std::vector<LocalMatch> matches_;
   std::vector<std::uint64_t> reference_cells_;  // hash tables

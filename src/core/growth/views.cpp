@@ -13,12 +13,12 @@ namespace ktgp_orb {
 namespace {
 
 struct Tilt {
-  double tilt;     // how many times narrower the image becomes
+  double tilt;     // ratio by which the image is compressed
   int directions;  // within half a turn
 };
 constexpr Tilt kTilts[] = {{2.0, 4}, {4.0, 8}};
 
-/// The image turned by `angle` and squeezed across, so that all of it is seen.
+/// The image rotated by `angle` and compressed in one direction, large enough to contain all of it.
 Eigen::Matrix<double, 2, 3> toView(const cv::Size& size, double angle, double tilt,
                                    cv::Size& view) {
   const double c = std::cos(angle);
@@ -39,8 +39,8 @@ cv::Matx23d matrixOf(const Eigen::Matrix<double, 2, 3>& m) {
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  constexpr double kBlur = 0.8;     // px of the turned image for each step of tilt: Morel & Yu
-  constexpr double kMargin = 31.0;  // px that a patch is wide
+  constexpr double kBlur = 0.8;     // px of the rotated image per unit of tilt: Morel & Yu
+  constexpr double kMargin = 31.0;  // px, width of a patch
   cv::Size size, turned_size;
   ReferenceView view;
   view.to_view = toView(image.size(), angle, tilt, size);
@@ -50,13 +50,13 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
                  cv::BORDER_REPLICATE);
   cv::GaussianBlur(turned, turned, cv::Size(0, 1), kBlur * std::sqrt(tilt * tilt - 1.0), 1e-6,
                    cv::BORDER_REPLICATE);
-  // From the turned image to the view: squeezed about the middle.
+  // From the rotated image to the view: compressed about the middle.
   Eigen::Matrix<double, 2, 3> squeeze;
   squeeze << 1.0 / tilt, 0.0, 0.5 * (size.width - 1) - 0.5 * (turned_size.width - 1) / tilt,  //
       0.0, 1.0, 0.5 * (size.height - 1) - 0.5 * (turned_size.height - 1);
   cv::warpAffine(turned, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
 
-  // Keypoints where the image is, not its continued border.
+  // Keypoints only inside the image, not in its extended border.
   cv::Mat mask = cv::Mat::zeros(size, CV_8U);
   std::vector<cv::Point> outline;
   const double far_x = image.cols - 1.0 - 0.5 * kMargin;

@@ -22,10 +22,10 @@ std::size_t rows(const cv::Size& size) {
   return static_cast<std::size_t>(static_cast<float>(std::max(size.height, 0)) / kCell) + 1;
 }
 
-/// Of a place in an image of that size; of the nearest cell where it is outside.
+/// Cell of a position in an image of that size; the nearest cell if it is outside.
 std::uint32_t cellOf(float x, float y, const cv::Size& size) {
   const auto clamped = [](float v, std::size_t count) {
-    // Written so that NaN has a cell.
+    // This form of the comparison gives NaN a cell, too.
     return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
                       : std::size_t{0};
   };

@@ -38,10 +38,11 @@ struct GuidedMatcher::Impl {
   bool estimate(const cv::Size& reference_size, double threshold, UncertainHomography& estimate);
 
   NearKernel kernel = bestNearKernel();
-  std::vector<cv::Point2f> places;           // where the homography puts the reference's keypoints
-  NearTable table;                           // these
-  std::vector<NearKeys> of_target;           // the nearest two of the reference
-  std::vector<std::int32_t> nearest_target;  // the key of the nearest, for each column of the table
+  std::vector<cv::Point2f> places;  // predicted positions of the reference's keypoints
+  NearTable table;                  // their table
+  std::vector<NearKeys> of_target;  // for each target keypoint the nearest two of the reference
+  std::vector<std::int32_t>
+      nearest_target;  // for each column of the table, the key of the nearest target keypoint
   homography::HomographyRefiner refiner;
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
@@ -92,7 +93,7 @@ void GuidedMatcher::Impl::placeReference(const Features& reference, const Eigen:
     const Eigen::Vector2d x = position(reference, static_cast<std::int32_t>(i));
     const Eigen::Vector3d p = h * Eigen::Vector3d(x.x(), x.y(), 1.0);
     const Eigen::Vector2d place = p.head<2>() / p.z();
-    // Written so that what is not finite is left out.
+    // This form of the comparison also excludes values that are not finite.
     const bool seen = p.z() > 0.0 && place.cwiseAbs().maxCoeff() < kFar;
     places[i].x = seen ? static_cast<float>(place.x()) : kNowhere;
     places[i].y = seen ? static_cast<float>(place.y()) : kNowhere;

@@ -16,13 +16,13 @@ namespace {
 using util::ceilDivide;
 using util::kPi;
 
-/// Bounds beyond which one coordinate of a point is far out.
+/// Bounds of one coordinate; points beyond are far outliers.
 struct Fences {
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
 };
 
-/// From the quartiles of a few points, spread over the input. No bounds where these are equal.
+/// From the quartiles of a few points, spread over the input. Infinite where these are equal.
 Fences fencesOf(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis) {
   constexpr std::size_t kEnough = 32;
   constexpr double kFarOut = 3.0;  // interquartile ranges
@@ -88,8 +88,8 @@ bool ContrarioTest::explainableByChance(const PointPairs& pairs,
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (mask[i] != 0) inliers_.push_back(i);
   }
-  // The bound holds for any order, with the largest error so far as that of the last inlier. Good
-  // homographies pass in the order of the input after a few inliers; sorting helps only poor ones.
+  // The bound holds for any order, with the largest error so far. Good homographies pass after a
+  // few inliers in the order of the input; only poor ones need sorting.
   if (!explainable(pairs, squared_error, threshold, covered_area)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
     return squared_error[a] != squared_error[b] ? squared_error[a] < squared_error[b] : a < b;
@@ -97,7 +97,7 @@ bool ContrarioTest::explainableByChance(const PointPairs& pairs,
   return explainable(pairs, squared_error, threshold, covered_area);
 }
 
-/// The test with the inliers in the order that they are in.
+/// The test with the inliers in their current order.
 bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
                                 double threshold, double covered_area) {
   constexpr double kLogMaxFalseAlarms = -4.0;  // log10

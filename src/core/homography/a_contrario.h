@@ -9,10 +9,10 @@
 
 namespace ktgp_orb::homography {
 
-/// Number of false alarms of a-contrario detection (Moisan & Stival, IJCV 2004). Of N pairs, sets
-/// of k can be chosen in C(N, k) ways and each has C(k, m) samples of m; a model through a sample
-/// agrees with the other k - m of a set by chance with probability p^(k-m). So the expected number
-/// of models with such support in data without any is at most
+/// Number of false alarms of a-contrario detection (Moisan & Stival, IJCV 2004). Of N pairs there
+/// are C(N, k) sets of k, each with C(k, m) samples of m. The other k - m pairs of a set agree with
+/// the model of a sample by chance with probability p^(k-m). So the expected number of models with
+/// such support by chance is at most
 ///
 ///   NFA(k) = (N - m) C(N, k) C(k, m) p^(k-m).
 class FalseAlarms {
@@ -20,8 +20,8 @@ class FalseAlarms {
   /// `sample_size` m; `pairs` N.
   FalseAlarms(std::size_t sample_size, std::size_t pairs);
 
-  /// log10 NFA of one pair more than the last time, m + 1 the first; `p`: chance that a pair agrees
-  /// as well as the worst of them.
+  /// log10 NFA after adding one pair, beginning with pair m + 1; `p`: chance that a pair agrees as
+  /// well as the worst one so far.
   double next(double p);
 
  private:
@@ -31,26 +31,27 @@ class FalseAlarms {
   double log_subsets_ = 0.0;  // log10 of (N - m) C(N, k) C(k, m)
 };
 
-/// Area in px² that the points cover: their bounding box without those that lie far out (Tukey,
-/// 1977: more than three interquartile ranges beyond the quartiles, in either direction). With a
-/// single wild point in the box, every agreement of the others would look like more than chance.
+/// Area in px² that the points cover: their bounding box without far outliers (Tukey, 1977: more
+/// than three interquartile ranges beyond the quartiles). A single outlier would enlarge the box
+/// and make every agreement seem significant.
 double coveredArea(const std::vector<Eigen::Vector2d>& points);
 
 /// Chance that a pair agrees with a wrong homography: a random target point within `distance` px.
-/// Never below 1 %, as keypoints are not spread evenly, and never above one half.
+/// At least 1 %, since keypoints are not spread evenly, and at most one half.
 double chanceInlier(double covered_area, double distance);
 
-/// Says whether the inliers of a homography are more than chance gives: they are when NFA(k) < 1e-4
-/// for some k. A target point thrown at random into the area A that the target points cover agrees
-/// within e with probability p = pi e² / A; e is never taken below 1/sqrt(pi) px.
+/// Decides whether chance explains the inliers of a homography: it does not when NFA(k) < 1e-4 for
+/// some k. A random target point in the area A of the target points agrees within e with
+/// probability p = pi e² / A; e is at least 1/sqrt(pi) px.
 ///
 /// An inlier counts only when it is farther than the threshold, in both images, from all inliers
-/// that were counted before. Repeated keypoints, many-to-one matches and a corner that was found in
-/// several octaves so support a homography once. Four pairs therefore never suffice; five do when
-/// they are exact, and six of eight at 3 px. Keeps its buffers.
+/// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
+/// support a homography once. Four pairs are never enough; five are when they are exact, and six of
+/// eight at 3 px. Keeps its buffers.
 class ContrarioTest {
  public:
-  /// `squared_error`: reprojection errors in px², one a pair; `covered_area`: of the target points.
+  /// `squared_error`: reprojection errors in px², one per pair; `covered_area`: of the target
+  /// points.
   bool explainableByChance(const PointPairs& pairs, const std::vector<std::uint8_t>& mask,
                            const std::vector<double>& squared_error, double threshold,
                            double covered_area);

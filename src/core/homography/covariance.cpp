@@ -45,9 +45,9 @@ Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d&
   return j;
 }
 
-/// At least the covariance of the sum of two errors with covariances A and B, whatever their
-/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The s taken is that for which it is exact
-/// where the two errors are proportional; each entry counts in units of its own deviation.
+/// An upper bound for the covariance of the sum of two errors with covariances A and B and any
+/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The chosen s makes it exact when the two
+/// errors are proportional; each entry counts in units of its own deviation.
 Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
   double of_a = 0.0;
   double of_b = 0.0;

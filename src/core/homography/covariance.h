@@ -7,8 +7,8 @@
 
 namespace ktgp_orb::homography {
 
-/// How uncertain H is: largest standard deviation over the corners of where H maps them, in the
-/// target, and of where H maps them back from there, in the reference.
+/// Uncertainty of H: the largest standard deviation of the mapped corners in the target, and of the
+/// corners mapped back in the reference.
 struct CornerDeviation {
   double target = 0.0;
   double reference = 0.0;
@@ -21,7 +21,7 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const std::array<Eigen::Vector2d, 4>& corners);
 
 /// `first`, then `second`: the product, with its covariance to first order. Covariances of noise
-/// add. Of the shared parts the deviations add: the same error twice is twice the error, and has
+/// add. For the shared parts the deviations add: the same error twice has twice the deviation and
 /// four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 

@@ -11,18 +11,18 @@
 namespace ktgp_orb::homography {
 namespace {
 
-/// The pairs as they come.
+/// The pairs in the order of the input.
 struct InputOrder {
   std::size_t operator[](std::size_t place) const { return place; }
 };
 
 }  // namespace
 
-// Both limits were found with PROSAC's threshold of 3 px on images of 640x480.
+// Both limits were chosen for PROSAC's threshold of 3 px and images of 640x480.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
   constexpr double kFoundWithError = 3.0;       // px
   constexpr double kFoundWithDiagonal = 800.0;  // px
-  constexpr double kScale = 1.0;                // px: no scene is more of a plane than that
+  constexpr double kScale = 1.0;  // px: every scene deviates from a plane by this much
   const double diagonal = std::hypot(reference_size.width, reference_size.height);
   const double size = diagonal / kFoundWithDiagonal;
   return {max_error * size, kScale * max_error / kFoundWithError * size, true};
@@ -66,7 +66,7 @@ void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& 
   }
   result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
   const auto corners = imageCorners(reference_size, pairs.reference);
-  // With an origin far from all points H(2,2) = 1 may turn the sign of the third coordinate.
+  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
   const double sign = estimate.homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
   result.trusted = keepsPlaneInView(sign * estimate.homography, corners) &&
                    !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,

@@ -12,26 +12,25 @@
 
 namespace ktgp_orb::homography {
 
-/// What a homography is fitted to.
+/// How a homography is fitted.
 struct EvidenceOptions {
-  double max_error = 3.0;   ///< pairs within twice that of the homography take part, px, > 0
-  double min_scale = 1e-4;  ///< floor under the scale of the errors (see HomographyFit), px, > 0
+  double max_error = 3.0;   ///< pairs within twice this error take part, px, > 0
+  double min_scale = 1e-4;  ///< least scale of the errors (see HomographyFit), px, > 0
   bool of_patches = false;  ///< the pairs come from the alignment of patches, not from keypoints
 };
 
 /// For points from the alignment of patches. `max_error`: inlier threshold of keypoints in an image
-/// of 640x480 px, px; it and a third of it, the least scale, grow in proportion to the diagonal.
+/// of 640x480 px, px. It, and the least scale (a third of it), grow in proportion to the diagonal.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size);
 
-/// Estimates a homography anew from points that have become more exact, or more: starts at the one
-/// there is and samples nothing. Keeps its buffers.
+/// Estimates a homography again from points that have become more accurate, or more. Starts at the
+/// given one, without sampling. Keeps its buffers.
 class HomographyRefiner {
  public:
-  /// All in pixels; points and homography finite. True where `estimate` was refined, H(2,2) = 1.
-  /// False, and `estimate` untouched, where the pairs within reach
-  /// are too few or do not determine it, or where it is no view of a plane from one side.
-  /// `reference_size` may be empty (see imageCorners). Throws std::invalid_argument for arrays of
-  /// different length.
+  /// All in pixels; points and homography finite. True: `estimate` was refined, H(2,2) = 1. False:
+  /// `estimate` is unchanged, since too few pairs are near, these do not determine it, or it is not
+  /// the view of a plane from one side. `reference_size` may be empty (see imageCorners). Throws
+  /// std::invalid_argument for arrays of different length.
   bool refine(const std::vector<Eigen::Vector2d>& reference,
               const std::vector<Eigen::Vector2d>& target, const cv::Size& reference_size,
               const EvidenceOptions& options, UncertainHomography& estimate);
@@ -41,22 +40,22 @@ class HomographyRefiner {
   HomographyFit fit_;
 };
 
-/// Everything that a result says of its homography.
+/// The results derived from a homography.
 struct FinalHomography {
   bool trusted =
       false;  ///< it shows a plane from one side, and chance does not explain its support
   UncertainHomography estimate;
   std::vector<std::uint8_t>
-      mask;                 ///< one a pair: 1 where its reprojection error is below the limit
+      mask;                 ///< one per pair: 1 where its reprojection error is below the limit
   std::size_t inliers = 0;  ///< ones in `mask`
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
 };
 
-/// The one place where mask, inliers, RMSE and verdict are derived from a homography, whatever made
-/// it: PROSAC, guided matching, alignment. Keeps its buffers.
+/// The only place where mask, inliers, RMSE and verdict are derived from a homography, whether
+/// PROSAC, guided matching or alignment found it. Keeps its buffers.
 class Finaliser {
  public:
-  /// `pairs`: the matches that the homography is held to; `max_error`: an inlier is below that, px.
+  /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, px.
   void finalise(const UncertainHomography& estimate, const PointPairs& pairs,
                 const cv::Size& reference_size, double max_error, FinalHomography& result);
 

@@ -16,8 +16,8 @@ using Matrix8 = HomographyFit::Matrix8;
 
 FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
                               Eigen::Matrix3d& homography) {
-  // The weights tell good pairs from bad ones better than the threshold does, so the refinement
-  // sees the pairs just beyond it as well.
+  // The refinement also uses pairs just beyond the threshold: the weights separate good pairs from
+  // bad ones better than the threshold.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
   const double least = min_scale * pairs.target.scale;
@@ -33,9 +33,9 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
   return FitOutcome::fitted;
 }
 
-/// With all pairs but one on a line, everything hangs on that one. Deviations count in the image
-/// where they are smaller: a strong perspective magnifies a corner that it moves far out of sight,
-/// and the error of it likewise.
+/// If all pairs but one lie on a line, H depends on that one. Deviations are measured in the image
+/// where they are smaller: a strong perspective that moves a corner far away magnifies its error,
+/// too.
 bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
                                  const std::array<Eigen::Vector2d, 4>& corners) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
@@ -61,8 +61,8 @@ bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const Eigen::Matr
 
 namespace {
 
-/// Of the first eight entries in pixels, with H(2,2) = 1, by those of the normalised H: the chain
-/// rule through T_target^-1 H T_reference and the division by the last entry.
+/// Covariance of the first eight entries in pixels, with H(2,2) = 1, from that of the normalised H:
+/// the chain rule through T_target^-1 H T_reference and the division by the last entry.
 HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
                                         const Eigen::Matrix3d& homography) {
   const Eigen::Matrix3d undivided = pairs.toPixels(homography);
@@ -87,8 +87,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
                                             const std::array<Eigen::Vector2d, 4>& corners,
                                             bool of_patches) {
   constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
-  // A field that is not there costs keypoints much, since their noise is large, and aligned points
-  // next to nothing.
+  // The price of assuming a field that does not exist is high for keypoints, since their noise is
+  // large, and low for aligned points.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
@@ -97,8 +97,8 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   scales.nearby = kNearby * pairs.reference.scale;
   const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
                                     estimator_.curvature(), homography, scales);
-  // With the scale of the errors estimated from f degrees of freedom, H is distributed as Student's
-  // t, whose covariance is f / (f - 2) times what it were with the scale known.
+  // The scale of the errors is estimated with f degrees of freedom. So H has Student's t
+  // distribution, with f / (f - 2) times the covariance for a known scale.
   const double freedom = estimator_.freedom();
   const double spread = freedom / std::max(freedom - 2.0, 1.0);
   const double shared = of_patches ? field.shared_patches : 1.0;

@@ -17,7 +17,7 @@ using Lanes = Eigen::Array<double, 2, 1>;
 using Map = Eigen::Map<Lanes>;
 
 constexpr double kFreedom = 4.0;  // of Student's t; 4 did best on keypoints of real images
-constexpr double kEntries = 8.0;  // of H that are estimated
+constexpr double kEntries = 8.0;  // estimated entries of H
 
 Lanes load(const std::vector<double>& array, std::size_t first) {
   return Eigen::Map<const Lanes>(array.data() + first);
@@ -27,7 +27,7 @@ double sum(const Lanes& lanes) {
   return lanes[0] + lanes[1];
 }
 
-/// Where H puts two reference points, and how far off the target points that is.
+/// Two reference points mapped by H, and their errors in the target.
 struct Projection {
   Lanes x, y, z;  // reference point over the third coordinate w, and 1/w
   Lanes u, v;     // projected
@@ -103,7 +103,7 @@ class NormalEquations {
     return {sum(sums[0]), sum(sums[1]), sum(sums[2]), sum(sums[3]), sum(sums[4])};
   }
 
-  /// [x y z]^T [x y], each product times u or v: what the two last parameters share with the
+  /// [x y z]^T [x y], each product times u or v: the products of the last two parameters with the
   /// others.
   static Eigen::Matrix<double, 3, 2> border(const Lanes (&sums)[5]) {
     const auto [xx, xy, xz, yy, yz] = totals(sums);
@@ -143,8 +143,8 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
     ++n;
   }
   selected_.size = n;
-  // Of an odd number the last one is worked on beside its neighbour, with weight zero. What was
-  // there before may lie on the horizon of the next H, and zero times infinity counts.
+  // An odd last pair is processed with a padding pair of weight zero. An old value there could lie
+  // on the horizon of the next H, and zero times infinity is NaN.
   if (n < selected_.paddedSize()) {
     selected_.set(n, Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero());
   }
@@ -154,7 +154,7 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
   return n;
 }
 
-/// Fills squared_, weight_ and `sums` in one pass, with the scale as it is.
+/// Fills squared_, weight_ and `sums` in one pass, with the current scale.
 void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   NormalEquations normal;
   Lanes weights = Lanes::Zero();
@@ -186,9 +186,9 @@ void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   sums.former_cost = sum(former_costs);
 }
 
-/// Maximum likelihood for the scale at given errors by expectation maximisation, in the form that
-/// divides by the sum of the weights and converges faster (Kent, Tyler & Vardi 1994). The entries
-/// of H were fitted to the same errors and made them smaller: of few pairs, much smaller.
+/// Maximum likelihood of the scale for given errors, by expectation maximisation. Dividing by the
+/// sum of the weights converges faster (Kent, Tyler & Vardi 1994). Fitting H to the same errors
+/// made them smaller; for few pairs, much smaller.
 void MEstimator::estimateScale(double min_scale) {
   constexpr int kRounds = 2;
   const double fitted = 2.0 * static_cast<double>(selected_.size) / freedom();
@@ -209,8 +209,8 @@ void MEstimator::estimateScale(double min_scale) {
 namespace {
 
 /// The step d with c (JtwJ + damping diag(JtwJ)) d = -Jtwe; false where it is not determined. The
-/// factor c, derivative over weight, makes J^T w J the second derivative of the likelihood: the
-/// weights fall with the errors, and without it every step would be a fifth too short.
+/// factor c, derivative over weight, turns J^T w J into the second derivative of the likelihood.
+/// Without it every step would be a fifth too short, since the weights fall with the errors.
 template <typename Sums>
 bool findStep(const Sums& sums, double damping, Vector8& step) {
   Matrix8 damped = sums.jtj;
@@ -235,7 +235,7 @@ bool MEstimator::step(double scale, Eigen::Matrix3d& homography) {
 
 bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homography) {
   constexpr int kMaxSteps = 30;
-  constexpr double kConverged = 1e-5;  // of the entries of H, which are of the order of 1
+  constexpr double kConverged = 1e-5;  // for entries of H of the order of 1
   homography /= homography(2, 2);
   scale2_ = scale * scale;
   reweight(homography, sums_);
@@ -268,10 +268,10 @@ double MEstimator::freedom() const {
 }
 
 /// Huber, Robust Statistics (1981), section 7.6: the covariance is the mean of w² e² over the
-/// square of the mean of d(w e)/de, times (J^T J)^-1, for which the mean weight times (J^T w J)^-1
-/// stands. Eight of the 2n errors went into the eight entries. For finite samples it is K² times as
-/// large, K = 1 + 8/(2n) var(d(w e)/de) / mean(d(w e)/de)²: pairs that the fit pulls towards itself
-/// get the more weight for it. This is what (J^T w J)^-1 is multiplied by.
+/// square of the mean of d(w e)/de, times (J^T J)^-1, here approximated by the mean weight times
+/// (J^T w J)^-1. Eight of the 2n errors were used up by the eight entries. For finite samples the
+/// covariance is K² times as large, K = 1 + 8/(2n) var(d(w e)/de) / mean(d(w e)/de)²: pairs that
+/// pull the fit get more weight. This is the factor of (J^T w J)^-1.
 double MEstimator::varianceFactor() const {
   const double n = static_cast<double>(selected_.size);
   const double square = sums_.square / freedom();

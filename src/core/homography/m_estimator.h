@@ -10,37 +10,36 @@
 namespace ktgp_orb::homography {
 
 /// Maximum likelihood over H's first eight entries, H(2,2) = 1, for reprojection errors in the
-/// target that follow Student's t distribution with four degrees of freedom. Keypoints of coarse
-/// octaves are several times less exact than those of fine ones: that makes heavy tails, and least
-/// squares would let the least exact pairs dominate. Keeps its buffers from call to call.
+/// target with Student's t distribution of four degrees of freedom. Keypoints of coarse octaves are
+/// several times less accurate than those of fine ones. That gives heavy tails, and in least
+/// squares the least accurate pairs would dominate. Keeps its buffers from call to call.
 class MEstimator {
  public:
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-  /// The pairs that the following calls are about: the first `max_pairs` marked in `mask`.
-  /// Returns how many.
+  /// Selects the pairs for the following calls: the first `max_pairs` marked in `mask`. Returns
+  /// their number.
   std::size_t select(const PointArrays<double>& points, const std::vector<std::uint8_t>& mask,
                      std::size_t max_pairs);
 
-  /// One Gauss-Newton step with the scale of the errors given; false where H is not determined.
+  /// One Gauss-Newton step with the given scale of the errors; false where H is not determined.
   bool step(double scale, Eigen::Matrix3d& homography);
 
   /// Levenberg-Marquardt to convergence. The scale of the errors, in units of the target, is
-  /// estimated along with H, from the one given and not below `min_scale`. False where the pairs do
-  /// not determine H.
+  /// estimated together with H, beginning with the given one and not below `min_scale`. False where
+  /// the pairs do not determine H.
   bool minimise(double min_scale, double& scale, Eigen::Matrix3d& homography);
 
   /// Covariance of the eight entries after minimise(), as if the scale of the errors were known.
   Matrix8 covariance() const;
 
-  /// The degrees of freedom that the scale was estimated with: two errors a pair, less the eight
-  /// entries that were fitted to them.
+  /// The degrees of freedom of the estimated scale: two errors per pair minus the eight fitted
+  /// entries.
   double freedom() const;
 
-  /// The covariance from the first `count` pairs only, and of these without each pair whose place
-  /// leaves the remainder `fold` when divided by `folds`. Infinite where the rest does not
-  /// determine H.
+  /// The covariance from the first `count` pairs, without each pair whose index modulo `folds` is
+  /// `fold`. Infinite where the rest does not determine H.
   Matrix8 covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count, std::size_t fold,
                             std::size_t folds) const;
 
@@ -61,7 +60,7 @@ class MEstimator {
     double derivative = 0.0;   // of d(w e)/de, the mean over both directions
     double square = 0.0;       // of w² e²
     double cost = 0.0;         // of w e²
-    double former_cost = 0.0;  // of w e² with the weights of the H before
+    double former_cost = 0.0;  // of w e² with the previous weights
   };
 
   void reweight(const Eigen::Matrix3d& homography, Sums& sums);
@@ -70,8 +69,8 @@ class MEstimator {
 
   PointArrays<double> selected_;
   std::vector<double> squared_;        // e²
-  std::vector<double> weight_;         // w at the H that reweight() saw last
-  std::vector<double> former_weight_;  // w at the H before
+  std::vector<double> weight_;         // w at the H of the last reweight()
+  std::vector<double> former_weight_;  // w at the previous H
   double scale2_ = 0.0;
   double variance_factor_ = 0.0;  // covariance over (J^T w J)^-1, after minimise()
   Sums sums_;

@@ -39,7 +39,7 @@ Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose, const Eigen::Matrix3
   return camera * plane * target_from_reference;
 }
 
-/// Moved by x, y, z and turned about the camera's axes, in place.
+/// Moves by x, y, z and rotates about the camera's axes, in place.
 Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const Vector6& step) {
   const Eigen::Vector3d turn = step.tail<3>();
   const double angle = turn.norm();
@@ -58,14 +58,14 @@ std::optional<Eigen::Isometry3d> decomposed(const Eigen::Matrix3d& homography,
   Eigen::Matrix3d plane = camera.inverse() * homography * target_from_reference.inverse();
   const double scale = std::sqrt(plane.col(0).norm() * plane.col(1).norm());
   if (!(scale > 0.0) || !plane.allFinite()) return std::nullopt;
-  plane /= plane(2, 2) < 0.0 ? -scale : scale;  // the target is before the camera
+  plane /= plane(2, 2) < 0.0 ? -scale : scale;  // the target is in front of the camera
   Eigen::Matrix3d axes;
   axes << plane.col(0), plane.col(1), plane.col(0).cross(plane.col(1));
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(axes, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
   pose.linear() = svd.matrixU() * svd.matrixV().transpose();
   pose.translation() = plane.col(2);
-  // Before the camera, and its face seen, not its back.
+  // In front of the camera, with its face towards it.
   const bool seen = pose.linear().col(2).dot(pose.translation()) > 0.0;
   if (!seen || pose.translation().z() <= 0.0) return std::nullopt;
   return pose;
@@ -92,7 +92,7 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
   result.target_to_camera = *start;
   result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
 
-  // Entries of H differ in size by five orders: each in units of its own deviation.
+  // Entries of H differ in size by five orders of magnitude: each is in units of its own deviation.
   const Vector8 deviation = covariance.diagonal().cwiseSqrt();
   if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return result;
   const Covariance8 correlation =
@@ -109,7 +109,7 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
     const Vector8 now = entries(homographyOf(pose, camera, scale));
     Matrix86 slope;
     for (int i = 0; i < 6; ++i) {
-      constexpr double kStep = 1e-6;  // rad, and of the distance
+      constexpr double kStep = 1e-6;  // rad, and share of the distance
       const double size = i < 3 ? kStep * pose.translation().z() : kStep;
       const Vector6 step = size * Vector6::Unit(i);
       slope.col(i) = (entries(homographyOf(moved(pose, step), camera, scale)) -

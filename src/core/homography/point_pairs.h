@@ -12,7 +12,7 @@
 namespace ktgp_orb::homography {
 
 /// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`.
-/// x, y: reference; u, v: target; both in the same units as the homography they are used with.
+/// x, y: reference; u, v: target; both in the same units as their homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;
@@ -25,7 +25,7 @@ struct PointArrays {
 
   std::size_t paddedSize() const { return x.size(); }
 
-  /// Makes room for n pairs, whose values are not set yet. The padding lies so far off that no
+  /// Makes room for n pairs without setting their values. The padding is so far away that no
   /// homography explains it.
   void resize(std::size_t n) {
     const std::size_t padded = util::ceilDivide(n, kLanes) * kLanes;
@@ -49,8 +49,8 @@ struct PointArrays {
   }
 };
 
-/// Shift to the centroid and scale to a mean distance of about 1 (Hartley, PAMI 1997), without
-/// which neither single precision nor the normal equations would do.
+/// Shifts to the centroid and scales to a mean distance of about 1 (Hartley, PAMI 1997), as single
+/// precision and the normal equations need it.
 struct Normalisation {
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double scale = 1.0;
@@ -81,19 +81,19 @@ struct Normalisation {
   }
 };
 
-/// Point pairs as the estimation of a homography works on them: normalised, in single precision
-/// where that is enough.
+/// Point pairs for the estimation of a homography: normalised, in single precision where that is
+/// enough.
 struct NormalisedPairs {
   Normalisation reference, target;
   PointArrays<float> scoring;       // single precision is enough to count inliers ...
   PointArrays<double> refinement;   // ... but not to refine
   double limit = 0.0;               // the inlier threshold in normalised target units
-  double min_reference_area = 0.0;  // square of the threshold, in normalised units of each image:
-  double min_target_area = 0.0;     // triangles below that are too flat to sample
+  double min_reference_area = 0.0;  // square of the threshold in normalised units; smaller
+  double min_target_area = 0.0;     // triangles are too flat to sample
 
   std::size_t size() const { return scoring.size; }
 
-  /// `order[i]` is the index of the pair that comes at place i; `threshold` in px.
+  /// `order[i]` is the index of the i-th pair; `threshold` in px.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
             const std::vector<Eigen::Vector2d>& target_points, const Order& order,
@@ -115,13 +115,13 @@ struct NormalisedPairs {
     }
   }
 
-  /// A homography between normalised coordinates in pixels; of any scale.
+  /// A homography between normalised coordinates in pixels, of any scale.
   Eigen::Matrix3d toPixels(const Eigen::Matrix3d& normalised) const {
     return target.inverse() * normalised * reference.matrix();
   }
 
-  /// The way back, with H(2,2) = 1: the third coordinate is positive at the centre of the reference
-  /// points. None where H is no view of a plane from one side.
+  /// The reverse, with H(2,2) = 1: the third coordinate is positive at the centre of the reference
+  /// points. Empty where H is not the view of a plane from one side.
   std::optional<Eigen::Matrix3d> fromPixels(const Eigen::Matrix3d& pixel) const {
     constexpr double kSingular = 1e-12;  // the determinant, of entries of the order of 1
     Eigen::Matrix3d h = target.matrix() * pixel * reference.inverse();

@@ -53,7 +53,7 @@ bool ProsacSearch::improve(const ProsacSample& sample) {
          improve(homography);
 }
 
-/// Takes the homography for the best, polished, if it is better.
+/// Makes the homography the best one, refined, if it is better.
 bool ProsacSearch::improve(const Eigen::Matrix3d& homography) {
   const float cost = msacCost(pairs_->scoring, homography, pairs_->limit, best_cost_);
   if (cost >= best_cost_) return false;
@@ -63,7 +63,7 @@ bool ProsacSearch::improve(const Eigen::Matrix3d& homography) {
   return true;
 }
 
-/// Local optimisation by steps over the inliers, from a wide limit down to the threshold.
+/// Local optimisation by steps over the inliers, with a limit that shrinks to the threshold.
 void ProsacSearch::polish() {
   ++local_optimisations_;
   Eigen::Matrix3d candidate = best_;
@@ -76,10 +76,10 @@ void ProsacSearch::polish() {
   }
 }
 
-/// A step towards the optimum over the pairs within `widening` thresholds; false where these are no
-/// more than a sample or do not determine H.
+/// A step towards the optimum over the pairs within `widening` thresholds; false where these are
+/// not more than a sample, or do not determine H.
 bool ProsacSearch::refine(double widening, Eigen::Matrix3d& homography) {
-  constexpr std::size_t kEnough = 200;  // pairs, the best by quality; more would not find more
+  constexpr std::size_t kEnough = 200;  // best pairs; more would not find more
   constexpr double kScales = 3.0;       // of the errors within the limit
   const double limit = widening * pairs_->limit;
   findInliers(pairs_->scoring, homography, limit, near_);
@@ -87,8 +87,8 @@ bool ProsacSearch::refine(double widening, Eigen::Matrix3d& homography) {
   return estimator_.step(limit / kScales, homography);
 }
 
-/// Tells the stopping rules of the new best homography; where they want more samples, tries some
-/// from its support first.
+/// Updates the stopping rules with the new best homography. If these require more samples, first
+/// tries some from its support.
 void ProsacSearch::updateStopping(ProsacSampler& sampler) {
   findSupport();
   stopping_.update(inlier_);
@@ -106,11 +106,11 @@ void ProsacSearch::findSupport() {
   }
 }
 
-/// The other half of local optimisation: samples from the inliers alone. A sample with one wrong
-/// pair often agrees with a part of the right ones, and least squares does not lead from there to
-/// the others; a sample of right pairs does. True where that gave a better homography. Such samples
-/// say nothing about the other pairs: they count towards the budget but not towards maximality, and
-/// use at most half of what is left of the budget.
+/// The other half of local optimisation: samples from the inliers only. A sample with one wrong
+/// pair often agrees with only a part of the right pairs, and least squares does not find the
+/// others; a sample of right pairs does. True where that gave a better homography. Such samples say
+/// nothing about the other pairs, so they count towards the budget but not towards maximality. They
+/// use at most half of the remaining budget.
 bool ProsacSearch::sampleSupport(ProsacSampler& sampler) {
   constexpr int kMaxSamples = 20;
   const int samples = std::min(kMaxSamples, sampler.left() / 2);

@@ -13,21 +13,21 @@
 
 namespace ktgp_orb::homography {
 
-/// What a run of PROSAC goes by.
+/// Options of a run of PROSAC.
 struct ProsacRules {
-  int max_iterations = 2000;    ///< samples solved at most, >= 1
-  double confidence = 0.995;    ///< wanted probability that no better H is missed, in (0, 1)
-  double chance_inlier = 0.01;  ///< that a pair agrees with a wrong H by chance, in (0, 1)
+  int max_iterations = 2000;    ///< most samples, >= 1
+  double confidence = 0.995;    ///< probability that no better H is missed, in (0, 1)
+  double chance_inlier = 0.01;  ///< chance that a pair agrees with a wrong H, in (0, 1)
   std::uint64_t seed = 1;
 };
 
-/// How a run went.
+/// Details of a run.
 struct ProsacRun {
   bool found = false;               ///< some sample gave a homography
-  bool exhausted = true;            ///< the budget ended it, not the stopping rules
+  bool exhausted = true;            ///< the budget was used up before the stopping rules were met
   int iterations = 0;               ///< samples drawn: from the growing set, and from the inliers
-  int local_optimisations = 0;      ///< times a new best homography was polished
-  std::size_t growth_set_size = 0;  ///< best pairs sampled from at the end, n of PROSAC
+  int local_optimisations = 0;      ///< times a new best homography was refined
+  std::size_t growth_set_size = 0;  ///< number n of best pairs sampled from at the end
 };
 
 /// The search for the homography with the least cost (Chum & Matas, "Matching with PROSAC", CVPR
@@ -42,7 +42,7 @@ class ProsacSearch {
   ProsacRun run(const ProsacRules& rules, const Eigen::Matrix3d* initial,
                 const NormalisedPairs& pairs);
 
-  /// The homography with the least cost, where one was found.
+  /// The homography with the least cost, if one was found.
   const Eigen::Matrix3d& best() const { return best_; }
 
  private:
@@ -60,8 +60,8 @@ class ProsacSearch {
   Eigen::Matrix3d best_ = Eigen::Matrix3d::Zero();
   float best_cost_ = 0.0F;
   std::vector<std::uint8_t> inlier_;  // of the best, in order of quality
-  std::vector<std::size_t> support_;  // places of its inliers
-  std::vector<std::uint8_t> near_;    // pairs that refine() works on
+  std::vector<std::size_t> support_;  // indices of its inliers
+  std::vector<std::uint8_t> near_;    // pairs used by refine()
   ProsacSample sample_;
   ProsacStopping stopping_;
   MEstimator estimator_;

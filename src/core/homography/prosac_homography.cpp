@@ -136,7 +136,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
   finaliser.finalise(estimate, pairs, reference_size, options.max_error, final);
   if (!final.trusted) return;
 
-  // Only now, since it costs more than the verdict.
+  // Last, since it takes longer than the verdict.
   if (scaled) {
     const UncertainHomography known = fit.inPixels(normalised, h, corners, false);
     result.covariance = known.covariance;
@@ -147,7 +147,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
     result.shared_covariance = result.covariance;
   }
   result.homography = estimate.homography;
-  result.mask = final.mask;  // into the buffer it has: swapped ones would grow in turn
+  result.mask = final.mask;  // into its own buffer: swapped ones would grow in turn
   result.inliers = final.inliers;
   result.rmse = final.rmse;
   result.status = Status::ok;

@@ -8,8 +8,8 @@
 namespace ktgp_orb::homography {
 namespace {
 
-/// An integer that orders as the number does in single precision, which tells all ratios of Hamming
-/// distances apart.
+/// An integer with the same order as the number in single precision, which separates all ratios of
+/// Hamming distances.
 std::uint64_t sortKey(double quality) {
   const float single = static_cast<float>(quality) + 0.0F;  // -0 becomes 0
   std::uint32_t bits = 0;
@@ -20,7 +20,7 @@ std::uint64_t sortKey(double quality) {
 
 }  // namespace
 
-/// Radix sort, byte by byte from the lowest: stable, and several times faster than comparing.
+/// Radix sort, from the lowest byte on: stable, and several times faster than comparing.
 void QualityOrder::sort(const std::vector<double>& quality) {
   const std::size_t n = quality.size();
   keys_.resize(n);

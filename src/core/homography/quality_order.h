@@ -6,13 +6,13 @@
 
 namespace ktgp_orb::homography {
 
-/// The order that PROSAC draws in: best quality first. Keeps its buffers.
+/// The order in which PROSAC draws: best quality first. Keeps its buffers.
 class QualityOrder {
  public:
   /// Smaller is better. Equal qualities stay in the order of the input.
   void sort(const std::vector<double>& quality);
 
-  /// Where the input has the pair that is at `place` by quality.
+  /// The index in the input of the pair at `place` in the order.
   std::size_t operator[](std::size_t place) const { return keys_[place] & kIndexMask; }
   std::size_t size() const { return keys_.size(); }
 

@@ -22,7 +22,7 @@ ProsacSampler::ProsacSampler(std::size_t sample_size, std::size_t points, int bu
       budget_(budget),
       growth_set_size_(sample_size),
       random_(seed) {
-  constexpr double kSteadyShare = 4.0;  // one part in four of the budget
+  constexpr double kSteadyShare = 4.0;  // a quarter of the budget
   const double n = static_cast<double>(points);
   const double m = static_cast<double>(sample_size);
   steady_ = std::min(1.0, budget / (kSteadyShare * n));
@@ -49,7 +49,7 @@ void ProsacSampler::draw(std::size_t limit, ProsacSample& sample) {
   while (growth_set_size_ < limit && samplesUntil(growth_set_size_) < time) ++growth_set_size_;
   sample.resize(sample_size_);
   if (samplesUntil(growth_set_size_) >= time) {
-    sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn before
+    sample[0] = growth_set_size_ - 1;  // the newest pair; samples without it were drawn earlier
     drawDistinct(growth_set_size_ - 1, 1, random_, sample);
   } else {
     drawDistinct(growth_set_size_, 0, random_, sample);

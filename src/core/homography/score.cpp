@@ -8,7 +8,7 @@ namespace {
 using Points = PointArrays<float>;
 using Lanes = Points::Lanes;
 
-/// Squared reprojection errors of eight pairs. A point on or beyond the horizon gets a huge one.
+/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge one.
 Lanes squaredErrors(const Points& points, const Eigen::Matrix3f& h, std::size_t first) {
   constexpr float kHorizon = 1e-6F;
   const Lanes x = Points::load(points.x, first);
@@ -23,7 +23,7 @@ Lanes squaredErrors(const Points& points, const Eigen::Matrix3f& h, std::size_t 
 
 float msacCost(const Points& points, const Eigen::Matrix3d& homography, double limit,
                float give_up) {
-  constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two looks at the sum
+  constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two checks of the sum
   const Eigen::Matrix3f h = homography.cast<float>();
   const float limit2 = static_cast<float>(limit * limit);
   const std::size_t padding = points.paddedSize() - points.size;

@@ -32,9 +32,10 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  constexpr double kCells = 16.0;      // along the diagonal
-  constexpr double kLength = 0.6;      // of the diagonal
-  constexpr std::size_t kFewest = 12;  // pairs; of fewer, eight entries explain nearly all
+  constexpr double kCells = 16.0;  // along the diagonal
+  constexpr double kLength = 0.6;  // of the diagonal
+  constexpr std::size_t kFewest =
+      12;  // pairs; eight entries explain nearly all errors of fewer pairs
   FieldFit result;
   choosePairs(pairs, weights, homography);
   if (pairs_.size() < kFewest || !(scales.image_diagonal > 0.0)) return result;
@@ -55,8 +56,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   const Matrix8 by_field = inverse * expanded(of_cells.spread) * inverse;
   const Matrix8 by_noise = inverse * expanded(of_pairs.second) * inverse;
 
-  // Squared errors of single pairs, and products of the errors of near pairs: what they are, and
-  // what each is for tau² = 1 and for sigma² = 1. The fit took away J A^-1 g, g = J'W e.
+  // Squared errors of single pairs and products of the errors of near pairs: the measured values,
+  // and the expected ones for tau² = 1 and for sigma² = 1. The fit subtracted J A^-1 g, g = J'W e.
   const double weights2 = of_pairs.weights2;
   Moment single{of_pairs.squared_error, 2.0 * weights2, 2.0 * weights2};
   single.of_field += -2.0 * traceOfProduct(inverse, expanded(of_cells.single)) +
@@ -68,8 +69,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
                    traceOfProduct(by_field, expanded(of_cells.fitted));
   near.of_noise += -2.0 * traceOfProduct(inverse, expanded(of_cells.near_noise)) +
                    traceOfProduct(by_noise, expanded(of_cells.fitted));
-  // A pair is no neighbour of itself, and one that shares its noise is left out. To the fit two
-  // points so near each other lose what a single one does.
+  // Excluded: a pair with itself, and pairs that share noise. For the fit, two points that are so
+  // close count like one.
   const double left_out = 1.0 + 2.0 * shared.weight / weights2;
   near.measured -= single.measured + 2.0 * shared.product;
   near.of_field -= left_out * single.of_field;
@@ -81,20 +82,20 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   const double noise = result.noise_share * single.measured / single.of_noise;
   result.common_covariance =
       kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
-  // A field that is correlated over most of the image shows in about this many independent values.
+  // A field that is correlated over most of the image gives about this many independent values.
   // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
   constexpr double kFreedom = 6.0;
   result.covariance = kFreedom / (kFreedom - 2.0) * result.variance * by_field;
   return result;
 }
 
-/// tau² and sigma² from the two moments. Products of near pairs, over squared errors, lie between
-/// what noise and what a field would give; their place there is the field's share of the error.
-/// There is no field where noise alone could give as much.
+/// tau² and sigma² from the two moments. The ratio of the products of near pairs to the squared
+/// errors lies between the values for pure noise and for a pure field; its position between them is
+/// the field's share of the error. There is no field where noise alone could give this ratio.
 void SmoothField::solve(const Moment& single, const Moment& near, double significance,
                         FieldFit& result) {
-  // Where few cells are covered, the fit of H leaves of a field what it leaves of noise: nearer
-  // than this the two are not told apart by their expectations.
+  // If few cells are covered, the fit of H removes almost as much of a field as of noise. Then the
+  // expected ratios are too close to tell the two apart.
   constexpr double kLeastContrast = 1.0;
   const double of_noise = near.of_noise / single.of_noise;
   const double contrast = near.of_field / single.of_field - of_noise;
@@ -130,7 +131,7 @@ SmoothField::CellSums SmoothField::sumCells() const {
     for (std::size_t column = 0; column < columns_; ++column) {
       const Cell& cell = cells_[row * columns_ + column];
       if (cell.weight == 0.0) continue;
-      Slope around = Slope::Zero();  // of the cell and the eight that touch it
+      Slope around = Slope::Zero();  // of the cell and the eight adjacent ones
       for (std::size_t y = row - std::min<std::size_t>(row, 1); y < std::min(row + 2, rows_); ++y) {
         for (std::size_t x = column - std::min<std::size_t>(column, 1);
              x < std::min(column + 2, columns_); ++x) {
@@ -156,7 +157,7 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
                               const Eigen::Matrix3d& homography) {
   constexpr std::size_t kMost = 300;
   const std::size_t count = std::min(pairs.size, kMost);
-  pairs_.reserve(kMost);  // once, and not when a frame has more pairs than any before
+  pairs_.reserve(kMost);  // once, not whenever a frame has more pairs than all before
   squared_.reserve(kMost);
   by_x_.reserve(kMost);
   pairs_.resize(count);
@@ -178,8 +179,8 @@ void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vecto
   for (Pair& pair : pairs_) pair.weight *= static_cast<double>(count) / sum;
 }
 
-/// A few wrong pairs beside each other would look like a field. Errors are cut at five deviations,
-/// as the median has them.
+/// A few wrong pairs side by side would look like a field. Errors are limited to five deviations,
+/// estimated from the median.
 void SmoothField::limitErrors() {
   constexpr double kDeviations = 5.0;
   constexpr double kMedian = 1.386;  // of squared errors over the variance per coordinate
@@ -201,7 +202,7 @@ void SmoothField::sortIntoCells(double cell_side) {
     low = low.cwiseMin(pair.point);
     high = high.cwiseMax(pair.point);
   }
-  // Keypoints may lie outside of the image: the last cells take what is farther.
+  // Keypoints may be outside the image: the last cells include them.
   constexpr double kMost = 64.0;
   const auto number = [&](double length) {
     return static_cast<std::size_t>(std::min(length / cell_side, kMost - 1.0));
@@ -209,7 +210,7 @@ void SmoothField::sortIntoCells(double cell_side) {
   columns_ = number(high.x() - low.x()) + 1;
   rows_ = number(high.y() - low.y()) + 1;
   constexpr std::size_t kSide = 17;
-  constexpr std::size_t kUsual = kSide * kSide;  // no image has more, whatever its points
+  constexpr std::size_t kUsual = kSide * kSide;  // enough for every image
   cells_.reserve(kUsual);
   cells_.assign(columns_ * rows_, Cell());
   for (Pair& pair : pairs_) {
@@ -223,8 +224,8 @@ void SmoothField::sortIntoCells(double cell_side) {
   }
 }
 
-/// Sums with exp(-d/l) in city-block distance: along the rows, then along the columns, each with a
-/// pass forth and a pass back.
+/// Sums with weights exp(-d/l) in city-block distance: along the rows, then along the columns, each
+/// with a forward and a backward pass.
 void SmoothField::smooth() {
   const auto along = [this](std::size_t first, std::size_t stride, std::size_t count) {
     const auto value = [&](std::size_t i) -> Slope& { return cells_[first + i * stride].smoothed; };

@@ -9,12 +9,12 @@
 
 namespace ktgp_orb::homography {
 
-/// Sizes that the smooth field is told with, all in the units of the reference points.
+/// Sizes for the estimation of the smooth field, in the units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;
-  /// A field is told from noise beyond so many deviations of what noise alone gives.
+  /// A field must exceed this many deviations of what noise alone gives.
   double significance = 0.0;
-  double nearby = 0.0;  ///< pairs that are nearer than this, in x and y, may share their noise
+  double nearby = 0.0;  ///< pairs closer than this, in x and y, may share noise
 };
 
 /// The errors of the pairs as a smooth field plus noise.
@@ -23,42 +23,42 @@ struct FieldFit {
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same from an error that all pairs have in common, a quarter of the deviation of their
-  /// noise. Interpolation makes sub-pixel registration of patches err alike where they lie alike
-  /// between the pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
+  /// The same for an error that all pairs share: 2 % of the variance of their noise.
+  /// Interpolation gives sub-pixel registration the same error for patches at the same position
+  /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();
-  /// How many times fewer the independent pairs are than the pairs, >= 1, where each was found with
-  /// a patch of the side FieldScales::nearby and patches overlap: the variance of the mean of
-  /// values that correlate as their patches overlap, over that of independent ones.
+  /// Number of pairs over number of independent pairs, >= 1, for pairs found with overlapping
+  /// patches of side FieldScales::nearby: the variance of the mean of values that correlate as
+  /// their patches overlap, over that of independent ones.
   double shared_patches = 1.0;
 };
 
-/// Tells a smooth field from noise in the reprojection errors of an estimated homography.
+/// Separates a smooth field from noise in the reprojection errors of an estimated homography.
 ///
-/// On real scenes the errors of neighbours are alike: the scene is not quite a plane, the lens
-/// bends, the shutter rolls. More pairs do not average that out, and a covariance that takes the
-/// errors as independent is several times too small. The model is the covariance
+/// In real scenes neighbouring points have similar errors: the scene is not quite a plane, the lens
+/// bends, the shutter rolls. More pairs do not average that out, and a covariance for independent
+/// errors is several times too small. The model is the covariance
 ///
 ///   K = tau² exp(-d/l) + sigma² (d = 0),   d = |dx| + |dy| in the reference image,
 ///
-/// in each coordinate, with l = 0.6 of the image's diagonal. tau² and sigma² are those for which
-/// the sum of the squared errors, and the sum of the products of the errors of near pairs, are what
-/// they are expected to be: the fit of eight entries made the errors smaller, E[r r'] = M K M' with
-/// M = I - J A^-1 J'W. Then cov(H) = A^-1 J'W K W J A^-1, A = J'WJ (White 1980; Conley 1999; Bell &
-/// McCaffrey 2002). The errors are summed up over cells of a 16th of the diagonal, near are pairs
-/// in the same or in touching cells, and the field is taken as constant within a cell. Pairs that
-/// may share their noise (FieldScales::nearby) are left out. Keeps its buffers.
+/// in each coordinate, with l = 0.6 of the image's diagonal. tau² and sigma² are chosen so that the
+/// sum of the squared errors, and the sum of the products of the errors of near pairs, equal their
+/// expectations. These take into account that fitting eight entries made the errors smaller: E[r
+/// r'] = M K M' with M = I - J A^-1 J'W. Then cov(H) = A^-1 J'W K W J A^-1, A = J'WJ (White 1980;
+/// Conley 1999; Bell & McCaffrey 2002). The errors are summed over cells of a 16th of the diagonal;
+/// near pairs are in the same or in adjacent cells, and the field is constant within a cell. Pairs
+/// that may share noise (FieldScales::nearby) are left out. Keeps its buffers.
 class SmoothField {
  public:
   /// `weights`: of the pairs in the fit of H; `curvature`: the second derivative of the likelihood
-  /// over J'WJ, 1 for least squares. From at most 300 of the pairs, spread over the list.
+  /// over J'WJ, 1 for least squares. Uses at most 300 pairs, spread over the list.
   FieldFit fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                double curvature, const Eigen::Matrix3d& homography, const FieldScales& scales);
 
  private:
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  /// The entries of a pair's Jacobian that differ: x y z, u x, u y, v x, v y (see m_estimator.cpp).
-  /// The eighth is zero: Eigen has vector code for eight doubles and none for seven.
+  /// The different entries of a pair's Jacobian: x y z, u x, u y, v x, v y (see m_estimator.cpp).
+  /// The eighth is zero: Eigen has vector code for eight doubles, not for seven.
   using Slope = Eigen::Matrix<double, 8, 1>;
 
   struct Pair {
@@ -74,14 +74,14 @@ class SmoothField {
     Slope slope2 = Slope::Zero();                     // w² J;
     Slope smoothed = Slope::Zero();                   // sum over all cells of w J exp(-d/l)
   };
-  /// A statistic of the errors, and what is expected of it for tau² = 1 and for sigma² = 1.
+  /// A statistic of the errors, and its expectations for tau² = 1 and for sigma² = 1.
   struct Moment {
     double measured = 0.0;
     double of_field = 0.0;
     double of_noise = 0.0;
     double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
   };
-  /// Pairs that share their noise.
+  /// Pairs that share noise.
   struct NearPairs {
     double overlap = 0.0;  // sums over them, each once, of the share of a patch that is common,
     double weight = 0.0;   // w w,

@@ -9,12 +9,12 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPsi = 0.05;
-/// Beginnings of the order that are shorter than so many samples are no ground to stop: a few pairs
-/// that lie close together agree with models that are wrong elsewhere.
+/// Do not stop for fewer best pairs than this many samples: a few pairs close together agree with
+/// models that are wrong elsewhere.
 constexpr std::size_t kMinSamplesLong = 5;
 
-/// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N.
-/// Goes from one n to the next with two products, as j grows by one at most:
+/// min_inliers[n] = m + the least j with P(Binomial(n - m, beta) >= j) < psi, for n = m..N. Each
+/// step of n needs two products, since j grows by at most one:
 ///   P(X_{n+1} >= j) = P(X_n >= j) + beta P(X_n = j - 1).
 void fillMinInliers(std::size_t sample_size, double beta, std::vector<std::size_t>& min_inliers) {
   const double odds = beta / (1.0 - beta);

@@ -55,7 +55,7 @@ std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
 
 bool keepsPlaneInView(const Eigen::Matrix3d& homography,
                       const std::array<Eigen::Vector2d, 4>& corners) {
-  constexpr double kClear = 1e-3;  // nearest over farthest, as the third coordinate has it
+  constexpr double kClear = 1e-3;  // ratio of the nearest to the farthest third coordinate
   double nearest = homography.row(2).dot(corners[0].homogeneous());
   double farthest = nearest;
   for (const Eigen::Vector2d& corner : corners) {

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::homography {
 
-/// reprojectionError() for the loops of the core, where a call for each pair would cost more than
+/// reprojectionError() inline, for the core's loops, where a call per pair would take longer than
 /// the arithmetic.
 inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
                       const Eigen::Vector2d& target) {
@@ -16,26 +16,26 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
   return (p.hnormalized() - target).norm();
 }
 
-/// Where H maps a point.
+/// The mapped point.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// How that place changes with H's first eight entries, row by row, H(2,2) fixed.
+/// Derivative of the mapped point by H's first eight entries, row by row, with H(2,2) fixed.
 Eigen::Matrix<double, 2, 8> jacobianByEntries(const Eigen::Matrix3d& homography,
                                               const Eigen::Vector2d& point);
 
-/// How that place changes with the point.
+/// Derivative of the mapped point by the point.
 Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
-/// Scales H to H(2,2) = 1, to length 1 where that is not possible; false in that case.
+/// Scales H to H(2,2) = 1, or to length 1 and returns false where that is not possible.
 bool scaleLastToOne(Eigen::Matrix3d& homography);
 
 /// Corners of the image, in pixels; of the points' bounding box where the size is empty.
 std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
                                             const std::vector<Eigen::Vector2d>& points);
 
-/// True where H could show the plane over the whole image as seen from one side: it turns nothing
-/// inside out (det H > 0 with the third coordinate positive) and its horizon, the line that goes to
-/// infinity, stays clear of the corners and so of the image between them.
+/// True where H can show the plane over the whole image from one side: it mirrors nothing (det H >
+/// 0 with a positive third coordinate), and its horizon, the line that is mapped to infinity, stays
+/// clear of the corners and so of the image.
 bool keepsPlaneInView(const Eigen::Matrix3d& homography,
                       const std::array<Eigen::Vector2d, 4>& corners);
 

@@ -11,15 +11,15 @@ namespace {
 
 using util::ceilDivide;
 
-/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes beyond
-/// the last candidate keep whatever bytes they had: their number hides them.
+/// Writes the candidates of half group `h` of the frame into their lanes of `group`. Lanes after
+/// the last candidate keep old bytes: their candidate number is larger than any key.
 void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* group) {
   const std::ptrdiff_t row_bytes = std::ptrdiff_t{2} * lanes;
   const int half = h % 2;
   const int first = h * lanes;
   const int end = std::clamp(reference.rows, first, first + lanes);
   for (int candidate = first; candidate < end; ++candidate) {
-    std::uint8_t descriptor[kDescriptorBytes];  // a copy, which writing the column cannot change
+    std::uint8_t descriptor[kDescriptorBytes];  // a copy that cannot alias the column
     std::copy_n(reference.ptr(candidate), kDescriptorBytes, descriptor);
     std::uint8_t* column = group + std::ptrdiff_t{2} * (candidate - first) + half;
     for (int b = 0; b < kDescriptorBytes; ++b) column[b * row_bytes] = descriptor[b];
@@ -54,7 +54,7 @@ std::ptrdiff_t KnnIndex::groupBytes() const {
 
 void KnnIndex::setReference(const cv::Mat& reference) {
   if (laid_out_.equals(reference)) return;
-  laid_out_.clear();  // should memory run out half-way
+  laid_out_.clear();  // in case memory runs out
   layOut(reference);
   laid_out_.assign(reference);
 }

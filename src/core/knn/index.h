@@ -11,8 +11,8 @@
 
 namespace ktgp_orb::knn {
 
-/// A copy of the descriptors that an index was made of, to know them again. To compare costs a
-/// hundredth of laying them out.
+/// A copy of the descriptors of an index, to detect whether they changed. Comparing takes a
+/// hundredth of the time of building the index.
 class DescriptorCopy {
  public:
   void assign(const cv::Mat& descriptors);
@@ -23,8 +23,8 @@ class DescriptorCopy {
   std::vector<std::uint8_t> bytes_;
 };
 
-/// A reference laid out for the search of the whole image as described in kernel.h. It is laid out
-/// anew when it changes and only then, by what it holds: nobody has to say whether it did.
+/// A reference in the layout of kernel.h for the search of the whole image. It is rebuilt only when
+/// its content changes, which the index detects itself.
 class KnnIndex {
  public:
   /// `lanes` of the kernel.
@@ -47,7 +47,7 @@ class KnnIndex {
   DescriptorCopy laid_out_;
 };
 
-/// The same for the search near predicted places: descriptors and places count.
+/// The same for the search near predicted positions: compares descriptors and positions.
 class NearIndex {
  public:
   /// `side` of a cell, px.

@@ -1,5 +1,5 @@
-// The inner loop in plain C++, the definition of what the vector kernels compute. Its loops run
-// over the lanes of a row in steps that the compiler turns into the vectors of any processor.
+// The inner loop in plain C++, the reference for the vector kernels. Its loops run over the lanes
+// of a row, so that compilers can vectorise them.
 #include "core/knn/kernel.h"
 
 #include <algorithm>
@@ -13,7 +13,7 @@ constexpr int kLanes = 32;
 constexpr std::ptrdiff_t kRowBytes = std::ptrdiff_t{2} * kLanes;
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
-/// A row of a group: two bytes, one of either half, in each of its words.
+/// A row of a group: each word has two bytes, one of each half.
 struct Row {
   std::uint16_t lane[kLanes];
 };
@@ -45,7 +45,7 @@ Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor
   return sum;
 }
 
-/// Takes the distances of one half group into the best two keys of every lane.
+/// Updates the best two keys of every lane with the distances of one half group.
 void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
   for (int i = 0; i < kLanes; ++i) {
     const auto key =
@@ -55,7 +55,7 @@ void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
   }
 }
 
-/// The same distances the other way round: the nearest query of every candidate.
+/// The other direction: updates the nearest query of every candidate.
 void addQuery(const Row& distance, int query, std::int16_t* nearest_queries) {
   for (int i = 0; i < kLanes; ++i) {
     const auto key = static_cast<std::int16_t>((distance.lane[i] << kKeyNumberBits) | query);

@@ -6,33 +6,34 @@
 
 namespace ktgp_orb::knn {
 
-// The inner loop of the search, one per instruction set. Candidates (reference descriptors) lie in
-// the lanes of vectors, so that one instruction works on the same byte of many of them:
+// The inner loop of the search, one per instruction set. Candidates (reference descriptors) are in
+// the lanes of vectors: one instruction processes the same byte of many candidates:
 //
 //   group    2 * lanes candidates: 32 rows, row b holding byte b of each of them, then two rows of
 //            16-bit candidate numbers. Even bytes of a row belong to the first half of the group's
 //            candidates, odd ones to the second, so that a row of bytes widens to two rows of 16
 //            bits by a mask and a shift.
-//   block    at most kGroupsPerBlock groups: what a key can number
+//   block    at most kGroupsPerBlock groups, as many as a key can number
 //   key      distance << 6 | half group within its block, in a 16-bit lane: the smaller key is the
 //            nearer candidate and, at equal distance, the one with the lower index. Min and max
 //            keep the best two of every lane without a branch.
 //
-// The other direction, each candidate's nearest query, comes from the same distances: with the
-// query's number in its chunk in the place of the half group, one more minimum per candidate.
+// The other direction, each candidate's nearest query, uses the same distances; its keys contain
+// the number of the query in its chunk in place of the half group. It takes one more minimum per
+// candidate.
 
 constexpr int kKeyNumberBits = 6;
 constexpr int kGroupsPerBlock = (1 << kKeyNumberBits) / 2;
-/// The key of no candidate, above all others. It also numbers the lanes that pad the last group:
-/// or'ed into any key it stays itself.
+/// The key for "no candidate", above all others. It is also the candidate number of the padding
+/// lanes of the last group: or'ed into any key, the result stays this key.
 constexpr std::int16_t kNoKey = 32767;
-/// Rows of a group: descriptor bytes, then the candidate numbers of either half.
+/// Rows of a group: descriptor bytes, then the candidate numbers of both halves.
 constexpr int kRowsPerGroup = kDescriptorBytes + 2;
-/// Rows whose distances, at most 8 each, add up in a byte.
+/// Number of rows whose distances, at most 8 each, add up in a byte.
 constexpr int kRowsPerSum = kDescriptorBytes / 2;
-/// Queries that share a pass over a block and so every row that is read and split.
+/// Number of queries per pass over a block; they share every row that is read and split.
 constexpr int kQueriesPerPass = 4;
-/// Queries that the keys of one chunk can number.
+/// Number of queries that the keys of one chunk can number.
 constexpr int kMaxQueriesPerChunk = 1 << kKeyNumberBits;
 /// 16-bit lanes of the widest kernel (512 bits).
 constexpr int kMaxLanes = 32;
@@ -40,7 +41,7 @@ constexpr int kMaxLanes = 32;
 /// The queries of a pass: 32 bytes each, of any alignment.
 struct QueryPass {
   const std::uint8_t* descriptor[kQueriesPerPass];
-  int first_number;  ///< of the first in its chunk; the others follow
+  int first_number;  ///< of the first query in its chunk; the others follow
 };
 
 /// The best two keys of every lane, for one query.
@@ -51,7 +52,7 @@ struct LaneKeys {
 
 struct KnnKernel {
   /// Searches the first `group_count` groups of `block` (64-byte aligned) for the queries of a
-  /// pass. `keys` has kQueriesPerPass entries, of which the first `lanes` lanes are written.
+  /// pass. `keys` has kQueriesPerPass entries; the first `lanes` lanes of each are written.
   /// `nearest_queries`: see scan_both_ways.
   using Scan = void (*)(const std::uint8_t* block, int group_count, const QueryPass& queries,
                         LaneKeys* keys, std::int16_t* nearest_queries);
@@ -59,12 +60,12 @@ struct KnnKernel {
   const char* name;     ///< instruction set, e.g. "AVX2"
   int lanes;            ///< 16-bit lanes; a row has twice as many bytes
   Scan scan;            ///< ignores `nearest_queries`
-  Scan scan_both_ways;  ///< lowers `nearest_queries` (64-byte aligned): one key a candidate
+  Scan scan_both_ways;  ///< also lowers `nearest_queries` (64-byte aligned): one key per candidate
 };
 
-/// Plain C++, the definition of what the others compute.
+/// Plain C++, the reference for the other kernels.
 const KnnKernel& portableKnnKernel();
-/// The fastest that this build has and this processor runs.
+/// The fastest kernel that this build and this processor support.
 const KnnKernel& bestKnnKernel();
 
 }  // namespace ktgp_orb::knn

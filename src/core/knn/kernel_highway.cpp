@@ -28,10 +28,10 @@ constexpr std::ptrdiff_t kRowBytes = HWY_LANES(std::uint8_t);
 constexpr int kLanes = HWY_LANES(std::int16_t);
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
-// An instruction that counts the bits of each byte: AVX-512 with BITALG and all of Arm.
+// AVX-512 with BITALG, and Arm, have an instruction that counts the bits of each byte.
 #if HWY_TARGET <= HWY_AVX3_DL || HWY_ARCH_ARM
 
-/// One target descriptor. Every byte of it is laid out across a row.
+/// One target descriptor; each of its bytes is repeated across a row.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -51,8 +51,8 @@ class Query {
 
 #else
 
-/// One target descriptor. Bits are counted by table, sixteen entries in a register: entry i of the
-/// table of a nibble n is the number of bits set in i ^ n, which saves the exclusive or as well.
+/// One target descriptor. Bits are counted with tables of sixteen entries in a register: entry i of
+/// the table for a nibble n is the number of bits set in i ^ n, which includes the exclusive or.
 class Query {
  public:
   void set(const std::uint8_t* descriptor) {
@@ -111,7 +111,7 @@ struct BestTwo {
   }
 };
 
-/// Takes the distances of one half group, one row for each query, into the best two of the queries.
+/// Updates the best two of the queries with the distances of one half group, one row per query.
 HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, BestTwo* best_two) {
   const Words number = hn::Load(kWords, reinterpret_cast<const std::uint16_t*>(number_row));
   for (int q = 0; q < kQueriesPerPass; ++q) {
@@ -120,7 +120,7 @@ HWY_INLINE void addHalf(const Words* distances, const std::uint8_t* number_row, 
   }
 }
 
-/// The other way round: into the nearest query of each candidate.
+/// The other direction: updates the nearest query of each candidate.
 HWY_INLINE void addQueries(const Words* distances, int first_number,
                            std::int16_t* HWY_RESTRICT nearest_queries) {
   Keys nearest = hn::Load(kKeys, nearest_queries);

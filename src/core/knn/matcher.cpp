@@ -32,7 +32,7 @@ struct KnnMatcher::Impl {
 
   const KnnOptions options;
   KnnSearch search;
-  std::optional<NearSearch> near;  // where there is a radius
+  std::optional<NearSearch> near;  // only with a search radius
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
@@ -63,7 +63,7 @@ void KnnMatcher::matchNear(const Features& reference, const Features& target,
   if (!impl_->near) {
     throw std::invalid_argument(
         "search_radius is 0; expected a radius above 0 px for a search "
-        "near the predicted places");
+        "near the predicted positions");
   }
   impl_->near->match(reference, target, prediction, mutual, correspondences);
 }

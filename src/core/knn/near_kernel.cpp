@@ -1,4 +1,4 @@
-// The search by place in plain C++, the definition of what the vector kernels compute.
+// The search near predicted positions in plain C++, the reference for the vector kernels.
 #include "core/knn/near_kernel.h"
 
 #include <algorithm>
@@ -16,7 +16,7 @@ std::uint32_t byteCounts(std::uint32_t v) {
 
 std::int32_t distanceTo(const std::uint32_t* query, const std::uint32_t* words,
                         std::ptrdiff_t stride) {
-  std::uint32_t sums = 0;  // a byte holds eight times eight
+  std::uint32_t sums = 0;  // each byte counts at most eight times eight
   for (int w = 0; w < kDescriptorWords; ++w) sums += byteCounts(query[w] ^ words[w * stride]);
   sums = (sums & 0x00ff00ffU) + ((sums >> 8) & 0x00ff00ffU);
   return static_cast<std::int32_t>((sums & 0xffffU) + (sums >> 16));

@@ -7,24 +7,24 @@
 
 namespace ktgp_orb::knn {
 
-// The inner loop of the search by place, one per instruction set. Each query has candidates of its
-// own, some dozens in a few runs, too few to share the rows of kernel.h. Here a lane has 32 bits:
-// word w of as many descriptors as there are lanes, eight words a descriptor, and then the
-// candidates' places, of which those outside the radius leave no key.
+// The inner loop of the search near predicted positions, one per instruction set. Each query has
+// its own candidates, some dozens in a few runs: too few to share the rows of kernel.h. A lane has
+// 32 bits here: word w of as many descriptors as there are lanes, eight words per descriptor, then
+// the positions of the candidates. Candidates outside the radius get no key.
 //
 //   key   distance << kNearIndexBits | index in the frame: the smaller key is the nearer candidate
-//         and, at equal distance, the one with the lower index, whatever order they come in.
+//         and, at equal distance, the one with the lower index, in any order of the candidates.
 
 constexpr int kDescriptorWords = kDescriptorBytes / 4;
 constexpr int kNearIndexBits = 22;
-/// Keypoints that a frame may have.
+/// Largest number of keypoints in a frame.
 constexpr int kMaxNearFeatures = 1 << kNearIndexBits;
-/// The key of no candidate, above all others.
+/// The key for "no candidate", above all others.
 constexpr std::int32_t kNoNearKey = 0x7fffffff;
-/// 32-bit lanes of the widest kernel (512 bits); so much is read beyond the end of a run.
+/// 32-bit lanes of the widest kernel (512 bits); the kernels may read so many lanes past a run.
 constexpr int kMaxNearLanes = 16;
 
-/// The candidates, as columns: what lies together in the image lies together here.
+/// The candidates as columns, sorted by their position in the image.
 struct NearCandidates {
   const std::uint32_t* words;  ///< word w of candidate i: words[w * stride + i]
   std::ptrdiff_t stride;
@@ -41,7 +41,7 @@ struct NearRun {
 
 struct NearQuery {
   const std::uint8_t* descriptor;  ///< 32 bytes of any alignment
-  float x;                         ///< the middle of the circle, px
+  float x;                         ///< centre of the circle, px
   float y;
   float squared_radius;
   std::int32_t number;  ///< in its frame
@@ -63,13 +63,13 @@ struct NearKernel {
 
   const char* name;         ///< instruction set, e.g. "AVX2"
   Search search;            ///< ignores `nearest_queries`
-  Search search_both_ways;  ///< lowers `nearest_queries`: a key for each candidate, with the number
-                            ///< of the query in place of the index
+  Search search_both_ways;  ///< also lowers `nearest_queries`: one key per candidate, with the
+                            ///< number of the query in place of the index
 };
 
-/// Plain C++, the definition of what the others compute.
+/// Plain C++, the reference for the other kernels.
 const NearKernel& portableNearKernel();
-/// The fastest that this build has and this processor runs.
+/// The fastest kernel that this build and this processor support.
 const NearKernel& bestNearKernel();
 
 }  // namespace ktgp_orb::knn

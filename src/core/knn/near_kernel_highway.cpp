@@ -1,4 +1,5 @@
-// The search by place with Highway: compiled for every instruction set, chosen at run time.
+// The search near predicted positions with Highway: compiled for every instruction set, chosen at
+// run time.
 #include "core/knn/near_kernel.h"
 #include "core/util/highway_targets.h"
 
@@ -30,7 +31,7 @@ constexpr std::uint32_t kLanes =
 /// Distances between the query and the candidates from `words` on.
 HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
                            const std::uint32_t* HWY_RESTRICT words, std::ptrdiff_t stride) {
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // has an instruction for the bits of a word
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL  // has an instruction that counts the bits of a word
   Words sum = hn::Zero(kWords);
   for (int w = 0; w < kDescriptorWords; ++w) {
     const Words row = hn::LoadU(kWords, words + w * stride);
@@ -51,10 +52,10 @@ HWY_INLINE Words distances(const Words (&query)[kDescriptorWords],
 #endif
 }
 
-/// The smallest of `best` and, without it, the smallest of both.
+/// The smallest of `best`, and the smallest of both without it.
 HWY_INLINE NearKeys reduce(Keys best, Keys second) {
   const Keys smallest = hn::MinOfLanes(kKeys, best);
-  // Keys are different but for those of no candidate, whose second is no candidate either.
+  // All keys differ, except those for "no candidate".
   const Keys others = hn::IfThenElse(hn::Eq(best, smallest), second, best);
   return {hn::GetLane(smallest), hn::GetLane(hn::MinOfLanes(kKeys, others))};
 }

@@ -18,11 +18,12 @@ namespace {
 using util::ceilDivide;
 using util::ThreadPool;
 
-constexpr int kQueriesPerChunk = 64;   // what a thread takes at a time
-constexpr double kCellsPerRadius = 2;  // small cells: fewer candidates in vain; large: longer runs
+constexpr int kQueriesPerChunk = 64;  // per task of a thread
+constexpr double kCellsPerRadius =
+    2;  // smaller cells: fewer useless candidates; larger ones: longer runs
 constexpr std::int32_t kFarthest = 8 * kDescriptorBytes;
 
-/// Target to reference, positive depth in the middle of the target.
+/// Target to reference, with positive depth in the middle of the target.
 Eigen::Matrix3d backwards(const Eigen::Matrix3d& prediction, const cv::Size& target) {
   const Eigen::Matrix3d inverse = prediction.inverse();
   if (!prediction.allFinite() || !inverse.allFinite()) {
@@ -86,7 +87,7 @@ void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& pre
   for (std::size_t i = 0; i < target.size(); ++i) {
     const cv::Point2f& p = target.keypoints[i].pt;
     const Eigen::Vector3d u = h * Eigen::Vector3d(p.x, p.y, 1.0);
-    // Behind the horizon there is nothing: no distance to NaN is within a radius.
+    // Behind the horizon there is no position: the distance to NaN is never within a radius.
     const bool seen = u.z() > 0.0;
     places_[i].x = seen ? static_cast<float>(u.x() / u.z()) : std::nanf("");
     places_[i].y = seen ? static_cast<float>(u.y() / u.z()) : std::nanf("");

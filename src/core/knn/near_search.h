@@ -14,9 +14,9 @@
 
 namespace ktgp_orb::knn {
 
-/// The search of KnnMatcher::matchNear with a kernel of choice, so that tests and benchmarks can
-/// try each. Reference and target are sorted into cells, so that the candidates of a query lie in
-/// few runs, and are still in the cache from the query before.
+/// The search of KnnMatcher::matchNear with a given kernel, so that tests and benchmarks can try
+/// each. Reference and target are sorted into cells. So the candidates of a query form few runs,
+/// and are still in the cache from the previous query.
 class NearSearch {
  public:
   /// `radius`: px, > 0. `pool` must outlive this.
@@ -40,7 +40,7 @@ class NearSearch {
   NearIndex index_;  // the reference
   // The target.
   util::CellGrid query_cells_;
-  std::vector<cv::Point2f> places_;  // where each keypoint is predicted to come from
+  std::vector<cv::Point2f> places_;  // predicted positions of the keypoints
   std::vector<std::vector<std::int32_t>>
       nearest_queries_;  // of each candidate, one for each thread
 };

@@ -12,7 +12,7 @@ namespace {
 
 using util::ceilDivide;
 
-constexpr std::size_t kMaxRuns = 8;  // more rows of cells than a query meets, but for rounding
+constexpr std::size_t kMaxRuns = 8;  // a query touches fewer rows of cells; rounding may add one
 
 }  // namespace
 
@@ -44,14 +44,15 @@ void NearTable::layOut(const Features& features) {
 NearKeys NearTable::search(const NearKernel& kernel, const std::uint8_t* descriptor,
                            const cv::Point2f& place, double radius, std::int32_t number,
                            std::int32_t* nearest_queries) const {
-  // A little more, so that rounding leaves nobody out who passes the test in single precision.
+  // Slightly larger, so that rounding excludes no candidate that passes the test in single
+  // precision.
   const double reach = radius + 1e-3 + 1e-6 * (std::abs(place.x) + std::abs(place.y));
   std::array<NearRun, kMaxRuns> runs;
   std::size_t run_count = 0;
   cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
     if (begin == end) return;
     if (run_count == kMaxRuns) {
-      runs.back().end = end;  // what lies between is too far away and does no harm
+      runs.back().end = end;  // the candidates in between are too far away, and are excluded later
     } else {
       runs[run_count++] = {begin, end};
     }

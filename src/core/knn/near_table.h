@@ -12,18 +12,18 @@
 
 namespace ktgp_orb::knn {
 
-/// Throws std::invalid_argument naming `name` where the keys of near_kernel.h cannot count the
-/// keypoints.
+/// Throws std::invalid_argument naming `name` if there are more keypoints than the keys of
+/// near_kernel.h can number.
 void requireCountable(const Features& features, const std::string& name);
 
 constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
 
-/// The candidates of the search by place: descriptors sorted by where they are, so that those of a
-/// query lie in few runs, and laid out as the kernels read them. Keeps its buffers.
+/// The candidates of the search near predicted positions: descriptors sorted by position, so that
+/// the candidates of a query form few runs, in the layout of the kernels. Keeps its buffers.
 class NearTable {
  public:
-  /// `place(i)`: of keypoint i, px; what is not finite is near nothing. `image`, `side`: see
-  /// CellGrid::build; a search meets few runs where `side` is a half to the whole of its radius.
+  /// `place(i)`: position of keypoint i, px; positions that are not finite are never near. `image`,
+  /// `side`: see CellGrid::build; choose `side` between half the search radius and the radius.
   template <typename Place>
   void build(const Features& features, const Place& place, const cv::Size& image, double side) {
     cells_.build(features.size(), place, image, side);
@@ -42,7 +42,7 @@ class NearTable {
                   const cv::Point2f& place, double radius, std::int32_t number,
                   std::int32_t* nearest_queries) const;
 
-  /// Where keypoint `index` is.
+  /// Position of keypoint `index`.
   cv::Point2f place(std::int32_t index) const { return {x_[column(index)], y_[column(index)]}; }
 
   std::size_t columns() const { return stride_; }
@@ -55,7 +55,7 @@ class NearTable {
   void layOut(const Features& features);
 
   util::CellGrid cells_;
-  std::size_t stride_ = 0;  // size(), and room to read beyond
+  std::size_t stride_ = 0;  // size(), plus lanes that may be read
   std::vector<std::uint32_t> words_;
   std::vector<float> x_;
   std::vector<float> y_;

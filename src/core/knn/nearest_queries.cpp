@@ -18,7 +18,7 @@ void NearestQueries::reset(int candidates) {
   query_.assign(count, -1);
 }
 
-// The two loops have no branch, so that the compiler makes vectors of them.
+// The two loops have no branch, so that the compiler can vectorise them.
 
 void NearestQueries::takeChunk(int first_query) {
   std::int16_t* key = keys();

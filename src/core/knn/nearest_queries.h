@@ -10,22 +10,22 @@ struct alignas(64) CacheLine {
   std::uint8_t bytes[64];
 };
 
-/// The other direction of the search: the query nearest to each candidate, gathered from the
-/// chunks of queries that one thread has searched for. Equal distances: the lower query.
+/// The other direction of the search: the query nearest to each candidate, collected from the
+/// chunks of queries of one thread. For equal distances, the lower query.
 class NearestQueries {
  public:
-  /// No query yet for any of the candidates, of which there are a multiple of 32.
+  /// Resets all candidates to "no query". `candidates` is a multiple of 32.
   void reset(int candidates);
 
-  /// The keys that a chunk of queries lowers (see kernel.h), one for each candidate.
+  /// The keys of the current chunk (see kernel.h), one per candidate.
   std::int16_t* keys() { return reinterpret_cast<std::int16_t*>(keys_.front().bytes); }
-  /// Takes over the keys of the chunk whose first query is `first_query` and clears them. The
-  /// chunks of a thread come in ascending order.
+  /// Collects the keys of the chunk whose first query is `first_query`, and clears them. The chunks
+  /// of a thread come in ascending order.
   void takeChunk(int first_query);
-  /// Takes over what another thread has found.
+  /// Merges the result of another thread.
   void take(const NearestQueries& other);
 
-  /// -1 where there is none.
+  /// -1 if there is none.
   int query(int candidate) const { return query_[static_cast<std::size_t>(candidate)]; }
 
  private:

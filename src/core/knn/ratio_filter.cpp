@@ -8,16 +8,19 @@ double ratioThreshold(DescriptorKind kind) {
   return kind == DescriptorKind::teblid ? 0.8 : kDefaultRatioThreshold;
 }
 
+void requireRatioThreshold(double threshold) {
+  if (threshold > 0.0 && threshold <= 1.0) return;
+  throw std::invalid_argument("ratio_threshold is " + std::to_string(threshold) +
+                              "; expected a value in (0, 1]");
+}
+
 std::size_t filterByRatio(double threshold, std::vector<Correspondence>& correspondences,
                           bool mutual) {
-  if (!(threshold > 0.0 && threshold <= 1.0)) {
-    throw std::invalid_argument("ratio_threshold is " + std::to_string(threshold) +
-                                "; expected a value in (0, 1]");
-  }
+  requireRatioThreshold(threshold);
   std::size_t kept = 0;
   for (Correspondence& c : correspondences) {
     if (mutual && !c.mutual) continue;
-    // The quotient, not d1 < T_w * d2: the product rounds differently where W equals T_w.
+    // The quotient, not d1 < T_w * d2: the product rounds differently when W equals T_w.
     if (c.level != Level::knn || c.ratio() >= threshold) continue;
     c.level = Level::kt;
     ++kept;

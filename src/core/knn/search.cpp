@@ -12,12 +12,12 @@ namespace {
 
 using util::ceilDivide;
 
-// Queries that one thread takes at a time: enough to read a block from the cache many times over,
-// few enough to divide a frame evenly.
+// Queries per task of a thread: enough to read a block from the cache many times, few enough to
+// divide a frame evenly.
 constexpr int kQueriesPerChunk = 64;
 static_assert(kQueriesPerChunk <= kMaxQueriesPerChunk && kQueriesPerChunk % kQueriesPerPass == 0);
 
-constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above any distance
+constexpr int kNoDistance = kNoKey >> kKeyNumberBits;  // above every distance
 
 std::int16_t minimum(const std::int16_t* keys, int lanes) {
   std::int16_t smallest = kNoKey;
@@ -25,8 +25,8 @@ std::int16_t minimum(const std::int16_t* keys, int lanes) {
   return smallest;
 }
 
-/// Folds the lanes of one block into the best two so far. Blocks come in the order of their
-/// candidates, so that at equal distance what is there already has the lower index.
+/// Merges the lanes of one block into the best two so far. Blocks are merged in the order of their
+/// candidates, so for equal distances the existing entry has the lower index.
 void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
   const std::int16_t nearest = minimum(keys.best, lanes);
   const int distance = nearest >> kKeyNumberBits;
@@ -35,7 +35,7 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
     c.second_distance = distance;
     return;
   }
-  // Equal keys are neighbours of one half group: the first lane has the lower index.
+  // Equal keys belong to neighbours of one half group: the first lane has the lower index.
   const auto lane = std::find(keys.best, keys.best + lanes, nearest) - keys.best;
   keys.best[lane] = keys.second[lane];
   c.second_distance = std::min(c.distance, minimum(keys.best, lanes) >> kKeyNumberBits);
@@ -105,7 +105,8 @@ void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* co
       QueryPass queries;
       queries.first_number = t - first;
       for (int q = 0; q < kQueriesPerPass; ++q) {
-        queries.descriptor[q] = target.ptr(std::min(t + q, end - 1));  // the last fills up the pass
+        queries.descriptor[q] =
+            target.ptr(std::min(t + q, end - 1));  // the last query is repeated to fill the pass
       }
       LaneKeys keys[kQueriesPerPass];
       scan(block, std::min(kGroupsPerBlock, index_.groupCount() - g), queries, keys, nearest_keys);
@@ -115,7 +116,8 @@ void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* co
     }
   }
   if (index_.candidates() > 1) return;
-  for (int t = first; t < end; ++t) correspondences[t].second_distance = 0;  // there is no second
+  for (int t = first; t < end; ++t)
+    correspondences[t].second_distance = 0;  // there is no second neighbour
 }
 
 }  // namespace ktgp_orb::knn

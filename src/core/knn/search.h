@@ -12,7 +12,7 @@
 
 namespace ktgp_orb::knn {
 
-/// The search of KnnMatcher with a kernel of choice, so that tests and benchmarks can try each.
+/// The search of KnnMatcher with a given kernel, so that tests and benchmarks can try each.
 class KnnSearch {
  public:
   /// `threads`: see KnnOptions.
@@ -29,10 +29,10 @@ class KnnSearch {
   util::ThreadPool& pool() { return pool_; }
 
  private:
-  /// Makes room and lays out the reference; false where there is nothing to search.
+  /// Allocates memory and builds the index of the reference; false if there is nothing to search.
   bool prepare(const cv::Mat& reference, const cv::Mat& target,
                std::vector<Correspondence>& correspondences);
-  /// Searches for the targets of one chunk; both ways where `nearest_queries` is given.
+  /// Searches the targets of one chunk, in both directions if `nearest_queries` is not null.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);
 

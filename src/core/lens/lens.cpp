@@ -64,7 +64,7 @@ void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
     cv::fisheye::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation,
                                  c.rectified_camera);
   } else {
-    // The five iterations that OpenCV makes unasked leave whole pixels near the corners of a wide
+    // OpenCV's default of five iterations leaves errors of whole pixels near the corners of a wide
     // lens.
     const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
     cv::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation, c.rectified_camera,
@@ -72,7 +72,8 @@ void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
   }
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const cv::Point2d& point = rectified[i];
-    // A point that no ray through the lens leads to stays: some wrong match more.
+    // If no ray through the lens leads to a point, the point stays where it is: a few more wrong
+    // matches.
     if (std::isfinite(point.x) && std::isfinite(point.y)) keypoints[i].pt = point;
   }
 }

@@ -14,17 +14,18 @@ namespace {
 constexpr std::size_t kTriesOnPath = 2;
 constexpr std::size_t kTriesLost = 4;
 constexpr double kLeastOverlap = 0.2;
-constexpr std::size_t kLeastInliers = 30;  // a place for good: the verdict alone is not enough
+constexpr std::size_t kLeastInliers =
+    30;  // more than the verdict requires, since a keyframe's position is final
 
 }  // namespace
 
-/// Share of the frame that the keyframe shows.
+/// Share of the frame that the keyframe covers.
 double Keyframes::overlap(const Keyframe& keyframe, const cv::Size& size,
                           const Eigen::Matrix3d& from_map) const {
   const Eigen::Matrix3d to_keyframe = keyframe.from_map * from_map.inverse();
   const auto corners = homography::imageCorners(size, {});
   if (!homography::keepsPlaneInView(to_keyframe / to_keyframe(2, 2), corners)) return 0.0;
-  // The keyframe's corners as the frame sees them: the area is that of the frame, in its own px.
+  // The keyframe's corners in the frame: the area is measured in px of the frame.
   const Eigen::Matrix3d to_frame = to_keyframe.inverse();
   const auto keyframe_corners = homography::imageCorners(keyframe.features.image_size, {});
   if (!homography::keepsPlaneInView(to_frame / to_frame(2, 2), keyframe_corners)) return 0.0;

@@ -11,16 +11,16 @@
 
 namespace ktgp_orb::mosaic {
 
-/// The frames whose place in the map others are found by.
+/// Frames with a known position in the map; other frames are placed by a match to them.
 class Keyframes {
  public:
   explicit Keyframes(const MatcherOptions& options) : matcher_(options) {}
 
   void setOptions(const MatcherOptions& options) { matcher_ = KtgpMatcher(options); }
 
-  /// Where a frame is, by a match to the keyframe that covers most of it; where that fails, to the
-  /// next ones. `expected`: map -> frame, roughly; `chained`: the path from the frame before says
-  /// so, else it is a guess, and more of them are tried. Nothing: none fits.
+  /// The position of a frame, by a match to the keyframe that covers most of it; if that fails, to
+  /// the next ones. `expected`: map -> frame, roughly. `chained`: it follows from the previous
+  /// frame; otherwise it is a guess, and more keyframes are tried. Empty if none fits.
   std::optional<Eigen::Matrix3d> locate(const Features& features, const Eigen::Matrix3d& expected,
                                         bool chained);
 

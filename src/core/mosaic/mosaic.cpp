@@ -21,9 +21,8 @@ namespace {
 using mosaic::Keyframes;
 using mosaic::TileMap;
 
-constexpr std::size_t kPathLength = 300;  // frames that may come while one is placed
-// A frame may look this much larger or smaller than the first one; beyond that a map of one plane
-// is no picture any more.
+constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
+// Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
 constexpr double kLargestZoom = 4.0;
 
 void requireInRange(const char* name, double value, double low, double high) {
@@ -50,7 +49,7 @@ OrbOptions withImages(OrbOptions orb, bool alignment) {
   return orb;
 }
 
-/// Enough for a map without gaps, and a bound for one that is seen again and again.
+/// Enough for a map without gaps, and a limit when the camera stays over the same place.
 std::size_t keyframesFor(const MosaicOptions& options, const cv::Size& size) {
   return static_cast<std::size_t>(1e6 * options.max_megapixels / (0.3 * size.area())) + 1;
 }
@@ -118,15 +117,15 @@ struct Mosaic::Impl {
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
-  cv::Mat exposed;  // colour as bright as the map
+  cv::Mat exposed;  // colour with the brightness of the map
 
   struct Placed {
     std::int64_t stamp = 0;
     Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
   };
-  std::optional<Placed> last;                           // the last frame whose place was known
-  std::optional<Eigen::Matrix3d> pose;                  // of the frame that was placed last
-  Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // the last frame that was drawn
+  std::optional<Placed> last;                           // the last frame with a known position
+  std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
+  Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
   bool is_lost = false;
@@ -171,7 +170,7 @@ struct Mosaic::Impl {
     return false;
   }
 
-  /// The map -> frame homography by the path from the last placed frame.
+  /// The map -> frame homography along the path from the last placed frame.
   std::optional<Eigen::Matrix3d> chained(std::int64_t stamp) const {
     if (!last) return std::nullopt;
     const auto step = path.between(last->stamp, stamp);

@@ -11,10 +11,11 @@
 namespace ktgp_orb::mosaic {
 namespace {
 
-// What is there counts as this many frames at most: newer ones soon show, noise averages out.
+// The existing picture counts as at most this many frames: new content appears soon, noise averages
+// out.
 constexpr int kMaxWeight = 3 * 255;
 
-// Pixels that the gain is measured at; those at the ends of the range may be cut off.
+// Sample distance for the gain. Pixels at the ends of the range may be clipped and are not used.
 constexpr int kGainStep = 8;  // px
 constexpr int kLeastGainSamples = 100;
 constexpr int kDark = 8;
@@ -134,7 +135,7 @@ bool TileMap::drawTile(const Place& place, const cv::Mat& frame, const Eigen::Ma
                                      cv::Mat::zeros(region.size(), CV_16UC1)})
                 .first;
   }
-  // Beyond the border of the frame its last pixels go on, not black, which would darken the rim.
+  // Repeats the last pixels beyond the border of the frame; black would darken the rim.
   cv::warpPerspective(frame, patch_, homography, region.size(), cv::INTER_LINEAR,
                       cv::BORDER_REPLICATE);
   Tile& tile = found->second;

@@ -8,30 +8,30 @@
 
 namespace ktgp_orb::mosaic {
 
-/// A picture without borders, in square tiles that exist where something was drawn: memory grows
-/// with the covered area.
+/// A picture of unlimited size, in square tiles that exist only where something was drawn: memory
+/// grows with the covered area.
 class TileMap {
  public:
   static constexpr int kTileSize = 256;  ///< px
 
-  /// `max_tiles`: it grows no further than that.
+  /// `max_tiles`: most tiles.
   explicit TileMap(std::size_t max_tiles) : max_tiles_(max_tiles) {}
 
   void setMaxTiles(std::size_t max_tiles) { max_tiles_ = max_tiles; }
 
-  /// Draws a frame (CV_8UC3) where `to_map` puts it, blended with what is there: a pixel counts the
-  /// more the farther it is from the border of its frame, so that no seam shows. False where not
-  /// all of it had room.
+  /// Draws a frame (CV_8UC3) at the position `to_map` and blends it with the existing picture. The
+  /// weight of a pixel falls towards the border of its frame, so there are no seams. False if a
+  /// part did not fit.
   bool draw(const cv::Mat& frame, const Eigen::Matrix3d& to_map);
 
-  /// By how much a frame is darker than what it overlaps of the map: the factor that makes both
-  /// equally bright. 1 where they overlap too little to tell.
+  /// The factor that gives the frame the brightness of the map below it. 1 if the overlap is too
+  /// small.
   double gain(const cv::Mat& frame, const Eigen::Matrix3d& to_map) const;
 
   /// Bounds of what was drawn, px of the map; empty at first.
   const cv::Rect& area() const { return area_; }
   std::size_t tiles() const { return tiles_.size(); }
-  /// The area as CV_8UC4, alpha 0 where nothing was drawn; `scale` in (0, 1] makes it smaller.
+  /// The area as CV_8UC4, alpha 0 for unseen parts; `scale` in (0, 1] makes it smaller.
   cv::Mat image(double scale) const;
   void clear();
 
@@ -42,7 +42,7 @@ class TileMap {
   };
   using Place = std::pair<int, int>;  // column, row
 
-  /// The pixel of the map at `p`; null where nothing was drawn.
+  /// The pixel of the map at `p`; null for unseen parts.
   const cv::Vec3b* at(const Eigen::Vector2d& p) const;
   bool drawTile(const Place& place, const cv::Mat& frame, const Eigen::Matrix3d& to_map);
   void setFeather(const cv::Size& size);

@@ -16,9 +16,9 @@ using Floats = hn::Rebind<float, Words>;
 using Integers = hn::RebindToSigned<Words>;
 using Bytes8 = hn::Repartition<std::uint8_t, Words>;
 
-// Pixels are taken a word of four at a time: a block is a register of words, and its values lie in
-// four registers, the first bytes of all words, the second ones, and so on. To take the words apart
-// and to put them together is cheaper than to widen bytes and to narrow them again.
+// Pixels are processed in words of four: a block is a register of words, and its values are in four
+// registers: the first bytes of all words, the second ones, and so on. Splitting and joining words
+// is cheaper than widening and narrowing bytes.
 constexpr int kPixelsPerWord = 4;
 
 template <int kByte>

@@ -8,16 +8,16 @@ namespace {
 using util::ceilDivide;
 
 constexpr int kRows = 2 * kBlurRadius + 1;
-constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row
+constexpr int kVectorSlack = 64;  // bytes that the kernels may access past the end of a row
 
 }  // namespace
 
 void blurRows(const cv::Mat& image, int first_row, int last_row, const OrbKernels& kernels,
               BlurScratch& scratch, cv::Mat& blurred) {
   const int columns = image.cols - 2 * kBlurMargin;
-  // Rows start on cache lines, 16 values each: loads that straddle two take twice as long.
+  // Rows start on cache lines, 16 values each: a load across two lines takes twice as long.
   const int pitch = ceilDivide(columns + kVectorSlack, 16) * 16;
-  // A matrix that had no memory has a size all the same.
+  // After a failed allocation a matrix has a size but no memory.
   if (scratch.cols < pitch || scratch.data == nullptr) scratch.create(kRows, pitch, CV_32F);
   const auto along = [&](int y) { return scratch.ptr<float>(y % kRows); };
   for (int y = first_row - kBlurRadius; y < last_row + kBlurRadius; ++y) {

@@ -6,14 +6,14 @@
 
 namespace ktgp_orb::orb {
 
-/// Distance from the border beyond which no descriptor reads the blurred image, in px.
+/// Descriptors do not read the blurred image closer to the border than this, px.
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
 
 /// Memory of one thread for blurRows.
 using BlurScratch = cv::Mat;
 
-/// The rows [first_row, last_row) of `image` under a 7x7 Gaussian of sigma 2 into `blurred`, except
-/// for kBlurMargin pixels on either side. The rows keep that distance from the border too;
+/// Blurs the rows [first_row, last_row) of `image` with a 7x7 Gaussian of sigma 2 into `blurred`,
+/// except for kBlurMargin pixels on each side. The rows keep this distance from the border, too;
 /// `blurred` is as large as `image` and 64 bytes wider.
 ///
 /// The arithmetic is that of cv::ORB on a processor with fused multiply-add: single precision, one

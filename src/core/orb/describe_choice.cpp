@@ -9,10 +9,10 @@
 namespace ktgp_orb::orb {
 namespace {
 
-constexpr int kRounds = 5;  // the fastest counts: others may have been interrupted
+constexpr int kRounds = 5;  // the fastest counts, since others may have been interrupted
 constexpr int kCalls = 64;
 
-/// A patch of pixels, described again and again, at another angle each time.
+/// A patch of pixels, described repeatedly, at another angle each time.
 class Trial {
  public:
   Trial() {
@@ -27,7 +27,7 @@ class Trial {
       const auto angle = static_cast<float>(i);
       describe(pixels_.data() + kMiddle, kSide, std::cos(angle), std::sin(angle),
                descriptor_.data());
-      pixels_[i] ^= descriptor_[0];  // none of it is done in vain
+      pixels_[i] ^= descriptor_[0];  // keeps the compiler from removing the calls
     }
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }

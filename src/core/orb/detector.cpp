@@ -7,10 +7,11 @@
 namespace ktgp_orb::orb {
 namespace {
 
-constexpr int kVectorSlack = 64;  // what the kernels may touch beyond the end of a row of scores
+constexpr int kVectorSlack =
+    64;  // bytes that the kernels may access past the end of a row of scores
 
-// Three rows of FAST scores that move down the image. A row has one score more on either side than
-// there are pixels to report, for the neighbours of the first and the last.
+// Three rows of FAST scores that move down the image. A row has one more score on each side than
+// pixels are reported, for the neighbours of the first and the last.
 class ScoreRows {
  public:
   ScoreRows(const cv::Mat& image, int threshold, const OrbKernels& kernels, FastScratch& scratch)

@@ -15,13 +15,13 @@ struct FastScratch {
 };
 
 /// Appends the FAST-9 corners of the rows [first_row, last_row) of `image` after non-maximum
-/// suppression, row by row and from left to right, with their FAST score as response. Only those
+/// suppression, row by row and from left to right, with their FAST score as response. Only corners
 /// at least kEdgeMargin px from the border; the image and the rows must be larger than that.
 void fastCorners(const cv::Mat& image, int first_row, int last_row, int threshold,
                  const OrbKernels& kernels, FastScratch& scratch,
                  std::vector<cv::KeyPoint>& corners);
 
-/// The pixel of an 8-bit image at a point with whole coordinates.
+/// The pixel of an 8-bit image at a point with integer coordinates.
 inline const std::uint8_t* pixelAt(const cv::Mat& image, const cv::Point2f& point) {
   return image.ptr<std::uint8_t>(static_cast<int>(point.y)) + static_cast<int>(point.x);
 }

@@ -35,8 +35,8 @@ void requireValid(const OrbOptions& options) {
   if (options.extractor == ExtractorKind::opencv &&
       options.distribution != KeypointDistribution::ranked) {
     throw std::invalid_argument(
-        "extractor is opencv with distribution uniform, which it does not have; expected "
-        "distribution ranked, or extractor fast");
+        "extractor opencv has no distribution uniform; expected distribution ranked, or the "
+        "package's own extractor (parameter value fast)");
   }
 }
 
@@ -76,7 +76,7 @@ cv::Ptr<cv::ORB> createOpencv(const OrbOptions& options) {
                          options.fast_threshold);
 }
 
-// cv::ORB, and in place of its descriptors TEBLID's where they are wanted.
+// cv::ORB; TEBLID descriptors replace its own where they are wanted.
 class OpencvExtractor {
  public:
   explicit OpencvExtractor(const OrbOptions& o) : orb_(createOpencv(o)) {
@@ -132,7 +132,8 @@ struct OrbExtractor::Impl {
   OrbOptions options;
   std::unique_ptr<OrbPipeline> pipeline;    // either this
   std::unique_ptr<OpencvExtractor> opencv;  // or this,
-  std::unique_ptr<OrbPyramid> pyramid;      // which does not hand out its own
+  std::unique_ptr<OrbPyramid>
+      pyramid;  // needed with OpenCV's extractor, which does not return its pyramid
 };
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
@@ -157,7 +158,7 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   features.descriptor = impl_->options.descriptor;
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
-  // No level has room for a patch.
+  // Every level is smaller than a patch.
   if (std::min(image.cols, image.rows) < 2 * kEdgeMargin + 1) {
     features.descriptors.release();
     features.images.clear();
@@ -165,7 +166,7 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   }
   if (impl_->options.images == ImageKeeping::none) features.images.clear();
   if (impl_->opencv) {
-    // cv::ORB throws where a level shrinks to nothing.
+    // cv::ORB throws if a level has no pixels.
     impl_->opencv->setLevels(levelsWithPixels(image.size(), impl_->options));
     impl_->opencv->extract(image, mask, features);
     if (impl_->options.images != ImageKeeping::none) impl_->keepImages(image, features);

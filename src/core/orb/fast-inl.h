@@ -16,9 +16,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Bytes = hn::ScalableTag<std::uint8_t>;
 using ByteVector = hn::Vec<Bytes>;
 
-// The largest grey value that some arc of nine neighbours reaches everywhere.
+// The largest grey value that all pixels of some arc of nine neighbours reach.
 //
-// The arcs that start at an even neighbour and at the one after it share the eight in between:
+// The arcs that start at an even neighbour and at the next one share eight neighbours:
 // max(min(eight, first), min(eight, last)) = min(eight, max(first, last)).
 HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   ByteVector ends[8];
@@ -37,16 +37,17 @@ HWY_INLINE ByteVector brightestArc(const ByteVector (&p)[16]) {
   return nine[0];
 }
 
-// Where a pixel cannot have a dark arc: of a dark arc of nine, the first and the last lie opposite
-// each other. The others cannot have a bright one: that has one of every two that lie opposite.
+// True for pixels without a dark arc: the first and the last pixel of a dark arc of nine are
+// opposite each other, and both are dark. The other pixels have no bright arc, which has one pixel
+// of every opposite pair.
 HWY_INLINE hn::Mask<Bytes> canOnlyBeBright(const ByteVector (&p)[16], ByteVector centre) {
   ByteVector least = hn::Max(p[0], p[8]);
   for (int i = 1; i < 8; ++i) least = hn::Min(least, hn::Max(p[i], p[i + 8]));
   return least > centre;
 }
 
-// Any arc of nine contains two neighbouring points of the compass; without such a pair that
-// differs enough no pixel here is a corner.
+// Any arc of nine contains two neighbouring compass points. Without such a pair with enough
+// contrast there is no corner here.
 HWY_INLINE bool mayHoldCorner(ByteVector south, ByteVector east, ByteVector north, ByteVector west,
                               ByteVector centre, ByteVector threshold) {
   const auto brightest = hn::Min(hn::Max(south, north), hn::Max(east, west));
@@ -66,8 +67,8 @@ HWY_INLINE ByteVector cornerScores(const std::uint8_t* pixel, const std::ptrdiff
   for (int i = 0; i < 16; ++i) {
     if (i % 4 != 0) p[i] = hn::LoadU(d, pixel + circle[i]);
   }
-  // One search for either kind of arc: with all bits of a pixel and of its circle inverted, a dark
-  // arc is a bright one.
+  // One search for both kinds of arcs: if all bits of a pixel and its circle are inverted, a dark
+  // arc becomes a bright one.
   const auto inversion = hn::Not(hn::VecFromMask(d, canOnlyBeBright(p, centre)));
   for (ByteVector& neighbour : p) neighbour = hn::Xor(neighbour, inversion);
   const auto contrast = hn::SaturatedSub(brightestArc(p), hn::Xor(centre, inversion));
@@ -108,13 +109,13 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    const auto take = [&] {  // writes also where there is none, so as not to branch
+    const auto take = [&] {  // always writes, to avoid a branch
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));
       found += static_cast<int>(bits != 0);
       bits &= bits - 1;
     };
-    for (int i = 0; i < 3; ++i) take();  // seldom more
+    for (int i = 0; i < 3; ++i) take();  // there are seldom more
     while (bits != 0) take();
   }
   return found;

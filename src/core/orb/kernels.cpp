@@ -1,4 +1,4 @@
-// The pixel loops of ORB in plain C++: short and obvious, the definition for the vector versions.
+// The pixel loops of ORB in plain C++, the reference for the vector versions.
 #include "core/orb/kernels.h"
 
 #include <algorithm>
@@ -29,8 +29,8 @@ void mixRows(const std::uint16_t* above, const std::uint16_t* below, int weight,
   }
 }
 
-// The arc of nine neighbours that starts at `start` is all darker (or all brighter) than the centre
-// by more than what this returns.
+// All nine points of the arc that starts at `start` are darker (or all brighter) than the centre by
+// more than the returned value.
 int arcContrast(const int (&difference)[16], int start) {
   int darker = 255;
   int brighter = 255;
@@ -100,9 +100,9 @@ Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   return sum;
 }
 
-// a * b + c rounded once, as a fused multiply-add does: the product of two floats is exact in
-// double precision. (The sum is rounded to double before it is rounded to float, which could only
-// tell where it falls on the middle between two floats by that.)
+// a * b + c rounded once, like a fused multiply-add: the product of two floats is exact in double
+// precision. (The sum is rounded to double, then to float, which could differ only exactly in the
+// middle between two floats.)
 float multiplyAdd(float a, float b, float c) {
   return static_cast<float>(static_cast<double>(a) * b + c);
 }

@@ -7,11 +7,11 @@ namespace ktgp_orb::orb {
 
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
-/// Side of a keypoint's patch on its pyramid level, in px: the size of keypoints on the lowest.
+/// Side of a keypoint's patch on its pyramid level, in px: the size of keypoints on level 0.
 constexpr int kPatchSize = 2 * kOrientationRadius + 1;
 /// Radius of the blur before the descriptor, in px.
 constexpr int kBlurRadius = 3;
-/// Largest offset, along x or y, of a pixel that the rotated sampling pattern reads, in px.
+/// Largest offset, in x or y, of a pixel in the rotated sampling pattern, in px.
 constexpr int kPatternRadius = 18;
 /// Keypoints stay this far from the border of their pyramid level, in px.
 constexpr int kEdgeMargin = kPatchSize;
@@ -22,25 +22,25 @@ struct Moments {
   int y = 0;
 };
 
-/// Target pixels that are interpolated at a time.
+/// Target pixels interpolated at once.
 constexpr int kResizeBlock = 8;
 
-/// Where kResizeBlock neighbouring pixels of a resized row come from: for each its left and then,
-/// in the second half, its right source pixel, with weights that add up to 256.
+/// Source pixels of kResizeBlock neighbouring target pixels: the left one of each and then, in the
+/// second half, the right ones, with weights that add up to 256.
 struct ResizeBlock {
   std::int32_t start;                   ///< first source pixel of the block
   std::uint8_t taps[2 * kResizeBlock];  ///< source pixels, from `start` on
   std::uint16_t weights[2 * kResizeBlock];
 };
 
-/// The pixel loops of ORB. One set of functions per instruction set; all give the same bits.
+/// The pixel loops of ORB, one set of functions per instruction set. All give the same bits.
 ///
-/// A `pixel` pointer stands on the pixel meant; `stride` is the distance of rows in bytes.
+/// A `pixel` pointer points to the centre pixel; `stride` is the distance of rows in bytes.
 struct OrbKernels {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
   /// Linear interpolation along a row into `count` blocks of values in units of 1/256. The taps are
-  /// 0..15 (plain C++: any) and 16 bytes from each start are readable.
+  /// 0..15 (plain C++: any); 16 bytes from each start must be readable.
   void (*resize_row)(const std::uint8_t* row, const ResizeBlock* blocks, int count,
                      std::uint16_t* out);
   /// Interpolation between two such rows, with `weight`/256 for the one below, to the nearest
@@ -49,14 +49,14 @@ struct OrbKernels {
                    std::uint8_t* out);
 
   /// FAST-9 scores (Rosten & Drummond, ECCV 2006) of `count` pixels of a row: the largest threshold
-  /// at which a pixel is still a corner, or 0 where that is below `threshold` (1..255).
-  /// Reads three pixels around; may read 64 bytes beyond and write 64 beyond scores[count - 1].
+  /// at which a pixel is still a corner, or 0 if that is below `threshold` (1..255). Reads three
+  /// pixels around; may read 64 bytes past the row and write 64 past scores[count - 1].
   void (*fast_scores)(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int threshold,
                       std::uint8_t* scores);
 
   /// Non-maximum suppression: writes the indices of the scores in `row` that exceed all eight
-  /// neighbours to `maxima`, ascending, and returns their number. The rows hold `count` scores and
-  /// are readable one before and 64 beyond; `maxima` has room for `count` + 3.
+  /// neighbours to `maxima`, ascending, and returns their number. The rows have `count` scores and
+  /// must be readable one score before and 64 after; `maxima` has room for `count` + 3.
   int (*local_maxima)(const std::uint8_t* above, const std::uint8_t* row, const std::uint8_t* below,
                       int count, std::int32_t* maxima);
 
@@ -66,16 +66,16 @@ struct OrbKernels {
   /// Moments of the disc of kOrientationRadius.
   Moments (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
 
-  /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours
-  /// on either side. May read 80 bytes beyond and write 64 values beyond out[count - 1]; every 64
-  /// values are in an order of the set's own, which its blur_across_rows undoes.
+  /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours on
+  /// each side. May read 80 bytes past the row and write 64 values past out[count - 1]. The order
+  /// within every 64 values depends on the set; blur_across_rows of the same set restores it.
   void (*blur_along_row)(const std::uint8_t* pixel, int count, float* out);
   /// Gaussian blur across 2 * kBlurRadius + 1 such rows, from the top down, to the nearest integer.
   /// May read 64 values beyond and write 64 bytes beyond out[count - 1].
   void (*blur_across_rows)(const float* const* rows, int count, std::uint8_t* out);
 
-  /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, its sampling pattern
-  /// rotated by the angle of this cosine and sine: 32 bytes.
+  /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, with the sampling
+  /// pattern rotated by the angle of this cosine and sine: 32 bytes.
   using Describe = void (*)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine,
                             float sine, std::uint8_t* descriptor);
   Describe describe;
@@ -84,9 +84,9 @@ struct OrbKernels {
   Describe describe_by_gathers;
 };
 
-/// Plain C++, the definition of what the others compute.
+/// Plain C++, the reference for the other sets.
 const OrbKernels& portableOrbKernels();
-/// The fastest set that this build has and this processor runs.
+/// The fastest set that this build and this processor support.
 const OrbKernels& bestOrbKernels();
 
 }  // namespace ktgp_orb::orb

@@ -28,13 +28,13 @@ constexpr float kGaussian[kBlurRadius + 1] = {0.216105938f, 0.190712824f, 0.1310
                                               0.0701593235f};
 
 /// Adding this to a float of magnitude below 2^22 rounds it to the nearest integer, half to even,
-/// and leaves that integer in the low bits of the sum: what lrint does, in one instruction.
+/// and leaves that integer in the low bits of the sum: the same as lrint, in one instruction.
 constexpr float kRounder = 12582912.f;              // 1.5 * 2^23
 constexpr std::uint32_t kRounderBits = 0x4B400000;  // its representation
 
 /// det M - k (trace M)^2 of the structure tensor, with gradients scaled to grey values in [0, 1]
-/// and divided by the weights of Sobel and the block side. Every operation rounds to float, in
-/// this order, so that equal sums give equal responses everywhere.
+/// and divided by the weights of Sobel and the block side. Every operation rounds to float, in this
+/// order, so that equal sums give equal responses everywhere.
 inline float harrisResponse(int xx, int yy, int xy) {
   constexpr float kK = 0.04f;
   constexpr float kScale = 1.f / (4 * (2 * kHarrisRadius + 1) * 255.f);

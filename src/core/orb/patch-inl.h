@@ -1,5 +1,5 @@
-// What ORB computes from the patch around one keypoint: Harris response, orientation moments and
-// descriptor. No include guard: kernels_highway.cpp includes this once for each instruction set.
+// Harris response, orientation moments and descriptor of the patch around one keypoint. No include
+// guard: kernels_highway.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstring>
@@ -24,7 +24,7 @@ HWY_INLINE std::int32_t dot(V a, V b) {
   return hn::GetLane(hn::SumOfLanes(d32, hn::Add(sum, more)));
 }
 
-// The seven columns of the block lie side by side in eight lanes; rows are taken one by one.
+// The seven columns of the block are in eight lanes; rows are processed one by one.
 float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::FixedTag<std::int16_t, 8> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
@@ -56,8 +56,8 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
                         hn::GetLane(hn::SumOfLanes(d32, xy + xy1)));
 }
 
-// The columns of the disc lie side by side in lanes. Per column, the sum of I over the rows and the
-// sum of y * I fit 16 bits: 31 * 255 and 120 * 255 at most.
+// The columns of the disc are in lanes. Per column, the sum of I over the rows and the sum of y * I
+// fit into 16 bits: 31 * 255 and 120 * 255 at most.
 Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::CappedTag<std::int16_t, kDiscColumns> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
@@ -85,7 +85,7 @@ Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
 using Coordinates = hn::ScalableTag<float>;
 using Offsets = hn::RebindToSigned<Coordinates>;
 
-// The rotation of the sampling pattern in an image of some stride.
+// The rotated sampling pattern for an image with some stride.
 class PatternRotation {
  public:
   HWY_INLINE PatternRotation(float cosine, float sine, std::ptrdiff_t stride)
@@ -97,7 +97,7 @@ class PatternRotation {
             static_cast<std::int32_t>(kRounderBits * (static_cast<std::uint32_t>(stride) + 1U)))) {}
 
   // Byte offsets of the pattern's points from point `i` on. The order of the roundings is part of
-  // the definition: each product, their sum, then to the nearest pixel.
+  // the definition: each product, their sum, then the nearest pixel.
   HWY_INLINE hn::Vec<Offsets> offsets(int i) const {
     const Coordinates d;
     const auto rounder = hn::Set(d, kRounder);
@@ -115,7 +115,7 @@ class PatternRotation {
   hn::Vec<Offsets> surplus_;  // what the rounder adds to row * stride + column, modulo 2^32
 };
 
-// The pixels are read one by one.
+// Reads the pixels one by one.
 void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
               std::uint8_t* descriptor) {
   alignas(64) std::int32_t offsets[2 * kPatternPairs];
@@ -134,7 +134,7 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
   }
 }
 
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2  // others have no such instruction
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX2  // only these have gather instructions
 HWY_INLINE hn::Vec<Offsets> gatherPixels(const std::uint8_t* pixel, hn::Vec<Offsets> offsets) {
   const auto* base = reinterpret_cast<const std::int32_t*>(pixel);
   return hn::And(hn::GatherOffset(Offsets(), base, offsets), hn::Set(Offsets(), 0xFF));

@@ -10,7 +10,7 @@ namespace ktgp_orb::orb {
 /// Columns of the orientation disc, rounded up to whole registers.
 constexpr int kDiscColumns = 32;
 
-/// The orientation disc as vector code wants it: column c lies at x = c - kOrientationRadius.
+/// The orientation disc for vector code: column c is at x = c - kOrientationRadius.
 struct DiscTable {
   std::uint8_t rows[kOrientationRadius + 1][kDiscColumns];  ///< 255 inside, by distance of the row
   std::int16_t x[kDiscColumns];

@@ -8,8 +8,8 @@ namespace ktgp_orb::orb {
 constexpr int kPatternPairs = 256;
 
 /// The sampling pattern of rBRIEF, learned by the authors of ORB (Rublee et al., ICCV 2011, section
-/// 4.3) and used by every ORB in circulation: bit i says whether the pixel at first(i) is darker
-/// than the one at second(i). Offsets from the keypoint, in px, at angle 0.
+/// 4.3) and used by all implementations: bit i is set if the pixel at first(i) is darker than the
+/// one at second(i). Offsets from the keypoint, in px, at angle 0.
 struct OrbPattern {
   std::int8_t first_x[kPatternPairs];
   std::int8_t first_y[kPatternPairs];

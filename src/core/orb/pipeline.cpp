@@ -18,17 +18,17 @@ using util::ceilDivide;
 using util::kPi;
 
 constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
-constexpr int kBandRows = 64;     // rows of a task, where there are threads to share them
+constexpr int kBandRows = 64;     // rows of a task, if there are several threads
 constexpr int kKeypointsPerTask = 64;
-constexpr int kThresholdRatio = 2;  // full FAST threshold / that of poor cells
+constexpr int kThresholdRatio = 2;  // full FAST threshold over the one for cells with few corners
 
-// What a corner must reach in parts of the image that have too few at the full threshold.
+// Least score in parts of the image with too few corners at the full threshold.
 int weakThreshold(int fast_threshold) {
   return std::max(1, fast_threshold / kThresholdRatio);
 }
 
-// Gives `descriptors` one row per keypoint, in the memory it has where that is enough. A matrix
-// that somebody else holds too is left to them; one that had no memory has a size all the same.
+// Gives `descriptors` one row per keypoint. Reuses its memory if that is large enough and not
+// shared. After a failed allocation a matrix has a size but no memory.
 void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
   if (util::isShared(descriptors) || descriptors.data == nullptr || descriptors.type() != CV_8UC1 ||
       descriptors.cols != kDescriptorBytes) {
@@ -59,7 +59,8 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   pyramid_.setImage(image, mask);
   if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
-  // Level 0 is the image itself: other threads can begin with it while one makes the other levels.
+  // Level 0 is the image itself: threads can begin with it while one thread computes the other
+  // levels.
   const int ready = levels_[0].last_band;
   pool_.parallelFor(2 + ready, [&](int i) {
     if (i == 0) {
@@ -72,7 +73,11 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   });
   pool_.parallelFor(levels_[pyramid_.used() - 1].last_band - ready,
                     [&](int i) { detectAndBlur(bands_[ready + i]); });
-  options_.distribution == KeypointDistribution::uniform ? chooseUniform() : chooseRanked();
+  if (options_.distribution == KeypointDistribution::uniform) {
+    chooseUniform();
+  } else {
+    chooseRanked();
+  }
   gather(features);
   const auto count = static_cast<int>(features.size());
   pool_.parallelFor(ceilDivide(count, kKeypointsPerTask), [&](int task) {
@@ -133,7 +138,7 @@ void OrbPipeline::chooseRanked() {
     collectCorners(level);
     const PyramidLevel& source = pyramid_.levels()[level];
     std::vector<cv::KeyPoint>& keypoints = levels_[level].keypoints;
-    // FAST's score is a poor rank: it only makes the first choice, of twice as many as are wanted.
+    // FAST's score is inaccurate: it only preselects twice as many corners as wanted.
     cv::KeyPointsFilter::retainBest(keypoints, 2 * source.features_quota);
     for (cv::KeyPoint& keypoint : keypoints) {
       keypoint.response = harrisResponse(source.image, kernels_, keypoint.pt);
@@ -167,9 +172,8 @@ void OrbPipeline::gather(Features& features) {
   resizeDescriptors(static_cast<int>(features.size()), options_.max_features, features.descriptors);
 }
 
-// First all directions, then all descriptors: one keypoint's direction is a long chain of
-// operations, each of which waits for the one before, so a processor should have those of others
-// beside it.
+// First all directions, then all descriptors: the direction of a keypoint is a long chain of
+// dependent operations, which a processor should interleave with those of other keypoints.
 void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
   std::array<cv::Point2f, kKeypointsPerTask> directions;
   for (int i = begin; i < end; ++i) {

@@ -15,8 +15,8 @@
 
 namespace ktgp_orb::orb {
 
-/// The steps of ORB over all pyramid levels, cut into tasks for the threads. Which thread does a
-/// task makes no difference to what comes out of it.
+/// The steps of ORB over all pyramid levels, divided into tasks for the threads. The result does
+/// not depend on which thread runs which task.
 class OrbPipeline {
  public:
   OrbPipeline(const OrbOptions& options, const OrbKernels& kernels);
@@ -25,7 +25,7 @@ class OrbPipeline {
   void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
-  /// Rows of one level that one task takes through FAST and blur, with memory of its own.
+  /// Rows of one level that one task processes through FAST and blur, with its own memory.
   struct Band {
     int level = 0;
     int first_row = 0;
@@ -56,9 +56,9 @@ class OrbPipeline {
   OrbKernels::Describe describe_;
   util::ThreadPool pool_;
   OrbPyramid pyramid_;
-  std::optional<TeblidDescriber> teblid_;  // where it is not rBRIEF
+  std::optional<TeblidDescriber> teblid_;  // unless the descriptors are rBRIEF
   std::vector<Level> levels_;
-  std::vector<Band> bands_;  // level by level, from the top down
+  std::vector<Band> bands_;  // level by level, each from the top
   UniformChoice uniform_choice_;
 };
 

@@ -9,12 +9,12 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Half to even, as every rounding of a scaled length here.
+// Half to even, like every rounding of a scaled length here.
 int scaled(int length, float scale) {
   return cvRound(length * (1.f / scale));
 }
 
-// A mask pixel of a smaller level counts only where all that it was made of does.
+// A mask pixel of a smaller level counts only if all its source pixels do.
 void shrinkMask(const cv::Mat& finer, const cv::Size& size, cv::Mat& mask) {
   cv::resize(finer, mask, size, 0, 0, cv::INTER_LINEAR_EXACT);
   cv::threshold(mask, mask, 254, 0, cv::THRESH_TOZERO);

@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::orb {
 
-/// One scale of the image and what ORB wants from it.
+/// One level of the pyramid.
 struct PyramidLevel {
   cv::Size size;           ///< px
   cv::Mat image;           ///< 8-bit grey; level 0 is the caller's image itself
@@ -17,25 +17,26 @@ struct PyramidLevel {
   int features_quota = 0;  ///< keypoints wanted from this level
 };
 
-/// Share of `features` for each level, in proportion to its side length; the last takes the rest.
+/// Share of `features` for each level, in proportion to its side length; the last level gets the
+/// rest.
 std::vector<int> featuresPerLevel(int features, double scale_factor, int levels);
 
-/// The image at ever smaller scales. Buffers are kept from image to image.
+/// The image pyramid. Buffers are kept from image to image.
 class OrbPyramid {
  public:
   OrbPyramid(int features, double scale_factor, int levels);
 
-  /// Sets level 0 (without copying) and the size of all others. Levels with room for a keypoint
-  /// come first; the rest are left out.
+  /// Sets level 0 (without a copy) and the size of all others. Levels with room for a keypoint come
+  /// first; the rest are left out.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
-  /// Computes level 1 and above, each from the one before.
+  /// Computes the levels from 1 on, each from the previous one.
   void shrink(const OrbKernels& kernels);
 
-  /// Levels to be computed go into the memory of `images` where nobody else holds it, and never
-  /// into that of images shared before.
+  /// Uses the memory of `images` for the computed levels if it is not shared, and never the memory
+  /// of images shared before.
   void takeBuffers(std::vector<cv::Mat>& images);
-  /// `images` become the levels in use, the first of them a copy or the caller's own, the others
-  /// without copying.
+  /// `images` become the levels in use: the first a copy or the caller's own image, the others
+  /// without a copy.
   void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }

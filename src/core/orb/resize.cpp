@@ -11,7 +11,7 @@ namespace {
 
 using util::ceilDivide;
 
-constexpr int kVectorSlack = 64;  // what the kernels may write beyond a row
+constexpr int kVectorSlack = 64;  // bytes that the kernels may write past a row
 constexpr int kReach = 16;        // source pixels that a narrow block loads
 
 struct Tap {
@@ -19,7 +19,7 @@ struct Tap {
   int weight;  // of the next pixel, in 1/256
 };
 
-// Pixel centres are at half-integers; beyond the last centre the edge pixel is repeated.
+// Pixel centres are at half-integers; the edge pixel is repeated beyond the last centre.
 Tap tapAt(int i, int source, int target) {
   const double scale = 1.0 / (static_cast<double>(target) / source);
   const double position = scale * (i + 0.5) - 0.5;
@@ -37,7 +37,7 @@ ResizeAxis::ResizeAxis(int source_length, int target_length)
   for (std::size_t b = 0; b < blocks.size(); ++b) {
     ResizeBlock& block = blocks[b];
     const int begin = static_cast<int>(b) * kResizeBlock;
-    // At the end of the row a block starts early, so as not to read beyond.
+    // The last block of a row starts earlier, so that it does not read past the end.
     block.start = std::min(tapAt(begin, source, target).first, std::max(source - kReach, 0));
     for (int i = 0; i < kResizeBlock; ++i) {
       const Tap tap = tapAt(std::min(begin + i, target - 1), source, target);
@@ -81,7 +81,7 @@ void Shrinker::shrink(const cv::Mat& source, const cv::Size& size, const OrbKern
                       cv::Mat& target) {
   if (columns_.source != source.cols || columns_.target != size.width) {
     ResizeAxis columns(source.cols, size.width);
-    // First: where there is no memory, the next image finds the sizes as they were.
+    // First, so that the sizes stay consistent if memory runs out.
     for (auto& buffer : buffers_) {
       buffer.resize(columns.blocks.size() * kResizeBlock + kVectorSlack);
     }

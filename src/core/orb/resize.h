@@ -8,8 +8,8 @@
 
 namespace ktgp_orb::orb {
 
-/// How the pixels of a shorter row come from a longer one by linear interpolation, in the fixed
-/// point of OpenCV's INTER_LINEAR_EXACT: weights are multiples of 1/256.
+/// Source pixels and weights for shrinking a row by linear interpolation, in the fixed point of
+/// OpenCV's INTER_LINEAR_EXACT: weights are multiples of 1/256.
 struct ResizeAxis {
   ResizeAxis() = default;
   /// Both in px, 1 <= target <= source.
@@ -17,8 +17,9 @@ struct ResizeAxis {
 
   int source = 0;
   int target = 0;
-  std::vector<ResizeBlock> blocks;  ///< of kResizeBlock target pixels; the last repeats its last
-  bool narrow = false;              ///< every block reads 16 neighbouring source pixels at most
+  std::vector<ResizeBlock>
+      blocks;  ///< of kResizeBlock target pixels; the last one is padded with its last pixel
+  bool narrow = false;  ///< every block reads at most 16 neighbouring source pixels
 
   /// The two source pixels of target pixel i and the weight of the second, 0..256.
   int firstTap(int i) const;
@@ -26,12 +27,11 @@ struct ResizeAxis {
   int secondWeight(int i) const;
 };
 
-/// Resizes an 8-bit grey image exactly as cv::resize with INTER_LINEAR_EXACT, for shrinking; on one
-/// thread, and without computing the interpolation weights anew for every image.
+/// Shrinks an 8-bit grey image exactly as cv::resize with INTER_LINEAR_EXACT, on one thread. Keeps
+/// the interpolation weights from image to image.
 class Shrinker {
  public:
-  /// `target` is no wider and no higher than `source`; its buffer is reused where it is the size
-  /// wanted.
+  /// `target` is not wider or higher than `source`; its buffer is reused if it has the right size.
   void shrink(const cv::Mat& source, const cv::Size& size, const OrbKernels& kernels,
               cv::Mat& target);
 
@@ -41,7 +41,7 @@ class Shrinker {
   ResizeAxis columns_;
   ResizeAxis rows_;
   std::vector<std::uint16_t> buffers_[2];
-  int buffered_row_[2] = {-1, -1};  // source rows that the buffers hold
+  int buffered_row_[2] = {-1, -1};  // source rows in the buffers
 };
 
 }  // namespace ktgp_orb::orb

@@ -9,8 +9,8 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// To the nearest pixel, halves up, by cutting v + 0.5 towards zero. What is far outside any image
-// stays there; so does what is no number.
+// To the nearest pixel, halves up, by truncating v + 0.5. Values far outside any image, and NaN,
+// stay outside.
 int toPixel(float v) {
   constexpr float kFar = 1e8f;
   v += 0.5f;
@@ -18,7 +18,7 @@ int toPixel(float v) {
   return static_cast<int>(std::min(v, kFar));
 }
 
-// A stretch of whole pixels, at least one, along one axis of the image.
+// A range of whole pixels, at least one, along one axis of the image.
 struct Extent {
   int begin;
   int end;
@@ -36,7 +36,7 @@ class BoxSums {
   std::int32_t sum(const Extent& columns, const Extent& rows) const {
     const auto* top = integral_.ptr<std::uint32_t>(rows.begin);
     const auto* bottom = integral_.ptr<std::uint32_t>(rows.end);
-    // Unsigned, because the sums of a large image begin again at zero; their differences do not.
+    // Unsigned, since the sums of a large image overflow; their differences are still right.
     return static_cast<std::int32_t>(top[columns.begin] + bottom[columns.end] - top[columns.end] -
                                      bottom[columns.begin]);
   }
@@ -82,7 +82,7 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
     const int radius = std::max(0, toPixel(placement.scale * kTeblidTable.radius[i]));
     const float threshold = kTeblidTable.threshold[i];
     bool bit;
-    if (inside) {  // both boxes have the same number of pixels: sums will do
+    if (inside) {  // both boxes have the same number of pixels: compare the sums
       const int area = (2 * radius + 1) * (2 * radius + 1);
       bit = static_cast<float>(boxes.sum(first, radius) - boxes.sum(second, radius)) <=
             threshold * static_cast<float>(area);

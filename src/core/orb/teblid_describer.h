@@ -11,8 +11,8 @@ namespace ktgp_orb::orb {
 /// Sizes of ORB's keypoints by octave, in px: `patch` at full resolution.
 std::vector<float> keypointSizes(float patch, double scale_factor, int levels);
 
-/// TEBLID descriptors of the keypoints of one image after another: those of describeTeblid to the
-/// last bit, fast for keypoints far from the border that have the size of their octave.
+/// TEBLID descriptors of the keypoints of many images: equal to describeTeblid, to the last bit,
+/// and fast for keypoints far from the border that have the size of their octave.
 class TeblidDescriber {
  public:
   /// `sizes` of keypoints, in px, by octave.

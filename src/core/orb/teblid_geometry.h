@@ -7,9 +7,9 @@
 
 namespace ktgp_orb::orb {
 
-/// Where TEBLID's patch lies in the image: a point (u, v) of the patch at
-/// (x_from_u * u + x_from_v * v + x, y_from_u * u + y_from_v * v + y), in px. The order of the
-/// operations, each rounded to single precision, is part of the descriptor's definition.
+/// Position of TEBLID's patch in the image: point (u, v) of the patch is at (x_from_u * u +
+/// x_from_v * v + x, y_from_u * u + y_from_v * v + y), in px. The order of the operations, each
+/// rounded to single precision, is part of the descriptor's definition.
 struct TeblidPlacement {
   explicit TeblidPlacement(const cv::KeyPoint& keypoint) : scale(keypoint.size / kTeblidPatch) {
     const double radians = keypoint.angle >= 0 ? keypoint.angle * 0.017453292519943295 : 0.0;
@@ -24,13 +24,13 @@ struct TeblidPlacement {
     y = (-scale * sine - scale * cosine) * kTeblidPatch * kHalf + keypoint.pt.y;
   }
 
-  float scale;  ///< px of the image for one of the patch
+  float scale;  ///< px of the image per px of the patch
   float x_from_u, x_from_v, x;
   float y_from_u, y_from_v, y;
 };
 
-/// Whether all boxes of a keypoint lie inside the image, with something to spare: the farthest
-/// corner is 0.7 * size from the keypoint, and roundings add 2 px.
+/// Whether all boxes of a keypoint are inside the image, with a margin: the farthest corner is 0.7
+/// * size from the keypoint, and rounding adds up to 2 px.
 inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
   constexpr float kMargin = 1.75f / 2;
   constexpr float kLeastSize = 16.f;

@@ -7,7 +7,7 @@
 namespace ktgp_orb::orb {
 namespace {
 
-constexpr float kHalf = 0.5f;  // the authors' program cuts v + 0.5 towards zero
+constexpr float kHalf = 0.5f;  // the authors' program truncates v + 0.5
 
 void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
                     const TeblidPlacement& p, std::uint8_t* descriptor) {
@@ -43,7 +43,7 @@ TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row)
     area[radius] = side * side;
   }
   for (int bit = 0; bit < kTeblidBits; ++bit) {
-    // The highest levels of an image too small for keypoints there have boxes beyond any image.
+    // If the image is too small for keypoints on the highest levels, their boxes exceed any image.
     constexpr float kMost = 1 << 30;
     const float difference =
         std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);

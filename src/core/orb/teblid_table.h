@@ -6,13 +6,13 @@ namespace ktgp_orb::orb {
 
 /// Bits of a TEBLID descriptor.
 constexpr int kTeblidBits = 256;
-/// Side of the patch that the table speaks of, in px; its centre lies on the keypoint.
+/// Side of the patch of the table, in px; its centre is the keypoint.
 constexpr int kTeblidPatch = 32;
 
-/// What TEBLID-256 compares, learned by its authors (Suarez, Buenaposada & Baumela, "Revisiting
-/// Binary Local Image Description for Resource Limited Devices", IEEE RA-L 6(4), 2021; there called
-/// BAD): bit i says whether the mean of the box at first(i) less that of the box at second(i) is
-/// threshold[i] or below. Centres in px of the patch; boxes of side 2 * radius + 1.
+/// The comparisons of TEBLID-256, learned by its authors (Suarez, Buenaposada & Baumela,
+/// "Revisiting Binary Local Image Description for Resource Limited Devices", IEEE RA-L 6(4), 2021;
+/// there called BAD): bit i is set if the mean of the box at first(i) minus that of the box at
+/// second(i) is at most threshold[i]. Centres in px of the patch; boxes of side 2 * radius + 1.
 ///
 /// The numbers are those of OpenCV's contributed modules (xfeatures2d/src/teblid.p256.hpp),
 /// Copyright the OpenCV team and I. Suarez, Apache License 2.0 (LICENSE.Apache-2.0).

@@ -8,7 +8,7 @@
 namespace ktgp_orb::orb {
 namespace {
 
-// Higher response first; of equal ones the upper, then the left.
+// Higher response first; for equal responses the upper, then the left one.
 bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   if (a.response != b.response) return a.response > b.response;
   if (a.pt.y != b.pt.y) return a.pt.y < b.pt.y;
@@ -17,7 +17,7 @@ bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
 
 using Iterator = std::vector<cv::KeyPoint>::iterator;
 
-// Moves the best `count` of [first, last) to the front, best first.
+// Moves the best `count` of [first, last) to the front, in order.
 void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
                const OrbKernels& kernels) {
   for (auto it = first; it != last; ++it) it->response = harrisResponse(image, kernels, it->pt);
@@ -78,7 +78,7 @@ void UniformChoice::share(int levels) {
       for (Cell& cell : levels_[i].cells) visit(cell);
     }
   };
-  // The largest share that all can have without keeping too many.
+  // The largest share for all cells that does not keep too many corners.
   const auto kept_at = [&](int share) {
     int sum = 0;
     for_each_cell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
@@ -88,9 +88,14 @@ void UniformChoice::share(int levels) {
   int beyond = features_ + 1;
   while (beyond - share > 1) {
     const int middle = share + (beyond - share) / 2;
-    (kept_at(middle) <= features_ ? share : beyond) = middle;
+    if (kept_at(middle) <= features_) {
+      share = middle;
+    } else {
+      beyond = middle;
+    }
   }
-  // What is left goes, one each, to cells spread evenly among those that have more.
+  // The remaining keypoints go, one each, to cells spread evenly among those that have more
+  // corners.
   int richer = 0;
   for_each_cell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
   const std::int64_t left = std::min(features_ - kept_at(share), richer);

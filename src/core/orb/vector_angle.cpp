@@ -23,8 +23,8 @@ float arcTangent(float ratio) {
   return (((kP7 * square + kP5) * square + kP3) * square + kP1) * ratio;
 }
 
-// `whole` - angle where wanted, else the angle, which is not negative. Without a branch: of the
-// angles of keypoints nothing can be foretold.
+// `whole` - angle if wanted, else the angle, which is not negative. Without a branch, since the
+// branch would be unpredictable.
 float reflected(float angle, float whole, bool wanted) {
   const float sign[] = {1.f, -1.f};
   const float base[] = {0.f, whole};
@@ -37,7 +37,7 @@ float vectorAngle(float y, float x) {
   const float width = std::abs(x);
   const float height = std::abs(y);
   const bool is_flat = width >= height;
-  // The addend keeps the null vector from dividing by zero and changes no other.
+  // The addend avoids a division by zero for the null vector and changes no other result.
   const float ratio =
       std::min(width, height) / (std::max(width, height) + static_cast<float>(DBL_EPSILON));
   const float angle = reflected(arcTangent(ratio), 90.f, !is_flat);

@@ -8,7 +8,7 @@ namespace ktgp_orb::overlay {
 /// image that is neither CV_8UC1 nor CV_8UC3.
 void copyAsBgr(const cv::Mat& image, cv::Mat region);
 
-/// Reference left, target right, black where the lower one ends.
+/// Reference left, target right; black below the shorter one.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas);
 
 }  // namespace ktgp_orb::overlay

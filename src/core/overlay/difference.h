@@ -5,8 +5,8 @@
 namespace ktgp_orb::overlay {
 
 /// OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
-/// values, the images brought to the same mean and contrast first. Darkened target where the
-/// reference does not reach, and everywhere where there is no homography.
+/// values, after the images got the same mean and contrast. Darkened target outside the warped
+/// reference, or everywhere if there is no homography.
 void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
                     cv::Mat& canvas);
 

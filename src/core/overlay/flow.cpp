@@ -15,7 +15,7 @@ namespace {
 
 using util::imagePoint;
 
-// Positions are drawn to a sixteenth of a pixel, or slow motion would jump.
+// Positions have a resolution of a sixteenth of a pixel, so that slow motion does not jump.
 constexpr int kFractionBits = 4;
 
 cv::Point subpixel(double x, double y) {
@@ -37,7 +37,7 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
   }
 }
 
-/// From where a final match was to where it is, where a dot ends the stroke.
+/// A stroke from the old position of a final match to the new one, which has a dot.
 void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  int stroke, cv::Mat& canvas) {
   for (const Correspondence& c : result.correspondences) {
@@ -50,7 +50,7 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-/// The border of the reference image where the homography puts it.
+/// The border of the reference image mapped by the homography.
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
@@ -59,7 +59,7 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : corners) {
     const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();
-    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond what OpenCV's drawing can count
+    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
     outline.push_back(subpixel(p.x(), p.y()));
   }
   cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
@@ -74,7 +74,7 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
   if (canvas.empty()) return;
   copyAsBgr(target.image, canvas);
   canvas.convertTo(canvas, -1, 0.7,
-                   15.0);  // white strokes stay visible on white, dark ones on dark
+                   15.0);  // a dark outline keeps white strokes visible on white
   const Typeface face(canvas.size());
   for (const Level level : {Level::knn, Level::kt, Level::ktg}) {
     drawDots(target, result, level, face.stroke(), canvas);

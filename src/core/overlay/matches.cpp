@@ -14,7 +14,7 @@ using util::imagePoint;
 
 constexpr std::size_t kMaxLines = 150;
 
-/// True for `lines` of `count` numbers, as evenly as whole numbers can be.
+/// True for `lines` of `count` indices, evenly spaced.
 bool isChosen(std::size_t i, std::size_t count, std::size_t lines) {
   return (i + 1) * lines / count != i * lines / count;
 }

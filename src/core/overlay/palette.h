@@ -8,14 +8,14 @@
 
 namespace ktgp_orb::overlay {
 
-/// A stage's colour (BGR) and what the panel calls the matches that it removed.
+/// A stage's colour (BGR) and the panel's text for the matches that it removed.
 struct StageLook {
   cv::Scalar colour;
   const char* label;
 };
 
-/// By Level, from knn to ktgp. Colours of Okabe & Ito, "Color Universal Design" (2008), which
-/// differ for all kinds of colour vision; grey for what is only background.
+/// By Level, from knn to ktgp. Colours of Okabe & Ito, "Color Universal Design" (2008), which all
+/// kinds of colour vision can distinguish; grey for the background.
 inline const StageLook& lookOf(Level level) {
   static const std::array<StageLook, 4> looks{{
       {{150, 150, 150}, "- ratio"},

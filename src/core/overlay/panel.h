@@ -6,9 +6,9 @@
 
 namespace ktgp_orb::overlay {
 
-/// Draws the panel into the upper left corner: status, milliseconds, how uncertain the corners are,
-/// and for each stage its colour, what the colour stands for, a bar and the number of matches that
-/// ended there. `reference_size`: of the reference image, px.
+/// Draws the panel into the upper left corner: status, milliseconds, uncertainty of the corners,
+/// and for each stage its colour with its meaning, a bar, and the number of matches that ended
+/// there. `reference_size`: of the reference image, px.
 void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Mat& canvas);
 
 }  // namespace ktgp_orb::overlay

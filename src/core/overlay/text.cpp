@@ -8,7 +8,7 @@
 
 namespace ktgp_orb::overlay {
 
-// The capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they run together.
+// Capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they are illegible.
 Typeface::Typeface(const cv::Size& size)
     : scale_(std::clamp(std::min(size.width / 1500.0, size.height / 1100.0), 0.38, 3.0)),
       line_height_(static_cast<int>(std::lround(38.0 * scale_))),

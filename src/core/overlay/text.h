@@ -5,16 +5,16 @@
 
 namespace ktgp_orb::overlay {
 
-/// Sizes of what is drawn, in px, chosen for an image: text is drawn at the size it is read at.
+/// Sizes of text and strokes, in px, for an image size.
 class Typeface {
  public:
-  /// For an image of `size`: legible at 320x240, in proportion at 1920x1080.
+  /// For an image of `size`: legible at 320x240, and in proportion at 1920x1080.
   explicit Typeface(const cv::Size& size);
 
   int lineHeight() const { return line_height_; }
   int stroke() const { return stroke_; }
   int width(const std::string& text) const;
-  /// White on what is there; `corner` is the upper left one of the line.
+  /// White text; `corner` is the upper left one of the line.
   void draw(cv::Mat& canvas, const std::string& text, const cv::Point& corner) const;
 
  private:
@@ -23,7 +23,7 @@ class Typeface {
   int stroke_;
 };
 
-/// Darkens a part of the canvas, so that text on it can be read over any image.
+/// Darkens a part of the canvas, so that text on it is legible.
 void darken(cv::Mat& canvas, const cv::Rect& area);
 
 }  // namespace ktgp_orb::overlay

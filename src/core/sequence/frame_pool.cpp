@@ -5,17 +5,18 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-// A sequence holds five: new, before, keyframe, fixed, and the one of its last answer. Those that a
-// caller keeps for longer must not stay here for ever.
+// A sequence needs five: new, previous, keyframe, fixed, and that of the last result. The pool
+// forgets frames that a caller keeps longer.
 constexpr std::size_t kFrames = 6;
 
 void releaseImage(Frame& frame) {
   frame.image.release();
-  if (!frame.features.images.empty()) frame.features.images.front().release();  // the same one
+  if (!frame.features.images.empty())
+    frame.features.images.front().release();  // shared with the frame
   frame.source.reset();
 }
 
-/// A caller may hold a matrix, though not the frame that had it.
+/// A caller may hold a matrix without the frame.
 void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
@@ -36,8 +37,8 @@ void empty(Frame& frame) {
 
 }  // namespace
 
-// Copied, which makes all that its last holder read, in another thread maybe, come before what is
-// written into it now; to look at the count orders nothing.
+// The copy orders memory accesses: all reads of the last holder, maybe in another thread, come
+// before the writes here. Reading the count alone would not.
 std::shared_ptr<FramePool::PooledFrame> FramePool::freeFrame(std::size_t i) const {
   return frames_[i].use_count() == 1 ? frames_[i] : nullptr;
 }

@@ -8,14 +8,14 @@
 
 namespace ktgp_orb::sequence {
 
-/// Hands out frames and takes them back once nobody holds them, so that their buffers live on.
+/// Hands out frames and reuses them, with their buffers, when no caller holds them any more.
 class FramePool {
  public:
   /// An empty frame.
   FramePtr take();
-  /// A frame with a copy of `image` in a buffer that lives on.
+  /// A frame with a copy of `image` in a reused buffer.
   FramePtr takeCopy(const cv::Mat& image);
-  /// Lets go of the images of frames that nobody holds any more.
+  /// Releases the images of frames that are no longer in use.
   void releaseImages();
 
  private:
@@ -23,7 +23,7 @@ class FramePool {
     cv::Mat pixels;  ///< the frame's own
   };
 
-  /// Frame `i`, where nobody else holds it; else null.
+  /// Frame `i` if it is not in use; else null.
   std::shared_ptr<PooledFrame> freeFrame(std::size_t i) const;
   std::shared_ptr<PooledFrame> takePooled();
 

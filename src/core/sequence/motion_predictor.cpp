@@ -6,18 +6,18 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-constexpr double kKeptShare = 0.5;  // of the last frame's inliers, that a frame should find again
+constexpr double kKeptShare =
+    0.5;  // share of the last frame's inliers that a frame should find again
 
 double nanoseconds(std::int64_t from, std::int64_t to) {
   return static_cast<double>(to) - static_cast<double>(from);
 }
 
-/// `motion` of one duration, continued for `ratio` of that: to first order, which is what there is
-/// between frames.
+/// Continues `motion` for `ratio` of its duration, to first order, which is enough between frames.
 Eigen::Matrix3d carriedOn(const Eigen::Matrix3d& motion, double ratio) {
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
   const Eigen::Matrix3d carried = identity + ratio * (motion / motion(2, 2) - identity);
-  // A view that turns over or shrinks to nothing is no continuation of what was seen.
+  // A mirrored or vanishing view cannot be a continuation.
   const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
   return usable ? carried : identity;
 }
@@ -28,7 +28,7 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
                                                         const Frame& next) const {
   std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   if (!last || !motion_) return last;
-  constexpr double kLongest = 3.0;  // of what was seen for one interval no more is known
+  constexpr double kLongest = 3.0;  // longest prediction, in durations of the known motion
   const double interval = nanoseconds(stamp_, next.stamp);
   const double ratio = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
   return carriedOn(*motion_, std::clamp(ratio, 0.0, kLongest)) * *last;

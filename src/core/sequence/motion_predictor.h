@@ -9,23 +9,22 @@
 
 namespace ktgp_orb::sequence {
 
-/// Where the next frame will be: the motion between the last two, carried on at constant velocity.
-/// Frames are told apart by their addresses: the sequence holds on to the last frame and its
-/// reference.
+/// Predicts the next frame: continues the motion between the last two frames at constant velocity.
+/// Frames are identified by their addresses: the sequence holds the last frame and its reference.
 class MotionPredictor {
  public:
-  /// From `reference` to `next`. The motion is none where it is not known, after a gap for example;
-  /// nothing where it is not even known where the last frame was, seen from `reference`.
+  /// From `reference` to `next`. Assumes no motion where it is not known, for example after a gap.
+  /// Empty where the position of the last frame, seen from `reference`, is not known.
   std::optional<Eigen::Matrix3d> predict(const Frame& reference, const Frame& next) const;
 
-  /// Whether `result` keeps so few of the last frame's inliers that the prediction is in doubt.
+  /// Whether `result` has so few of the last frame's inliers that the prediction is doubtful.
   bool isPoor(const MatchResult& result) const;
 
-  /// After `frame` was matched to `reference`.
+  /// Call it after `frame` was matched to `reference`.
   void advance(const Frame& frame, const Frame& reference, const MatchResult& result);
-  /// After a frame that was matched to nothing.
+  /// Call it after a frame that was not matched.
   void restartAt(const Frame& frame);
-  /// `fresh` is the same image as `frame`, and stands in its place from now on.
+  /// `fresh` is a new frame of the same image and replaces `frame`.
   void replace(const Frame& frame, const Frame& fresh);
   void forget() { *this = {}; }
 
@@ -33,7 +32,7 @@ class MotionPredictor {
   std::optional<Eigen::Matrix3d> lastSeenFrom(const Frame& reference) const;
 
   const Frame* last_ = nullptr;
-  const Frame* reference_ = nullptr;  // of the last frame, where it found its homography
+  const Frame* reference_ = nullptr;  // of the last frame, if its homography was found
   std::int64_t stamp_ = 0;            // of the last frame
   Eigen::Matrix3d from_reference_ = Eigen::Matrix3d::Identity();
   std::size_t inliers_ = 0;

@@ -5,7 +5,7 @@
 namespace ktgp_orb::sequence {
 namespace {
 
-// A caller may make a new lens of the same calibration for every frame.
+// A caller may create a new lens with the same calibration for every frame.
 bool sameLens(const LensConstPtr& a, const LensConstPtr& b) {
   return a == b || (a && b && a->calibration() == b->calibration());
 }
@@ -31,10 +31,10 @@ FramePtr ReferenceKeeper::referenceFor(const Frame& next) {
   return reference_;
 }
 
-// A keyframe may be old while frames keep coming; what must not be old is the frame before.
+// A keyframe may be old as long as frames arrive; the previous frame must not be.
 NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (next.stamp < previous_->stamp) return NoReference::stamp_went_back;
-  // Unsigned: two stamps may lie further apart than half the range.
+  // Unsigned, since two stamps may differ by more than half the range.
   const auto gap =
       static_cast<std::uint64_t>(next.stamp) - static_cast<std::uint64_t>(previous_->stamp);
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
@@ -73,7 +73,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
       to_reference_);
   accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
   previous_ = frame;
-  // Two neighbouring frames of weak support: a keyframe would only be tried in vain.
+  // Two neighbouring frames with few matches: a keyframe would not help.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {
     reference_ = previous_;
     to_reference_ = to_previous_;
@@ -94,8 +94,7 @@ void ReferenceKeeper::replace(const FramePtr& frame, const FramePtr& fresh) {
 }
 
 void ReferenceKeeper::forget(NoReference reason) {
-  // What was asked for weighs more than what follows from it, and the first reason more than later
-  // ones.
+  // A request of the user has priority over its consequences, and the first reason over later ones.
   const bool asked_for = reason == NoReference::first_frame || reason == NoReference::reset;
   if (asked_for || forgotten_ == NoReference::none) forgotten_ = reason;
   reference_.reset();

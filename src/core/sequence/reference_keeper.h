@@ -7,35 +7,36 @@
 
 namespace ktgp_orb::sequence {
 
-/// Decides which frame the next one is matched to, when to forget it, and accumulates homographies.
+/// Chooses the reference of the next frame, decides when to forget it, and accumulates
+/// homographies.
 class ReferenceKeeper {
  public:
   void setOptions(const ReferenceOptions& options);
 
-  /// The frame to match `next` to, or null; reason() then says why. Forgets a reference that cannot
+  /// The frame to match `next` to, or null; then reason() says why. Forgets a reference that cannot
   /// belong to the same sequence. A fixed reference stays.
   FramePtr referenceFor(const Frame& next);
   NoReference reason() const { return reason_; }
 
-  /// Keyframe mode, after `frame` was matched to the keyframe with `result`: the frame before, to
-  /// match to as well, where the keyframe's support got weak; else null. Should that find a
-  /// homography, it takes over, so that the chain of homographies does not break.
+  /// Keyframe mode, after `frame` was matched to the keyframe with `result`: returns the previous
+  /// frame to match to as well, if the keyframe has become weak; else null. If that gives a
+  /// homography, the previous frame becomes the keyframe, and the chain of homographies continues.
   FramePtr secondChoice(const Frame& frame, const MatchResult& result) const;
 
   /// After all matching of `frame`: `result` is that of the match to `reference`, which counts;
-  /// null where there was no reference.
+  /// null if there was no reference.
   void advance(const FramePtr& frame, const FramePtr& reference, const MatchResult* result);
 
-  /// From the first frame of the unbroken sequence to the last one advanced to; nothing where the
-  /// chain has just (re)started or in fixed mode.
+  /// From the first frame of the unbroken sequence to the last frame; empty in fixed mode and where
+  /// the chain has just (re)started.
   const std::optional<AccumulatedHomography>& accumulated() const { return accumulated_; }
 
   /// Makes `frame` the fixed reference; null: none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
   const FramePtr& fixed() const { return fixed_; }
-  /// `fresh` is the same image as `frame`, and a reference wherever that is one.
+  /// `fresh` is a new frame of the same image and replaces `frame` as a reference.
   void replace(const FramePtr& frame, const FramePtr& fresh);
-  /// Forgets every reference but the fixed one.
+  /// Forgets every reference except the fixed one.
   void forget(NoReference reason);
 
  private:
@@ -45,11 +46,10 @@ class ReferenceKeeper {
 
   ReferenceOptions options_;
   FramePtr fixed_;
-  FramePtr reference_;  // previous: the frame before; keyframe: the keyframe
-  FramePtr previous_;   // the frame before, with an unbroken chain of homographies to it
+  FramePtr reference_;  // mode previous: the previous frame; keyframe: the keyframe
+  FramePtr previous_;   // the previous frame, if the chain of homographies to it is unbroken
   NoReference reason_ = NoReference::none;
-  NoReference forgotten_ =
-      NoReference::first_frame;  // why previous_ is null, until a frame is told
+  NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
   // From the first frame of the sequence.
   std::int64_t first_stamp_ = 0;
   UncertainHomography to_reference_;

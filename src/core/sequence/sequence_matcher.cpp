@@ -20,7 +20,7 @@ void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
   };
-  // Written so that NaN is refused.
+  // This form of the comparison refuses NaN, too.
   if (!(options.max_age > 0.0)) refuse("max_age", options.max_age, "a time above 0 s");
   if (!(options.min_overlap >= 0.0 && options.min_overlap <= 1.0)) {
     refuse("min_overlap", options.min_overlap, "a share in [0, 1]");
@@ -29,7 +29,7 @@ void requireValid(const ReferenceOptions& options) {
 }
 
 std::int64_t stampOf(double seconds) {
-  constexpr double kMaxSeconds = 9.2e9;  // what 64 bits hold of nanoseconds
+  constexpr double kMaxSeconds = 9.2e9;  // limit of 64-bit nanoseconds
   if (!(std::abs(seconds) < kMaxSeconds)) {
     throw std::invalid_argument("the frame's time is " + std::to_string(seconds) +
                                 " s; expected a finite one within 9.2e9 s of zero");
@@ -39,7 +39,7 @@ std::int64_t stampOf(double seconds) {
 
 }  // namespace
 
-// Frames are kept, so that nothing need be copied.
+// Frames are kept, so no image needs to be copied.
 SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
@@ -51,7 +51,8 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
   extractor.extract(frame.image, frame.mask, frame.features);
   if (frame.lens) {
     frame.lens->rectify(frame.features.keypoints);
-    frame.features.images.clear();  // they are where the keypoints no longer are
+    frame.features.images
+        .clear();  // rectified keypoints are no longer at their positions in these images
   }
   frame.extraction_milliseconds =
       std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
@@ -85,18 +86,18 @@ struct SequenceMatcher::Impl {
   MotionPredictor predictor;
   FramePool pool;
   ReferenceViews views;
-  FramePtr viewed;  // the frame that they show
+  FramePtr viewed;  // the frame of the views
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
-  double lost_milliseconds = 0.0;  // of matches that are not the answer
+  double lost_milliseconds = 0.0;  // of matches that are not the result
   bool fix_next_frame = false;
-  bool had_reference = false;  // and the answer that named it is forgotten
+  bool had_reference = false;  // also forgets the result that names it
 };
 
 void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   const SequenceOptions wanted = withImages(as_given);
-  // All that may throw comes before any change.
+  // All calls that may throw come before any change.
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
@@ -107,13 +108,13 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   options = wanted;
 }
 
-/// Features found before the extractor's options changed would mix two configurations.
+/// Features found before a change of the extractor's options would mix two configurations.
 bool SequenceMatcher::Impl::isOutdated(const Frame& frame) const {
   return !frame.image.empty() && frame.orb != options.orb;
 }
 
-/// Simulated views are worth their time for a reference that stays; their keypoints are not moved
-/// where a lens has it, so that then there are none.
+/// Simulated views are worth their time only for a reference that stays. With a lens there are
+/// none, since the keypoints of a view cannot be rectified.
 const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) {
   const GrowthOptions& growth = options.matcher.growth;
   const bool wanted = growth.enabled && growth.views > 0 &&
@@ -128,7 +129,7 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
   return &views;
 }
 
-/// A frame that comes in, with features of today's options: found in itself where it has none yet.
+/// An incoming frame with features of the current options: extracted in place if it has none yet.
 FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame) {
   if (!isOutdated(*frame)) return frame;
   if (frame->orb) return foundAnew(frame);
@@ -136,8 +137,8 @@ FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame) {
   return frame;
 }
 
-/// A new frame of the same image, which takes the place of `frame`. That one may be in other hands
-/// and stays as it is.
+/// A new frame of the same image, which replaces `frame`. The old frame may be in use elsewhere, so
+/// it does not change.
 FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
   FramePtr fresh = pool.take();
   fresh->stamp = frame->stamp;
@@ -145,7 +146,7 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
   fresh->image = frame->image;
   fresh->mask = frame->mask;
   fresh->lens = frame->lens;
-  fresh->source = frame;  // whose pixels these are
+  fresh->source = frame;  // owns the pixels
   extractFeatures(extractor, *fresh);
   keeper.replace(frame, fresh);
   predictor.replace(*frame, *fresh);
@@ -165,7 +166,7 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   }
 }
 
-/// Matches once more, as if there were no search radius; `result` becomes the better of the two.
+/// Matches again without a search radius; `result` becomes the better of the two.
 void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
                                      const ReferenceViews* of_reference, MatchResult& result) {
   MatchHints hints;
@@ -182,11 +183,11 @@ void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target
   lost_milliseconds += whole_result.milliseconds();
 }
 
-/// Matches to `reference` or, where that is a weak keyframe, to the frame before, which `reference`
-/// then becomes.
+/// Matches to `reference` or, if that is a weak keyframe, to the previous frame, which then becomes
+/// `reference`.
 void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
                                         MatchAhead* ahead) {
-  const bool alone = options.matcher.knn.search_radius == 0.0;  // needs no frame before it
+  const bool alone = options.matcher.knn.search_radius == 0.0;  // does not need the previous frame
   if (alone && ahead != nullptr && ahead->reference == reference) {
     std::swap(answer.match, ahead->result);
   } else {
@@ -261,7 +262,7 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   const FramePtr frame = impl_->pool.takeCopy(image);
   frame->stamp = stamp;
   frame->encoding = encoding;
-  // An empty image has no features and must not keep those of a frame before.
+  // An empty image has no features; old ones must not remain.
   extractFeatures(impl_->extractor, *frame);
   return impl_->match(frame, nullptr);
 }
@@ -287,7 +288,7 @@ FramePtr SequenceMatcher::newFrame() {
 }
 
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
-  // Another mode has no use for it yet: its features are found when the first frame needs them.
+  // Other modes do not use it yet: its features are extracted when the first frame needs them.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
   const FramePtr fixed = frame && now ? impl_->withFeatures(frame) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");

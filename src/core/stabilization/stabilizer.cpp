@@ -13,7 +13,7 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr double kReach = 3.0;         // standard deviations of the weights that are looked at
+constexpr double kReach = 3.0;         // standard deviations of the weights that are used
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
 
@@ -28,14 +28,14 @@ double seconds(std::int64_t nanoseconds) {
   return 1e-9 * static_cast<double>(nanoseconds);
 }
 
-/// As it is while small; never more than 1, where it goes smoothly.
+/// The identity for small values; smoothly limited to 1.
 double saturated(double share) {
   constexpr double kLinear = 0.5;
   if (share <= kLinear) return share;
   return kLinear + (1.0 - kLinear) * std::tanh((share - kLinear) / (1.0 - kLinear));
 }
 
-/// A weighted line through values over time, at time zero; a mean where all are of one time.
+/// Value at time zero of a weighted line fit; the mean if all values have the same time.
 class LineAtZero {
  public:
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
@@ -68,7 +68,7 @@ class LineAtZero {
   std::array<Eigen::Vector2d, 4> product_ = sum_;
 };
 
-/// By how much of its margin the view of the frame through `correction` leaves the crop, at worst.
+/// How far the corrected view leaves the crop, as a share of its margin, at worst.
 double shareOfMargin(const Eigen::Matrix3d& correction,
                      const std::array<Eigen::Vector2d, 4>& corners, double crop) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
@@ -132,8 +132,8 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
   while (!waiting_.empty()) finishOldest(ready);
 }
 
-/// Where the corners of the frame would be if the camera moved smoothly. `to_newest`: from the
-/// frame to the newest one of the path.
+/// The corners of the frame for a smoothly moving camera. `to_newest`: from the frame to the newest
+/// one of the path.
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
@@ -142,7 +142,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
-    // Where this frame's corners are in that one.
+    // The corners of this frame in that one.
     const Eigen::Matrix3d there = step.to_newest.inverse() * to_newest;
     if (!homography::keepsPlaneInView(there / there(2, 2), corners)) continue;
     Corners seen;
@@ -154,7 +154,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   return line.value();
 }
 
-/// The homography that moves the corners as wanted, or less, so that nothing beyond the border
+/// The homography that moves the corners as wanted, limited so that nothing beyond the border
 /// shows.
 Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
   const Corners corners = homography::imageCorners(size_, {});

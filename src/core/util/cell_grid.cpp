@@ -3,7 +3,7 @@
 namespace ktgp_orb::util {
 
 void CellGrid::divide(const cv::Size& image, double side) {
-  constexpr double kMostCells = 1024.0;  // along a side: more would take longer than they save
+  constexpr double kMostCells = 1024.0;  // along a side; more would cost more than they save
   per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
   columns_ = static_cast<int>(image.width * per_side_) + 1;
   rows_ = static_cast<int>(image.height * per_side_) + 1;
@@ -14,7 +14,7 @@ void CellGrid::sort() {
   for (const std::uint32_t cell : cell_) ++start_[cell];
   std::uint32_t sum = 0;
   for (std::uint32_t& start : start_) start = sum += start;
-  // From the back, each cell's end moves to its beginning, and equal cells stay in order.
+  // From the back: the end of each cell moves to its beginning, and points of a cell stay in order.
   order_.resize(cell_.size());
   for (std::size_t i = cell_.size(); i-- > 0;) {
     order_[--start_[cell_[i]]] = static_cast<std::int32_t>(i);

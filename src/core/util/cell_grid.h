@@ -8,13 +8,12 @@
 
 namespace ktgp_orb::util {
 
-/// Points sorted into square cells, so that those near a place are found without looking at all.
-/// Points outside the image, those that are not finite too, belong to the nearest cell. Keeps its
-/// buffers.
+/// Points sorted into square cells, to find the points near a position fast. Points outside the
+/// image, or not finite, belong to the nearest cell. Keeps its buffers.
 class CellGrid {
  public:
-  /// `point(i)`: the place of point i of `count`, px. `side`: of a cell, px, > 0; larger where that
-  /// would make a great many cells.
+  /// `point(i)`: position of point i of `count`, px. `side`: of a cell, px, > 0; increased if it
+  /// would make too many cells.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
     divide(image, side);
@@ -26,11 +25,11 @@ class CellGrid {
     sort();
   }
 
-  /// The points cell by cell, row by row of cells; those of one cell in ascending order.
+  /// The points cell by cell, row by row of cells; ascending within a cell.
   const std::vector<std::int32_t>& order() const { return order_; }
 
-  /// The cells that the square of half side `radius` around (x, y) meets lie together row by row:
-  /// calls visit(begin, end) for each such run of order().
+  /// The cells that intersect the square of half side `radius` around (x, y) form one run per row
+  /// of cells: calls visit(begin, end) for each such run of order().
   template <typename Visit>
   void visitRuns(double x, double y, double radius, Visit visit) const {
     const int left = column(x - radius);
@@ -59,7 +58,7 @@ class CellGrid {
   int row(double y) const { return clamped(y, rows_); }
   int clamped(double x, int count) const {
     const double cell = x * per_side_;
-    // Written so that NaN has a cell.
+    // This form of the comparison gives NaN a cell, too.
     return cell >= 1.0 ? static_cast<int>(std::min(cell, count - 1.0)) : 0;
   }
 

@@ -10,7 +10,7 @@ namespace {
 
 constexpr int kValues = 65536;
 
-/// The values that `ignored` pixels lie below and above.
+/// The values below and above which `ignored` pixels lie.
 std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
   std::vector<std::uint32_t> histogram(kValues, 0);
   for (int y = 0; y < image.rows; ++y) {

@@ -9,12 +9,12 @@
 
 namespace ktgp_orb::util {
 
-/// Where keypoint `index` is, px; it must exist. For drawing and messages as OpenCV has it.
+/// Position of keypoint `index`, px; it must exist. For drawing and messages, in OpenCV's type.
 inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
   return features.keypoints[static_cast<std::size_t>(index)].pt;
 }
 
-/// The same for mathematics.
+/// The same in Eigen's type.
 inline Eigen::Vector2d position(const Features& features, std::int32_t index) {
   const cv::Point2f& p = imagePoint(features, index);
   return {p.x, p.y};

@@ -17,7 +17,7 @@ class Random {
     return z ^ (z >> 31);
   }
 
-  /// Uniform in [0, n); the bias of n / 2^32 is far below what sampling could show.
+  /// Uniform in [0, n); the bias of n / 2^32 is far too small to matter.
   std::uint32_t below(std::uint32_t n) {
     return static_cast<std::uint32_t>(((next() >> 32) * n) >> 32);
   }

@@ -4,8 +4,9 @@
 
 namespace ktgp_orb::util {
 
-/// Whether another matrix shares this one's memory. A holder in another thread may just have let
-/// go: read with OpenCV's own atomic operation, all that it read comes before what is written next.
+/// Whether another matrix shares this one's memory. Another thread may just have released it. The
+/// count is read with OpenCV's atomic operation, so that all reads of that thread come before the
+/// next write here.
 inline bool isShared(const cv::Mat& matrix) {
   return matrix.u != nullptr && CV_XADD(&matrix.u->refcount, 0) > 1;
 }

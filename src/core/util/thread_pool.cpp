@@ -9,9 +9,9 @@
 namespace ktgp_orb::util {
 namespace {
 
-// Waking a sleeping thread takes about as long as a short loop. So whoever waits first looks again
-// for some tens of microseconds, letting other threads run in between. By the clock, since on a
-// busy machine one yield may cost the time slices of all who want the core.
+// Waking a sleeping thread takes about as long as a short loop. So a waiting thread first polls for
+// some tens of microseconds, and lets other threads run in between. The limit is a time, since on a
+// busy machine one yield may take as long as the time slices of all waiting threads.
 template <typename Condition>
 void waitAwake(const Condition& condition) {
   using Clock = std::chrono::steady_clock;
@@ -23,7 +23,7 @@ void waitAwake(const Condition& condition) {
 
 ThreadPool::ThreadPool(int threads) {
   requireInRange("threads", threads, 0, 1024);
-  // hardware_concurrency() may not know and answer 0.
+  // hardware_concurrency() may return 0 for unknown.
   if (threads == 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   try {
     for (int i = 1; i < threads; ++i) workers_.emplace_back([this] { work(); });
@@ -57,7 +57,7 @@ void ThreadPool::run(const Loop& loop) {
   if (shared) loop_opened_.notify_all();
   takeIterations(loop);
   std::unique_lock<std::mutex> lock(mutex_);
-  loop_ = nullptr;  // a worker that has not woken up by now is not waited for
+  loop_ = nullptr;  // workers that are still asleep are not waited for
   lock.unlock();
   waitAwake([this] { return busy_workers_ == 0; });
   lock.lock();

@@ -10,29 +10,28 @@
 
 namespace ktgp_orb::util {
 
-/// Threads that share the iterations of a loop. The caller works too, so a pool of one thread
-/// starts none. Once built it allocates nothing. One parallelFor at a time, and none from inside
-/// another.
+/// Threads that share the iterations of a loop. The caller works, too, so a pool of one thread
+/// starts none. Allocates only in the constructor. One parallelFor at a time, not nested.
 class ThreadPool {
  public:
-  /// `threads`: the caller included, >= 0; 0 = as many as the machine runs at once.
+  /// `threads`: including the caller, >= 0; 0: as many as the machine runs at once.
   explicit ThreadPool(int threads);
   ~ThreadPool();
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  /// Threads that share a loop, the caller included.
+  /// Number of threads, including the caller.
   int threads() const { return static_cast<int>(workers_.size()) + 1; }
 
   /// Calls function(i) once for every i in [0, count), in any order and from any of the threads,
-  /// and returns when all are done. The first exception ends the loop early and is thrown on.
+  /// and returns when all are done. The first exception ends the loop early and is rethrown.
   template <typename Function>
   void parallelFor(int count, const Function& function) {
     run({[](const void* f, int i) { (*static_cast<const Function*>(f))(i); }, &function, count});
   }
 
  private:
-  /// A loop without its type, so that handing it over needs no std::function and no heap.
+  /// A loop with its type erased, without std::function and heap memory.
   struct Loop {
     void (*call)(const void* function, int i);
     const void* function;
@@ -45,11 +44,11 @@ class ThreadPool {
   void stop();
 
   std::vector<std::thread> workers_;
-  std::atomic<int> next_{0};  // first iteration that nobody has taken
+  std::atomic<int> next_{0};  // first free iteration
   std::mutex mutex_;          // guards what follows
   std::condition_variable loop_opened_;
   std::condition_variable worker_left_;
-  const Loop* loop_ = nullptr;                  // the open loop; null lets late workers sleep on
+  const Loop* loop_ = nullptr;                  // the open loop; if null, late workers sleep again
   std::atomic<std::uint64_t> loops_opened_{0};  // these three are also read without the mutex
   std::atomic<int> busy_workers_{0};
   std::atomic<bool> stopping_{false};

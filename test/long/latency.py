@@ -1,0 +1,173 @@
+#!/usr/bin/python3
+"""Age of the results when they are published, under load: a free-running camera of 640x480, one or eight
+matchers in one nodelet manager, with and without a busy process on the other core.
+
+Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on an idle
+machine:
+    test/long/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
+                    [--search-radius 0]
+Prints a table: p50, p99 and largest latency from the image's stamp to the published statistics, and
+the share of frames that were dropped for newer ones. Eight matchers all use the same camera.
+"""
+import argparse
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../ros'))
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(('', 0))
+        return probe.getsockname()[1]
+
+
+class Processes:
+    """Processes in their own groups, ended together."""
+
+    def __init__(self):
+        self._all = []
+
+    def start(self, *command):
+        self._all.append(subprocess.Popen(command, stdout=subprocess.DEVNULL,
+                                          stderr=subprocess.DEVNULL, start_new_session=True))
+
+    def stop(self):
+        for process in reversed(self._all):
+            try:
+                os.killpg(process.pid, signal.SIGTERM)
+            except ProcessLookupError:
+                pass
+            process.wait()
+        self._all = []
+
+
+def percentile(values, share):
+    return float(np.percentile(values, share)) if values else float('nan')
+
+
+class Run:
+    """One row of the table."""
+
+    def __init__(self, matchers, radius):
+        import rospy
+        from ktgp_orb.msg import MatchStatistics
+        from sensor_msgs.msg import Image
+        self._processes = Processes()
+        self._processes.start('rosrun', 'nodelet', 'nodelet', 'manager', '__name:=manager')
+        self._publisher = rospy.Publisher('/camera/image', Image, queue_size=1)
+        self.latencies = []
+        self.dropped = [0] * matchers
+        self._counting = False
+        self._subscribers = []
+        for i in range(matchers):
+            rospy.set_param('/matcher%d/search_radius' % i, radius)
+            self._processes.start('rosrun', 'nodelet', 'nodelet', 'load', 'ktgp_orb/matcher',
+                                  '/manager', 'image:=/camera/image', '__name:=matcher%d' % i)
+            self._subscribers.append(rospy.Subscriber(
+                '/matcher%d/statistics' % i, MatchStatistics, self._take, callback_args=i))
+        self._seen = set()
+
+    def _take(self, message, matcher):
+        self._seen.add(matcher)
+        if self._counting:
+            self.latencies.append(message.latency_milliseconds)
+            self.dropped[matcher] = message.dropped_frames
+
+    def publish(self, rate, seconds, images):
+        """Runs for `seconds`, or until every matcher has answered if that is None."""
+        import rospy
+        start = time.monotonic()
+        count = 0
+        while not rospy.is_shutdown():
+            due = start + count / rate
+            time.sleep(max(0.0, due - time.monotonic()))
+            image = images[abs(count % (2 * len(images) - 2) - (len(images) - 1))]
+            image.header.stamp = rospy.Time.now()
+            self._publisher.publish(image)
+            count += 1
+            if seconds is None and len(self._seen) == len(self.dropped):
+                return count
+            if seconds is not None and time.monotonic() - start > seconds:
+                return count
+            if seconds is None and time.monotonic() - start > 120.0:
+                raise RuntimeError('no statistics from %d matchers within 120 s'
+                                   % (len(self.dropped) - len(self._seen)))
+
+    def measure(self, rate, seconds, images):
+        self.publish(rate, None, images)
+        self.publish(rate, 2.0, images)  # buffers grow
+        before = list(self.dropped)
+        self._counting = True
+        count = self.publish(rate, seconds, images)
+        self._counting = False
+        lost = sum(self.dropped) - sum(before)
+        return lost / float(count * len(self.dropped))
+
+    def stop(self):
+        for subscriber in self._subscribers:
+            subscriber.unregister()
+        self._publisher.unregister()
+        self._processes.stop()
+
+
+def measure_all(arguments):
+    import rospy
+    from ktgp_testing import image_message, view
+    images = [image_message(view(4 * i, 2 * i), rospy.Time(1)) for i in range(60)]
+    print('| camera | matchers | neighbour | p50 | p99 | max | frames | dropped |')
+    print('|---|---|---|---:|---:|---:|---:|---:|')
+    for rate in arguments.rates:
+        for matchers in arguments.matchers:
+            for name in arguments.neighbours:
+                busy = name == 'busy'
+                neighbour = Processes()
+                if busy:
+                    neighbour.start('taskset', '-c', str(os.cpu_count() - 1), sys.executable, '-c',
+                                    'while True: pass')
+                run = Run(matchers, arguments.search_radius)
+                try:
+                    dropped = run.measure(rate, arguments.seconds, images)
+                finally:
+                    run.stop()
+                    neighbour.stop()
+                print('| %g Hz | %d | %s | %.1f ms | %.1f ms | %.1f ms | %d | %.1f %% |' % (
+                    rate, matchers, name, percentile(run.latencies, 50),
+                    percentile(run.latencies, 99), max(run.latencies or [float('nan')]),
+                    len(run.latencies), 100.0 * dropped), flush=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--seconds', type=float, default=60.0, help='of each row')
+    parser.add_argument('--rates', type=float, nargs='+', default=[30.0, 120.0])
+    parser.add_argument('--matchers', type=int, nargs='+', default=[1, 8])
+    parser.add_argument('--neighbours', choices=['idle', 'busy'], nargs='+',
+                        default=['idle', 'busy'])
+    parser.add_argument('--search-radius', type=float, default=0.0)
+    arguments = parser.parse_args()
+    port = free_port()
+    os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % port
+    core = Processes()
+    core.start('roscore', '-p', str(port))
+    try:
+        import rosgraph
+        import rospy
+        while not rosgraph.is_master_online():
+            time.sleep(0.1)
+        rospy.init_node('latency', disable_signals=True)
+        measure_all(arguments)
+        rospy.signal_shutdown('done')
+    finally:
+        core.stop()
+
+
+if __name__ == '__main__':
+    main()

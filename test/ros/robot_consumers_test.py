@@ -1,0 +1,136 @@
+#!/usr/bin/python3
+"""Stabilizer and mosaic on a robot that is not ours: a homography topic of another name or type is named,
+memory stays within its bound, and what is small is not held back."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from ktgp_orb.msg import HomographyStamped, MatchStatus
+from ktgp_testing import Camera, Recorder, check_each, image_message, no_delay, view, wait_until
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import Image
+from std_msgs.msg import String
+
+BYTES = 640 * 480 * 3  # of an image
+KEPT = 12000000 // BYTES  # three quarters of max_memory, which is 16 MB
+MANY = 40
+
+
+class ConsumersTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.log = Recorder('/rosout', Log)
+        # What is said before it listens is lost, and the consumers begin to wait when they have subscribers.
+        wait_until(lambda: '/manager' in cls.log.names_of_publishers(), 'it hears the manager')
+        cls.words = rospy.Publisher('/camera/words', String, queue_size=1)
+        cls.homographies = rospy.Publisher('/small/matcher/homography', HomographyStamped,
+                                           queue_size=100)
+        cls.camera = Camera()
+        cls.small = Camera('/small/image_raw')
+        cls.steady = [Recorder('%s/image' % name, Image) for name in (
+            '/camera/stabilizer_of_a_name', '/camera/stabilizer_of_a_type', '/small/stabilizer')]
+        cls.poses = [Recorder(name + '/homography', HomographyStamped) for name in (
+            '/camera/mosaic_of_a_name', '/camera/mosaic_of_a_type', '/small/mosaic')]
+        wait_until(lambda: all(r.publishers() for r in cls.steady + cls.poses), 'they run')
+        for camera in (cls.camera, cls.small):
+            camera.wait_for_subscriber()
+        wait_until(lambda: cls.homographies.get_num_connections() == 1, 'the homography is connected')
+
+    def reports(self, name):
+        return [status for array in self.diagnostics.messages() for status in array.status
+                if status.name.endswith(name + ': frames')]
+
+    def test_a_homography_topic_of_another_name_or_type_is_named(self):
+        why = {'name': 'no node publishes /camera/nowhere: is the topic name right?',
+               'type': '/camera/words is of type std_msgs/String; expected ktgp_orb/HomographyStamped'}
+
+        def check(name):
+            kind = name.rsplit('_', 1)[1]
+            topic = '/camera/' + {'name': 'nowhere', 'type': 'words'}[kind]
+            expected = 'no homography on %s: %s' % (topic, why[kind])
+
+            def lasting():
+                self.camera.send_view()
+                reports = [r.message for r in self.reports(name)]
+                if expected not in reports:
+                    return False
+                since = reports[reports.index(expected):]
+                self.assertEqual(set(since), {expected})
+                return len(since) > 11  # s; the master is asked again and again
+            wait_until(lasting, 'diagnostics say for a while ' + expected)
+            said = [m.msg for m in self.log.messages()
+                    if 'no homography on ' + topic in m.msg and why[kind] in m.msg]
+            self.assertEqual(len(said), 2, said)  # by the stabilizer, and by the mosaic
+        check_each(['stabilizer_of_a_name', 'stabilizer_of_a_type', 'mosaic_of_a_name',
+                    'mosaic_of_a_type'], check)
+        right = rospy.Publisher('/camera/nowhere', HomographyStamped, queue_size=10)
+
+        def works():
+            right.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
+            self.camera.send_view()
+            return all(self.reports(name)[-1].message == 'works'
+                       for name in ('stabilizer_of_a_name', 'mosaic_of_a_name'))
+        wait_until(works, 'nothing is said any more once they come')
+
+    def send_small(self):
+        """One colour image, 0.9 MB."""
+        pixels = np.dstack([view(100, 100)] * 3)
+        return self.small.send(image_message(pixels, self.small.next_stamp(), 'rgb8'))
+
+    def counts(self, name):
+        values = {v.key: v.value for v in self.reports(name)[-1].values}
+        return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped because of max_memory')])
+
+    def test_images_that_wait_are_bounded_in_megabytes_and_counted(self):
+        names = ('small/stabilizer', 'small/mosaic')
+        wait_until(lambda: all(self.reports(name) for name in names), 'they report')
+        before = {name: self.counts(name) for name in names}
+        for _ in range(MANY):
+            self.send_small()
+            rospy.rostime.wallsleep(0.02)  # 50 a second
+
+        def check(name):
+            def settled():
+                images, dropped, forgotten = self.counts(name) - before[name]
+                # Those that were there before are gone as well.
+                return images == MANY and MANY - KEPT <= dropped + forgotten <= MANY
+            wait_until(settled, 'all but %d of %d images are gone' % (KEPT, MANY))
+            _, dropped, forgotten = self.counts(name) - before[name]
+            print('%s: %d dropped, %d for max_memory' % (name, dropped, forgotten))
+            self.assertGreater(forgotten, 0)
+        check_each(names, check)
+
+        def said():
+            for name in names:
+                stamp = self.send_small() - rospy.Duration(500.0)  # of an image that never comes
+                self.homographies.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
+                self.homographies.publish(self.homography(stamp, False))
+            return all('max_memory is too small' in self.reports(name)[-1].message for name in names)
+        wait_until(said, 'diagnostics say that max_memory is too small')
+
+    @staticmethod
+    def homography(stamp, rectified):
+        message = HomographyStamped(status=MatchStatus.STATUS_OK, rectified=rectified)
+        message.header.stamp = message.reference_stamp = stamp
+        message.homography = np.eye(3).flatten().tolist()
+        return message
+
+    def test_the_places_in_the_mosaic_are_of_the_pixels_of_the_homographies(self):
+        for rectified in (True, False):
+            stamp = self.send_small()
+            self.homographies.publish(self.homography(stamp, rectified))
+            self.assertEqual(self.poses[-1].wait_for(stamp).rectified, rectified)
+
+    def test_small_messages_are_not_held_back(self):
+        self.assertEqual(no_delay(self.homographies), {True})
+        self.assertEqual(no_delay(self.small.publisher), {False}, 'else it shows nothing')
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_consumers_test')
+    rostest.rosrun('ktgp_orb', 'robot_consumers', ConsumersTest, sys.argv)
