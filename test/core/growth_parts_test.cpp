@@ -137,6 +137,7 @@ TEST(GrowthRivals, ContradictWhereTheSameIsSeenElsewhere) {
   const Grown grown = grownFrom({0.0, 0.0}, 40);
   EXPECT_TRUE(rivals.contradicts(grownFrom({40.0, 0.0}, 40), grown, kSize));
   EXPECT_FALSE(rivals.contradicts(grownFrom({40.0, 0.0}, 20), grown, kSize));   // much poorer
+  EXPECT_TRUE(rivals.contradicts(grownFrom({40.0, 0.0}, 28), grown, kSize));    // within chance
   EXPECT_FALSE(rivals.contradicts(grownFrom({2.0, 0.0}, 40), grown, kSize));    // the same
   EXPECT_FALSE(rivals.contradicts(grownFrom({250.0, 0.0}, 40), grown, kSize));  // another plane
 }

@@ -97,9 +97,9 @@ COMMANDS = {
     'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R soak': TOO_LONG,
     'dev/nightly': TOO_LONG,
     'ktgp_evaluate homogr evd dogman notredame --longest-side 1200 --methods '
-    'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT': TOO_LONG,
-    'ktgp_evaluate --warps extreme --warp-pairs 240 IMAGES --methods '
-    'ROBUST,ROBUST+GROWTH,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
+    'ktgp_evaluate --warps extreme --warp-pairs 480 IMAGES --methods '
+    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
     'rostopic echo /usb_cam/matcher/homography': Skipped('waits for images; rostopic\'s own'),
     'sudo apt install ros-noetic-usb-cam': Skipped('Ubuntu\'s package of the driver'),
     'rosrun usb_cam usb_cam_node _video_device:=/dev/video0': Skipped('needs a camera'),

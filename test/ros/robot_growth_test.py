@@ -54,10 +54,15 @@ class GrowthTest(unittest.TestCase):
         cls.reference, cls.target = hard_pair()
 
     def start(self, **parameters):
+        """With a fixed reference, the next picture is that."""
         self.client.update_configuration(dict(ROBUST, **parameters))
-        for service in ('reset', 'set_reference'):
-            answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
-            self.assertTrue(answer.success, answer.message)
+        self.call('reset')
+        if parameters['reference_mode'] == 'fixed':
+            self.call('set_reference')
+
+    def call(self, service):
+        answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
+        self.assertTrue(answer.success, answer.message)
 
     def send(self, picture):
         stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))

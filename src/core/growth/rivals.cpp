@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 
 #include "core/homography/transform.h"
 
@@ -29,10 +30,12 @@ std::size_t Rivals::cellOf(const Eigen::Vector2d& target) const {
 }
 
 bool Rivals::contradicts(const Grown& rival, const Grown& grown, const cv::Size& target) {
-  constexpr double kAboveRival = 1.5;
+  constexpr double kDeviations = 2.0;  // of the difference of two counts
   constexpr double kElsewhere = 10.0;  // px of the target
-  constexpr std::size_t kShare = 4;    // one in this number
-  if (kAboveRival * evidence(rival) < evidence(grown)) return false;
+  constexpr std::size_t kShare = 4;    // one in so many
+  const double difference = evidence(grown) - evidence(rival);
+  const double both = std::max(evidence(grown) + evidence(rival), 0.0);
+  if (difference > kDeviations * std::sqrt(both)) return false;
   columns_ = cellsAlong(target.width);
   rows_ = cellsAlong(target.height);
   covered_.assign(columns_ * rows_, 0);

@@ -26,8 +26,8 @@ struct Grown {
 /// homography is not due to chance, but may be wrong. Keeps its buffers.
 class Rivals {
  public:
-  /// Whether `rival` has nearly as many matches as `grown`, and many of them are at the same
-  /// positions in the target but at others in the reference. `target`: its size.
+  /// Whether `rival` has not significantly fewer matches than `grown`, and many of them lie where
+  /// those of `grown` are in the target but come from elsewhere. `target`: its size.
   bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target);
 
  private:

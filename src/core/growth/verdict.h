@@ -49,7 +49,7 @@ struct Judgement {
 class Verdict {
  public:
   static constexpr float kRadius = 4.F;  ///< px
-  static constexpr double kLogMaxFalseAlarms = -10.0;
+  static constexpr double kLogMaxFalseAlarms = -6.0;
 
   /// `predictions`: all predictions of the homography. `first_radius`: radius of the first round.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
