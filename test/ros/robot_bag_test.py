@@ -172,6 +172,7 @@ class BagTest(unittest.TestCase):
             self.assertEqual(line['stamp'], '%d.%09d' % (message.header.stamp.secs,
                                                          message.header.stamp.nsecs))
             self.assertEqual(int(line['target_features']), message.target_features)
+            self.assertEqual(line['found_by'], ('none', 'prosac', 'growth')[message.found_by])
             self.assertEqual(line['descriptor'], message.descriptor)
             self.assertEqual(message.descriptor, 'orb')
             self.assertEqual([int(line[s.name]) for s in message.stages[:4]],
