@@ -13,6 +13,7 @@ import numpy as np
 import rosbag
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from ktgp_orb.msg import MatchStatus
 from ktgp_testing import TIMEOUT
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -92,7 +93,7 @@ class DemoTest(unittest.TestCase):
             truth.append(step @ truth[-1])
         to_first = np.linalg.inv(truth[FRAMES // 2])
         errors = [corner_error(matrix(m), h @ to_first) for m, h in zip(found, truth)
-                  if m.status == m.STATUS_OK]
+                  if m.status == MatchStatus.STATUS_OK]
         self.assertGreater(len(errors), 0.9 * FRAMES)
         self.assertLess(np.median(errors), 0.5)
         self.assertLess(np.max(errors), 5.0)

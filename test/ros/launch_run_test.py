@@ -308,7 +308,8 @@ class LaunchRunTest(unittest.TestCase):
                      for name, _ in self.master.handle.getSystemState()[0]
                      if name.startswith(prefix) and name.count('/') == 3 and '/parameter_' not in name}
         with open(os.path.join(PACKAGE, 'doc', 'topics.md')) as file:
-            documented = dict(re.findall(r'^\| `~(\w+)`(?:, tf)? \| (\w+/\w+) \|', file.read(), re.M))
+            topics = file.read().split('\n## Topics\n')[1].split('\n## ')[0]
+        documented = dict(re.findall(r'^\| `~(\w+)`(?:, tf)? \| (\w+/\w+) \|', topics, re.M))
         self.assertEqual(published, documented)
 
     def test_a_matcher_that_dies_at_the_start_ends_the_launch(self):
