@@ -5,7 +5,9 @@ matchers in one nodelet manager, with and without a busy process on the other co
 Run by ctest -L long, or in the environment of a build (source devel/setup.bash), on an idle
 machine:
     test/long/latency.py [--seconds 60] [--rates 30 120] [--matchers 1 8] [--neighbours idle busy]
-                    [--search-radius 0]
+                    [--search-radius 0] [--lost-target]
+With --lost-target the matchers look for a fixed reference that is never in view, with preset robust: each frame
+goes through PROSAC in vain and then through the growth.
 Prints a table: p50, p99 and largest latency from the image's stamp to the published statistics, and
 the share of frames that were dropped for newer ones. Eight matchers all use the same camera.
 """
@@ -15,6 +17,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 
 import numpy as np
@@ -55,7 +58,7 @@ def percentile(values, share):
 class Run:
     """One row of the table."""
 
-    def __init__(self, matchers, radius):
+    def __init__(self, matchers, parameters):
         import rospy
         from ktgp_orb.msg import MatchStatistics
         from sensor_msgs.msg import Image
@@ -67,7 +70,7 @@ class Run:
         self._counting = False
         self._subscribers = []
         for i in range(matchers):
-            rospy.set_param('/matcher%d/search_radius' % i, radius)
+            rospy.set_param('/matcher%d' % i, parameters)
             self._processes.start('rosrun', 'nodelet', 'nodelet', 'load', 'ktgp_orb/matcher',
                                   '/manager', 'image:=/camera/image', '__name:=matcher%d' % i)
             self._subscribers.append(rospy.Subscriber(
@@ -117,9 +120,24 @@ class Run:
         self._processes.stop()
 
 
-def measure_all(arguments):
+def parameters_of(arguments, folder):
+    """Of every matcher."""
+    if not arguments.lost_target:
+        return {'search_radius': arguments.search_radius}
+    import cv2
+    import yaml
+    from ktgp_testing import texture
+    reference = os.path.join(folder, 'reference.png')
+    cv2.imwrite(reference, texture(480, 640, seed=2))
+    robust = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../config/robust.yaml')
+    with open(robust) as file:
+        return dict(yaml.safe_load(file), reference_mode='fixed', reference_image=reference)
+
+
+def measure_all(arguments, folder):
     import rospy
     from ktgp_testing import image_message, view
+    parameters = parameters_of(arguments, folder)
     images = [image_message(view(4 * i, 2 * i), rospy.Time(1)) for i in range(60)]
     print('| camera | matchers | neighbour | p50 | p99 | max | frames | dropped |')
     print('|---|---|---|---:|---:|---:|---:|---:|')
@@ -131,7 +149,7 @@ def measure_all(arguments):
                 if busy:
                     neighbour.start('taskset', '-c', str(os.cpu_count() - 1), sys.executable, '-c',
                                     'while True: pass')
-                run = Run(matchers, arguments.search_radius)
+                run = Run(matchers, parameters)
                 try:
                     dropped = run.measure(rate, arguments.seconds, images)
                 finally:
@@ -152,6 +170,7 @@ def main():
     parser.add_argument('--neighbours', choices=['idle', 'busy'], nargs='+',
                         default=['idle', 'busy'])
     parser.add_argument('--search-radius', type=float, default=0.0)
+    parser.add_argument('--lost-target', action='store_true')
     arguments = parser.parse_args()
     port = free_port()
     os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % port
@@ -163,7 +182,8 @@ def main():
         while not rosgraph.is_master_online():
             time.sleep(0.1)
         rospy.init_node('latency', disable_signals=True)
-        measure_all(arguments)
+        with tempfile.TemporaryDirectory() as folder:
+            measure_all(arguments, folder)
         rospy.signal_shutdown('done')
     finally:
         core.stop()
