@@ -39,7 +39,7 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
   for (std::uint32_t place = 0; place < members.places(); ++place) {
     const CellMembers::Cell& position = members.cells()[place];
     sums_[place] = sums;
-    addPairs(place, reference_cells, sums);
+    sums = addPairs(place, reference_cells, sums);
     const std::uint32_t cell = reference.cell(position.column, position.row);
     cells_[place] = closeCell(cell, sums_[place].pairs, sums.pairs);
     sums.best_counts += cells_[place].best_count;
@@ -47,21 +47,24 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
   sums_[members.places()] = sums;
 }
 
-/// Lists the reference cells of the matches at `place`, and counts them in the histogram.
-void CellPairs::addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells,
-                         Sums& sums) {
+/// Lists the reference cells of the matches at `place`, and counts them in the histogram. Returns
+/// the sums with these matches and pairs.
+inline CellPairs::Sums CellPairs::addPairs(std::uint32_t place,
+                                    const std::vector<std::uint32_t>& reference_cells, Sums sums) {
   const std::uint32_t end = members_->cells()[place + 1].begin;
   for (std::uint32_t i = members_->cells()[place].begin; i < end; ++i) {
     const std::uint32_t r = reference_cells[members_->matches()[i]];
     if (r == kNoCell) continue;
     ++sums.matches;
-    if (histogram_[r]++ == 0) references_[sums.pairs++] = r;
+    references_[sums.pairs] = r;  // without a branch: the next one overwrites it unless r is new
+    sums.pairs += histogram_[r]++ == 0 ? 1 : 0;
   }
+  return sums;
 }
 
 /// Moves the counts of a target cell's pairs, from `begin` to `end`, out of the histogram, and
 /// finds the best pair.
-CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t begin,
+inline CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t begin,
                                      std::uint32_t end) {
   Cell cell;
   cell.target = target_cell;
@@ -71,10 +74,9 @@ CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t be
     histogram_[r] = 0;
     steps_[i] = static_cast<std::int32_t>(r - target_cell);
     counts_[i] = static_cast<std::int32_t>(n);
-    if (n > cell.best_count || (n == cell.best_count && r < cell.best)) {
-      cell.best = r;
-      cell.best_count = n;
-    }
+    const bool better = n > cell.best_count || (n == cell.best_count && r < cell.best);
+    cell.best = better ? r : cell.best;
+    cell.best_count = better ? n : cell.best_count;
   }
   return cell;
 }
@@ -120,8 +122,10 @@ std::uint32_t CellPairs::scoreUpright(const Cell& cell, const Neighbourhood& aro
 }
 
 CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhood& around) const {
-  Scores scores;
-  scores.fill(cell.best_count);
+  // A step from neighbour k of the target cell to neighbour j of the reference cell supports the
+  // rotation by k - j. The sums have a second half for pairs that are not neighbours on both sides
+  // (k or j is kRing), so that the loop has no branch: that halves the time of the rotations.
+  std::array<std::uint32_t, std::size_t{2} * kRing> sums{};
   const Grid& grid = *reference_;
   for (const Row& row : around) {
     const std::uint32_t end = sums_[row.end].pairs;
@@ -129,10 +133,12 @@ CellPairs::Scores CellPairs::scoreRotations(const Cell& cell, const Neighbourhoo
       const std::uint32_t target_cell = references_[i] - static_cast<std::uint32_t>(steps_[i]);
       const unsigned k = grid.direction(target_cell, cell.target);
       const unsigned j = grid.direction(references_[i], cell.best);
-      if (k == kRing || j == kRing) continue;  // not a neighbour, or the cell itself
-      scores[(k + kRing - j) % kRing] += static_cast<std::uint32_t>(counts_[i]);
+      const unsigned unrelated = (k | j) & kRing;
+      sums[(k - j) % kRing + unrelated] += static_cast<std::uint32_t>(counts_[i]);
     }
   }
+  Scores scores{};
+  for (unsigned m = 0; m < kRing; ++m) scores[m] = cell.best_count + sums[m];
   return scores;
 }
 

@@ -55,7 +55,7 @@ class CellPairs {
   std::uint32_t targetIndex(std::size_t place) const;
   Neighbourhood neighbourhood(std::size_t place) const;
   std::uint32_t sumAround(const Neighbourhood& around, std::uint32_t Sums::*field) const;
-  void addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells, Sums& sums);
+  Sums addPairs(std::uint32_t place, const std::vector<std::uint32_t>& reference_cells, Sums sums);
   Cell closeCell(std::uint32_t target_cell, std::uint32_t begin, std::uint32_t end);
   std::uint32_t matchesAt(std::size_t place) const {
     return sums_[place + 1].matches - sums_[place].matches;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -79,21 +80,25 @@ cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
 /// The verdict of one shifted grid on the matches of one target cell.
 struct Verdict {
   std::uint32_t best_cell = kNoCell;  ///< reference cell of its best pair
-  std::uint8_t rotations = 0;         ///< bit m: that pair has support with rotation m
+  std::uint32_t bits = 0;             ///< bit m: that pair has support with rotation m; kInBestPair
 };
+constexpr unsigned kInBestPair = 1u << gms::kRing;
+
+/// In place of a reference cell: no cell has this index.
+constexpr std::uint32_t kRuledOut = std::numeric_limits<std::uint32_t>::max();
 
 /// The combined verdicts of the four shifted grids for every match.
 struct Votes {
   std::vector<std::uint32_t> reference_cell;
-  std::vector<std::uint8_t> in_best_pair;  ///< of at least one grid; 0 or 1
-  std::vector<std::uint8_t> rotations;     ///< as in Verdict
+  std::vector<std::uint16_t> bits;  ///< as in Verdict
 
   bool survives(std::size_t match, unsigned rotation) const {
-    return (rotations[match] >> rotation & 1u) != 0;
+    return (bits[match] >> rotation & 1u) != 0;
   }
+  bool isInBestPair(std::size_t match) const { return (bits[match] & kInBestPair) != 0; }
   std::size_t survivors(unsigned rotation) const {
     std::size_t n = 0;
-    for (const std::uint8_t r : rotations) n += r >> rotation & 1u;
+    for (const std::uint16_t b : bits) n += b >> rotation & 1u;
     return n;
   }
 };
@@ -132,9 +137,9 @@ struct GmsFilter::Impl {
               const std::vector<Correspondence>& correspondences);
   void tryScale(std::size_t scale);
   void countPairs(const Grid& reference_grid);
-  void ruleOut();                     ///< fills `possible`
-  std::size_t mostSurvivors() const;  ///< an upper bound over all rotations, from `possible`
-  void judge();                       ///< fills the verdicts
+  void ruleOut();                     ///< fills `candidates`
+  std::size_t mostSurvivors() const;  ///< an upper bound over all rotations, from `candidates`
+  void judge(bool all);               ///< fills the verdicts
   void vote();                        ///< from the verdicts to the votes
   GmsResult apply(std::vector<Correspondence>& correspondences) const;
 
@@ -151,8 +156,9 @@ struct GmsFilter::Impl {
   // One per shift of the target grid.
   std::array<gms::CellMembers, 4> members;
   std::array<gms::CellPairs, 4> pairs;
-  std::array<std::vector<Verdict>, 4> verdicts;       ///< by place, and one for "in no cell"
-  std::array<std::vector<std::uint8_t>, 4> possible;  ///< by place: its best pair may have support
+  std::array<std::vector<Verdict>, 4> verdicts;  ///< by place, and one for "in no cell"
+  /// By place: reference cell of the best pair if it may have support, else kRuledOut.
+  std::array<std::vector<std::uint32_t>, 4> candidates;
 
   Votes votes;  ///< for the current scale
   Winner winner;
@@ -205,7 +211,8 @@ void GmsFilter::Impl::countPairs(const Grid& grid) {
     pairs[shift].count(members[shift], target_grid, grid, votes.reference_cell);
     verdicts[shift].resize(members[shift].places() + 1);
     verdicts[shift].back() = {};
-    possible[shift].assign(members[shift].places() + 1, 1);
+    candidates[shift].resize(members[shift].places() + 1);
+    candidates[shift].back() = kRuledOut;
   }
 }
 
@@ -214,7 +221,8 @@ void GmsFilter::Impl::countPairs(const Grid& grid) {
 void GmsFilter::Impl::ruleOut() {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      possible[shift][place] = pairs[shift].maySupport(place, options.threshold) ? 1 : 0;
+      const bool may = pairs[shift].maySupport(place, options.threshold);
+      candidates[shift][place] = may ? pairs[shift].best(place) : kRuledOut;
     }
   }
 }
@@ -222,43 +230,39 @@ void GmsFilter::Impl::ruleOut() {
 std::size_t GmsFilter::Impl::mostSurvivors() const {
   std::size_t most = 0;
   for (std::size_t i = 0; i < reference.size(); ++i) {
+    bool may_survive = false;
     for (std::size_t shift = 0; shift < members.size(); ++shift) {
       const std::uint32_t place = members[shift].placeOfMatch()[i];
-      if (place == members[shift].places() || possible[shift][place] == 0) continue;
-      if (pairs[shift].best(place) != votes.reference_cell[i]) continue;
-      ++most;
-      break;
+      may_survive |= candidates[shift][place] == votes.reference_cell[i];
     }
+    most += may_survive ? 1 : 0;
   }
   return most;
 }
 
-void GmsFilter::Impl::judge() {
+/// `all`: also the pairs that ruleOut() would rule out.
+void GmsFilter::Impl::judge(bool all) {
   for (std::size_t shift = 0; shift < members.size(); ++shift) {
     const gms::CellPairs& p = pairs[shift];
     for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      Verdict verdict;
-      verdict.best_cell = p.best(place);
-      if (possible[shift][place] != 0) {
-        verdict.rotations = static_cast<std::uint8_t>(
-            p.supportedRotations(place, options.threshold, options.rotation));
-      }
-      verdicts[shift][place] = verdict;
+      Verdict& verdict = verdicts[shift][place];
+      verdict = {p.best(place), kInBestPair};
+      if (!all && candidates[shift][place] == kRuledOut) continue;
+      verdict.bits |= p.supportedRotations(place, options.threshold, options.rotation);
     }
   }
 }
 
 /// A match survives if any of the four grids supports it.
 void GmsFilter::Impl::vote() {
-  votes.in_best_pair.assign(reference.size(), 0);
-  votes.rotations.assign(reference.size(), 0);
+  votes.bits.resize(reference.size());
   for (std::size_t i = 0; i < reference.size(); ++i) {
+    unsigned bits = 0;
     for (std::size_t shift = 0; shift < members.size(); ++shift) {
       const Verdict& verdict = verdicts[shift][members[shift].placeOfMatch()[i]];
-      if (verdict.best_cell != votes.reference_cell[i]) continue;
-      votes.in_best_pair[i] = 1;
-      votes.rotations[i] |= verdict.rotations;
+      bits |= verdict.best_cell == votes.reference_cell[i] ? verdict.bits : 0;
     }
+    votes.bits[i] = static_cast<std::uint16_t>(bits);
   }
 }
 
@@ -269,7 +273,7 @@ void GmsFilter::Impl::tryScale(std::size_t scale) {
     ruleOut();
     if (mostSurvivors() <= winner.kept) return;
   }
-  judge();
+  judge(first);
   vote();
   bool wins = first;
   for (unsigned m = 0; m < (options.rotation ? gms::kRing : 1); ++m) {
@@ -294,7 +298,7 @@ GmsResult GmsFilter::Impl::apply(std::vector<Correspondence>& correspondences) c
       ++result.kept;
     } else if (winner.votes.reference_cell[i] == kNoCell) {
       ++result.outside_grid;
-    } else if (winner.votes.in_best_pair[i] != 0) {
+    } else if (winner.votes.isInBestPair(i)) {
       ++result.low_support;
     } else {
       ++result.not_best_pair;

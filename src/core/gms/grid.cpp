@@ -64,24 +64,27 @@ void CellMembers::countMatches(const Grid& grid, bool shift_x, bool shift_y,
 }
 
 void CellMembers::listOccupied(const Grid& grid) {
-  cells_.clear();
-  cells_.reserve(grid.cells + 1);  // so that later frames allocate nothing
+  count_[kNoCell] = 0;
+  cells_.resize(grid.cells + 1);
   rank_.resize(grid.cells + 1);
   next_.resize(grid.cells);
+  std::uint32_t occupied = 0;
   std::uint32_t begin = 0;
   std::uint32_t cell = 0;
   for (int row = -1; row <= grid.rows; ++row) {
     for (int column = -1; column <= grid.columns; ++column, ++cell) {
-      rank_[cell] = static_cast<std::uint32_t>(cells_.size());
+      rank_[cell] = occupied;
       next_[cell] = begin;
-      if (count_[cell] == 0 || cell == kNoCell) continue;
-      cells_.push_back(
-          {static_cast<std::uint16_t>(column), static_cast<std::uint16_t>(row), begin});
+      // Without a branch: the next cell overwrites the entry of an empty one.
+      cells_[occupied] = {static_cast<std::uint16_t>(column), static_cast<std::uint16_t>(row),
+                          begin};
+      occupied += count_[cell] > 0 ? 1 : 0;
       begin += count_[cell];
     }
   }
-  rank_[grid.cells] = static_cast<std::uint32_t>(cells_.size());
-  cells_.push_back({0, 0, begin});
+  rank_[grid.cells] = occupied;
+  cells_[occupied] = {0, 0, begin};
+  cells_.resize(occupied + 1);
 }
 
 void CellMembers::sortMatches() {

@@ -8,7 +8,6 @@ namespace {
 using util::ceilDivide;
 
 constexpr int kRows = 2 * kBlurRadius + 1;
-constexpr int kVectorSlack = 64;  // bytes that the kernels may access past the end of a row
 
 }  // namespace
 

@@ -7,9 +7,6 @@
 namespace ktgp_orb::orb {
 namespace {
 
-constexpr int kVectorSlack =
-    64;  // bytes that the kernels may access past the end of a row of scores
-
 // Three rows of FAST scores that move down the image. A row has one more score on each side than
 // pixels are reported, for the neighbours of the first and the last.
 class ScoreRows {

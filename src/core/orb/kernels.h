@@ -5,6 +5,9 @@
 
 namespace ktgp_orb::orb {
 
+/// Bytes past the end of a row that the kernels may read and write.
+constexpr int kVectorSlack = 64;
+
 /// Radius of the disc whose intensity centroid gives a keypoint its angle, in px.
 constexpr int kOrientationRadius = 15;
 /// Side of a keypoint's patch on its pyramid level, in px: the size of keypoints on level 0.

@@ -17,8 +17,7 @@ namespace {
 using util::ceilDivide;
 using util::kPi;
 
-constexpr int kVectorSlack = 64;  // bytes the kernels may write beyond a row
-constexpr int kBandRows = 64;     // rows of a task, if there are several threads
+constexpr int kBandRows = 64;  // rows of a task, if there are several threads
 constexpr int kKeypointsPerTask = 64;
 constexpr int kThresholdRatio = 2;  // full FAST threshold over the one for cells with few corners
 

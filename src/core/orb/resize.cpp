@@ -11,8 +11,7 @@ namespace {
 
 using util::ceilDivide;
 
-constexpr int kVectorSlack = 64;  // bytes that the kernels may write past a row
-constexpr int kReach = 16;        // source pixels that a narrow block loads
+constexpr int kReach = 16;  // source pixels that a narrow block loads
 
 struct Tap {
   int first;
