@@ -50,7 +50,8 @@ void CellPairs::count(const CellMembers& members, const Grid& target, const Grid
 /// Lists the reference cells of the matches at `place`, and counts them in the histogram. Returns
 /// the sums with these matches and pairs.
 inline CellPairs::Sums CellPairs::addPairs(std::uint32_t place,
-                                    const std::vector<std::uint32_t>& reference_cells, Sums sums) {
+                                           const std::vector<std::uint32_t>& reference_cells,
+                                           Sums sums) {
   const std::uint32_t end = members_->cells()[place + 1].begin;
   for (std::uint32_t i = members_->cells()[place].begin; i < end; ++i) {
     const std::uint32_t r = reference_cells[members_->matches()[i]];
@@ -65,7 +66,7 @@ inline CellPairs::Sums CellPairs::addPairs(std::uint32_t place,
 /// Moves the counts of a target cell's pairs, from `begin` to `end`, out of the histogram, and
 /// finds the best pair.
 inline CellPairs::Cell CellPairs::closeCell(std::uint32_t target_cell, std::uint32_t begin,
-                                     std::uint32_t end) {
+                                            std::uint32_t end) {
   Cell cell;
   cell.target = target_cell;
   for (std::uint32_t i = begin; i < end; ++i) {
