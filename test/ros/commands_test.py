@@ -91,6 +91,7 @@ COMMANDS = {
     'dev/sanitize thread full': TOO_LONG,
     'scripts/test -L long': TOO_LONG,
     'scripts/test -L long -R latency': TOO_LONG,
+    'scripts/test -L long -R lost_target': TOO_LONG,
     'scripts/test -L long -R faults': TOO_LONG,
     'scripts/test -L long -R verdict': TOO_LONG,
     'scripts/test -L long -R soak': IN_CI,
