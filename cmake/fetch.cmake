@@ -1,7 +1,7 @@
 # Highway and CLI11 for systems without them (Ubuntu 20.04, Debian 11): a pinned release is fetched when CMake
 # configures. Offline, or for another release, name a source tree instead:
-# -DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path and -DFETCHCONTENT_SOURCE_DIR_CLI11=/path. If neither is possible,
-# the library is not used, and a message says so.
+# -DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path and -DFETCHCONTENT_SOURCE_DIR_CLI11=/path. Without Highway CMake
+# stops; without CLI11 the command-line programs are not built.
 include(FetchContent)
 option(KTGP_ORB_FETCH "Fetch Highway and CLI11 where they are not installed" ON)
 
@@ -73,7 +73,10 @@ if(NOT hwy_FOUND)
     7e0be78b8318e8bdbf6fa545d2ecb4c90f947df03f7aadc42c1967f019e63343)
   if(highway_SOURCE_DIR)
     ktgp_orb_add_highway()
-    set(hwy_FOUND TRUE)
+  else()
+    message(FATAL_ERROR "Highway (vector code) not found. Install the package libhwy-dev; where the system has "
+      "none, allow CMake to fetch the source (-DKTGP_ORB_FETCH=ON) or name a source tree "
+      "(-DFETCHCONTENT_SOURCE_DIR_HIGHWAY=/path/to/highway).")
   endif()
 endif()
 

@@ -1,16 +1,13 @@
 #pragma once
 
+#include <hwy/targets.h>
+
 #include <cstdint>
+#include <cstring>
 #include <string>
 #include <vector>
 
-#ifdef KTGP_ORB_HAVE_HIGHWAY
-#include <hwy/targets.h>
-#endif
-
 namespace ktgp_orb::test {
-
-#ifdef KTGP_ORB_HAVE_HIGHWAY
 
 /// Calls `visit` once for each instruction set of this processor, the best first, while run-time
 /// dispatch is restricted to it.
@@ -28,15 +25,6 @@ void forEachInstructionSet(const Visit& visit) {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
 }
 
-#else
-
-template <typename Visit>
-void forEachInstructionSet(const Visit& visit) {
-  visit();
-}
-
-#endif
-
 /// All sets of kernels that this build and this processor support, the fastest first, the portable
 /// one last. `best`: the function that chooses among them.
 template <typename Kernels>
@@ -45,9 +33,9 @@ std::vector<const Kernels*> everyKernels(const Kernels& (*best)(), const Kernels
   forEachInstructionSet([&] {
     const Kernels* chosen = &best();
     for (const Kernels* other : all) {
-      if (other == chosen) return;  // nothing was compiled for this instruction set
+      if (other == chosen) return;
     }
-    if (chosen != &portable) all.push_back(chosen);
+    if (std::strcmp(chosen->name, portable.name) != 0) all.push_back(chosen);
   });
   all.push_back(&portable);
   return all;

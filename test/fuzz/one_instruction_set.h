@@ -8,8 +8,6 @@
 
 namespace ktgp_orb::fuzz {
 
-#ifdef KTGP_ORB_HAVE_HIGHWAY
-
 /// During its lifetime, run-time dispatch is restricted to one instruction set of this processor,
 /// which the input chooses; all inputs together try all of them. They are listed once, since a
 /// virtual processor answers this query slowly.
@@ -43,14 +41,5 @@ class OneInstructionSet {
     hwy::GetChosenTarget().Update(targets);
   }
 };
-
-#else
-
-class OneInstructionSet {
- public:
-  explicit OneInstructionSet(Input& /*in*/) {}
-};
-
-#endif
 
 }  // namespace ktgp_orb::fuzz

@@ -294,7 +294,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertIn('the bag has no /other/image; its image topics: /camera/image_raw', output)
         self.check_no_sim_time()
 
-    def test_that_nobody_wants_the_results_is_said(self):
+    def test_results_without_subscriber_are_said(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
         self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
         self.check_outputs_are_documented()

@@ -177,7 +177,7 @@ class StabilizerTest(unittest.TestCase):
                 if status.name.endswith('stabilizer: frames')]
         return (said[-1].message, {v.key: v.value for v in said[-1].values}) if said else ('', {})
 
-    def test_starts_anew_after_nobody_looked(self):
+    def test_starts_anew_after_a_time_without_subscriber(self):
         # The matcher goes on, and so has a homography to the frame from before.
         homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         self.addCleanup(homographies.close)

@@ -58,7 +58,7 @@ class StartupTest(unittest.TestCase):
                        for m in log.messages())
         wait_until(warning, 'the topic is named in a warning')
 
-    def test_a_topic_that_nobody_publishes_is_named_also_while_idle(self):
+    def test_a_topic_without_publisher_is_named_also_while_idle(self):
         # Its results have no subscriber, so it subscribes to nothing: it asks the master.
         expected = 'no node publishes /other/nothing_here: is the topic name right?'
         self.assertIn(expected, output_of_node('image:=nothing_here', until=(expected,)))

@@ -134,10 +134,4 @@ const AlignmentKernels& portableAlignmentKernels() {
   return portable;
 }
 
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const AlignmentKernels& bestAlignmentKernels() {
-  return portableAlignmentKernels();
-}
-#endif
-
 }  // namespace ktgp_orb::alignment

@@ -1,4 +1,4 @@
-// Warping, smoothing and comparing patches. No include guard: kernels_highway.cpp includes this
+// Warping, smoothing and comparing patches. No include guard: dispatch.cpp includes this
 // once for each instruction set.
 #include <hwy/highway.h>
 

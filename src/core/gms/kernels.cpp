@@ -22,10 +22,4 @@ const GmsKernels& portableGmsKernels() {
   return kPortable;
 }
 
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const GmsKernels& bestGmsKernels() {
-  return portableGmsKernels();
-}
-#endif
-
 }  // namespace ktgp_orb::gms

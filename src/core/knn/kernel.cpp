@@ -106,10 +106,4 @@ const KnnKernel& portableKnnKernel() {
   return kPortable;
 }
 
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const KnnKernel& bestKnnKernel() {
-  return portableKnnKernel();
-}
-#endif
-
 }  // namespace ktgp_orb::knn

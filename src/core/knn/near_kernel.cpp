@@ -55,10 +55,4 @@ const NearKernel& portableNearKernel() {
   return kPortable;
 }
 
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const NearKernel& bestNearKernel() {
-  return portableNearKernel();
-}
-#endif
-
 }  // namespace ktgp_orb::knn

@@ -1,4 +1,4 @@
-// The Gaussian blur with fused multiply-adds. No include guard: kernels_highway.cpp includes this
+// The Gaussian blur with fused multiply-adds. No include guard: dispatch.cpp includes this
 // once for each instruction set.
 #include <hwy/highway.h>
 

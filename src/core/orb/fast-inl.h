@@ -1,5 +1,5 @@
 // FAST-9 and non-maximum suppression, a register of pixels at a time. No include guard:
-// kernels_highway.cpp includes this once for each instruction set.
+// dispatch.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstring>
@@ -109,14 +109,15 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    const auto take = [&] {  // always writes, to avoid a branch
+    // Three rounds without a test for the end: a register seldom has more maxima, and branches that
+    // depend on their number are mispredicted. A round without a maximum writes, but counts
+    // nothing.
+    for (int round = 0; round < 3 || bits != 0; ++round) {
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));
-      found += static_cast<int>(bits != 0);
+      if (bits != 0) ++found;
       bits &= bits - 1;
-    };
-    for (int i = 0; i < 3; ++i) take();  // there are seldom more
-    while (bits != 0) take();
+    }
   }
   return found;
 }

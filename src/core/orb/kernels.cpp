@@ -148,14 +148,8 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
 const OrbKernels& portableOrbKernels() {
   static constexpr OrbKernels kPortable{"portable",     resizeRow, mixRows, fastScores,
                                         localMaxima,    harris,    moments, blurAlongRow,
-                                        blurAcrossRows, describe,  describe};
+                                        blurAcrossRows, describe};
   return kPortable;
 }
-
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const OrbKernels& bestOrbKernels() {
-  return portableOrbKernels();
-}
-#endif
 
 }  // namespace ktgp_orb::orb

@@ -79,12 +79,8 @@ struct OrbKernels {
 
   /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, with the sampling
   /// pattern rotated by the angle of this cosine and sine: 32 bytes.
-  using Describe = void (*)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine,
-                            float sine, std::uint8_t* descriptor);
-  Describe describe;
-  /// The same with instructions that gather several pixels, where there are any; may read three
-  /// bytes beyond each pixel. Faster on some processors, slower on others: see fasterDescribe.
-  Describe describe_by_gathers;
+  void (*describe)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+                   std::uint8_t* descriptor);
 };
 
 /// Plain C++, the reference for the other sets.

@@ -6,7 +6,6 @@
 #include <opencv2/features2d.hpp>
 #include <utility>
 
-#include "core/orb/describe_choice.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
 #include "core/util/shared_matrix.h"
@@ -42,7 +41,6 @@ void resizeDescriptors(int rows, int capacity, cv::Mat& descriptors) {
 OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
     : options_(options),
       kernels_(kernels),
-      describe_(fasterDescribe(kernels)),
       pool_(options.threads),
       pyramid_(options.max_features, static_cast<float>(options.scale_factor), options.levels),
       levels_(options.levels),
@@ -200,8 +198,8 @@ void OrbPipeline::describe(cv::KeyPoint& keypoint, const cv::Point2f& direction,
     return;
   }
   const cv::Mat& blurred = levels_[keypoint.octave].blurred;
-  describe_(pixelAt(blurred, place), static_cast<std::ptrdiff_t>(blurred.step), direction.x,
-            direction.y, descriptor);
+  kernels_.describe(pixelAt(blurred, place), static_cast<std::ptrdiff_t>(blurred.step), direction.x,
+                    direction.y, descriptor);
 }
 
 }  // namespace ktgp_orb::orb

@@ -53,7 +53,6 @@ class OrbPipeline {
 
   OrbOptions options_;
   const OrbKernels& kernels_;
-  OrbKernels::Describe describe_;
   util::ThreadPool pool_;
   OrbPyramid pyramid_;
   std::optional<TeblidDescriber> teblid_;  // unless the descriptors are rBRIEF

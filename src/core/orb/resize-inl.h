@@ -1,4 +1,4 @@
-// Linear interpolation in fixed point. No include guard: kernels_highway.cpp includes this once
+// Linear interpolation in fixed point. No include guard: dispatch.cpp includes this once
 // for each instruction set.
 #include <hwy/highway.h>
 

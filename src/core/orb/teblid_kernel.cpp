@@ -56,10 +56,4 @@ const TeblidKernel& portableTeblidKernel() {
   return kPortable;
 }
 
-#ifndef KTGP_ORB_HAVE_HIGHWAY
-const TeblidKernel& bestTeblidKernel() {
-  return portableTeblidKernel();
-}
-#endif
-
 }  // namespace ktgp_orb::orb

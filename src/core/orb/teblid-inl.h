@@ -1,17 +1,12 @@
-// TEBLID far from the border with Highway: compiled for every instruction set, chosen at run time.
-#include "core/orb/teblid_kernel.h"
-#include "core/util/highway_targets.h"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/orb/teblid_kernel_highway.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+// TEBLID far from the border. No include guard: dispatch.cpp includes this once for each
+// instruction set.
 #include <hwy/highway.h>
+
+#include "core/orb/teblid_kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::orb {
 namespace HWY_NAMESPACE {
-
-#if KTGP_ORB_HAS_VECTORS
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -61,29 +56,6 @@ void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
 }
 
 }  // namespace
-#endif
-
-const TeblidKernel* teblidKernel() {
-#if KTGP_ORB_HAS_VECTORS
-  static const TeblidKernel kKernel{hwy::TargetName(HWY_TARGET), describeInside};
-  return &kKernel;
-#else
-  return &portableTeblidKernel();
-#endif
-}
-
 }  // namespace HWY_NAMESPACE
 }  // namespace ktgp_orb::orb
 HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace ktgp_orb::orb {
-
-HWY_EXPORT(teblidKernel);
-
-const TeblidKernel& bestTeblidKernel() {
-  return *HWY_DYNAMIC_DISPATCH(teblidKernel)();
-}
-
-}  // namespace ktgp_orb::orb
-#endif

@@ -1,19 +1,15 @@
-// The search near predicted positions with Highway: compiled for every instruction set, chosen at
-// run time.
-#include "core/knn/near_kernel.h"
-#include "core/util/highway_targets.h"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/knn/near_kernel_highway.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+// The inner loop of the search near predicted positions. No include guard: dispatch.cpp includes
+// this once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstring>
 
+#include "core/knn/near_kernel.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::knn {
 namespace HWY_NAMESPACE {
-#if KTGP_ORB_HAS_VECTORS
+namespace near {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -98,29 +94,7 @@ NearKeys search(const NearCandidates& candidates, const NearQuery& query,
 }
 
 }  // namespace
-#endif
-
-const NearKernel* nearKernel() {
-#if KTGP_ORB_HAS_VECTORS
-  static const NearKernel kKernel{hwy::TargetName(HWY_TARGET), search<false>, search<true>};
-  return &kKernel;
-#else
-  return &portableNearKernel();
-#endif
-}
-
+}  // namespace near
 }  // namespace HWY_NAMESPACE
 }  // namespace ktgp_orb::knn
 HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace ktgp_orb::knn {
-
-HWY_EXPORT(nearKernel);
-
-const NearKernel& bestNearKernel() {
-  return *HWY_DYNAMIC_DISPATCH(nearKernel)();
-}
-
-}  // namespace ktgp_orb::knn
-#endif

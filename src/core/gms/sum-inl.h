@@ -1,16 +1,12 @@
-// The inner loop of GMS with Highway: compiled for every instruction set, chosen at run time.
-#include "core/gms/kernels.h"
-#include "core/util/highway_targets.h"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/gms/kernels_highway.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+// The inner loop of GMS. No include guard: dispatch.cpp includes this once for each instruction
+// set.
 #include <hwy/highway.h>
+
+#include "core/gms/kernels.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::gms {
 namespace HWY_NAMESPACE {
-#if KTGP_ORB_HAS_VECTORS
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -32,29 +28,6 @@ std::int32_t sumOfStep(const std::int32_t* steps, const std::int32_t* counts,
 }
 
 }  // namespace
-#endif
-
-const GmsKernels* kernels() {
-#if KTGP_ORB_HAS_VECTORS
-  static const GmsKernels kKernels{hwy::TargetName(HWY_TARGET), sumOfStep};
-  return &kKernels;
-#else
-  return &portableGmsKernels();
-#endif
-}
-
 }  // namespace HWY_NAMESPACE
 }  // namespace ktgp_orb::gms
 HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace ktgp_orb::gms {
-
-HWY_EXPORT(kernels);
-
-const GmsKernels& bestGmsKernels() {
-  return *HWY_DYNAMIC_DISPATCH(kernels)();
-}
-
-}  // namespace ktgp_orb::gms
-#endif

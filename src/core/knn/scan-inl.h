@@ -1,18 +1,14 @@
-// The inner loop with Highway: compiled for every instruction set, chosen at run time.
-#include "core/knn/kernel.h"
-#include "core/util/highway_targets.h"
-
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "core/knn/kernel_highway.cpp"
-#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+// The inner loop of the search in the whole image. No include guard: dispatch.cpp includes this
+// once for each instruction set.
 #include <hwy/highway.h>
 
 #include <cstddef>
 
+#include "core/knn/kernel.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::knn {
 namespace HWY_NAMESPACE {
-#if KTGP_ORB_HAS_VECTORS
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -170,29 +166,6 @@ void scan(const std::uint8_t* HWY_RESTRICT block, int group_count, const QueryPa
 }
 
 }  // namespace
-#endif
-
-const KnnKernel* kernel() {
-#if KTGP_ORB_HAS_VECTORS
-  static const KnnKernel kKernel{hwy::TargetName(HWY_TARGET), kLanes, scan<false>, scan<true>};
-  return &kKernel;
-#else
-  return &portableKnnKernel();
-#endif
-}
-
 }  // namespace HWY_NAMESPACE
 }  // namespace ktgp_orb::knn
 HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace ktgp_orb::knn {
-
-HWY_EXPORT(kernel);
-
-const KnnKernel& bestKnnKernel() {
-  return *HWY_DYNAMIC_DISPATCH(kernel)();
-}
-
-}  // namespace ktgp_orb::knn
-#endif

@@ -1,0 +1,108 @@
+// The vector code of all stages: compiled once for each instruction set, one of which is chosen at
+// run time.
+#include "core/kernels.h"
+#include "core/util/highway_targets.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "core/dispatch.cpp"
+#include <hwy/foreach_target.h>  // includes this file again for each instruction set
+#include <hwy/highway.h>
+
+#if KTGP_ORB_HAS_VECTORS
+#include "core/alignment/patch-inl.h"
+#include "core/gms/sum-inl.h"
+#include "core/knn/near-inl.h"
+#include "core/knn/scan-inl.h"
+#include "core/orb/blur-inl.h"
+#include "core/orb/fast-inl.h"
+#include "core/orb/patch-inl.h"
+#include "core/orb/resize-inl.h"
+#include "core/orb/teblid-inl.h"
+#endif
+
+HWY_BEFORE_NAMESPACE();
+namespace ktgp_orb {
+namespace HWY_NAMESPACE {
+namespace {
+
+Kernels makeKernels() {
+#if KTGP_ORB_HAS_VECTORS
+  namespace on_patches = alignment::HWY_NAMESPACE;
+  namespace on_pixels = orb::HWY_NAMESPACE;
+  namespace on_descriptors = knn::HWY_NAMESPACE;
+  const char* const name = hwy::TargetName(HWY_TARGET);
+  Kernels set{
+      {name, on_patches::warp, on_patches::prepare, on_patches::smooth, on_patches::compare},
+      {name, gms::HWY_NAMESPACE::sumOfStep},
+      {name, on_descriptors::kLanes, on_descriptors::scan<false>, on_descriptors::scan<true>},
+      {name, on_descriptors::near::search<false>, on_descriptors::near::search<true>},
+      {name, on_pixels::resizeRow, on_pixels::mixRows, on_pixels::fastScores,
+       on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
+       on_pixels::blurAcrossRows, on_pixels::describe},
+      {name, on_pixels::describeInside}};
+#if !HWY_NATIVE_FMA
+  // The blur is defined with fused multiply-adds. The plain loop computes them, too.
+  set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;
+  set.orb.blur_across_rows = orb::portableOrbKernels().blur_across_rows;
+#endif
+  return set;
+#else
+  return {alignment::portableAlignmentKernels(),
+          gms::portableGmsKernels(),
+          knn::portableKnnKernel(),
+          knn::portableNearKernel(),
+          orb::portableOrbKernels(),
+          orb::portableTeblidKernel()};
+#endif
+}
+
+}  // namespace
+
+const Kernels* kernels() {
+  static const Kernels kKernels = makeKernels();
+  return &kKernels;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace ktgp_orb
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace ktgp_orb {
+namespace {
+
+HWY_EXPORT(kernels);
+
+/// Those of the best instruction set that this processor supports.
+const Kernels& bestKernels() {
+  return *HWY_DYNAMIC_DISPATCH(kernels)();
+}
+
+}  // namespace
+
+const alignment::AlignmentKernels& alignment::bestAlignmentKernels() {
+  return bestKernels().alignment;
+}
+
+const gms::GmsKernels& gms::bestGmsKernels() {
+  return bestKernels().gms;
+}
+
+const knn::KnnKernel& knn::bestKnnKernel() {
+  return bestKernels().knn;
+}
+
+const knn::NearKernel& knn::bestNearKernel() {
+  return bestKernels().near;
+}
+
+const orb::OrbKernels& orb::bestOrbKernels() {
+  return bestKernels().orb;
+}
+
+const orb::TeblidKernel& orb::bestTeblidKernel() {
+  return bestKernels().teblid;
+}
+
+}  // namespace ktgp_orb
+#endif

@@ -1,0 +1,23 @@
+#pragma once
+
+#include "core/alignment/kernels.h"
+#include "core/gms/kernels.h"
+#include "core/knn/kernel.h"
+#include "core/knn/near_kernel.h"
+#include "core/orb/kernels.h"
+#include "core/orb/teblid_kernel.h"
+
+namespace ktgp_orb {
+
+/// The inner loops of all stages for one instruction set. Only dispatch.cpp needs all of them; a
+/// stage calls its own function, e.g. orb::bestOrbKernels().
+struct Kernels {
+  alignment::AlignmentKernels alignment;
+  gms::GmsKernels gms;
+  knn::KnnKernel knn;
+  knn::NearKernel near;
+  orb::OrbKernels orb;
+  orb::TeblidKernel teblid;
+};
+
+}  // namespace ktgp_orb
