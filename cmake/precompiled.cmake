@@ -1,4 +1,4 @@
-# Each file that includes OpenCV, Eigen, ROS or CLI11 spends 1 to 5 s on reading them. These headers are
+# Each file that includes OpenCV, Eigen or ROS spends 1 to 5 s on reading them. These headers are
 # compiled once for each set of compiler flags: the core, the shared ROS libraries, programs, tests.
 # With -DKTGP_ORB_PRECOMPILE=OFF each file reads its own headers, and fails if it does not include enough.
 #catkin_lint: ignore cmake_old
@@ -55,16 +55,13 @@ function(ktgp_orb_precompiled_set name)
   ktgp_orb_precompile(${name} ${ktgp_orb_core_headers} ${own_HEADERS})
 endfunction()
 
-# ktgp_orb_precompiled_programs(): for programs, and the static libraries within them.
+# ktgp_orb_precompiled_programs(): for programs, and the static libraries within them. Without CLI11: its
+# constants cost each file 4 s of code generation, and few files need it.
 function(ktgp_orb_precompiled_programs)
   set(headers "")
   set(libraries "")
   if(NOT KTGP_ORB_CORE_ONLY)
     list(APPEND headers <rosbag/bag.h> <rosbag/view.h>)
-  endif()
-  if(TARGET CLI11::CLI11)
-    list(APPEND headers <CLI/CLI.hpp>)
-    list(APPEND libraries CLI11::CLI11)
   endif()
   if(TARGET nlohmann_json::nlohmann_json)
     list(APPEND headers <nlohmann/json.hpp>)

@@ -1,6 +1,7 @@
 // The vector code of all stages: compiled once for each instruction set, one of which is chosen at
 // run time.
 #include "core/kernels.h"
+#include "core/util/fast_gathers.h"
 #include "core/util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -40,6 +41,9 @@ Kernels makeKernels() {
        on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
        on_pixels::blurAcrossRows, on_pixels::describe},
       {name, on_pixels::describeInside}};
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
+  if (util::hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
+#endif
 #if !HWY_NATIVE_FMA
   // The blur is defined with fused multiply-adds. The plain loop computes them, too.
   set.orb.blur_along_row = orb::portableOrbKernels().blur_along_row;

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "cli/files.h"
+#include "cli/matcher_cli.h"
 #include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "cli/matcher_cli.h"
 #include "evaluation/method_steps.h"
+#include "parameters/options.h"
 
 namespace ktgp_orb::tools {
 

@@ -109,14 +109,12 @@ int localMaxima(const std::uint8_t* above, const std::uint8_t* row, const std::u
     }
     std::uint64_t bits = maskBits(score > highest);
     if (count - x < lanes) bits &= (std::uint64_t{1} << (count - x)) - 1;
-    // Three rounds without a test for the end: a register seldom has more maxima, and branches that
-    // depend on their number are mispredicted. A round without a maximum writes, but counts
-    // nothing.
-    for (int round = 0; round < 3 || bits != 0; ++round) {
+    // Three rounds in any case, since a register seldom has more maxima and a branch that depends
+    // on their number is often mispredicted. A round without a maximum writes, but does not count.
+    for (int round = 0; round < 3 || bits != 0; ++round, bits &= bits - 1) {
       constexpr std::uint64_t kLast = std::uint64_t{1} << 63;
       maxima[found] = x + static_cast<int>(hwy::Num0BitsBelowLS1Bit_Nonzero64(bits | kLast));
-      if (bits != 0) ++found;
-      bits &= bits - 1;
+      found += static_cast<int>(bits != 0);
     }
   }
   return found;

@@ -78,7 +78,8 @@ struct OrbKernels {
   void (*blur_across_rows)(const float* const* rows, int count, std::uint8_t* out);
 
   /// rBRIEF (Rublee et al., section 4) around a pixel of the blurred image, with the sampling
-  /// pattern rotated by the angle of this cosine and sine: 32 bytes.
+  /// pattern rotated by the angle of this cosine and sine: 32 bytes. May read three bytes beyond
+  /// each pixel.
   void (*describe)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
                    std::uint8_t* descriptor);
 };

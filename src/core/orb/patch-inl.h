@@ -2,6 +2,8 @@
 // guard: dispatch.cpp includes this once for each instruction set.
 #include <hwy/highway.h>
 
+#include <cstring>
+
 #include "core/orb/kernels_common.h"
 #include "core/orb/patch_tables.h"
 #include "core/orb/pattern.h"
@@ -113,8 +115,7 @@ class PatternRotation {
   hn::Vec<Offsets> surplus_;  // what the rounder adds to row * stride + column, modulo 2^32
 };
 
-// Reads the pixels one by one: instructions that gather several are a little faster on some
-// processors and four times as slow on others.
+// Reads the pixels one by one.
 void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
               std::uint8_t* descriptor) {
   alignas(64) std::int32_t offsets[2 * kPatternPairs];
@@ -132,6 +133,26 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
     descriptor[byte] = static_cast<std::uint8_t>(bits);
   }
 }
+
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
+HWY_INLINE hn::Vec<Offsets> gatherPixels(const std::uint8_t* pixel, hn::Vec<Offsets> offsets) {
+  const auto* base = reinterpret_cast<const std::int32_t*>(pixel);
+  return hn::And(hn::GatherOffset(Offsets(), base, offsets), hn::Set(Offsets(), 0xFF));
+}
+
+// Reads 16 pixels with one instruction; the three bytes beyond each are read as well.
+void describeByGathers(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
+                       std::uint8_t* descriptor) {
+  const PatternRotation rotation(cosine, sine, stride);
+  for (int i = 0; i < kPatternPairs; i += static_cast<int>(hn::Lanes(Offsets()))) {
+    const auto first = gatherPixels(pixel, rotation.offsets(i));
+    const auto second = gatherPixels(pixel, rotation.offsets(kPatternPairs + i));
+    std::uint8_t bits[8];
+    const std::size_t bytes = hn::StoreMaskBits(Offsets(), hn::Lt(first, second), bits);
+    std::memcpy(descriptor + i / 8, bits, bytes);
+  }
+}
+#endif
 
 }  // namespace
 }  // namespace HWY_NAMESPACE
