@@ -39,6 +39,13 @@ AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   return alignment;
 }
 
+/// Who looks for hard pairs has scenes that are not quite planes.
+GuidedOptions guidedOptions(const MatcherOptions& options) {
+  GuidedOptions guided = options.guided;
+  guided.by_cell |= options.growth.enabled;
+  return guided;
+}
+
 /// The homography of a stage's result.
 template <typename Result>
 UncertainHomography estimateOf(const Result& result) {
@@ -122,7 +129,7 @@ struct KtgpMatcher::Impl {
         gms(given.gms),
         prosac(given.prosac),
         growth(given.growth),
-        guided(given.guided),
+        guided(guidedOptions(given)),
         alignment(alignmentOptions(given)) {}
 
   std::size_t findNeighbours(const Features& reference, const Features& target,

@@ -244,6 +244,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   estimate.homography = chosen.map / chosen.map(2, 2);
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
+  evidence.by_cell = true;
   result.found =
       refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
   if (result.found) {

@@ -14,7 +14,7 @@ namespace ktgp_orb::homography {
 
 using Matrix8 = HomographyFit::Matrix8;
 
-FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
+FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, double cell,
                               Eigen::Matrix3d& homography) {
   // The refinement also uses pairs just beyond the threshold: the weights separate good pairs from
   // bad ones better than the threshold.
@@ -28,6 +28,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     estimator_.select(pairs.refinement, used_, near);
+    if (cell > 0.0) estimator_.weighByCell(cell * pairs.reference.scale);
     if (!estimator_.minimise(least, scale, homography)) return FitOutcome::undetermined;
   }
   return FitOutcome::fitted;
