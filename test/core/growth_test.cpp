@@ -261,6 +261,47 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
+/// 25 of 400 matches lie where one homography puts them, and have the nearest descriptors.
+Pair doubtfulPair(bool with_directions) {
+  const Eigen::Matrix3d truth = tilted();
+  Pair pair = makePair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
+  Numbers numbers(4);
+  for (int i = 0; i < 400; ++i) {
+    auto& target = pair.target.keypoints[static_cast<std::size_t>(i)].pt;
+    const cv::Point2f at = pair.reference.keypoints[static_cast<std::size_t>(i)].pt;
+    const Eigen::Vector2d u = (truth * Eigen::Vector3d(at.x, at.y, 1.0)).hnormalized();
+    if (i < 25 && !with_directions) target = cv::Point2f(cv::Point2d(u.x(), u.y()));
+    for (int flips = 0; i >= 25 && flips < 40; ++flips) {
+      const auto bit = static_cast<int>(numbers.uniform(0.0, 256.0));
+      pair.target.descriptors.at<std::uint8_t>(i, bit / 8) ^=
+          static_cast<std::uint8_t>(1U << (bit % 8));
+    }
+  }
+  return pair;
+}
+
+TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
+  MatcherOptions options = growing();
+  options.alignment.enabled = false;
+  MatchResult result;
+  for (const bool with_directions : {false, true}) {
+    const Pair pair = doubtfulPair(with_directions);
+    options.growth.enabled = false;
+    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    ASSERT_EQ(result.found_by, FoundBy::prosac);
+    ASSERT_LT(result.prosac.inliers, 50U);
+    options.growth.enabled = true;
+    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    // The keypoints' directions and sizes do not agree with a homography that is due to chance.
+    EXPECT_EQ(result.status, with_directions ? Status::ok : Status::model_rejected);
+    EXPECT_EQ(result.found_by, with_directions ? FoundBy::growth : FoundBy::none);
+    if (with_directions) continue;
+    EXPECT_TRUE(result.homography.isZero());
+    EXPECT_EQ(result.inliers, 0U);
+    EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), 0U);
+  }
+}
+
 /// Levels, inliers and RMSE are those of the published homography.
 void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
   std::size_t inliers = 0;

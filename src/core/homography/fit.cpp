@@ -20,9 +20,9 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, do
   // bad ones better than the threshold.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
-  // Of the pairs' mean distance from their middle. So pairs that fill a rectangle have about 25
+  // Of the pairs' mean distance from their middle. So pairs that fill a rectangle have at least 15
   // cells, whatever its size; with fewer the noise would decide.
-  constexpr double kLargestCell = 0.4;
+  constexpr double kLargestCell = 0.5;
   const double least = min_scale * pairs.target.scale;
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
