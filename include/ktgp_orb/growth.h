@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "ktgp_orb/correspondence.h"
@@ -60,6 +61,12 @@ struct GrowthResult {
   void clear();
 };
 
+/// A homography to be judged beside those that grow.
+struct GrowthStart {
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< reference to target, px
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< of its matches in the reference, px
+};
+
 /// Finds a homography that few matches agree with. PROSAC draws samples of four matches; when one
 /// match in a hundred is right, it cannot draw four right ones. But a keypoint has a direction and
 /// a size, so a single match predicts the positions of its neighbours:
@@ -85,9 +92,14 @@ class HomographyGrowth {
   const GrowthOptions& options() const;
 
   /// `matches`: matches of the two frames; only mutual ones count (KnnMatcher::matchMutual).
-  /// `views`: of the reference, or null.
+  /// `views`: of the reference, or null. `start`: competes with what grows from the seeds.
   void find(const Features& reference, const ReferenceViews* views, const Features& target,
-            const std::vector<Correspondence>& matches, GrowthResult& result);
+            const std::vector<Correspondence>& matches, const std::optional<GrowthStart>& start,
+            GrowthResult& result);
+  void find(const Features& reference, const ReferenceViews* views, const Features& target,
+            const std::vector<Correspondence>& matches, GrowthResult& result) {
+    find(reference, views, target, matches, std::nullopt, result);
+  }
 
  private:
   struct Impl;

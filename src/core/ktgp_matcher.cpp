@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "core/growth/verdict.h"
@@ -37,6 +38,13 @@ AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   AlignmentOptions alignment = options.alignment;
   alignment.max_error = options.prosac.max_error;
   return alignment;
+}
+
+/// Who looks for hard pairs has scenes that are not quite planes.
+GuidedOptions guidedOptions(const MatcherOptions& options) {
+  GuidedOptions guided = options.guided;
+  guided.by_cell |= options.growth.enabled;
+  return guided;
 }
 
 /// The homography of a stage's result.
@@ -122,7 +130,7 @@ struct KtgpMatcher::Impl {
         gms(given.gms),
         prosac(given.prosac),
         growth(given.growth),
-        guided(given.guided),
+        guided(guidedOptions(given)),
         alignment(alignmentOptions(given)) {}
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
@@ -130,6 +138,7 @@ struct KtgpMatcher::Impl {
   void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
+  std::optional<GrowthStart> doubtful(const MatchResult& result) const;
   void grow(const Features& reference, const Features& target, const ReferenceViews* views,
             MatchResult& result);
   void refine(const Features& reference, const Features& target, MatchResult& result);
@@ -241,23 +250,42 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
 
-/// Called after PROSAC; grows a homography if PROSAC found none in the whole image.
+/// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
+/// as the windows of a house, may have misled it. Empty otherwise.
+std::optional<GrowthStart> KtgpMatcher::Impl::doubtful(const MatchResult& result) const {
+  constexpr std::size_t kFew = 50;
+  constexpr std::size_t kOneIn = 8;  // of the matches
+  const std::size_t inliers = result.prosac.inliers;
+  if (result.status != Status::ok || inliers >= kFew || kOneIn * inliers >= pairs.size()) {
+    return std::nullopt;
+  }
+  GrowthStart start;
+  start.homography = result.prosac.homography;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (result.prosac.mask[i] != 0) start.centre += pairs.reference[i];
+  }
+  start.centre /= static_cast<double>(inliers);
+  return start;
+}
+
+/// Called after PROSAC; grows a homography if PROSAC found none in the whole image. A doubtful one
+/// must be as significant as the grown ones, and not contradicted by them.
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
-  const bool wanted =
-      options.growth.enabled && result.status != Status::ok && result.search == Search::whole;
-  if (!wanted) return;
+  if (!options.growth.enabled || result.search != Search::whole) return;
+  const std::optional<GrowthStart> start = doubtful(result);
+  if (result.status == Status::ok && !start) return;
   const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
   const auto mutual =
       std::count_if(result.correspondences.begin(), result.correspondences.end(), is_mutual);
   timeStage(result.refinements[0], "growth", static_cast<std::size_t>(mutual), [&] {
-    growth.find(reference, views, target, result.correspondences, result.growth);
+    growth.find(reference, views, target, result.correspondences, start, result.growth);
     return result.growth.pairs.size();
   });
-  if (!result.growth.found) return;
-  result.status = Status::ok;
-  result.found_by = FoundBy::growth;
+  if (start) result.status = Status::model_rejected;
+  if (result.growth.found) result.status = Status::ok;
+  result.found_by = result.growth.found ? FoundBy::growth : FoundBy::none;
 }
 
 /// Guided matching and alignment, if they are enabled. adopt() derives the results for the new

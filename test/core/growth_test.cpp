@@ -261,6 +261,47 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
+/// 25 of 400 matches lie where one homography puts them, and have the nearest descriptors.
+Pair doubtfulPair(bool with_directions) {
+  const Eigen::Matrix3d truth = tilted();
+  Pair pair = makePair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
+  Numbers numbers(4);
+  for (int i = 0; i < 400; ++i) {
+    auto& target = pair.target.keypoints[static_cast<std::size_t>(i)].pt;
+    const cv::Point2f at = pair.reference.keypoints[static_cast<std::size_t>(i)].pt;
+    const Eigen::Vector2d u = (truth * Eigen::Vector3d(at.x, at.y, 1.0)).hnormalized();
+    if (i < 25 && !with_directions) target = cv::Point2f(cv::Point2d(u.x(), u.y()));
+    for (int flips = 0; i >= 25 && flips < 40; ++flips) {
+      const auto bit = static_cast<int>(numbers.uniform(0.0, 256.0));
+      pair.target.descriptors.at<std::uint8_t>(i, bit / 8) ^=
+          static_cast<std::uint8_t>(1U << (bit % 8));
+    }
+  }
+  return pair;
+}
+
+TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
+  MatcherOptions options = growing();
+  options.alignment.enabled = false;
+  MatchResult result;
+  for (const bool with_directions : {false, true}) {
+    const Pair pair = doubtfulPair(with_directions);
+    options.growth.enabled = false;
+    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    ASSERT_EQ(result.found_by, FoundBy::prosac);
+    ASSERT_LT(result.prosac.inliers, 50U);
+    options.growth.enabled = true;
+    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    // The keypoints' directions and sizes do not agree with a homography that is due to chance.
+    EXPECT_EQ(result.status, with_directions ? Status::ok : Status::model_rejected);
+    EXPECT_EQ(result.found_by, with_directions ? FoundBy::growth : FoundBy::none);
+    if (with_directions) continue;
+    EXPECT_TRUE(result.homography.isZero());
+    EXPECT_EQ(result.inliers, 0U);
+    EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), 0U);
+  }
+}
+
 /// Levels, inliers and RMSE are those of the published homography.
 void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
   std::size_t inliers = 0;
@@ -410,20 +451,46 @@ TEST(GrowthViews, OfAFixedReferenceTakeAtMostThreeMegabytes) {
   EXPECT_LT(bytes, 3U << 20U);
 }
 
-/// Tiles that look alike: a shift by one tile fits nearly as well, and neither is certainly right.
+/// Looks the same after a quarter of a turn about its middle, like a rose window.
+cv::Mat rose(std::uint64_t seed) {
+  constexpr int kHalf = 240;
+  cv::Mat window(2 * kHalf, 2 * kHalf, CV_8U);
+  cv::Mat quarter = scene(seed)(cv::Rect(0, 0, kHalf, kHalf)).clone();
+  for (const cv::Point corner :
+       {cv::Point(0, 0), cv::Point(1, 0), cv::Point(1, 1), cv::Point(0, 1)}) {
+    quarter.copyTo(window(cv::Rect(corner * kHalf, quarter.size())));
+    cv::rotate(quarter, quarter, cv::ROTATE_90_CLOCKWISE);
+  }
+  cv::Mat image(kSize, CV_8U, cv::Scalar(128));
+  window.copyTo(image(cv::Rect((kSize.width - 2 * kHalf) / 2, 0, 2 * kHalf, 2 * kHalf)));
+  return image;
+}
+
+/// The turned window is no decoy: no shift of one answer is another one. Only the rule on rivals
+/// knows that neither is certainly right.
 TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
-  const cv::Mat tile = scene(11)(cv::Rect(0, 0, 80, 80));
-  cv::Mat tiles;
-  cv::repeat(tile, 6, 8, tiles);
+  const cv::Mat window = rose(11);
+  const cv::Point2f middle(319.5F, 239.5F);
+  cv::Mat shown;
+  cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
+                 cv::BORDER_CONSTANT, cv::Scalar(128));
   Pair pair;
   OrbExtractor extractor;
-  extractor.extract(tiles, pair.reference);
-  cv::Mat shown(kSize, CV_8U, cv::Scalar(0));
-  tiles(cv::Rect(0, 0, 320, 320)).copyTo(shown(cv::Rect(160, 80, 320, 320)));
+  extractor.extract(window, pair.reference);
   extractor.extract(shown, pair.target);
-  const GrowthResult result = grow(pair);
-  EXPECT_GT(result.seeds, 0);
+  GrowthResult result = grow(pair);
+  EXPECT_GT(result.judged, 1);
+  EXPECT_LT(result.log_false_alarms, growth::Verdict::kLogMaxFalseAlarms);
   EXPECT_FALSE(result.found);
+
+  // The same with something that only one turn explains.
+  const cv::Mat sign = scene(12)(cv::Rect(0, 0, 200, 200));
+  sign.copyTo(window(cv::Rect(100, 20, 200, 200)));
+  cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
+                 cv::BORDER_CONSTANT, cv::Scalar(128));
+  extractor.extract(window, pair.reference);
+  extractor.extract(shown, pair.target);
+  EXPECT_TRUE(grow(pair).found);
 }
 
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {

@@ -178,6 +178,40 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
   EXPECT_LT(test::cornerError(h.homography, mean, kSize), 0.05);
 }
 
+TEST(HomographyRefiner, ByCellManyPairsInOnePlaceDoNotDecideAlone) {
+  // 300 pairs on a balcony, 2 px off the plane of the facade, and 80 pairs all over the facade.
+  Numbers numbers(7);
+  double plain = 0.0;
+  double by_cell = 0.0;
+  constexpr int kRuns = 20;
+  for (int run = 0; run < kRuns; ++run) {
+    const Eigen::Matrix3d facade = test::randomHomography(kSize, 0.1, numbers);
+    std::vector<Eigen::Vector2d> reference;
+    std::vector<Eigen::Vector2d> target;
+    for (int i = 0; i < 380; ++i) {
+      const bool on_balcony = i < 300;
+      const Eigen::Vector2d any = numbers.pointIn(kSize);
+      reference.push_back(on_balcony ? Eigen::Vector2d(100.0 + 0.1 * any.x(), 80.0 + 0.1 * any.y())
+                                     : any);
+      const Eigen::Vector2d noise(0.5 * numbers.normal(), 0.5 * numbers.normal());
+      const Eigen::Vector2d off =
+          on_balcony ? Eigen::Vector2d(2.0, 1.0) : Eigen::Vector2d(0.0, 0.0);
+      target.push_back(project(facade, reference.back()) + noise + off);
+    }
+    HomographyRefiner refiner;
+    EvidenceOptions options;
+    UncertainHomography h;
+    h.homography = facade;
+    ASSERT_TRUE(refiner.refine(reference, target, kSize, options, h));
+    plain += test::cornerError(h.homography, facade, kSize) / kRuns;
+    options.by_cell = true;
+    h.homography = facade;
+    ASSERT_TRUE(refiner.refine(reference, target, kSize, options, h));
+    by_cell += test::cornerError(h.homography, facade, kSize) / kRuns;
+  }
+  EXPECT_LT(by_cell, 0.6 * plain);
+}
+
 TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
   Numbers numbers(6);
   HomographyRefiner refiner;

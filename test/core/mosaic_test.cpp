@@ -219,6 +219,36 @@ TEST(Mosaic, FindsItsPlaceAgainAfterAGap) {
   EXPECT_EQ(flight.mosaic.maps(), 1U);
 }
 
+/// World -> frame: the camera looks at (x, y), zoomed, turned and tilted.
+Eigen::Matrix3d tiltedAt(double x, double y, double zoom, double turn, double tilt) {
+  constexpr double kFocalLength = 320.0;  // px
+  const Eigen::Matrix3d turned = (Eigen::AngleAxisd(tilt, Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()))
+                                     .toRotationMatrix();
+  Eigen::Matrix3d plane;
+  plane << turned.col(0), turned.col(1), Eigen::Vector3d(0.0, 0.0, kFocalLength);
+  Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();
+  camera(0, 0) = camera(1, 1) = kFocalLength * zoom;
+  camera.topRightCorner<2, 1>() << 159.5, 119.5;
+  const Eigen::Matrix3d h = camera * plane * viewAt(x, y);
+  return h / h(2, 2);
+}
+
+TEST(Mosaic, FindsItsPlaceAgainFromAZoomedAndTiltedViewByGrowth) {
+  for (const bool growth : {false, true}) {
+    MosaicOptions options;
+    options.matcher.growth.enabled = growth;
+    Flight flight(options);
+    flight.go(viewAt(400, 300));
+    const Placement placement = flight.goLost(tiltedAt(640, 468, 1.5, 0.5, 0.7));
+    EXPECT_EQ(placement, growth ? Placement::drawn : Placement::lost);
+    if (growth) {
+      EXPECT_LT(flight.error(), 1.0);
+    }
+    EXPECT_EQ(flight.mosaic.maps(), 1U);
+  }
+}
+
 TEST(Mosaic, BeginsANewMapWhereNothingLeadsOn) {
   MosaicOptions options;
   options.patience = 0.2;

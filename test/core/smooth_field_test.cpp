@@ -45,17 +45,23 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-Consistency measure(const Errors& errors, std::size_t points, double min_scale) {
+/// `by_cell`: also has two thirds of the points in a ninth of the image.
+Consistency measure(const Errors& errors, std::size_t points, double min_scale,
+                    bool by_cell = false) {
   constexpr int kScenes = 300;
   Numbers numbers(1);
   HomographyRefiner refiner;
   EvidenceOptions options;
   options.min_scale = min_scale;
+  options.by_cell = by_cell;
   std::vector<double> all, of_noise, deviations;
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
     std::vector<Eigen::Vector2d> reference, target;
-    while (reference.size() < points) reference.push_back(numbers.pointIn(kSize));
+    while (reference.size() < points) {
+      const Eigen::Vector2d any = numbers.pointIn(kSize);
+      reference.push_back(by_cell && reference.size() % 3 != 0 ? any / 3.0 : any);
+    }
     const std::vector<Eigen::Vector2d> off = errors(reference, numbers);
     for (std::size_t i = 0; i < points; ++i)
       target.push_back(project(truth, reference[i]) + off[i]);
@@ -171,6 +177,25 @@ TEST(SmoothField, ALensThatBendsIsCovered) {
   EXPECT_LT(c.median, 6.0);  // the error at the corners, where H is compared, is the largest
   EXPECT_GT(c.within, 0.9);
   EXPECT_GT(c.deviation, 0.1);
+}
+
+// Unequal weights of the pairs are part of the covariance.
+TEST(SmoothField, PairsWeighedByCellAreCovered) {
+  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    std::vector<Eigen::Vector2d> errors(points.size());
+    for (Eigen::Vector2d& e : errors) e = white(0.5, numbers);
+    return errors;
+  };
+  for (const std::size_t points : {40, 150, 400, 1500}) {
+    const Consistency c = measure(noise, points, 1e-4, true);
+    EXPECT_GT(c.median, 0.5) << points;
+    EXPECT_LT(c.median, 2.2) << points;
+    EXPECT_GT(c.within, 0.98) << points;
+  }
+  const Consistency c = measure(hills(0.5, 0.3), 400, 1e-4, true);
+  EXPECT_GT(c.median, 0.2);
+  EXPECT_LT(c.median, 2.5);
+  EXPECT_GT(c.within, 0.95);
 }
 
 // A common error counts once, for any number of points.

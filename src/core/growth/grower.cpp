@@ -62,6 +62,11 @@ bool Grower::grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, Loc
     reach *= kReachFactor;
     radius *= shrink;
   }
+  return settle(centre, reference, matcher, map);
+}
+
+bool Grower::settle(const Eigen::Vector2d& centre, ReferenceFrames& reference,
+                    LocalMatcher& matcher, Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
   for (std::size_t round = 0, before = 0;; ++round) {
     if (!search(map, centre, kEverywhere, kLastRadius, reference, matcher)) return false;

@@ -21,7 +21,13 @@ class Grower {
   bool grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
             Eigen::Matrix3d& map);
 
-  /// After grow(): the predictions of the homography over the whole image, and the matches there.
+  /// The last rounds alone: matches in the whole image and a new fit, until there are no more of
+  /// them. For a homography from elsewhere. `centre`: a point of the reference where it holds.
+  bool settle(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
+              Eigen::Matrix3d& map);
+
+  /// After grow() or settle(): the predictions of the homography over the whole image, and the
+  /// matches there.
   const std::vector<Prediction>& predictions() const { return predictions_; }
   const std::vector<LocalMatch>& matches() const { return matches_; }
   const std::vector<PlacePair>& pairs() const { return pairs_; }

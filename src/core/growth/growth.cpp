@@ -64,6 +64,8 @@ struct HomographyGrowth::Impl {
   Eigen::Vector2d placeOf(const Seed& seed) const;
   bool isExplained(const Seed& seed) const;
   void tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d& centre, GrowthResult& result);
+  void tryStart(const GrowthStart& start, GrowthResult& result);
+  void judge(const Eigen::Matrix3d& map, GrowthResult& result);
   void sortGrown();
   void meetRepeats(GrowthResult& result);
   void choose(GrowthResult& result);
@@ -173,7 +175,17 @@ bool HomographyGrowth::Impl::isExplained(const Seed& seed) const {
 /// Grows `map` and judges the result.
 void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d& centre,
                                      GrowthResult& result) {
-  if (!grower.grow(centre, reference, matcher, map)) return;
+  if (grower.grow(centre, reference, matcher, map)) judge(map, result);
+}
+
+void HomographyGrowth::Impl::tryStart(const GrowthStart& start, GrowthResult& result) {
+  const bool in_sight = start.homography.row(2).dot(start.centre.homogeneous()) > 0.0;
+  Eigen::Matrix3d map = in_sight ? start.homography : Eigen::Matrix3d(-start.homography);
+  if (grower.settle(start.centre, reference, matcher, map)) judge(map, result);
+}
+
+/// Judges `map`, which the grower has just left.
+void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& result) {
   tried.push_back(map);
   ++result.judged;
   const growth::Judgement judgement = verdict.judge(
@@ -244,6 +256,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   estimate.homography = chosen.map / chosen.map(2, 2);
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
+  evidence.by_cell = true;
   result.found =
       refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
   if (result.found) {
@@ -310,7 +323,7 @@ const GrowthOptions& HomographyGrowth::options() const {
 
 void HomographyGrowth::find(const Features& reference, const ReferenceViews* views,
                             const Features& target, const std::vector<Correspondence>& matches,
-                            GrowthResult& result) {
+                            const std::optional<GrowthStart>& start, GrowthResult& result) {
   Impl& impl = *impl_;
   result.clear();
   impl.setReference(reference, views);
@@ -325,6 +338,7 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
   impl.collectSeeds();
   impl.tried.clear();
   impl.grown_count = 0;
+  if (start) impl.tryStart(*start, result);
   for (const Seed& seed : impl.seeds) {
     if (result.seeds == impl.options.seeds) break;
     if (impl.isExplained(seed)) continue;

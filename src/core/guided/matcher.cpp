@@ -130,12 +130,15 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
   UncertainHomography candidate = estimate;
   homography::EvidenceOptions evidence;
   evidence.max_error = threshold;
+  evidence.by_cell = options.by_cell;
   if (!refiner.refine(reference_points, target_points, reference_size, evidence, candidate)) {
     return false;
   }
   const auto corners = homography::imageCorners(reference_size, reference_points);
-  if (!homography::keepsPlaneInView(candidate.homography, corners) ||
-      supporters(candidate.homography, threshold) < supporters(estimate.homography, threshold)) {
+  if (!homography::keepsPlaneInView(candidate.homography, corners)) return false;
+  const std::size_t share = options.by_cell ? 2 : 1;  // at least one in so many still agree
+  if (share * supporters(candidate.homography, threshold) <
+      supporters(estimate.homography, threshold)) {
     return false;
   }
   estimate = candidate;

@@ -14,12 +14,15 @@ namespace ktgp_orb::homography {
 
 using Matrix8 = HomographyFit::Matrix8;
 
-FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
+FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, double cell,
                               Eigen::Matrix3d& homography) {
   // The refinement also uses pairs just beyond the threshold: the weights separate good pairs from
   // bad ones better than the threshold.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
+  // Of the pairs' mean distance from their middle. So pairs that fill a rectangle have at least 15
+  // cells, whatever its size; with fewer the noise would decide.
+  constexpr double kLargestCell = 0.5;
   const double least = min_scale * pairs.target.scale;
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
@@ -28,6 +31,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale,
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     estimator_.select(pairs.refinement, used_, near);
+    if (cell > 0.0) estimator_.weighByCell(std::min(cell * pairs.reference.scale, kLargestCell));
     if (!estimator_.minimise(least, scale, homography)) return FitOutcome::undetermined;
   }
   return FitOutcome::fitted;

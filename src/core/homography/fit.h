@@ -30,8 +30,11 @@ class HomographyFit {
   /// Refines H, between normalised coordinates, over the pairs within twice the threshold, until
   /// these pairs stay the same. `min_scale`: least scale of the errors, px. With a floor well above
   /// the errors of the best points, the fit weights all points alike even if no plane explains them
-  /// exactly. Without a floor it follows the points that happen to lie in one plane.
-  FitOutcome fit(const NormalisedPairs& pairs, double min_scale, Eigen::Matrix3d& homography);
+  /// exactly. Without a floor it follows the points that happen to lie in one plane. `cell`: side
+  /// of the cells in which pairs count together like one, px of the reference; 0: each counts like
+  /// any other.
+  FitOutcome fit(const NormalisedPairs& pairs, double min_scale, double cell,
+                 Eigen::Matrix3d& homography);
 
   /// True where the pairs of the last fit determine the image corners, also without any quarter of
   /// the pairs. `corners`: of the reference image, normalised.

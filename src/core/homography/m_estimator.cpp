@@ -151,7 +151,41 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
   for (std::vector<double>* array : {&squared_, &weight_, &former_weight_}) {
     array->resize(selected_.paddedSize());
   }
+  cell_weight_.assign(selected_.paddedSize(), 1.0);
+  by_cell_ = false;
+  equal_pairs_ = static_cast<double>(n);
   return n;
+}
+
+void MEstimator::weighByCell(double cell) {
+  constexpr double kMost = 64.0;  // cells along an axis; the last ones hold whatever is farther
+  const std::size_t n = selected_.size;
+  if (n == 0) return;
+  const auto begin = [](const std::vector<double>& axis) { return axis.begin(); };
+  const auto end = [n](const std::vector<double>& axis) {
+    return axis.begin() + static_cast<std::ptrdiff_t>(n);
+  };
+  const double left = *std::min_element(begin(selected_.x), end(selected_.x));
+  const double top = *std::min_element(begin(selected_.y), end(selected_.y));
+  const auto number = [cell](double length) {
+    return static_cast<std::size_t>(std::min(length / cell, kMost - 1.0));
+  };
+  constexpr auto kColumns = static_cast<std::size_t>(kMost);
+  in_cell_.assign(kColumns * kColumns, 0);
+  cell_.resize(n);
+  std::size_t cells = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    cell_[i] = number(selected_.y[i] - top) * kColumns + number(selected_.x[i] - left);
+    if (in_cell_[cell_[i]]++ == 0) ++cells;
+  }
+  const double mean = static_cast<double>(cells) / static_cast<double>(n);
+  double squares = 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    cell_weight_[i] = 1.0 / (mean * static_cast<double>(in_cell_[cell_[i]]));
+    squares += cell_weight_[i] * cell_weight_[i];
+  }
+  by_cell_ = true;
+  equal_pairs_ = static_cast<double>(n) * static_cast<double>(n) / squares;
 }
 
 /// Fills squared_, weight_ and `sums` in one pass, with the current scale.
@@ -166,10 +200,11 @@ void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   for (std::size_t i = 0; i < selected_.size; i += 2) {
     const Projection p(selected_, homography, i);
     Lanes squared = p.du * p.du + p.dv * p.dv;
-    Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+    const Lanes student = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+    Lanes weight = student * load(cell_weight_, i);
     if (i + 1 == selected_.size) squared[1] = weight[1] = 0.0;  // padding
     normal.add(p, weight);
-    const Lanes weight2 = weight * weight;
+    const Lanes weight2 = weight * student;
     weights += weight;
     derivatives += weight2;
     squares += weight2 * squared;
@@ -191,13 +226,14 @@ void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
 /// made them smaller; for few pairs, much smaller.
 void MEstimator::estimateScale(double min_scale) {
   constexpr int kRounds = 2;
-  const double fitted = 2.0 * static_cast<double>(selected_.size) / freedom();
+  const double fitted = 2.0 * equal_pairs_ / freedom();
   for (int round = 0; round < kRounds; ++round) {
     Lanes weights = Lanes::Zero();
     Lanes cost = Lanes::Zero();
     for (std::size_t i = 0; i < selected_.size; i += 2) {
       const Lanes squared = load(squared_, i);
       Lanes weight = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
+      weight *= load(cell_weight_, i);
       if (i + 1 == selected_.size) weight[1] = 0.0;  // padding
       weights += weight;
       cost += weight * squared;
@@ -260,11 +296,25 @@ bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homo
   }
   scale = std::sqrt(scale2_);
   variance_factor_ = varianceFactor();
+  if (by_cell_) by_squares_ = squaredCellWeights(homography);
   return true;
 }
 
+/// J^T c w J.
+Matrix8 MEstimator::squaredCellWeights(const Eigen::Matrix3d& homography) const {
+  NormalEquations normal;
+  for (std::size_t i = 0; i < selected_.size; i += 2) {
+    const Lanes weight = load(weight_, i) * load(cell_weight_, i);
+    normal.add(Projection(selected_, homography, i), weight);
+  }
+  Matrix8 jtj;
+  Vector8 unused;
+  normal.store(jtj, unused);
+  return jtj;
+}
+
 double MEstimator::freedom() const {
-  return std::max(2.0 * static_cast<double>(selected_.size) - kEntries, 1.0);
+  return std::max(2.0 * equal_pairs_ - kEntries, 1.0);
 }
 
 /// Huber, Robust Statistics (1981), section 7.6: the covariance is the mean of w² e² over the
@@ -274,17 +324,18 @@ double MEstimator::freedom() const {
 /// pull the fit get more weight. This is the factor of (J^T w J)^-1.
 double MEstimator::varianceFactor() const {
   const double n = static_cast<double>(selected_.size);
-  const double square = sums_.square / freedom();
+  const double square = sums_.square / freedom() * (equal_pairs_ / n);
   const double derivative = sums_.derivative / n;
   const double mean2 = derivative * derivative;
   // Along e the derivative of w e is w (2q - 1), across it w, with q = w f / (f + 2).
   double squares = 0.0;
   for (std::size_t i = 0; i < selected_.size; ++i) {
-    const double q = weight_[i] * (kFreedom / (kFreedom + 2.0));
-    squares += weight_[i] * weight_[i] * (2.0 * q * (q - 1.0) + 1.0);
+    const double student = weight_[i] / cell_weight_[i];
+    const double q = student * (kFreedom / (kFreedom + 2.0));
+    squares += weight_[i] * student * (2.0 * q * (q - 1.0) + 1.0);
   }
   const double variance = squares / n - mean2;
-  const double k = 1.0 + kEntries / (2.0 * n) * variance / mean2;
+  const double k = 1.0 + kEntries / (2.0 * equal_pairs_) * variance / mean2;
   return k * k * square / mean2 * (sums_.weight / n);
 }
 
@@ -302,8 +353,11 @@ Matrix8 inverse(const Matrix8& information) {
 
 }  // namespace
 
+/// With cell weights (White 1980): A^-1 (J^T c w J) A^-1 with A = J^T w J.
 Matrix8 MEstimator::covariance() const {
-  return variance_factor_ * inverse(sums_.jtj);
+  const Matrix8 inverted = inverse(sums_.jtj);
+  if (!by_cell_) return variance_factor_ * inverted;
+  return variance_factor_ * inverted * by_squares_ * inverted;
 }
 
 Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count,

@@ -91,7 +91,7 @@ void ProsacHomography::Impl::estimate(const PointPairs& pairs, const cv::Size& r
   }
   if (!find(pairs, initial, result)) return;  // no_model
   Eigen::Matrix3d h = search.best();
-  switch (fit.fit(normalised, kMinScale, h)) {
+  switch (fit.fit(normalised, kMinScale, 0.0, h)) {
     case homography::FitOutcome::fitted:
       judge(pairs, reference_size, h, result);
       break;
