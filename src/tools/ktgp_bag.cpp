@@ -22,6 +22,7 @@
 #include "tools/bag_pipeline.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
+#include "tools/view_options.h"
 
 namespace ktgp_orb {
 namespace {
@@ -78,7 +79,8 @@ class Run {
         pipeline_(configuration, fixedReference(configuration), threads),
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
                 arguments.force),
-        views_(arguments.views),
+        views_(arguments.views,
+               [&arguments] { return openBag(arguments.in, arguments.selection); }),
         progress_(source_->total()) {
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -185,8 +187,8 @@ void checkFiles(Arguments& arguments) {
   plan.read(arguments.parameters.mask_image);
   plan.write(arguments.out);
   plan.write(arguments.csv);
-  plan.writeVideo(arguments.views.stabilized);
-  plan.write(arguments.views.warps);
+  plan.writeVideo(arguments.views.steady.video);
+  plan.write(arguments.views.steady.warps);
   plan.writeImage(arguments.views.mosaic);
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
@@ -217,60 +219,6 @@ int matchBag(Arguments& arguments) {
               << "\nWhat could be read is matched; 'rosbag reindex' may repair the bag.\n";
   }
   return code;
-}
-
-void addViewArguments(CLI::App& app, ViewOptions& views) {
-  const char* const group = "To look at";
-  CLI::Option* const video =
-      app.add_option("--stabilize", views.stabilized, "write a steady video (mp4) of the images")
-          ->type_name("FILE")
-          ->group(group);
-  app.add_option("--stabilizer_strength", views.stabilizer.strength,
-                 "faster motion is shake and is removed [s]")
-      ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames to wait for")
-      ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
-                 "share of width and height to cut off at each border")
-      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_warps", views.warps,
-                 "write a table with the image -> steady image homography of every image; needs "
-                 "--stabilize")
-      ->type_name("FILE")
-      ->needs(video)
-      ->group(group);
-  CLI::Option* const map =
-      app.add_option(
-             "--mosaic", views.mosaic,
-             "write the mosaic as a picture (png); further maps, after a cut for example, are in "
-             "FILE-2 and so on")
-          ->type_name("FILE")
-          ->group(group);
-  app.add_option("--mosaic_keyframes", views.map.keyframes,
-                 "place frames by matches to keyframes; false: by the homographies alone")
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels,
-                 "size at which the map stops growing")
-      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_poses", views.mosaic_poses,
-                 "write a table with the map -> frame homography of every image; needs --mosaic")
-      ->type_name("FILE")
-      ->needs(map)
-      ->group(group);
 }
 
 /// Options that would be accepted without effect.
@@ -324,7 +272,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "namespace of the output topics; without it: matcher beside the image topic");
   app.add_option("--csv", arguments.csv, "write a table with a line for every image")
       ->type_name("FILE");
-  addViewArguments(app, arguments.views);
+  addViewOptions(app, arguments.views);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
 }
@@ -342,7 +290,7 @@ int run(int argc, char** argv) {
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments.parameters);
-  arguments.views.force = arguments.force;
+  completeViewOptions(app, arguments.views, arguments.force);
   return matchBag(arguments);
 }
 
