@@ -10,6 +10,7 @@
 #include <set>
 
 #include "cli/parameter_file.h"
+#include "cli/program.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -163,7 +164,7 @@ void addCommonOptions(CLI::App& app, bool& force) {
   app.add_flag_callback(
       "--version",
       [] {
-        std::puts("ktgp_orb " KTGP_ORB_VERSION);
+        std::puts(version());
         throw CLI::Success();
       },
       "print the version and exit");

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -61,12 +62,18 @@ std::string reason() {
   return std::strerror(errno);
 }
 
-void write(const std::string& path, const std::string& unfinished, const char* data,
-           std::size_t size) {
-  std::ofstream out(unfinished, std::ios::binary);
+/// For the newest error of the system.
+[[noreturn]] void fail(const std::string& path) {
+  const std::string what = "cannot be written: " + reason();
+  if (errno == ENOSPC || errno == EDQUOT) throw FullDisk(path, what);
+  throw FileError(path, what);
+}
+
+void write(const OutputFile& file, const char* data, std::size_t size) {
+  std::ofstream out(file.unfinished(), std::ios::binary);
   out.write(data, static_cast<std::streamsize>(size));
   out.close();
-  if (!out) throw FileError(path, "cannot be written: " + reason());
+  if (!out) fail(file.path());
 }
 
 }  // namespace
@@ -77,13 +84,20 @@ void OutputPlan::read(const std::string& input) {
 
 void OutputPlan::write(const std::string& output) {
   if (output.empty()) return;
+  if (isStandardOutput(output)) {
+    if (std::count(outputs_.begin(), outputs_.end(), output) > 0) {
+      throw FileError(output, "is an output already: the standard output; expected a file");
+    }
+    outputs_.push_back(output);
+    return;
+  }
   for (const std::string& input : inputs_) {
     if (isSameFile(output, input)) {
       throw FileError(output, "is the input " + input + "; expected another file");
     }
   }
   for (const std::string& other : outputs_) {
-    if (isSameFile(output, other)) {
+    if (!isStandardOutput(other) && isSameFile(output, other)) {
       throw FileError(output, "is an output already (" + other + "); expected another file");
     }
   }
@@ -131,7 +145,7 @@ OutputFile::OutputFile(const std::string& path, bool force)
     }
     if (errno != EEXIST) break;
   }
-  throw FileError(path, "cannot be written: " + reason());
+  fail(path);
 }
 
 OutputFile::~OutputFile() {
@@ -145,13 +159,38 @@ void OutputFile::commit() {
     throw FileError(path_,
                     "was written by another program meanwhile; expected a new name, or --force");
   }
-  if (!done) throw FileError(path_, "cannot be written: " + reason());
+  if (!done) fail(path_);
   unfinished_.clear();
 }
 
+bool isStandardOutput(const std::string& output) {
+  return output == "-";
+}
+
+void throwUnwritable(const OutputFile& file, const std::string& otherwise) {
+  constexpr std::size_t kTried = 1 << 20;  // bytes
+  const std::vector<char> block(kTried);
+  const int descriptor = open(file.unfinished().c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  std::size_t written = 0;
+  while (descriptor >= 0 && written < kTried) {
+    const ssize_t more = ::write(descriptor, block.data(), kTried - written);
+    if (more <= 0) break;
+    written += static_cast<std::size_t>(more);
+  }
+  const int error = errno;
+  if (descriptor >= 0) close(descriptor);
+  errno = error;
+  if (written < kTried) fail(file.path());
+  throw FileError(file.path(), "cannot be written: " + otherwise);
+}
+
 void writeText(const std::string& file, const std::string& text, bool force) {
+  if (isStandardOutput(file)) {  // runProgram checks it
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    return;
+  }
   OutputFile out(file, force);
-  write(file, out.unfinished(), text.data(), text.size());
+  write(out, text.data(), text.size());
   out.commit();
 }
 
@@ -164,7 +203,7 @@ void writeImage(const OutputFile& file, const cv::Mat& image) {
     throw FileError(file.path(), "cannot be written (" + error.err + ")");
   }
   if (!encoded) throw FileError(file.path(), "cannot be written");
-  write(file.path(), file.unfinished(), reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  write(file, reinterpret_cast<const char*>(bytes.data()), bytes.size());
 }
 
 void writeImage(const std::string& file, const cv::Mat& image, bool force) {

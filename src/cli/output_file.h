@@ -14,7 +14,7 @@ class OutputPlan {
   explicit OutputPlan(bool force) : force_(force) {}
 
   void read(const std::string& input);
-  /// Throws FileError. An empty path means no output.
+  /// Throws FileError. An empty path means no output, "-" the standard output.
   void write(const std::string& output);
   /// The same for pictures and videos; also refuses an unknown ending.
   void writeImage(const std::string& output);
@@ -50,7 +50,15 @@ class OutputFile {
   std::string unfinished_;
 };
 
-/// Both throw FileError, also for a full disk; then an existing file is unchanged.
+/// "-", the name of the standard output among outputs.
+bool isStandardOutput(const std::string& output);
+
+/// Throws FileError, or FullDisk, with the reason why the file cannot be written. It tries to,
+/// since libraries do not say; `otherwise`: the reason where that works.
+[[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
+
+/// Both throw FileError, also for a full disk; then an existing file is unchanged. A text may go to
+/// the standard output.
 void writeText(const std::string& file, const std::string& text, bool force);
 /// The ending of the name selects the format. The first does not commit.
 void writeImage(const OutputFile& file, const cv::Mat& image);

@@ -41,6 +41,10 @@ int runAndReport(const char* name, const std::function<int()>& program) {
 
 }  // namespace
 
+const char* version() {
+  return "ktgp_orb " KTGP_ORB_VERSION;
+}
+
 int runProgram(const char* name, const std::function<int()>& program) {
   const int code = runAndReport(name, program);
   std::cout.flush();

@@ -15,6 +15,9 @@ constexpr const char* kExitCodes =
     "Exit code: 0 done, 1 some of the data could not be used (it is named), 2 options, inputs or\n"
     "outputs cannot be used, 130 interrupted (Ctrl-C).";
 
+/// "ktgp_orb 0.1.0"
+const char* version();
+
 /// Runs `program` and returns its exit code. Returns kExitUnusable, after a message that begins
 /// with `name`, if it throws or if its output could not be written.
 int runProgram(const char* name, const std::function<int()>& program);

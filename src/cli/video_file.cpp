@@ -39,6 +39,7 @@ void VideoFile::write(const cv::Mat& frame) {
     cv::resize(colour, colour, writer_->size, 0, 0, cv::INTER_AREA);
   }
   writer_->video.write(colour);
+  ++frames_;
 }
 
 bool VideoFile::empty() const {
@@ -48,6 +49,11 @@ bool VideoFile::empty() const {
 void VideoFile::close() {
   if (!writer_->video.isOpened()) throw FileError(path_, "is not written: there was no frame");
   writer_->video.release();
+  // The writer does not say when the disk is full.
+  const cv::VideoCapture written(file_.unfinished());
+  if (!written.isOpened() || written.get(cv::CAP_PROP_FRAME_COUNT) < frames_) {
+    throwUnwritable(file_, "the video lacks frames; expected more space on the disk");
+  }
   file_.commit();
 }
 

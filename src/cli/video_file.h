@@ -32,6 +32,7 @@ class VideoFile {
   double rate_;
   OutputFile file_;
   std::unique_ptr<Writer> writer_;
+  double frames_ = 0.0;  // written
 };
 
 }  // namespace ktgp_orb::tools

@@ -1,6 +1,7 @@
 #include "tools/bag_writer.h"
 
 #include <iomanip>
+#include <iostream>
 #include <sstream>
 #include <stdexcept>
 
@@ -32,16 +33,18 @@ std::string text(const ros::Time& time) {
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
                          bool force)
-    : bag_name_(bag), csv_name_(csv), bag_file_(bag, force), prefix_(prefix) {
-  if (!csv.empty()) csv_file_.emplace(csv, force);
+    : bag_file_(bag, force), prefix_(prefix) {
+  const bool to_file = !csv.empty() && !tools::isStandardOutput(csv);
+  if (to_file) csv_file_.emplace(csv, force);
   try {
     bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {
-    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
+    tools::throwUnwritable(bag_file_, error.what());
   }
   if (csv.empty()) return;
-  csv_.open(csv_file_->unfinished());
-  csv_ << kColumns << '\n';
+  if (to_file) csv_text_.open(csv_file_->unfinished());
+  csv_ = to_file ? static_cast<std::ostream*>(&csv_text_) : &std::cout;
+  *csv_ << kColumns << '\n';
 }
 
 MatchWriter::~MatchWriter() {
@@ -57,11 +60,13 @@ void MatchWriter::close() {
   try {
     bag_->close();
   } catch (const rosbag::BagException& error) {
-    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
+    tools::throwUnwritable(bag_file_, error.what());
   }
-  csv_.close();
-  if (!csv_name_.empty() && !csv_) throw tools::FileError(csv_name_, "cannot be written");
-  if (csv_file_) csv_file_->commit();
+  if (csv_file_) {
+    csv_text_.close();
+    if (!csv_text_) tools::throwUnwritable(*csv_file_, "an earlier part of it could not");
+    csv_file_->commit();
+  }
   bag_file_.commit();
 }
 
@@ -71,7 +76,7 @@ void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, 
   try {
     bag_->write(prefix_ + "/" + topic, time, message);
   } catch (const rosbag::BagException& error) {
-    throw tools::FileError(bag_name_, std::string("cannot be written: ") + error.what());
+    tools::throwUnwritable(bag_file_, error.what());
   }
 }
 
@@ -83,36 +88,37 @@ void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
   }
   if (messages.overlay) writeMessage("matches_image", time, *messages.overlay);
   writeMessage("statistics", time, *messages.statistics);
-  if (csv_.is_open()) writeLine(messages);
+  if (csv_ != nullptr) writeLine(messages);
 }
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
   const MatchStatistics& s = *messages.statistics;
-  csv_ << text(s.header.stamp) << ',' << text(s.reference_stamp) << ','
-       << toString(static_cast<Status>(s.status)) << ','
-       << toString(static_cast<FoundBy>(s.found_by)) << ',' << int(s.reference_changed) << ','
-       << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
-  for (int i = 0; i < kStages; ++i) csv_ << ',' << s.stages[i].output;
-  csv_ << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
-       << s.rms_distance << ',' << s.reprojection_rmse << ',' << s.plane_deviation;
-  csv_ << std::setprecision(5) << ',' << s.extraction_milliseconds;
+  std::ostream& out = *csv_;
+  out << text(s.header.stamp) << ',' << text(s.reference_stamp) << ','
+      << toString(static_cast<Status>(s.status)) << ','
+      << toString(static_cast<FoundBy>(s.found_by)) << ',' << int(s.reference_changed) << ','
+      << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
+  for (int i = 0; i < kStages; ++i) out << ',' << s.stages[i].output;
+  out << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
+      << s.rms_distance << ',' << s.reprojection_rmse << ',' << s.plane_deviation;
+  out << std::setprecision(5) << ',' << s.extraction_milliseconds;
   for (int i = 0; i < kStages; ++i) {
-    csv_ << ',' << s.stages[i].milliseconds;
+    out << ',' << s.stages[i].milliseconds;
   }
-  csv_ << ',' << s.total_milliseconds << std::setprecision(17);
-  for (const double h : messages.homography->homography) csv_ << ',' << h;
-  csv_ << ",\n";
-  if (!csv_) throw tools::FileError(csv_name_, "cannot be written");
+  out << ',' << s.total_milliseconds << std::setprecision(17);
+  for (const double h : messages.homography->homography) out << ',' << h;
+  out << ",\n";
+  if (csv_file_ && !out) tools::throwUnwritable(*csv_file_, "an earlier part of it could not");
 }
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
-  if (!csv_.is_open()) return;
+  if (csv_ == nullptr) return;
   std::string quoted = reason;
   for (std::size_t i = 0; (i = quoted.find('"', i)) != std::string::npos; i += 2) {
     quoted.insert(i, 1, '"');
   }
-  csv_ << text(header.stamp) << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\""
-       << quoted << "\"\n";
+  *csv_ << text(header.stamp) << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\""
+        << quoted << "\"\n";
 }
 
 }  // namespace ktgp_orb

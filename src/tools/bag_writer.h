@@ -16,9 +16,9 @@ namespace ktgp_orb {
 /// Writes the results to a bag, on the topics of the nodelet, and to a table.
 class MatchWriter {
  public:
-  /// `prefix`: of the topics, for example "/camera/matcher". `csv`: path of the table, empty: none.
-  /// `force`: existing files may be overwritten. All functions throw std::runtime_error with the
-  /// name of a file that cannot be written.
+  /// `prefix`: of the topics, for example "/camera/matcher". `csv`: path of the table, "-":
+  /// standard output, empty: none. `force`: existing files may be overwritten. All functions throw
+  /// std::runtime_error with the name of a file that cannot be written.
   MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
               bool force);
   ~MatchWriter();
@@ -37,12 +37,11 @@ class MatchWriter {
   void writeMessage(const std::string& topic, const ros::Time& time, Message& message);
   void writeLine(const FrameMessages& messages);
 
-  std::string bag_name_;
-  std::string csv_name_;
   tools::OutputFile bag_file_;
   std::optional<tools::OutputFile> csv_file_;
   std::unique_ptr<rosbag::Bag> bag_;
-  std::ofstream csv_;
+  std::ofstream csv_text_;
+  std::ostream* csv_ = nullptr;  // null: no table
   std::string prefix_;
   std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
 };

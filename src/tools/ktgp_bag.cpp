@@ -1,10 +1,9 @@
-// Matches the images of a bag without playing it: uses all cores, drops no image, and gives the
-// same messages as the nodelet.
+// Matches the images of a recording without playing it: uses all cores, drops no image, and gives
+// the same messages as the nodelet.
 
-#include <unistd.h>
+#include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <iostream>
 #include <map>
 #include <opencv2/core/utility.hpp>
@@ -12,9 +11,12 @@
 #include <utility>
 
 #include "bag/reader.h"
+#include "bag/video.h"
+#include "cli/files.h"
 #include "cli/matcher_cli.h"
 #include "cli/output_file.h"
 #include "cli/program.h"
+#include "cli/progress_bar.h"
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
@@ -22,6 +24,10 @@
 #include "tools/bag_pipeline.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
+#include "tools/batch.h"
+#include "tools/batch_options.h"
+#include "tools/recording.h"
+#include "tools/view_options.h"
 
 namespace ktgp_orb {
 namespace {
@@ -32,40 +38,43 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
   bool force = false;
+  bool measured_times = true;  ///< zero in a batch, whose files are the same on every machine
+  BatchOptions batch;
   Parameters parameters;
 };
 
-/// Prints the progress, only on a terminal.
-class Progress {
- public:
-  explicit Progress(std::size_t total) : total_(total), shown_(isatty(STDERR_FILENO) != 0) {}
-  ~Progress() {
-    if (shown_) std::fputc('\n', stderr);
+std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
+  constexpr double kUsualRate = 30.0;
+  if (kindOf(arguments.in) != InputKind::images) tools::requireRegularFile(arguments.in);
+  switch (kindOf(arguments.in)) {
+    case InputKind::video:
+      return openVideo(arguments.in, arguments.selection, arguments.rate);
+    case InputKind::images:
+      return openImages(arguments.in, arguments.selection,
+                        arguments.rate > 0.0 ? arguments.rate : kUsualRate);
+    case InputKind::bag:
+      break;
   }
-
-  void advance() {
-    ++done_;
-    if (!shown_) return;
-    constexpr std::size_t kWidth = 40;
-    const std::size_t filled = total_ > 0 ? std::min(kWidth, kWidth * done_ / total_) : 0;
-    const std::string bar = std::string(filled, '#') + std::string(kWidth - filled, '.');
-    std::fprintf(stderr, "\r[%s] %zu", bar.c_str(), done_);
-    if (total_ > 0) std::fprintf(stderr, "/%zu images", total_);
+  if (arguments.rate > 0.0) {
+    throw std::invalid_argument(
+        "--rate has no effect: a bag has the times of its images; leave it out");
   }
-
-  std::size_t done() const { return done_; }
-
- private:
-  std::size_t total_;
-  std::size_t done_ = 0;
-  bool shown_;
-};
+  return openBag(arguments.in, arguments.selection);
+}
 
 /// Namespace of the output: beside the image topic, as for the nodelet.
 std::string outputNames(const std::string& name, const std::string& topic) {
   return name.empty() ? cameraOf(topic) + "/matcher" : name;
+}
+
+void eraseTimes(MatchStatistics& statistics) {
+  for (StageStatistics& stage : statistics.stages) stage.milliseconds = 0.0;
+  statistics.extraction_milliseconds = 0.0;
+  statistics.total_milliseconds = 0.0;
+  statistics.latency_milliseconds = 0.0;
 }
 
 /// The sequential part of the work, frame by frame.
@@ -78,8 +87,9 @@ class Run {
         pipeline_(configuration, fixedReference(configuration), threads),
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
                 arguments.force),
-        views_(arguments.views),
-        progress_(source_->total()) {
+        views_(arguments.views, [&arguments] { return openInput(arguments); }),
+        progress_(source_->total()),
+        measured_times_(arguments.measured_times) {
     rate_limiter_.setRate(configuration.max_rate);
   }
 
@@ -100,6 +110,7 @@ class Run {
   }
 
   std::size_t matched() const { return matched_; }
+  std::size_t found() const { return found_; }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
   /// The reason for the first of them.
@@ -117,7 +128,7 @@ class Run {
   bool isSkipped(const RecordedImage& recorded) {
     if (!recorded.image || rate_limiter_.takes(recorded.image->header.stamp)) return false;
     ++skipped_;
-    progress_.advance();
+    progress_.advance("images");
     return true;
   }
 
@@ -132,7 +143,7 @@ class Run {
       header.stamp = recorded.received;
       writer_.writeRefused(recorded.image ? recorded.image->header : header, error.what());
     }
-    progress_.advance();
+    progress_.advance("images");
   }
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
@@ -143,8 +154,10 @@ class Run {
     if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
+    if (!measured_times_) eraseTimes(*messages.statistics);
     writer_.write(messages, recorded.received);
     ++matched_;
+    found_ += messages.homography->status == MatchStatus::STATUS_OK ? 1 : 0;
     views_.add(recorded.image, *messages.homography);
   }
 
@@ -153,9 +166,11 @@ class Run {
   FramePipeline pipeline_;
   MatchWriter writer_;
   BagViews views_;
-  Progress progress_;
+  tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
+  bool measured_times_;
   std::size_t matched_ = 0;
+  std::size_t found_ = 0;
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
@@ -174,103 +189,83 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   Configuration configuration = configurationFrom(parameters, 0);
   configuration.reference_image = readImageFile("reference_image", parameters.reference_image);
   configuration.view.file_mask = readMaskFile(parameters.mask_image);
-  if (parameters.rectify) configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
+  if (parameters.rectify) {
+    if (kindOf(bag) != InputKind::bag) {
+      throw std::invalid_argument(bag + ": rectify needs camera_info, which only a bag has");
+    }
+    configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
+  }
   return configuration;
 }
 
 void checkFiles(Arguments& arguments) {
   tools::OutputPlan plan(arguments.force);
-  plan.read(arguments.in);
+  for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   plan.write(arguments.out);
   plan.write(arguments.csv);
-  plan.writeVideo(arguments.views.stabilized);
-  plan.write(arguments.views.warps);
+  plan.writeVideo(arguments.views.steady.video);
+  plan.write(arguments.views.steady.warps);
   plan.writeImage(arguments.views.mosaic);
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
 }
 
-int matchBag(Arguments& arguments) {
+/// Of the steady video.
+double pictureRate(const Arguments& arguments) {
+  if (arguments.rate > 0.0) return arguments.rate;
+  const bool video = kindOf(arguments.in) == InputKind::video;
+  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
+  return rate > 0.0 ? rate : arguments.views.steady.rate;
+}
+
+Outcome matchBag(Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
   checkFiles(arguments);
   cv::setNumThreads(1);  // the images are distributed over the cores
-  auto source = openBag(arguments.in, arguments.selection);
+  auto source = openInput(arguments);
+  if (!arguments.views.steady.video.empty()) arguments.views.steady.rate = pictureRate(arguments);
   const Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
+  Outcome outcome{code, run.matched(), run.refused(), run.skipped(), run.found()};
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
             << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
             << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
             << run.viewReport();
   if (run.refused() > 0) {
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
-              << " images could not be used, the first because: " << run.refusal() << '\n';
+    outcome.reason = std::to_string(run.refused()) +
+                     " images could not be used, the first because: " + run.refusal();
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << outcome.reason << '\n';
   }
   if (!run.damage().empty()) {
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage()
-              << "\nWhat could be read is matched; 'rosbag reindex' may repair the bag.\n";
+    outcome.reason += (outcome.reason.empty() ? "" : "; ") + run.damage();
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
+              << "matched; 'rosbag reindex' may repair a bag.\n";
   }
-  return code;
+  return outcome;
 }
 
-void addViewArguments(CLI::App& app, ViewOptions& views) {
-  const char* const group = "To look at";
-  CLI::Option* const video =
-      app.add_option("--stabilize", views.stabilized, "write a steady video (mp4) of the images")
-          ->type_name("FILE")
-          ->group(group);
-  app.add_option("--stabilizer_strength", views.stabilizer.strength,
-                 "faster motion is shake and is removed [s]")
-      ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_lag", views.stabilizer.lag, "later frames to wait for")
-      ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
-                 "share of width and height to cut off at each border")
-      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_warps", views.warps,
-                 "write a table with the image -> steady image homography of every image; needs "
-                 "--stabilize")
-      ->type_name("FILE")
-      ->needs(video)
-      ->group(group);
-  CLI::Option* const map =
-      app.add_option(
-             "--mosaic", views.mosaic,
-             "write the mosaic as a picture (png); further maps, after a cut for example, are in "
-             "FILE-2 and so on")
-          ->type_name("FILE")
-          ->group(group);
-  app.add_option("--mosaic_keyframes", views.map.keyframes,
-                 "place frames by matches to keyframes; false: by the homographies alone")
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels,
-                 "size at which the map stops growing")
-      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_poses", views.mosaic_poses,
-                 "write a table with the map -> frame homography of every image; needs --mosaic")
-      ->type_name("FILE")
-      ->needs(map)
-      ->group(group);
+/// One recording of a batch: the names of the files are below its folder.
+Outcome matchInto(Arguments arguments, const std::string& input, const std::string& folder) {
+  arguments.in = input;
+  arguments.out = folder + "/matched.bag";
+  for (std::string* file :
+       {&arguments.csv, &arguments.views.steady.video, &arguments.views.steady.warps,
+        &arguments.views.mosaic, &arguments.views.mosaic_poses}) {
+    if (!file->empty()) file->insert(0, folder + "/");
+  }
+  arguments.measured_times = false;
+  if (arguments.parameters.threads == 0) {
+    arguments.parameters.threads =
+        std::max(1, threadsFrom(arguments.parameters) / arguments.batch.jobs);
+  }
+  return matchBag(arguments);
 }
 
 /// Options that would be accepted without effect.
@@ -311,22 +306,53 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
-  app.add_option("IN.bag", arguments.in, "bag to read")->required()->check(CLI::ExistingFile);
-  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
+  app.add_option("IN", arguments.in,
+                 "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
+      ->configurable(false);
+  app.add_option("OUT.bag", arguments.out, "bag to write")->configurable(false);
   app.add_option("--topic", arguments.selection.topic,
-                 "image topic in IN.bag, raw or compressed; not needed if there is only one");
+                 "image topic in a bag, raw or compressed; not needed if there is only one");
   app.add_option("--start", arguments.selection.start,
-                 "start this long after the start of the bag [s]")
+                 "start this long after the start of the recording [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
                  "namespace of the output topics; without it: matcher beside the image topic");
-  app.add_option("--csv", arguments.csv, "write a table with a line for every image")
+  app.add_option(
+         "--rate", arguments.rate,
+         "images per second: of a pattern of images (30 without it), of a video in place of "
+         "its own times")
+      ->check(tools::numberIn({0.001, 10000.0}));
+  app.add_option("--csv", arguments.csv,
+                 "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
-  addViewArguments(app, arguments.views);
+  addBatchOptions(app, arguments.batch);
+  addViewOptions(app, arguments.views);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
+}
+
+void refuseMissingNames(const Arguments& arguments) {
+  if (!arguments.batch.list.empty()) {
+    if (arguments.in.empty() || !arguments.out.empty()) {
+      throw std::invalid_argument("--batch needs one name, that of the output folder");
+    }
+    return;
+  }
+  if (arguments.in.empty() || arguments.out.empty()) {
+    throw std::invalid_argument((arguments.in.empty() ? "IN and OUT.bag are" : "OUT.bag is") +
+                                std::string(" required; see --help"));
+  }
+}
+
+int matchBatch(CLI::App& app, Arguments& arguments) {
+  tools::stopWhenInterrupted();
+  arguments.batch.folder = std::exchange(arguments.in, "");
+  completeBatchOptions(app, arguments.parameters, arguments.batch);
+  return runBatch(arguments.batch, [&](const std::string& input, const std::string& folder) {
+    return matchInto(arguments, input, folder);
+  });
 }
 
 int run(int argc, char** argv) {
@@ -334,16 +360,18 @@ int run(int argc, char** argv) {
   arguments.parameters.threads = 0;
   arguments.parameters.overlay = false;
   CLI::App app(
-      "Matches the images of a bag as the nodelet would, but drops none and uses all cores.");
+      "Matches the images of a recording as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
   app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
                          "overlay\ndraws matches_image; both defaults differ from those of the "
                          "nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
+  refuseMissingNames(arguments);
   refuseIdleOptions(app, arguments.parameters);
-  arguments.views.force = arguments.force;
-  return matchBag(arguments);
+  completeViewOptions(app, arguments.views, arguments.force);
+  if (!arguments.batch.list.empty()) return matchBatch(app, arguments);
+  return matchBag(arguments).exit_code;
 }
 
 }  // namespace

@@ -179,6 +179,13 @@ void printHomography(const Outcome& outcome) {
   }
 }
 
+void print(const Outcome& outcome) {
+  printFrame("reference", outcome.reference);
+  printFrame("target", outcome.target);
+  printStages(outcome);
+  printHomography(outcome);
+}
+
 json toJson(const evaluation::ErrorSummary& summary) {
   if (summary.count == 0) return {{"mean", nullptr}, {"rms", nullptr}};
   return {{"mean", summary.mean}, {"rms", summary.rms}};
@@ -303,8 +310,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("B", arguments.target, "target image")->required();
   file("--ground-truth", arguments.ground_truth,
        "the true homography A -> B, nine numbers as text: adds errors to the table");
-  file("--json", arguments.json, "write all results for the pair");
-  file("--csv", arguments.csv, "write a row per nearest neighbour, with the last stage it passed");
+  file("--json", arguments.json, "write all results for the pair; - is the standard output");
+  file("--csv", arguments.csv,
+       "write a row per nearest neighbour, with the last stage it passed; - as above");
   file("--draw", arguments.draw,
        "write both images side by side: yellow = final match, purple = removed by PROSAC, "
        "blue = by GMS, grey = by the ratio filter");
@@ -336,10 +344,8 @@ int matchTwoImages(int argc, char** argv) {
   checkFiles(arguments);
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
-  printFrame("reference", outcome.reference);
-  printFrame("target", outcome.target);
-  printStages(outcome);
-  printHomography(outcome);
+  const bool to_output = isStandardOutput(arguments.json) || isStandardOutput(arguments.csv);
+  if (!to_output) print(outcome);
   writeFiles(arguments, outcome);
   return outcome.result.status == Status::ok ? kExitDone : kExitUnusedData;
 }

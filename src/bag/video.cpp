@@ -1,0 +1,214 @@
+#include "bag/video.h"
+
+#include <cv_bridge/cv_bridge.h>
+#include <glob.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <vector>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr char kTopic[] = "/camera/image_raw";
+
+bool endsWith(const std::string& text, const std::string& end) {
+  return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+/// Zero is no time for ROS, and cannot be in a bag.
+ros::Time stampOf(double seconds) {
+  return std::max(ros::TIME_MIN, ros::Time(std::max(seconds, 0.0)));
+}
+
+RecordedImage recorded(const cv::Mat& image, const ros::Time& stamp) {
+  std_msgs::Header header;
+  header.stamp = stamp;
+  header.frame_id = "camera";
+  const bool wide = image.depth() == CV_16U;
+  const char* const encoding =
+      image.channels() == 1 ? (wide ? "mono16" : "mono8") : (wide ? "bgr16" : "bgr8");
+  return {cv_bridge::CvImage(header, encoding, image).toImageMsg(), stamp};
+}
+
+bool isAfter(double seconds, const BagSelection& selection) {
+  return selection.duration >= 0.0 && seconds > selection.start + selection.duration;
+}
+
+void refuseTopic(const std::string& path, const BagSelection& selection) {
+  if (selection.topic.empty()) return;
+  throw UnusableBag(path +
+                    " is not a bag, so there is no topic to choose; leave --topic out "
+                    "(--name sets the names of the output)");
+}
+
+class Video : public ImageSource {
+ public:
+  Video(const std::string& path, const BagSelection& selection, double rate)
+      : path_(path), selection_(selection), rate_(rate) {
+    refuseTopic(path, selection);
+    if (!std::ifstream(path)) throw UnusableBag(path + " cannot be opened");
+    // Not cv::CAP_ANY, which also tries cameras and patterns.
+    if (!video_.open(path, cv::CAP_FFMPEG) && !video_.open(path, cv::CAP_GSTREAMER)) {
+      throw UnusableBag(path + " is neither a bag nor a video that OpenCV can read here");
+    }
+    const double fps = video_.get(cv::CAP_PROP_FPS);
+    if (fps > 0.0 && fps < 1000.0) usual_rate_ = fps;
+    const double count = video_.get(cv::CAP_PROP_FRAME_COUNT);
+    in_file_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
+    queued_ = read();
+    if (!queued_) throw UnusableBag(path + " has no readable image in the selected time");
+  }
+
+  std::optional<RecordedImage> next() override {
+    std::optional<RecordedImage> image = std::move(queued_);
+    if (image) queued_ = read();
+    return image;
+  }
+
+  std::size_t total() const override {
+    const double fps = rate_ > 0.0 ? rate_ : usual_rate_;
+    const auto skipped = static_cast<std::size_t>(std::max(0.0, selection_.start * fps));
+    std::size_t left = in_file_ - std::min(in_file_, skipped);
+    if (selection_.duration >= 0.0) {
+      left = std::min(left, static_cast<std::size_t>(selection_.duration * fps) + 1);
+    }
+    return left;
+  }
+
+  const std::string& topic() const override { return topic_; }
+
+  /// Containers that only estimate the number of images are a little wrong.
+  std::string damage() const override {
+    constexpr std::size_t kTolerance = 50;  // one in this many
+    if (!at_end_ || read_ + 1 + in_file_ / kTolerance >= in_file_) return {};
+    return "the video is damaged or cut off: " + std::to_string(read_) + " of " +
+           std::to_string(in_file_) + " images could be read";
+  }
+
+ private:
+  std::optional<RecordedImage> read() {
+    while (video_.grab()) {
+      const auto number = static_cast<double>(read_++);
+      double seconds = rate_ > 0.0 ? number / rate_ : 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
+      const bool known = seconds >= 0.0 && seconds < 1e9;
+      if (!known) seconds = number / usual_rate_;
+      if (seconds < selection_.start) continue;
+      if (isAfter(seconds, selection_)) return std::nullopt;
+      cv::Mat image;
+      if (!video_.retrieve(image) || image.empty()) continue;
+      // A repeated time would be taken for the same image.
+      last_ = std::max(stampOf(seconds), last_ + ros::Duration(0, 1));
+      return recorded(image, last_);
+    }
+    at_end_ = true;
+    return std::nullopt;
+  }
+
+  std::string path_;
+  BagSelection selection_;
+  double rate_;
+  double usual_rate_ = 30.0;  // where the container does not say
+  cv::VideoCapture video_;
+  const std::string topic_ = kTopic;
+  std::optional<RecordedImage> queued_;
+  ros::Time last_;
+  std::size_t in_file_ = 0;
+  std::size_t read_ = 0;
+  bool at_end_ = false;
+};
+
+/// "img2" before "img10".
+bool comesBefore(const std::string& a, const std::string& b) {
+  return strverscmp(a.c_str(), b.c_str()) < 0;
+}
+
+std::vector<std::string> filesOf(const std::string& pattern) {
+  glob_t found{};
+  std::vector<std::string> files;
+  if (glob(pattern.c_str(), 0, nullptr, &found) == 0) {
+    files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
+  }
+  globfree(&found);
+  std::sort(files.begin(), files.end(), comesBefore);
+  return files;
+}
+
+class Images : public ImageSource {
+ public:
+  Images(const std::string& pattern, const BagSelection& selection, double rate) : rate_(rate) {
+    refuseTopic(pattern, selection);
+    const std::vector<std::string> all = filesOf(pattern);
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const double seconds = static_cast<double>(i) / rate;
+      if (seconds < selection.start || isAfter(seconds, selection)) continue;
+      files_.push_back({all[i], stampOf(seconds)});
+    }
+    if (all.empty()) throw UnusableBag(pattern + ": there is no such file, nor one that fits it");
+    if (files_.empty()) throw UnusableBag(pattern + " has no image in the selected time");
+  }
+
+  /// A file that is not an image is a null pointer, as a compressed image that cannot be decoded.
+  std::optional<RecordedImage> next() override {
+    if (next_ == files_.size()) return std::nullopt;
+    const auto& [file, stamp] = files_[next_++];
+    cv::Mat image;
+    try {
+      image = cv::imread(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
+    } catch (const cv::Exception&) {  // larger than OpenCV allows
+    }
+    const bool usable = !image.empty() && (image.depth() == CV_8U || image.depth() == CV_16U);
+    return usable ? recorded(image, stamp) : RecordedImage{nullptr, stamp};
+  }
+
+  std::size_t total() const override { return files_.size(); }
+  const std::string& topic() const override { return topic_; }
+  std::string damage() const override { return {}; }
+
+ private:
+  double rate_;
+  std::vector<std::pair<std::string, ros::Time>> files_;
+  std::size_t next_ = 0;
+  const std::string topic_ = kTopic;
+};
+
+}  // namespace
+
+InputKind kindOf(const std::string& path) {
+  struct stat status {};
+  const bool exists = stat(path.c_str(), &status) == 0;
+  if (!exists && path.find_first_of("*?[") != std::string::npos) return InputKind::images;
+  constexpr char kFirst[] = "#ROSBAG";
+  char first[sizeof kFirst - 1] = {};
+  // A pipe would block.
+  if (exists && S_ISREG(status.st_mode)) std::ifstream(path).read(first, sizeof first);
+  const bool bag = std::memcmp(first, kFirst, sizeof first) == 0 || endsWith(path, ".bag");
+  return bag ? InputKind::bag : InputKind::video;
+}
+
+std::vector<std::string> filesOfInput(const std::string& path) {
+  if (kindOf(path) == InputKind::images) return filesOf(path);
+  return {path};
+}
+
+std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelection& selection,
+                                       double rate) {
+  return std::make_unique<Video>(path, selection, rate);
+}
+
+std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
+                                        double rate) {
+  return std::make_unique<Images>(pattern, selection, rate);
+}
+
+double rateOfVideo(const std::string& path) {
+  const double rate = cv::VideoCapture(path, cv::CAP_FFMPEG).get(cv::CAP_PROP_FPS);
+  return std::isfinite(rate) && rate > 0.0 && rate < 1000.0 ? rate : 0.0;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <vector>
+
+namespace ktgp_orb::stabilization {
+
+/// Whether this build has a solver (Clp).
+bool hasLinearProgram();
+
+/// Minimises the cost of variables within bounds, subject to linear equations.
+class LinearProgram {
+ public:
+  /// Returns the number of the new variable.
+  int addVariable(double low, double high, double cost);
+  /// Returns the number of the new equation, a sum of terms that equals `right`.
+  int addEquation(double right);
+  void addTerm(int equation, int variable, double factor);
+
+  /// The values of the variables. Throws std::runtime_error without a solver or a solution.
+  std::vector<double> solve() const;
+
+ private:
+  struct Term {
+    int variable;
+    int equation;
+    double factor;
+  };
+
+  std::vector<double> low_;
+  std::vector<double> high_;
+  std::vector<double> cost_;
+  std::vector<double> right_;
+  std::vector<Term> terms_;
+};
+
+}  // namespace ktgp_orb::stabilization

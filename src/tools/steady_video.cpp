@@ -1,0 +1,163 @@
+#include "tools/steady_video.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "cli/files.h"
+#include "core/stabilization/steady_path.h"
+#include "messages/colour_image.h"
+#include "messages/image_conversion.h"
+#include "tools/view_text.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr std::size_t kPath = 600;  // frames, within which a keyframe is known
+
+}  // namespace
+
+void SteadyVideo::Shake::finishPart(const cv::Size& size) {
+  if (steps.size() >= 2) {
+    const double weight = static_cast<double>(steps.size() - 1);
+    sum += weight * shakeOf(steps, size);
+    count += weight;
+  }
+  steps.clear();
+}
+
+SteadyVideo::SteadyVideo(const SteadyVideoOptions& options, Reopen reopen)
+    : options_(options),
+      reopen_(std::move(reopen)),
+      video_(options.video, options.rate, options.force),
+      path_(kPath),
+      stabilizer_(options.stabilizer) {}
+
+void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stamp,
+                      std::int64_t reference, const std::optional<Eigen::Matrix3d>& homography) {
+  const cv::Mat frame = colourImage(image);
+  const std::optional<std::int64_t> previous =
+      path_.steps().empty() ? std::nullopt : std::make_optional(path_.steps().back().stamp);
+  std::optional<Eigen::Matrix3d> step;
+  if (path_.add(stamp, reference, homography) && previous) step = path_.between(*previous, stamp);
+  if (options_.whole) {
+    frames_.push_back({stamp, frame.size(), step});
+    return;
+  }
+  waiting_[stamp] = frame.clone();
+  steps_[stamp] = step;
+  stabilizer_.add(stamp, reference, homography, frame.size(), ready_);
+  writeReady();
+}
+
+void SteadyVideo::writeReady() {
+  for (const SteadyFrame& steady : ready_) {
+    write(steady, waiting_[steady.stamp], steps_[steady.stamp]);
+    waiting_.erase(steady.stamp);
+    steps_.erase(steady.stamp);
+  }
+  ready_.clear();
+}
+
+/// Frames of another size begin a path of their own.
+std::vector<SteadyFrame> SteadyVideo::wholePath() const {
+  std::vector<SteadyFrame> path;
+  for (auto begin = frames_.begin(); begin != frames_.end();) {
+    const auto end = std::find_if(
+        begin, frames_.end(), [&begin](const Frame& frame) { return frame.size != begin->size; });
+    std::vector<std::optional<Eigen::Matrix3d>> steps;
+    std::transform(begin, end, std::back_inserter(steps),
+                   [](const Frame& frame) { return frame.step; });
+    steps.front().reset();
+    const auto warps = steadyPath(steps, begin->size, options_.stabilizer.max_crop);
+    for (std::size_t i = 0; i < warps.size(); ++i) {
+      path.push_back({(begin + static_cast<std::ptrdiff_t>(i))->stamp, warps[i], !steps[i]});
+    }
+    begin = end;
+  }
+  return path;
+}
+
+void SteadyVideo::writeWhole() {
+  const std::vector<SteadyFrame> path = wholePath();
+  if (path.empty()) return;
+  const std::unique_ptr<ImageSource> images = reopen_();
+  std::size_t next = 0;
+  while (next < path.size()) {
+    const auto recorded = images->next();
+    if (!recorded) throw tools::FileError(options_.video, "the recording has changed meanwhile");
+    if (!recorded->image) continue;
+    // Images that were skipped or refused have no place in the path.
+    if (nanosecondsOf(recorded->image->header.stamp) != path[next].stamp) continue;
+    cv::Mat frame;
+    try {
+      frame = colourImage(recorded->image);
+    } catch (const RefusedImage&) {
+      continue;
+    }
+    write(path[next], frame, frames_[next].step);
+    ++next;
+  }
+}
+
+void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
+                        const std::optional<Eigen::Matrix3d>& step) {
+  using Clock = std::chrono::steady_clock;
+  const auto start = Clock::now();
+  cv::Mat homography;
+  cv::eigen2cv(steady.warp, homography);
+  cv::Mat picture;
+  cv::warpPerspective(frame, picture, homography, frame.size(), cv::INTER_LINEAR,
+                      cv::BORDER_REPLICATE);
+  milliseconds_ += std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  ++written_;
+  video_.write(picture);
+  if (!options_.warps.empty()) {
+    warps_ += textOf(steady.stamp) + (steady.starts_anew ? ",1" : ",0") + textOf(steady.warp);
+  }
+  if (step && last_ && !steady.starts_anew) {
+    before_.steps.push_back(*step);
+    after_.steps.emplace_back(steady.warp * *step * last_->warp.inverse());
+  } else {
+    before_.finishPart(size_);
+    after_.finishPart(size_);
+  }
+  last_ = steady;
+  size_ = frame.size();
+}
+
+void SteadyVideo::close() {
+  if (options_.whole) {
+    writeWhole();
+  } else {
+    stabilizer_.flush(ready_);
+    writeReady();
+  }
+  before_.finishPart(size_);
+  after_.finishPart(size_);
+  if (!video_.empty()) video_.close();
+  if (options_.warps.empty()) return;
+  tools::writeText(options_.warps,
+                   "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
+                   options_.force);
+}
+
+std::string SteadyVideo::report() const {
+  if (written_ == 0) return options_.video + ": not written, since no image could be used\n";
+  const std::string path = options_.whole
+                               ? "the path of the whole recording"
+                               : std::to_string(options_.stabilizer.lag) + " frames late";
+  char line[256];
+  std::snprintf(line, sizeof line,
+                ": %zu frames, shake %.3f px^2 before, %.3f after, %s, %.2f ms a frame\n", written_,
+                before_.mean(), after_.mean(), path.c_str(),
+                milliseconds_ / static_cast<double>(written_));
+  return options_.video + line;
+}
+
+}  // namespace ktgp_orb

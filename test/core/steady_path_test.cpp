@@ -1,0 +1,184 @@
+// The steadiest path over a whole recording: it removes the shake, never shows a border, survives
+// cuts, gaps and large motions, and is the same wherever a long recording is divided.
+#include "core/stabilization/steady_path.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "ktgp_orb/stabilizer.h"
+
+namespace ktgp_orb {
+namespace {
+
+const cv::Size kSize(640, 480);
+
+using Path = std::vector<Eigen::Matrix3d>;  // world -> frame
+using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
+
+/// A camera that pans, turns and sways slowly, with `shake` px of random jitter on top.
+Path flight(int frames, double shake, double pan) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> jitter(0.0, 1.0);
+  Path path;
+  for (int i = 0; i < frames; ++i) {
+    const double t = i / 30.0;
+    const double angle = 0.1 * std::sin(0.8 * t) + shake * 0.002 * jitter(random);
+    Eigen::Matrix3d h;
+    h << std::cos(angle), -std::sin(angle), pan * i + shake * jitter(random), std::sin(angle),
+        std::cos(angle), 30.0 * std::sin(1.1 * t) + shake * jitter(random), 0.0, 1e-5 * std::sin(t),
+        1.0;
+    path.push_back(h);
+  }
+  return path;
+}
+
+Steps stepsOf(const Path& path) {
+  Steps steps(path.size());
+  for (std::size_t i = 1; i < path.size(); ++i) {
+    const Eigen::Matrix3d h = path[i] * path[i - 1].inverse();
+    steps[i] = h / h(2, 2);
+  }
+  return steps;
+}
+
+/// Root mean square of the second difference of the corners' paths in the steady picture, px.
+double jitterAfter(const Steps& steps, const Path& warps) {
+  Path after;
+  for (std::size_t i = 1; i < steps.size(); ++i) {
+    if (steps[i]) after.emplace_back(warps[i] * *steps[i] * warps[i - 1].inverse());
+  }
+  return std::sqrt(shakeOf(after, kSize));
+}
+
+double jitterBefore(const Steps& steps) {
+  Path before;
+  for (const auto& step : steps) {
+    if (step) before.push_back(*step);
+  }
+  return std::sqrt(shakeOf(before, kSize));
+}
+
+/// Largest distance that a picture shows beyond the border of its frame, px.
+double beyondBorder(const Path& warps) {
+  double worst = -1e9;
+  for (const Eigen::Matrix3d& warp : warps) {
+    for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(639, 0),
+                                     Eigen::Vector2d(639, 479), Eigen::Vector2d(0, 479)}) {
+      const Eigen::Vector2d q = (warp.inverse() * p.homogeneous()).hnormalized();
+      worst = std::max({worst, -q.x(), -q.y(), q.x() - 639.0, q.y() - 479.0});
+    }
+  }
+  return worst;
+}
+
+Path causal(const Steps& steps, const StabilizerOptions& options) {
+  Stabilizer stabilizer(options);
+  std::vector<SteadyFrame> ready;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const auto stamp = static_cast<std::int64_t>(i) * 33'000'000;
+    stabilizer.add(stamp, stamp - 33'000'000, steps[i], kSize, ready);
+  }
+  stabilizer.flush(ready);
+  Path warps;
+  for (const SteadyFrame& frame : ready) warps.push_back(frame.warp);
+  return warps;
+}
+
+class SteadyPath : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    if (!hasSteadyPath()) GTEST_SKIP() << "built without Clp";
+  }
+};
+
+TEST_F(SteadyPath, IsSteadierThanTheCausalOneWithTheLongestLag) {
+  const Steps steps = stepsOf(flight(200, 3.0, 4.0));
+  StabilizerOptions options;
+  options.lag = 30;
+  const double whole = jitterAfter(steps, steadyPath(steps, kSize, 0.1));
+  const double lagging = jitterAfter(steps, causal(steps, options));
+  std::printf("jitter: %.2f px before, %.3f with lag 30, %.3f over the whole recording\n",
+              jitterBefore(steps), lagging, whole);
+  EXPECT_LT(whole, 0.03 * jitterBefore(steps));
+  EXPECT_LT(whole, lagging);
+}
+
+TEST_F(SteadyPath, StandsStillAboveAShakingCamera) {
+  Path still(90, Eigen::Matrix3d::Identity());
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> shift(-20.0, 20.0);
+  for (auto& h : still) h.topRightCorner<2, 1>() << shift(random), shift(random);
+  const Steps shaken = stepsOf(still);
+  const Path warps = steadyPath(shaken, kSize, 0.1);
+  for (std::size_t i = 1; i < warps.size(); ++i) {
+    const Eigen::Matrix3d motion = warps[i] * *shaken[i] * warps[i - 1].inverse();
+    EXPECT_TRUE((motion / motion(2, 2)).isApprox(Eigen::Matrix3d::Identity(), 1e-6)) << i;
+  }
+}
+
+TEST_F(SteadyPath, NeverShowsWhatIsBeyondTheBorder) {
+  for (const double shake : {3.0, 30.0, 200.0}) {
+    for (const double max_crop : {0.01, 0.1, 0.3, 0.4}) {
+      const Path warps = steadyPath(stepsOf(flight(120, shake, 30.0)), kSize, max_crop);
+      EXPECT_LT(beyondBorder(warps), 1e-6) << shake << ' ' << max_crop;
+    }
+  }
+}
+
+TEST_F(SteadyPath, CutsAndGapsBeginANewPathWithoutAJumpOfTheWindow) {
+  Steps steps = stepsOf(flight(150, 3.0, 4.0));
+  for (const std::size_t lost : {50, 51, 90}) steps[lost].reset();
+  Eigen::Matrix3d mirrored = Eigen::Matrix3d::Identity();
+  mirrored(0, 0) = -1.0;
+  steps[120] = mirrored;
+  steps[130] = Eigen::Matrix3d::Constant(std::nan(""));
+  const Path warps = steadyPath(steps, kSize, 0.1);
+  ASSERT_EQ(warps.size(), steps.size());
+  EXPECT_LT(beyondBorder(warps), 1e-6);
+  const Eigen::Vector3d centre(319.5, 239.5, 1.0);
+  for (const std::size_t lost : {50, 51, 90, 120, 130}) {
+    const Eigen::Vector2d jump =
+        (warps[lost] * centre).hnormalized() - (warps[lost - 1] * centre).hnormalized();
+    EXPECT_LT(jump.norm(), 1.0) << lost;
+  }
+  for (const std::size_t lost : {120, 130}) steps[lost].reset();
+  EXPECT_LT(jitterAfter(steps, warps), 0.3 * jitterBefore(steps));
+}
+
+TEST_F(SteadyPath, ALongRecordingHasNoSeams) {
+  const Steps steps = stepsOf(flight(800, 3.0, 2.0));
+  const Path warps = steadyPath(steps, kSize, 0.1);
+  EXPECT_LT(beyondBorder(warps), 1e-6);
+  for (std::size_t begin = 0; begin + 50 <= steps.size(); begin += 50) {
+    const auto at = static_cast<std::ptrdiff_t>(begin);
+    const Steps part(steps.begin() + at, steps.begin() + at + 50);
+    const Path its(warps.begin() + at, warps.begin() + at + 50);
+    EXPECT_LT(jitterAfter(part, its), 0.05 * jitterBefore(part)) << "from frame " << begin;
+  }
+}
+
+TEST_F(SteadyPath, IsTheSameEveryTime) {
+  const Steps steps = stepsOf(flight(100, 10.0, 5.0));
+  const Path first = steadyPath(steps, kSize, 0.1);
+  const Path second = steadyPath(steps, kSize, 0.1);
+  for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i], second[i]) << i;
+}
+
+TEST_F(SteadyPath, TakesAnyNumberOfFrames) {
+  EXPECT_TRUE(steadyPath({}, kSize, 0.1).empty());
+  for (const std::size_t count : {1, 2, 3, 4}) {
+    EXPECT_EQ(steadyPath(Steps(count), kSize, 0.1).size(), count);
+    EXPECT_EQ(steadyPath(Steps(count), {1, 1}, 0.1).size(), count);
+  }
+  EXPECT_THROW(steadyPath({}, kSize, 0.5), std::invalid_argument);
+  EXPECT_THROW(steadyPath({}, kSize, std::nan("")), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace ktgp_orb
