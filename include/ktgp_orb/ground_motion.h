@@ -126,8 +126,8 @@ struct GroundEstimate {
 /// stays in G and passes from keyframe to keyframe, so errors of single readings average out. A
 /// normal that is not given follows from the motion.
 ///
-/// One half of the noise of H comes from the keyframe's image, and is the same in all homographies
-/// from it. It belongs to G.
+/// A good half of the noise of H comes from the image of the keyframe, and is the same in all
+/// homographies from it. It belongs to G.
 ///
 /// An instance belongs to one thread at a time. In the steady state nothing is allocated.
 class GroundMotion {

@@ -79,6 +79,14 @@ cv::Mat pictureOfRelief(const cv::Mat& map, const ExactFlight& flight, double t)
   return image;
 }
 
+/// The time of the demo with the light of time `t`: the demo's changing light lasts from 5 s to
+/// 6.7 s, here it goes there and back.
+double timeOfLight(double t) {
+  constexpr double kLength = 10.0 / 6.0;
+  const double phase = std::fmod(t, 2.0 * kLength);
+  return 5.0 + (phase < kLength ? phase : 2.0 * kLength - phase);
+}
+
 /// As the demo's, without the blurred part.
 cv::Mat picture(const cv::Mat& map, const ExactFlight& flight, bool with_relief, int frame,
                 int frames, std::uint64_t seed) {
@@ -86,7 +94,7 @@ cv::Mat picture(const cv::Mat& map, const ExactFlight& flight, bool with_relief,
   cv::Mat image =
       with_relief ? pictureOfRelief(map, flight, t) : demo::render(map, flight.imageFromMap(t));
   const demo::Segment segment = demo::segmentOf(frame, frames);
-  if (segment == demo::Segment::lighting) demo::changeLight(t, image);
+  if (segment == demo::Segment::lighting) demo::changeLight(timeOfLight(t), image);
   if (segment == demo::Segment::noise)
     demo::addNoise(seed + static_cast<std::uint64_t>(frame), image);
   return image;

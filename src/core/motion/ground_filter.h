@@ -22,8 +22,8 @@ class GroundFilter {
   /// A pose in the odometry, without a map.
   void start(const CameraPose& pose, const Matrix6& covariance);
   /// Makes the reference of `motion` the keyframe. Its pose, if `at_reference`, or else that of the
-  /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which one
-  /// half belongs to the keyframe.
+  /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which a
+  /// share belongs to the keyframe.
   void setKeyframe(const ImageMotion& motion, bool at_reference);
   /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. False,
   /// without any change: no pose fits.
