@@ -6,6 +6,7 @@ find_package(catkin REQUIRED COMPONENTS
   geometry_msgs
   image_transport
   message_generation
+  nav_msgs
   nodelet
   pluginlib
   rosbag
@@ -23,11 +24,12 @@ add_message_files(FILES
   MatchStatus.msg
   StageStatistics.msg
 )
-add_service_files(FILES MatchPair.srv SaveMosaic.srv)
-generate_messages(DEPENDENCIES sensor_msgs std_msgs)
-generate_dynamic_reconfigure_options(cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
+add_service_files(FILES MatchPair.srv SaveMosaic.srv SetPose.srv)
+generate_messages(DEPENDENCIES geometry_msgs sensor_msgs std_msgs)
+generate_dynamic_reconfigure_options(
+  cfg/GroundMotion.cfg cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
 # Their inputs: after a change of a row the output is generated again.
-foreach(pair Ktgp=table Mosaic=mosaic Stabilizer=stabilizer)
+foreach(pair GroundMotion=ground_motion Ktgp=table Mosaic=mosaic Stabilizer=stabilizer)
   string(REPLACE "=" ";" pair ${pair})
   list(GET pair 0 config)
   list(GET pair 1 table)
@@ -41,7 +43,7 @@ catkin_package(
   LIBRARIES ktgp_orb_core ktgp_orb_views ktgp_orb_messages ktgp_orb_nodelets
   CATKIN_DEPENDS
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
-    nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros
+    nav_msgs nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros
   DEPENDS EIGEN3 OpenCV
 )
 

@@ -8,7 +8,21 @@
 namespace ktgp_orb::demo {
 namespace {
 
-/// Changing brightness and contrast, flicker, and a passing shadow.
+/// The mean over an exposure of `seconds` around `t`.
+cv::Mat expose(const cv::Mat& map, double t, double seconds, double shake) {
+  constexpr int kInstants = 15;
+  cv::Mat sum(kImageHeight, kImageWidth, CV_32FC3, cv::Scalar::all(0.0));
+  for (int i = 0; i < kInstants; ++i) {
+    const double offset = ((i + 0.5) / kInstants - 0.5) * seconds;
+    cv::accumulate(render(map, imageFromMap(t + offset, shake)), sum);
+  }
+  cv::Mat image;
+  sum.convertTo(image, CV_8U, 1.0 / kInstants);
+  return image;
+}
+
+}  // namespace
+
 void changeLight(double t, cv::Mat& image) {
   const double gain = 0.75 + 0.45 * std::sin(2.5 * t) + 0.06 * std::sin(40.0 * t);
   const double gamma = 1.0 + 0.35 * std::sin(1.7 * t);
@@ -26,20 +40,6 @@ void changeLight(double t, cv::Mat& image) {
   }
 }
 
-/// The mean over an exposure of `seconds` around `t`.
-cv::Mat expose(const cv::Mat& map, double t, double seconds, double shake) {
-  constexpr int kInstants = 15;
-  cv::Mat sum(kImageHeight, kImageWidth, CV_32FC3, cv::Scalar::all(0.0));
-  for (int i = 0; i < kInstants; ++i) {
-    const double offset = ((i + 0.5) / kInstants - 0.5) * seconds;
-    cv::accumulate(render(map, imageFromMap(t + offset, shake)), sum);
-  }
-  cv::Mat image;
-  sum.convertTo(image, CV_8U, 1.0 / kInstants);
-  return image;
-}
-
-/// Read noise of a few grey values plus shot noise that grows with the light.
 void addNoise(std::uint64_t seed, cv::Mat& image) {
   constexpr double kReadNoise = 7.0;  // grey values, standard deviation
   constexpr double kElectrons = 1.2;  // per grey value: fewer electrons mean more shot noise
@@ -52,8 +52,6 @@ void addNoise(std::uint64_t seed, cv::Mat& image) {
     }
   }
 }
-
-}  // namespace
 
 Segment segmentOf(int frame, int frames) {
   const int sixth = 6 * frame / frames;

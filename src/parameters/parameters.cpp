@@ -55,6 +55,8 @@ Ranges readRanges(const std::string& nodelet) {
 #define KTGP_CHOICE(name, value, text, choices)
   if (nodelet == "stabilizer") {
 #include "parameters/stabilizer.def"
+  } else if (nodelet == "ground_motion") {
+#include "parameters/ground_motion.def"
   } else {
 #include "parameters/mosaic.def"
   }

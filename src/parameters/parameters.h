@@ -63,7 +63,7 @@ const std::vector<ParameterRow>& parameterRows();
 /// The row with that name, or null.
 const ParameterRow* findParameter(const std::string& name);
 
-/// The range of a parameter of another nodelet, "stabilizer" or "mosaic".
+/// The range of a parameter of another nodelet, "stabilizer", "mosaic" or "ground_motion".
 Limits limitsOf(const std::string& nodelet, const std::string& name);
 
 /// Sets the parameter from text: "0.66", "true", "keyframe". Throws std::invalid_argument with the

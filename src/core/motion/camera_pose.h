@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+namespace ktgp_orb::motion {
+
+using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+/// Pose of the camera above the ground z = 0 (z up).
+struct CameraPose {
+  Eigen::Matrix3d axes = Eigen::Matrix3d::Identity();  ///< camera -> ground frame
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< in the ground frame, m
+};
+
+/// The matrix of the cross product with v.
+Eigen::Matrix3d cross(const Eigen::Vector3d& v);
+/// The rotation about a vector by its length, and the vector of a rotation.
+Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn);
+Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
+
+/// `step`: of the position in the ground frame, then small rotations about the camera's own axes.
+CameraPose moved(const CameraPose& pose, const Vector6& step);
+
+/// M: point (x, y, 1) of the ground -> image at focal length 1.
+Eigen::Matrix3d imageFromGround(const CameraPose& pose);
+/// The pose whose M is near `image_from_ground`, known up to a factor; empty: there is none above
+/// the ground.
+std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
+
+/// Constant velocity and angular velocity (in the moving frame, times the duration) of a motion
+/// from `from` to `to`: the logarithm of SE(3).
+Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
+
+}  // namespace ktgp_orb::motion

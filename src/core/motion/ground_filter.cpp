@@ -1,0 +1,186 @@
+#include "core/motion/ground_filter.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <cmath>
+
+namespace ktgp_orb::motion {
+namespace {
+
+/// The shares of the covariance of a homography that belong to the image of the keyframe, the same
+/// for all frames after it, and to the other image. Measured on exact flights.
+constexpr double kOfKeyframe = 0.6;
+constexpr double kOfFrame = 0.4;
+
+}  // namespace
+
+void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
+  frame_position_.setZero();
+  frame_yaw_ = 0.0;
+  map_.setIdentity();
+  now_ = before_ = pose;
+  covariance_.setZero();
+  covariance_.block<6, 6>(kNow, kNow) = covariance;
+  moveFrame();
+}
+
+/// Puts the frame below the newest pose: the errors of x, y and yaw of the pose become its errors.
+/// What belongs to the map and to the pose before is lost.
+void GroundFilter::moveFrame() {
+  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
+  const Eigen::RowVector3d up = now_.axes.row(2);
+  Eigen::Matrix<double, 9, 9> slope = Eigen::Matrix<double, 9, 9>::Identity();
+  slope.block<2, 2>(0, 3) = turn.topLeftCorner<2, 2>();  // of the frame by the pose
+  slope(0, 2) = -way.y();
+  slope(1, 2) = way.x();
+  slope.block<1, 3>(2, 6) = up;
+  slope.block<2, 2>(3, 3).setZero();  // of the pose
+  slope.block<3, 3>(6, 6) -= up.transpose() * up;
+  Eigen::Matrix<double, 9, 9> both;
+  both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
+      covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
+  both = (slope * both * slope.transpose()).eval();
+  covariance_.setZero();
+  covariance_.block<3, 3>(kFrame, kFrame) = both.topLeftCorner<3, 3>();
+  covariance_.block<3, 6>(kFrame, kNow) = both.topRightCorner<3, 6>();
+  covariance_.block<6, 3>(kNow, kFrame) = both.bottomLeftCorner<6, 3>();
+  covariance_.block<6, 6>(kNow, kNow) = both.bottomRightCorner<6, 6>();
+  frame_position_ += way.head<2>();
+  now_.position.head<2>().setZero();
+}
+
+CameraPose GroundFilter::pose() const {
+  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  CameraPose pose{turn * now_.axes, turn * now_.position};
+  pose.position.head<2>() += frame_position_;
+  return pose;
+}
+
+Matrix6 GroundFilter::covariance() const {
+  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  const Eigen::Vector3d way = turn * now_.position;
+  Eigen::Matrix<double, 6, 9> slope = Eigen::Matrix<double, 6, 9>::Zero();
+  slope.topLeftCorner<2, 2>().setIdentity();
+  slope(0, 2) = -way.y();
+  slope(1, 2) = way.x();
+  slope.block<3, 1>(3, 2) = now_.axes.row(2).transpose();
+  slope.block<3, 3>(0, 3) = turn;
+  slope.bottomRightCorner<3, 3>().setIdentity();
+  Eigen::Matrix<double, 9, 9> both;
+  both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
+      covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
+  return slope * both * slope.transpose();
+}
+
+void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
+  moveFrame();
+  const Eigen::Matrix3d from_keyframe =
+      at_reference ? Eigen::Matrix3d::Identity() : motion.homography;
+  map_ = imageFromGround(now_).inverse() * from_keyframe;
+  map_ /= map_.norm();
+  const Eigen::Matrix3d h = imageFromGround(now_) * map_;
+  const Matrix86 by_pose = -mapFromEntries(h) * byPose(h, map_, now_);
+  const Matrix8 by_noise = mapFromEntries(motion.homography);
+  covariance_.middleRows<8>(kMap) = by_pose * covariance_.middleRows<6>(kNow);
+  covariance_.middleCols<8>(kMap) = covariance_.middleRows<8>(kMap).transpose().eval();
+  covariance_.block<8, 8>(kMap, kMap) =
+      by_pose * covariance_.block<6, 6>(kNow, kNow) * by_pose.transpose() +
+      kOfKeyframe * by_noise * motion.covariance * by_noise.transpose();
+}
+
+bool GroundFilter::advance(const ImageMotion& motion) {
+  const Eigen::LLT<Matrix8> whitening(kOfFrame * motion.covariance);
+  const auto start = poseFrom(motion.homography * map_.inverse());
+  if (!start || whitening.info() != Eigen::Success) return false;
+  CameraPose pose = *start;
+  Eigen::HouseholderQR<Matrix86> solver(8, 6);
+  Vector8 residual;
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    const Eigen::Matrix3d h = imageFromGround(pose) * map_;
+    residual = whitening.matrixL().solve(entriesOf(motion.homography) - entriesOf(h));
+    solver.compute(whitening.matrixL().solve(byPose(h, map_, pose)));
+    const Vector6 step = solver.solve(residual);
+    if (!step.allFinite() || step.tail<3>().norm() > 0.5) return false;
+    pose = moved(pose, step);
+    if (step.norm() < 1e-9 * pose.position.z()) break;
+  }
+  if (!(pose.position.z() > 0.0)) return false;
+
+  // The new pose follows the map and the noise; the homography has two more numbers.
+  const Eigen::Matrix3d h = imageFromGround(pose) * map_;
+  residual = whitening.matrixL().solve(entriesOf(motion.homography) - entriesOf(h));
+  const Matrix8 by_map = whitening.matrixL().solve(byMap(h));
+  const Matrix86 by_pose = whitening.matrixL().solve(byPose(h, map_, pose));
+  solver.compute(by_pose);
+  const Eigen::Matrix<double, 6, 8> pose_by_map = -solver.solve(by_map);
+  const Matrix8 axes = solver.householderQ();
+  rest_ = axes.rightCols<2>().transpose() * residual;
+  rest_by_map_ = axes.rightCols<2>().transpose() * by_map;
+
+  before_ = now_;
+  now_ = pose;
+  covariance_.middleRows<6>(kBefore) = covariance_.middleRows<6>(kNow).eval();
+  covariance_.middleCols<6>(kBefore) = covariance_.middleCols<6>(kNow).eval();
+  covariance_.middleRows<6>(kNow) = pose_by_map * covariance_.middleRows<8>(kMap);
+  covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
+  covariance_.block<6, 6>(kNow, kNow) =
+      pose_by_map * covariance_.block<8, 8>(kMap, kMap) * pose_by_map.transpose() +
+      (by_pose.transpose() * by_pose).inverse();
+  return true;
+}
+
+double GroundFilter::useRest(double limit) {
+  Eigen::Matrix<double, 2, kSize> slope = Eigen::Matrix<double, 2, kSize>::Zero();
+  slope.middleCols<8>(kMap) = rest_by_map_;
+  return update<2>(rest_, slope, 1.0, limit);
+}
+
+double GroundFilter::use(const TurnReading& reading, double limit) {
+  Eigen::Matrix<double, 3, 6> slope_before;
+  const PoseRows<3> rows = rowsOf(reading, now_, before_, slope_before);
+  Eigen::Matrix<double, 3, kSize> slope = Eigen::Matrix<double, 3, kSize>::Zero();
+  slope.middleCols<6>(kBefore) = slope_before;
+  slope.rightCols<6>() = rows.slope;
+  return update<3>(rows.residual, slope, rows.deviation * rows.deviation, limit);
+}
+
+template <int kRows>
+double GroundFilter::update(const Eigen::Matrix<double, kRows, 1>& residual,
+                            const Eigen::Matrix<double, kRows, kSize>& slope, double variance,
+                            double limit) {
+  using Square = Eigen::Matrix<double, kRows, kRows>;
+  const Eigen::Matrix<double, kSize, kRows> cross_covariance = covariance_ * slope.transpose();
+  Square expected = slope * cross_covariance;
+  expected.diagonal().array() += variance;
+  const Eigen::LLT<Square> factor(expected);
+  const double misfit = std::sqrt(residual.dot(factor.solve(residual)));
+  if (!(misfit <= limit)) return misfit;
+  const Eigen::Matrix<double, kRows, kSize> gain = factor.solve(cross_covariance.transpose());
+  correct(gain.transpose() * residual);
+  covariance_ -= cross_covariance * gain;
+  covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
+  return misfit;
+}
+
+template double GroundFilter::update<1>(const Eigen::Matrix<double, 1, 1>&,
+                                        const Eigen::Matrix<double, 1, kSize>&, double, double);
+template double GroundFilter::update<2>(const Eigen::Matrix<double, 2, 1>&,
+                                        const Eigen::Matrix<double, 2, kSize>&, double, double);
+template double GroundFilter::update<3>(const Eigen::Matrix<double, 3, 1>&,
+                                        const Eigen::Matrix<double, 3, kSize>&, double, double);
+
+void GroundFilter::correct(const Eigen::Matrix<double, kSize, 1>& error) {
+  const Eigen::Matrix<double, 9, 1> entries =
+      (Eigen::Matrix<double, 9, 1>() << error.segment<8>(kMap), 0.0).finished();
+  const Eigen::Matrix3d change =
+      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(entries.data());
+  frame_position_ += error.segment<2>(kFrame);
+  frame_yaw_ += error(kFrame + 2);
+  map_ += map_ * change;
+  before_ = moved(before_, error.segment<6>(kBefore));
+  now_ = moved(now_, error.tail<6>());
+}
+
+}  // namespace ktgp_orb::motion

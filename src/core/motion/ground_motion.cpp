@@ -1,0 +1,495 @@
+#include "ktgp_orb/ground_motion.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/motion/ground_filter.h"
+
+namespace ktgp_orb {
+namespace {
+
+using motion::CameraPose;
+using motion::GroundFilter;
+using motion::ImageMotion;
+using motion::Matrix6;
+using motion::Vector6;
+
+constexpr double kNoLimit = 1e300;
+constexpr double kHomographyLimit = 10.0;  // deviations
+constexpr int kPatience = 10;              // contradicting readings one after the other
+constexpr double kUnknownTilt = 0.35;      // rad
+constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
+
+void requireAtLeastZero(const char* name, double value) {
+  if (value >= 0.0 && std::isfinite(value)) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                              "; expected a number of at least 0");
+}
+
+void requireValid(const GroundMotionOptions& options) {
+  requireAtLeastZero("ground_slope", options.ground_slope);
+  requireAtLeastZero("scale_deviation", options.scale_deviation);
+  requireAtLeastZero("acceleration", options.acceleration);
+  requireAtLeastZero("turn_acceleration", options.turn_acceleration);
+  if (!(options.max_tilt_deviation > 0.0)) {
+    throw std::invalid_argument("max_tilt_deviation is " +
+                                std::to_string(options.max_tilt_deviation) +
+                                "; expected an angle above 0 rad");
+  }
+  const Eigen::Matrix3d turn = options.camera_to_base.linear();
+  const bool turns = (turn.transpose() * turn - Eigen::Matrix3d::Identity()).norm() < 1e-6;
+  if (!turns || !options.camera_to_base.translation().allFinite()) {
+    throw std::invalid_argument("camera_to_base is not a rotation and a finite translation");
+  }
+}
+
+template <typename Reading>
+void requireUsable(const char* name, const std::optional<Reading>& reading) {
+  const std::string trouble = reading ? whyUnusable(*reading) : "";
+  if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
+}
+
+void requireValid(const GroundFrame& frame) {
+  requireUsable("the height", frame.height);
+  requireUsable("the normal", frame.down);
+  requireUsable("the rotation", frame.turn);
+  if (!(frame.camera(0, 0) > 0.0 && frame.camera(1, 1) > 0.0) || !frame.camera.allFinite()) {
+    throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
+                                std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
+  }
+  if (frame.homography && !frame.homography->allFinite()) {
+    throw std::invalid_argument("the homography has a number that is not finite");
+  }
+}
+
+bool isUsable(const Covariance8& covariance) {
+  if (!covariance.allFinite() || !(covariance.diagonal().minCoeff() > 0.0)) return false;
+  const Eigen::Matrix<double, 8, 1> scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix<double, 8, 8> correlation =
+      scale.asDiagonal() * covariance * scale.asDiagonal();
+  return correlation.llt().info() == Eigen::Success;
+}
+
+/// Rotation by `yaw` about z.
+Eigen::Matrix3d aboutUp(double yaw) {
+  return motion::rotationAbout(yaw * Eigen::Vector3d::UnitZ());
+}
+
+double yawOf(const Eigen::Matrix3d& axes) {
+  return std::atan2(axes(1, 0), axes(0, 0));
+}
+
+}  // namespace
+
+struct GroundMotion::Impl {
+  struct Destination {
+    Pose3 base;
+    Covariance6 covariance;
+  };
+
+  const GroundEstimate& add(const GroundFrame& frame);
+  GroundStatus follow(const GroundFrame& frame);
+  GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
+  GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
+  CameraPose firstPose(const GroundFrame& frame) const;
+  CameraPose onGround(const GroundFrame& frame, const CameraPose& pose) const;
+  void predict(double seconds);
+  void useReadings(const GroundFrame& frame);
+  void widenForReadings(const GroundFrame& frame);
+  void roughen();
+  void moveToDestination();
+  void beginMap(const GroundFrame& frame, const ImageMotion& image);
+  void measureTwist(double seconds);
+  void report();
+  double sinceLast(const GroundFrame& frame) const {
+    return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
+  }
+
+  GroundMotionOptions options;
+  GroundFilter filter;
+  GroundEstimate estimate;
+  bool has_pose = false;      // of the frame at last_stamp
+  bool is_connected = false;  // the map of the keyframe is valid
+  std::int64_t last_stamp = 0;
+  std::int64_t newest_stamp = 0;  // also of frames without a homography
+  bool has_frame = false;
+  std::int64_t keyframe_stamp = 0;
+  Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
+  Vector6 camera_twist = Vector6::Zero();            // of the camera, in its frame
+  Matrix6 camera_twist_covariance = Matrix6::Zero();
+  int contradictions = 0;
+  std::optional<Destination> destination;
+};
+
+const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
+  requireValid(frame);
+  if (has_frame && frame.stamp == newest_stamp) {
+    throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
+  }
+  estimate = {};
+  const bool went_back = has_frame && frame.stamp < newest_stamp;
+  newest_stamp = frame.stamp;
+  has_frame = true;
+  if (went_back) has_pose = is_connected = false;
+  estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
+  if (estimate.hasPose()) {
+    last_stamp = frame.stamp;
+    report();
+  } else if (estimate.status == GroundStatus::no_normal) {
+    last_stamp = frame.stamp;
+  } else if (estimate.status == GroundStatus::contradiction) {
+    is_connected = false;
+  }
+  return estimate;
+}
+
+GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
+  if (!frame.homography) return GroundStatus::no_homography;
+  if (!isUsable(frame.covariance)) return GroundStatus::no_covariance;
+  const ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  const bool from_last = frame.reference_stamp == last_stamp;
+  if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
+    if (from_last && frame.reference_stamp != keyframe_stamp) {
+      roughen();
+      filter.setKeyframe(image, true);
+      keyframe_stamp = frame.reference_stamp;
+    }
+    return connect(frame, image);
+  }
+  return beginAt(frame, image);
+}
+
+/// A pose for a frame that nothing connects to the frames before it.
+GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMotion& image) {
+  const bool resumes = has_pose;
+  if (!resumes && !frame.height) return GroundStatus::no_height;
+  if (resumes) {
+    estimate.gap = sinceLast(frame);
+    predict(estimate.gap);
+  } else {
+    Vector6 variances;
+    const double exact = kOrigin * frame.height->metres;
+    variances << exact * exact, exact * exact, 0.0, 0.0, 0.0, kOrigin * kOrigin;
+    const CameraPose first = firstPose(frame);
+    Matrix6 covariance = variances.asDiagonal();
+    covariance.bottomRightCorner<3, 3>() =
+        first.axes.transpose() * covariance.bottomRightCorner<3, 3>() * first.axes;
+    filter.start(first, covariance);
+    origin = Eigen::Vector3d::Zero();
+    camera_twist.setZero();
+    camera_twist_covariance.setZero();
+    camera_twist_covariance.diagonal().head<3>().setConstant(std::pow(options.acceleration, 2));
+    camera_twist_covariance.diagonal().tail<3>().setConstant(
+        std::pow(options.turn_acceleration, 2));
+  }
+  widenForReadings(frame);
+  useReadings(frame);
+  contradictions = 0;
+  if (destination) moveToDestination();
+  beginMap(frame, image);
+  has_pose = is_connected = true;
+  if (estimate.tilt_deviation > options.max_tilt_deviation) return GroundStatus::no_normal;
+  return resumes ? GroundStatus::resumed : GroundStatus::started;
+}
+
+/// A pose from the homography to the keyframe.
+GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
+  if (!filter.advance(image) || filter.useRest(kHomographyLimit) > kHomographyLimit) {
+    return GroundStatus::contradiction;
+  }
+  if (frame.turn) filter.use(*frame.turn, kNoLimit);
+  useReadings(frame);
+  measureTwist(sinceLast(frame));
+  if (destination) {
+    moveToDestination();
+    beginMap(frame, image);
+  }
+  // The ground is not where earlier frames saw it: begin with the readings, at the next frame.
+  if (contradictions >= kPatience) is_connected = false;
+  if (estimate.tilt_deviation > options.max_tilt_deviation) return GroundStatus::no_normal;
+  return GroundStatus::ok;
+}
+
+/// The pose with the given height and normal, and the base where it was: it turns as little as
+/// possible.
+CameraPose GroundMotion::Impl::onGround(const GroundFrame& frame, const CameraPose& pose) const {
+  CameraPose placed = pose;
+  const Eigen::Vector3d lever = options.camera_to_base.inverse().translation();
+  const Eigen::Vector3d base = pose.position + pose.axes * lever;
+  if (frame.down) {
+    const Eigen::Vector3d down = -pose.axes.row(2).transpose();
+    placed.axes =
+        pose.axes *
+        Eigen::Quaterniond::FromTwoVectors(frame.down->direction, down).toRotationMatrix();
+  }
+  placed.position.head<2>() = (base - placed.axes * lever).head<2>();
+  if (frame.height) {
+    const motion::PoseRows<1> rows = rowsOf(*frame.height, placed, 0.0);
+    placed.position.z() += rows.residual(0) / rows.slope(2);
+  }
+  return placed;
+}
+
+/// Above the origin, with the base's x axis along x.
+CameraPose GroundMotion::Impl::firstPose(const GroundFrame& frame) const {
+  CameraPose pose;
+  pose.axes = options.camera_to_base.linear();
+  pose.position.z() = frame.height->metres;
+  pose = onGround(frame, pose);
+  const Pose3 base_to_camera = options.camera_to_base.inverse();
+  pose.axes = aboutUp(-yawOf(pose.axes * base_to_camera.linear())) * pose.axes;
+  pose.position.head<2>() = -(pose.axes * base_to_camera.translation()).head<2>();
+  return pose;
+}
+
+/// Moves the pose on with its last velocity.
+void GroundMotion::Impl::predict(double seconds) {
+  const CameraPose last = filter.pose();
+  const Eigen::Matrix3d turn = motion::rotationAbout(seconds * camera_twist.tail<3>());
+  const CameraPose next{last.axes * turn,
+                        last.position + seconds * (last.axes * camera_twist.head<3>())};
+  Matrix6 by_pose = Matrix6::Identity();
+  by_pose.bottomRightCorner<3, 3>() = turn.transpose();
+  Matrix6 by_twist = seconds * Matrix6::Identity();
+  by_twist.topLeftCorner<3, 3>() *= last.axes;
+  Matrix6 covariance = by_pose * filter.covariance() * by_pose.transpose() +
+                       by_twist * camera_twist_covariance * by_twist.transpose();
+  const double half_square = 0.5 * seconds * seconds;
+  covariance.diagonal().head<3>().array() += std::pow(half_square * options.acceleration, 2);
+  covariance.diagonal().tail<3>().array() += std::pow(half_square * options.turn_acceleration, 2);
+  filter.start(next, covariance);
+}
+
+/// What is not connected to earlier frames takes height and normal from the readings alone.
+void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
+  Matrix6 more = Matrix6::Zero();
+  if (frame.height) more(2, 2) = frame.height->metres * frame.height->metres;
+  if (frame.down || !has_pose) {
+    const Eigen::Matrix3d& axes = filter.pose().axes;
+    const Eigen::Vector3d level(1.0, 1.0, 0.0);
+    more.bottomRightCorner<3, 3>() =
+        kUnknownTilt * kUnknownTilt * (axes.transpose() * level.asDiagonal() * axes);
+  }
+  filter.start(onGround(frame, filter.pose()), filter.covariance() + more);
+}
+
+void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
+  const double limit = GroundEstimate::kContradiction;
+  const CameraPose now = filter.now();
+  if (frame.height) {
+    const double rise = now.axes.row(2).dot(camera_twist.head<3>());
+    estimate.height_misfit = filter.use(rowsOf(*frame.height, now, rise), limit);
+    estimate.height_used = estimate.height_misfit <= limit;
+  }
+  if (frame.down) {
+    estimate.down_misfit = filter.use(rowsOf(*frame.down, filter.now()), limit);
+    estimate.down_used = estimate.down_misfit <= limit;
+  }
+  const bool contradicts =
+      (frame.height && !estimate.height_used) || (frame.down && !estimate.down_used);
+  if (contradicts) ++contradictions;
+  if (!contradicts && (frame.height || frame.down)) contradictions = 0;
+  const Eigen::Matrix3d& axes = filter.now().axes;
+  const Eigen::Matrix3d turn =
+      axes * filter.covariance().bottomRightCorner<3, 3>() * axes.transpose();
+  estimate.tilt_deviation = std::sqrt(std::max(turn(0, 0), turn(1, 1)));
+}
+
+/// The ground of the next keyframe is not quite that of this one.
+void GroundMotion::Impl::roughen() {
+  const CameraPose& now = filter.now();
+  const double height = now.position.z();
+  const Eigen::Vector3d position = filter.pose().position;
+  const double share = (position - keyframe_position).norm() / height;
+  const double variance = options.ground_slope * options.ground_slope * share;
+  Matrix6 more = Matrix6::Zero();
+  more(2, 2) = height * height * variance;
+  const Eigen::Vector3d level(1.0, 1.0, 0.0);
+  more.bottomRightCorner<3, 3>() =
+      variance * (now.axes.transpose() * level.asDiagonal() * now.axes);
+  filter.addCovariance(more);
+  keyframe_position = position;
+}
+
+/// Height and tilt keep their covariance; x, y and yaw get the given one.
+void GroundMotion::Impl::moveToDestination() {
+  const CameraPose before = filter.pose();
+  CameraPose pose = before;
+  const Pose3 base_to_camera = options.camera_to_base.inverse();
+  const double yaw_now = yawOf(pose.axes * base_to_camera.linear());
+  pose.axes = aboutUp(yawOf(destination->base.linear()) - yaw_now) * pose.axes;
+  const Eigen::Vector3d lever = pose.axes * base_to_camera.translation();
+  pose.position.head<2>() = (destination->base.translation() - lever).head<2>();
+  Matrix6 to_axes_of_ground = Matrix6::Identity();
+  to_axes_of_ground.bottomRightCorner<3, 3>() = before.axes;
+  Matrix6 covariance = to_axes_of_ground * filter.covariance() * to_axes_of_ground.transpose();
+  for (const int i : {0, 1, 5}) {
+    covariance.row(i).setZero();
+    covariance.col(i).setZero();
+  }
+  for (const int i : {0, 1, 5}) {
+    for (const int j : {0, 1, 5}) covariance(i, j) = destination->covariance(i, j);
+    covariance(i, i) += kOrigin * kOrigin;
+  }
+  to_axes_of_ground.bottomRightCorner<3, 3>() = pose.axes;
+  filter.start(pose, to_axes_of_ground.transpose() * covariance * to_axes_of_ground);
+  origin = destination->base.translation();
+  destination.reset();
+}
+
+/// The reference of `image`, which leads to the newest pose, becomes the keyframe.
+void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
+  filter.setKeyframe(image, false);
+  keyframe_stamp = frame.reference_stamp;
+  keyframe_position = filter.pose().position;
+}
+
+void GroundMotion::Impl::measureTwist(double seconds) {
+  camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
+  Eigen::Matrix<double, 6, 12> slope;
+  for (int i = 0; i < 12; ++i) {
+    const double size = i % 6 < 3 ? 1e-3 * filter.now().position.z() : 1e-4;
+    const Vector6 step = size * Vector6::Unit(i % 6);
+    const auto twistWith = [&](const Vector6& change) {
+      return i < 6 ? motion::constantTwist(moved(filter.before(), change), filter.now())
+                   : motion::constantTwist(filter.before(), moved(filter.now(), change));
+    };
+    slope.col(i) = (twistWith(step) - twistWith(-step)) / (2.0 * size * seconds);
+  }
+  camera_twist_covariance = slope * filter.covarianceOfBoth() * slope.transpose();
+}
+
+/// From the camera to the base.
+void GroundMotion::Impl::report() {
+  const CameraPose now = filter.pose();
+  const Pose3 base_to_camera = options.camera_to_base.inverse();
+  const Eigen::Vector3d lever = base_to_camera.translation();
+  const double scale_variance = options.scale_deviation * options.scale_deviation;
+  estimate.height = now.position.z();
+  estimate.base_to_odometry.linear() = now.axes * base_to_camera.linear();
+  estimate.base_to_odometry.translation() = now.position + now.axes * lever;
+  Matrix6 slope = Matrix6::Identity();
+  slope.topRightCorner<3, 3>() = -now.axes * motion::cross(lever);
+  slope.bottomRightCorner<3, 3>() = now.axes;
+  const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;
+  Matrix6 covariance = slope * filter.covariance() * slope.transpose();
+  covariance.topLeftCorner<3, 3>() += scale_variance * way * way.transpose();
+  estimate.pose_covariance = covariance;
+  if (!estimate.hasTwist()) return;
+
+  const Eigen::Matrix3d to_base = options.camera_to_base.linear();
+  slope.setZero();
+  slope.topLeftCorner<3, 3>() = to_base;
+  slope.topRightCorner<3, 3>() = -to_base * motion::cross(lever);
+  slope.bottomRightCorner<3, 3>() = to_base;
+  const Vector6 twist = slope * camera_twist;
+  covariance = slope * camera_twist_covariance * slope.transpose();
+  covariance.topLeftCorner<3, 3>() +=
+      scale_variance * twist.head<3>() * twist.head<3>().transpose();
+  estimate.twist = twist;
+  estimate.twist_covariance = covariance;
+}
+
+GroundMotion::GroundMotion(const GroundMotionOptions& options) : impl_(std::make_unique<Impl>()) {
+  setOptions(options);
+}
+GroundMotion::~GroundMotion() = default;
+GroundMotion::GroundMotion(GroundMotion&&) noexcept = default;
+GroundMotion& GroundMotion::operator=(GroundMotion&&) noexcept = default;
+
+const GroundMotionOptions& GroundMotion::options() const {
+  return impl_->options;
+}
+
+void GroundMotion::setOptions(const GroundMotionOptions& options) {
+  requireValid(options);
+  impl_->options = options;
+}
+
+const GroundEstimate& GroundMotion::add(const GroundFrame& frame) {
+  return impl_->add(frame);
+}
+
+void GroundMotion::reset() {
+  impl_->has_pose = impl_->is_connected = impl_->has_frame = false;
+  impl_->destination.reset();
+}
+
+void GroundMotion::setPose(const Pose3& base_to_odometry, const Covariance6& covariance) {
+  const Covariance6::ConstDiagonalReturnType variances = covariance.diagonal();
+  if (!base_to_odometry.matrix().allFinite() || !covariance.allFinite() ||
+      !(variances.minCoeff() >= 0.0)) {
+    throw std::invalid_argument(
+        "the pose or its covariance is not usable; expected finite numbers and variances of at "
+        "least 0");
+  }
+  impl_->destination = {base_to_odometry, covariance};
+}
+
+std::string whyUnusable(const HeightReading& reading) {
+  if (!(reading.metres > 0.0) || !std::isfinite(reading.metres)) {
+    return "is " + std::to_string(reading.metres) + " m; expected a number above 0";
+  }
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " m; expected a number of at least 0";
+  }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
+  if (!reading.beam_origin.allFinite() || !reading.beam_direction.allFinite()) {
+    return "has a beam that is not finite";
+  }
+  return "";
+}
+
+std::string whyUnusable(const DownReading& reading) {
+  if (!(std::abs(reading.direction.norm() - 1.0) < 1e-6)) {
+    return "has a length of " + std::to_string(reading.direction.norm()) + "; expected 1";
+  }
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " rad; expected a number of at least 0";
+  }
+  return "";
+}
+
+std::string whyUnusable(const TurnReading& reading) {
+  const double error =
+      (reading.rotation.transpose() * reading.rotation - Eigen::Matrix3d::Identity()).norm();
+  if (!(error < 1e-6)) return "is not a rotation matrix";
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " rad; expected a number of at least 0";
+  }
+  return "";
+}
+
+const char* toString(GroundStatus status) {
+  switch (status) {
+    case GroundStatus::ok:
+      return "ok";
+    case GroundStatus::started:
+      return "started";
+    case GroundStatus::resumed:
+      return "resumed";
+    case GroundStatus::no_homography:
+      return "no_homography";
+    case GroundStatus::no_covariance:
+      return "no_covariance";
+    case GroundStatus::no_height:
+      return "no_height";
+    case GroundStatus::no_normal:
+      return "no_normal";
+    case GroundStatus::contradiction:
+      return "contradiction";
+    case GroundStatus::stamp_went_back:
+      return "stamp_went_back";
+  }
+  return "unknown";
+}
+
+}  // namespace ktgp_orb

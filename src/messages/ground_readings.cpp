@@ -1,0 +1,367 @@
+#include "messages/ground_readings.h"
+
+#include <ktgp_orb/MatchStatus.h>
+#include <tf2/exceptions.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+
+#include "core/util/constants.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kDegree = util::kPi / 180.0;
+constexpr std::size_t kKept = 1000;  // messages
+using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+std::string seconds(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3f s", value);
+  return text;
+}
+
+/// By its name, or the one that counts as none in tf.
+std::string withoutSlash(const std::string& frame) {
+  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
+}
+
+template <typename Message>
+const Message* nearest(const std::deque<Message>& messages, const ros::Time& stamp) {
+  const auto found =
+      std::min_element(messages.begin(), messages.end(), [&](const auto& a, const auto& b) {
+        return std::abs((a.header.stamp - stamp).toSec()) <
+               std::abs((b.header.stamp - stamp).toSec());
+      });
+  return found == messages.end() ? nullptr : &*found;
+}
+
+/// A stamp that goes back: a looped bag, or a clock that was set.
+template <typename Message>
+void keep(const Message& message, std::deque<Message>& messages) {
+  if (!messages.empty() && message.header.stamp < messages.back().header.stamp) messages.clear();
+  messages.push_back(message);
+  if (messages.size() > kKept) messages.pop_front();
+}
+
+bool isFinite(const geometry_msgs::Vector3& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
+  return {v.x, v.y, v.z};
+}
+
+/// Why the range of a message is none.
+std::string whyNone(const sensor_msgs::Range& range) {
+  const double value = range.range;
+  if (std::isfinite(value) && value > 0.0 && value >= range.min_range && value <= range.max_range) {
+    return "";
+  }
+  return "is " + std::to_string(value) + " m; expected a number above 0 within its limits, " +
+         std::to_string(range.min_range) + " to " + std::to_string(range.max_range) + " m";
+}
+
+}  // namespace
+
+void GroundReadings::configure(const GroundMotionConfig& config, const std::string& range_topic,
+                               const std::string& imu_topic) {
+  config_ = config;
+  range_topic_ = range_topic;
+  imu_topic_ = imu_topic;
+}
+
+void GroundReadings::add(const sensor_msgs::Range& range) {
+  keep(range, ranges_);
+}
+
+void GroundReadings::add(const sensor_msgs::Imu& imu) {
+  keep(imu, imus_);
+}
+
+void GroundReadings::clear() {
+  ranges_.clear();
+  imus_.clear();
+  used_range_ = last_image_ = ros::Time();
+}
+
+bool GroundReadings::complete(const ros::Time& stamp, const std::string& camera) const {
+  if (usesImu() && (imus_.empty() || imus_.back().header.stamp < stamp)) return false;
+  const bool uses_tf = config_.height_source == "tf_height" || config_.normal_source == "tf_normal";
+  return !uses_tf || tf_.canTransform(config_.ground_frame, withoutSlash(camera), stamp);
+}
+
+std::string GroundReadings::heightSource() const {
+  if (config_.height_source == "range") return "the range on " + range_topic_;
+  if (config_.height_source == "tf_height") return "tf, the plane z = 0 of " + config_.ground_frame;
+  return "the parameter height, " + std::to_string(config_.height) + " m";
+}
+
+std::string GroundReadings::normalSource() const {
+  const std::string gyro = config_.gyro ? ", and its angular velocity" : "";
+  if (config_.normal_source == "imu") return "the orientation on " + imu_topic_ + gyro;
+  const std::string turn = config_.gyro ? ", and the angular velocity on " + imu_topic_ : "";
+  if (config_.normal_source == "tf_normal") return "tf, -z of " + config_.ground_frame + turn;
+  if (config_.normal_source == "motion") return "the motion" + turn;
+  return "straight down, -z of " +
+         (config_.base_frame.empty() ? "the camera, its optical axis" : config_.base_frame) + turn;
+}
+
+std::optional<Pose3> GroundReadings::transform(const std::string& target, const std::string& source,
+                                               const ros::Time& time, std::string& problem) const {
+  if (withoutSlash(target) == withoutSlash(source)) return Pose3::Identity();
+  try {
+    const auto found =
+        tf_.lookupTransform(withoutSlash(target), withoutSlash(source), time).transform;
+    Pose3 pose = Pose3::Identity();
+    pose.linear() =
+        Eigen::Quaterniond(found.rotation.w, found.rotation.x, found.rotation.y, found.rotation.z)
+            .normalized()
+            .toRotationMatrix();
+    pose.translation() = vector(found.translation);
+    return pose;
+  } catch (const tf2::TransformException& error) {
+    problem = std::string("tf: ") + error.what();
+    return std::nullopt;
+  }
+}
+
+GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) const {
+  GroundMotionOptions options;
+  options.ground_slope = config_.ground_slope;
+  if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
+  std::string problem;
+  if (config_.base_frame.empty()) {
+    // The base is level where the camera looks straight down.
+    options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+    return options;
+  }
+  const auto found = transform(config_.base_frame, image.frame_id, image.stamp, problem);
+  if (!found)
+    throw std::invalid_argument("where the camera is in base_frame is not known: " + problem);
+  options.camera_to_base = *found;
+  return options;
+}
+
+GroundFrame GroundReadings::frameOf(const Match& match, const sensor_msgs::CameraInfo& info,
+                                    Pixels pixels) {
+  const HomographyStamped& h = match.homography;
+  GroundFrame frame;
+  frame.stamp = static_cast<std::int64_t>(match.header.stamp.toNSec());
+  frame.reference_stamp = static_cast<std::int64_t>(h.reference_stamp.toNSec());
+  if (h.status == MatchStatus::STATUS_OK) {
+    const cv::Size size(static_cast<int>(match.correspondences.image_width),
+                        static_cast<int>(match.correspondences.image_height));
+    const PixelCamera camera = pixelCamera(info, h.rectified ? Pixels::rectified : pixels, size);
+    if (camera.lens) {
+      throw std::invalid_argument(
+          "the images have lens distortion; expected homographies of images without: give the "
+          "matcher image_rect, or set its parameter rectify");
+    }
+    frame.camera = camera.camera;
+    frame.homography =
+        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
+    frame.covariance =
+        Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(h.covariance.data());
+  } else {
+    frame.camera = Eigen::Matrix3d::Identity();
+  }
+  no_height_.clear();
+  no_normal_.clear();
+  no_turn_.clear();
+  frame.height = height(match.header);
+  frame.down = down(match.header);
+  frame.turn = turn(match.header);
+  last_image_ = match.header.stamp;
+  return frame;
+}
+
+std::optional<HeightReading> GroundReadings::height(const std_msgs::Header& image) {
+  if (config_.height_source == "range") return heightOfRange(image);
+  HeightReading reading;
+  reading.metres = config_.height;
+  if (config_.height_source == "tf_height") {
+    const auto found = transform(config_.ground_frame, image.frame_id, image.stamp, no_height_);
+    if (!found) return std::nullopt;
+    reading.metres = found->translation().z();
+  }
+  reading.deviation = config_.height_deviation * std::abs(reading.metres);
+  no_height_ = whyUnusable(reading);
+  if (no_height_.empty()) return reading;
+  no_height_ = "the height of " + heightSource() + " " + no_height_;
+  return std::nullopt;
+}
+
+std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Header& image) {
+  const sensor_msgs::Range* range = nearest(ranges_, image.stamp);
+  if (range == nullptr) {
+    no_height_ = "no range on " + range_topic_;
+    return std::nullopt;
+  }
+  HeightReading reading;
+  reading.age = (image.stamp - range->header.stamp).toSec();
+  if (std::abs(reading.age) > config_.max_age) {
+    no_height_ = "the nearest range on " + range_topic_ + " is " + seconds(std::abs(reading.age)) +
+                 " away from the image; expected at most max_age, " + seconds(config_.max_age);
+    return std::nullopt;
+  }
+  no_height_ = whyNone(*range);
+  if (!no_height_.empty()) {
+    no_height_ = "the range on " + range_topic_ + " " + no_height_;
+    return std::nullopt;
+  }
+  if (range->header.stamp == used_range_) return std::nullopt;  // each reading counts once
+  reading.metres = range->range;
+  reading.deviation = config_.height_deviation * reading.metres;
+  reading.beam_direction = Eigen::Vector3d::UnitZ();
+  if (withoutSlash(range->header.frame_id) != withoutSlash(image.frame_id)) {
+    const auto found =
+        transform(image.frame_id, range->header.frame_id, range->header.stamp, no_height_);
+    if (!found) return std::nullopt;
+    reading.beam_origin = found->translation();
+    reading.beam_direction = found->linear().col(0);  // a range sensor looks along its x axis
+  }
+  used_range_ = range->header.stamp;
+  return reading;
+}
+
+std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
+  if (config_.normal_source == "motion") return std::nullopt;
+  if (config_.normal_source == "imu") return downOfImu(image);
+  DownReading reading;
+  reading.deviation = config_.normal_deviation * kDegree;
+  const bool of_tf = config_.normal_source == "tf_normal";
+  if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
+  const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
+                               image.stamp, no_normal_);
+  if (!found) return std::nullopt;
+  reading.direction = -found->linear().row(2).transpose();
+  return reading;
+}
+
+std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& image) {
+  const sensor_msgs::Imu* imu = nearest(imus_, image.stamp);
+  if (imu == nullptr) {
+    no_normal_ = "no Imu on " + imu_topic_;
+    return std::nullopt;
+  }
+  const double age = (image.stamp - imu->header.stamp).toSec();
+  if (std::abs(age) > config_.max_age) {
+    no_normal_ = "the nearest Imu on " + imu_topic_ + " is " + seconds(std::abs(age)) +
+                 " away from the image; expected at most max_age, " + seconds(config_.max_age);
+    return std::nullopt;
+  }
+  const Eigen::Quaterniond turn(imu->orientation.w, imu->orientation.x, imu->orientation.y,
+                                imu->orientation.z);
+  if (imu->orientation_covariance[0] < 0.0 || !(std::abs(turn.norm() - 1.0) < 0.01)) {
+    no_normal_ = "the Imu on " + imu_topic_ +
+                 " has no orientation; expected a quaternion of length 1 and "
+                 "orientation_covariance[0] other than -1";
+    return std::nullopt;
+  }
+  const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
+  if (!found) return std::nullopt;
+  DownReading reading;
+  reading.deviation = config_.normal_deviation * kDegree;
+  Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
+  const bool has_rate =
+      imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
+  if (has_rate) down -= age * vector(imu->angular_velocity).cross(down);
+  reading.direction = (found->linear() * down).normalized();
+  return reading;
+}
+
+/// The mean angular velocity since the previous image.
+std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
+  if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double count = 0.0;
+  std::string frame;
+  for (const sensor_msgs::Imu& imu : imus_) {
+    if (imu.header.stamp <= last_image_ || imu.header.stamp > image.stamp) continue;
+    if (imu.angular_velocity_covariance[0] < 0.0 || !isFinite(imu.angular_velocity)) continue;
+    sum += vector(imu.angular_velocity);
+    count += 1.0;
+    frame = imu.header.frame_id;
+  }
+  if (count == 0.0) {
+    no_turn_ = "no angular velocity on " + imu_topic_ + " between two images";
+    return std::nullopt;
+  }
+  const auto found = transform(image.frame_id, frame, image.stamp, no_turn_);
+  if (!found) return std::nullopt;
+  const double length = (image.stamp - last_image_).toSec();
+  const Eigen::Vector3d angles = found->linear() * (length / count * sum);
+  TurnReading reading;
+  const double angle = angles.norm();
+  if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
+  reading.deviation = config_.gyro_deviation * kDegree * length;
+  return reading;
+}
+
+std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
+  return config.base_frame.empty() ? image.frame_id + "_level" : config.base_frame;
+}
+
+Pose3 poseOf(const geometry_msgs::Pose& pose) {
+  const Eigen::Quaterniond turn(pose.orientation.w, pose.orientation.x, pose.orientation.y,
+                                pose.orientation.z);
+  if (!(std::abs(turn.norm() - 1.0) < 0.01)) {
+    throw std::invalid_argument("the orientation has a length of " + std::to_string(turn.norm()) +
+                                "; expected a quaternion of length 1");
+  }
+  Pose3 result = Pose3::Identity();
+  result.linear() = turn.normalized().toRotationMatrix();
+  result.translation() << pose.position.x, pose.position.y, pose.position.z;
+  return result;
+}
+
+Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose) {
+  return Eigen::Map<const RowMajor6>(pose.covariance.data());
+}
+
+nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
+                              const GroundMotionConfig& config) {
+  nav_msgs::Odometry message;
+  message.header = image;
+  message.header.frame_id = config.odom_frame;
+  message.child_frame_id = baseFrame(image, config);
+  const Eigen::Vector3d position = estimate.base_to_odometry.translation();
+  const Eigen::Quaterniond rotation(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
+  message.pose.pose.position.x = position.x();
+  message.pose.pose.position.y = position.y();
+  message.pose.pose.position.z = position.z();
+  message.pose.pose.orientation.x = rotation.x();
+  message.pose.pose.orientation.y = rotation.y();
+  message.pose.pose.orientation.z = rotation.z();
+  message.pose.pose.orientation.w = rotation.w();
+  Eigen::Map<RowMajor6>(message.pose.covariance.data()) = estimate.pose_covariance;
+  if (estimate.hasTwist()) {
+    message.twist = twistOf(estimate, image, config).twist;
+  } else {
+    message.twist.covariance.fill(0.0);
+    for (std::size_t i = 0; i < 6; ++i) message.twist.covariance[7 * i] = 1e6;  // not known
+  }
+  return message;
+}
+
+geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate,
+                                                  const std_msgs::Header& image,
+                                                  const GroundMotionConfig& config) {
+  geometry_msgs::TwistWithCovarianceStamped message;
+  message.header = image;
+  message.header.frame_id = baseFrame(image, config);
+  message.twist.twist.linear.x = estimate.twist(0);
+  message.twist.twist.linear.y = estimate.twist(1);
+  message.twist.twist.linear.z = estimate.twist(2);
+  message.twist.twist.angular.x = estimate.twist(3);
+  message.twist.twist.angular.y = estimate.twist(4);
+  message.twist.twist.angular.z = estimate.twist(5);
+  Eigen::Map<RowMajor6>(message.twist.covariance.data()) = estimate.twist_covariance;
+  return message;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <geometry_msgs/PoseWithCovariance.h>
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
+#include <ktgp_orb/GroundMotionConfig.h>
+#include <ktgp_orb/Match.h>
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/Range.h>
+#include <tf2/buffer_core.h>
+
+#include <deque>
+#include <optional>
+#include <string>
+
+#include "ktgp_orb/ground_motion.h"
+#include "messages/camera.h"
+
+namespace ktgp_orb {
+
+/// Collects what the ground motion needs beside the homography, from messages and tf, and knows
+/// why something is missing. An instance belongs to one thread at a time.
+class GroundReadings {
+ public:
+  /// `tf` must live longer.
+  explicit GroundReadings(const tf2::BufferCore& tf) : tf_(tf) {}
+
+  /// `range_topic`, `imu_topic`: their names in explanations.
+  void configure(const GroundMotionConfig& config, const std::string& range_topic,
+                 const std::string& imu_topic);
+  void add(const sensor_msgs::Range& range);
+  void add(const sensor_msgs::Imu& imu);
+  void clear();
+
+  bool usesRange() const { return config_.height_source == "range"; }
+  bool usesNormal() const { return config_.normal_source != "motion"; }
+  bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
+  /// Whether later messages cannot tell more about that time.
+  bool complete(const ros::Time& stamp, const std::string& camera) const;
+
+  /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
+  /// where the camera is.
+  GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
+  /// The frame of a match, with all usable readings. Throws std::invalid_argument, with the reason,
+  /// for a calibration that does not fit the image.
+  GroundFrame frameOf(const Match& match, const sensor_msgs::CameraInfo& info, Pixels pixels);
+  /// Why the newest frame has no height, no normal, no rotation; empty: it has, or needs none.
+  const std::string& noHeight() const { return no_height_; }
+  const std::string& noNormal() const { return no_normal_; }
+  const std::string& noTurn() const { return no_turn_; }
+  /// The sources in words.
+  std::string heightSource() const;
+  std::string normalSource() const;
+
+ private:
+  std::optional<HeightReading> height(const std_msgs::Header& image);
+  std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
+  std::optional<DownReading> down(const std_msgs::Header& image);
+  std::optional<DownReading> downOfImu(const std_msgs::Header& image);
+  std::optional<TurnReading> turn(const std_msgs::Header& image);
+  std::optional<Pose3> transform(const std::string& target, const std::string& source,
+                                 const ros::Time& time, std::string& problem) const;
+
+  const tf2::BufferCore& tf_;
+  GroundMotionConfig config_;
+  std::string range_topic_;
+  std::string imu_topic_;
+  std::deque<sensor_msgs::Range> ranges_;
+  std::deque<sensor_msgs::Imu> imus_;
+  ros::Time used_range_;
+  ros::Time last_image_;
+  std::string no_height_;
+  std::string no_normal_;
+  std::string no_turn_;
+};
+
+/// The estimate as messages; only where hasPose() and hasTwist().
+nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
+                              const GroundMotionConfig& config);
+geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate,
+                                                  const std_msgs::Header& image,
+                                                  const GroundMotionConfig& config);
+Pose3 poseOf(const geometry_msgs::Pose& pose);
+Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose);
+/// The base frame of the messages: `base_frame`, or that of the camera.
+std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
+
+}  // namespace ktgp_orb

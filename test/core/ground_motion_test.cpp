@@ -1,0 +1,529 @@
+// Metric motion against the truth, against numeric derivatives and in Monte Carlo.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <stdexcept>
+#include <string>
+
+#include "allocation_counter.h"
+#include "core/motion/rows.h"
+#include "ktgp_orb/ground_motion.h"
+
+namespace ktgp_orb {
+namespace {
+
+using motion::CameraPose;
+using motion::Matrix8;
+using motion::Vector6;
+using motion::Vector8;
+
+constexpr double kRate = 30.0;
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+
+std::int64_t stampOf(int frame) {
+  return std::llround(1e9 * (1000.0 + frame / kRate));
+}
+
+Eigen::Matrix3d camera() {
+  Eigen::Matrix3d k;
+  k << 525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0;
+  return k;
+}
+
+/// Looks forward and down from the front of a vehicle.
+Pose3 mounted() {
+  Pose3 pose = Pose3::Identity();
+  pose.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal() *
+                  Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.5, 0.8, 0.2).normalized());
+  pose.translation() << 0.4, -0.1, -0.2;
+  return pose;
+}
+
+/// A smooth motion of the base at about four metres.
+CameraPose truthAt(int frame, const Pose3& camera_to_base) {
+  const double t = frame / kRate;
+  const Eigen::Vector3d position(2.5 * t, 1.5 * std::sin(0.7 * t), 4.0 + 0.5 * std::sin(0.5 * t));
+  const Eigen::Matrix3d base =
+      (Eigen::AngleAxisd(0.5 * std::sin(0.9 * t), Eigen::Vector3d::UnitZ()) *
+       Eigen::AngleAxisd(0.12 * std::sin(1.3 * t), Eigen::Vector3d::UnitY()) *
+       Eigen::AngleAxisd(0.1 * std::sin(1.1 * t), Eigen::Vector3d::UnitX()))
+          .toRotationMatrix();
+  return {base * camera_to_base.linear(), position + base * camera_to_base.translation()};
+}
+
+CameraPose baseOf(const CameraPose& pose, const Pose3& camera_to_base) {
+  const Pose3 inverse = camera_to_base.inverse();
+  return {pose.axes * inverse.linear(), pose.position + pose.axes * inverse.translation()};
+}
+
+/// Gives frames of a flight with a new keyframe every ten frames; the noise of each image is a
+/// homography near the identity.
+class Flight {
+ public:
+  Flight(const Pose3& camera_to_base, double image_noise, unsigned seed = 1)
+      : camera_to_base_(camera_to_base), noise_(image_noise), random_(seed) {}
+
+  double range_noise = 0.0;  // share
+  double tilt_noise = 0.0;   // rad
+  bool gives_height = true;
+  bool gives_down = true;
+  double length_factor = 1.0;  // of the ranges
+  double perspective = 1.0;    // factor of the noise of h20 and h21
+
+  CameraPose truth(int frame) const { return truthAt(frame, camera_to_base_); }
+  CameraPose base(int frame) const { return baseOf(truth(frame), camera_to_base_); }
+
+  GroundFrame next() {
+    const int frame = frame_++;
+    GroundFrame result;
+    result.stamp = stampOf(frame);
+    result.camera = camera();
+    const CameraPose pose = truth(frame);
+    const Eigen::Matrix3d image = disturbed() * motion::imageFromGround(pose);
+    if (frame > 0) {
+      result.reference_stamp = stampOf(keyframe_);
+      const Eigen::Matrix3d h = camera() * image * keyframe_image_.inverse() * camera().inverse();
+      result.homography = h / h(2, 2);
+      result.covariance = covarianceOf(*result.homography);
+    }
+    if (frame % 10 == 0) {
+      keyframe_ = frame;
+      keyframe_image_ = image;
+    }
+    if (gives_height) result.height = height(pose);
+    if (gives_down) result.down = down(pose);
+    return result;
+  }
+
+ private:
+  double normal() { return normal_(random_); }
+
+  Eigen::Matrix3d disturbed() {
+    Eigen::Matrix3d d = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 8; ++i) d(i / 3, i % 3) += noise_ * (i < 6 ? 1.0 : perspective) * normal();
+    return d;
+  }
+
+  /// Of the noise of both images, by numeric derivatives.
+  Covariance8 covarianceOf(const Eigen::Matrix3d& h) const {
+    Eigen::Matrix<double, 8, 16> slope;
+    for (int i = 0; i < 16; ++i) {
+      Eigen::Matrix3d change = Eigen::Matrix3d::Zero();
+      change((i % 8) / 3, (i % 8) % 3) = 1e-7;
+      change = camera() * change * camera().inverse();
+      const Eigen::Matrix3d moved =
+          i < 8 ? Eigen::Matrix3d(h + change * h) : Eigen::Matrix3d(h - h * change);
+      slope.col(i) = (i % 8 < 6 ? 1.0 : perspective) *
+                     (motion::entriesOf(moved) - motion::entriesOf(h)) / 1e-7;
+    }
+    return noise_ * noise_ * slope * slope.transpose();
+  }
+
+  HeightReading height(const CameraPose& pose) {
+    HeightReading reading;
+    reading.metres = length_factor * pose.position.z() * (1.0 + range_noise * normal());
+    reading.deviation = range_noise * pose.position.z();
+    return reading;
+  }
+
+  DownReading down(const CameraPose& pose) {
+    DownReading reading;
+    const Eigen::Vector3d shake(normal(), normal(), normal());
+    reading.direction = motion::rotationAbout(tilt_noise * shake) * -pose.axes.row(2).transpose();
+    reading.direction.normalize();
+    reading.deviation = tilt_noise;
+    return reading;
+  }
+
+  Pose3 camera_to_base_;
+  double noise_;
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+  int frame_ = 0;
+  int keyframe_ = 0;
+  Eigen::Matrix3d keyframe_image_ = Eigen::Matrix3d::Identity();
+};
+
+GroundMotionOptions optionsWith(const Pose3& camera_to_base) {
+  GroundMotionOptions options;
+  options.camera_to_base = camera_to_base;
+  return options;
+}
+
+/// Base of a frame in the odometry frame, which starts at frame `first`.
+CameraPose inOdometry(const CameraPose& base, const CameraPose& first) {
+  const double yaw = std::atan2(first.axes(1, 0), first.axes(0, 0));
+  const Eigen::Matrix3d turn = motion::rotationAbout(-yaw * Eigen::Vector3d::UnitZ());
+  Eigen::Vector3d origin = first.position;
+  origin.z() = 0.0;
+  return {turn * base.axes, turn * (base.position - origin)};
+}
+
+Vector6 poseError(const GroundEstimate& estimate, const CameraPose& wanted) {
+  Vector6 error;
+  error << estimate.base_to_odometry.translation() - wanted.position,
+      motion::turnOf(estimate.base_to_odometry.linear() * wanted.axes.transpose());
+  return error;
+}
+
+TEST(GroundMotion, FollowsAnExactFlightOfAMountedCamera) {
+  Flight flight(mounted(), 1e-8);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 300; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (i == 0) {
+      EXPECT_EQ(estimate.status, GroundStatus::no_homography);
+      continue;
+    }
+    ASSERT_EQ(estimate.status, i == 1 ? GroundStatus::started : GroundStatus::ok) << i;
+    const CameraPose wanted = inOdometry(flight.base(i), flight.base(1));
+    EXPECT_LT(poseError(estimate, wanted).norm(), 1e-4) << i;
+    if (i == 1) continue;
+    const Vector6 twist = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+    EXPECT_LT((estimate.twist - twist).norm(), 1e-4) << i;
+  }
+}
+
+template <int kSize, typename Function>
+Eigen::MatrixXd numericSlope(const Function& function) {
+  constexpr double kStep = 1e-6;
+  Eigen::MatrixXd slope(function(Eigen::Matrix<double, kSize, 1>::Zero().eval()).size(), kSize);
+  for (int i = 0; i < kSize; ++i) {
+    const Eigen::Matrix<double, kSize, 1> step = kStep * Eigen::Matrix<double, kSize, 1>::Unit(i);
+    slope.col(i) =
+        (function(step) - function(Eigen::Matrix<double, kSize, 1>(-step))) / (2.0 * kStep);
+  }
+  return slope;
+}
+
+TEST(GroundMotion, DerivativesAreThoseOfTheFunctions) {
+  const CameraPose pose = truthAt(40, mounted());
+  const CameraPose before = truthAt(37, mounted());
+  const Eigen::Matrix3d map = 0.37 * motion::imageFromGround(truthAt(33, mounted())).inverse();
+  const Eigen::Matrix3d h = motion::imageFromGround(pose) * map;
+  const auto matrixOf = [](const Vector8& e) {
+    Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 8; ++i) m(i / 3, i % 3) += e(i);
+    return m;
+  };
+  EXPECT_LT((motion::byPose(h, map, pose) - numericSlope<6>([&](const Vector6& step) {
+               return motion::entriesOf(motion::imageFromGround(moved(pose, step)) * map);
+             })).norm(),
+            1e-7);
+  EXPECT_LT((motion::byMap(h) - numericSlope<8>([&](const Vector8& e) {
+               return motion::entriesOf(h * matrixOf(e));
+             })).norm(),
+            1e-7);
+  EXPECT_LT((motion::byMap(h) * motion::mapFromEntries(h) - Matrix8::Identity()).norm(), 1e-9);
+
+  HeightReading height;
+  height.metres = 4.0;
+  height.beam_origin << 0.1, -0.2, 0.05;
+  height.beam_direction = Eigen::Vector3d(0.1, 0.2, 1.0).normalized();
+  EXPECT_LT((rowsOf(height, pose, 0.0).slope + numericSlope<6>([&](const Vector6& step) {
+               return rowsOf(height, moved(pose, step), 0.0).residual;
+             })).norm(),
+            1e-7);
+  const DownReading down{Eigen::Vector3d(0.1, 0.1, 0.9).normalized(), 0.01};
+  EXPECT_LT((rowsOf(down, pose).slope + numericSlope<6>([&](const Vector6& step) {
+               return rowsOf(down, moved(pose, step)).residual;
+             })).norm(),
+            1e-7);
+  TurnReading turn;
+  turn.rotation = before.axes.transpose() * pose.axes;
+  Eigen::Matrix<double, 3, 6> by_before;
+  Eigen::Matrix<double, 3, 6> unused;
+  EXPECT_LT(
+      (rowsOf(turn, pose, before, by_before).slope + numericSlope<6>([&](const Vector6& step) {
+         return rowsOf(turn, moved(pose, step), before, unused).residual;
+       })).norm(),
+      1e-7);
+  EXPECT_LT((by_before + numericSlope<6>([&](const Vector6& step) {
+               return rowsOf(turn, pose, moved(before, step), unused).residual;
+             })).norm(),
+            1e-7);
+}
+
+TEST(GroundMotion, PixelsAndImageUnitsHaveTheSameCovariance) {
+  Flight flight(mounted(), 1e-4);
+  flight.next();
+  GroundFrame frame;
+  for (int i = 0; i < 7; ++i) frame = flight.next();
+  const motion::ImageMotion image =
+      motion::inImageUnits(*frame.homography, frame.covariance, camera());
+  const Eigen::MatrixXd slope = numericSlope<8>([&](const Vector8& e) {
+    Eigen::Matrix3d h = *frame.homography;
+    for (int i = 0; i < 8; ++i) h(i / 3, i % 3) += e(i);
+    return motion::entriesOf(camera().inverse() * h * camera());
+  });
+  const Matrix8 expected = slope * frame.covariance * slope.transpose();
+  EXPECT_LT((image.covariance - expected).norm(), 1e-6 * expected.norm());
+}
+
+TEST(GroundMotion, CovariancesHoldInMonteCarlo) {
+  double twist_sum = 0.0;
+  double pose_sum = 0.0;
+  double held = 0.0;
+  double twists = 0.0;
+  constexpr int kFlights = 150;
+  constexpr int kFrames = 150;
+  for (unsigned seed = 1; seed <= kFlights; ++seed) {
+    Flight flight(mounted(), 3e-5, seed);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 0.5 * kDegree;
+    GroundMotion ground(optionsWith(mounted()));
+    for (int i = 0; i < kFrames; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (estimate.hasTwist()) {
+        const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+        const Eigen::Vector3d error = (estimate.twist - wanted).head<3>();
+        const double nees =
+            error.dot(estimate.twist_covariance.topLeftCorner<3, 3>().inverse() * error);
+        twist_sum += nees;
+        held += nees < 16.27 ? 1.0 : 0.0;
+        ++twists;
+      }
+      if (i == kFrames - 1) {
+        const Vector6 error = poseError(estimate, inOdometry(flight.base(i), flight.base(1)));
+        pose_sum += error.dot(estimate.pose_covariance.inverse() * error);
+      }
+    }
+  }
+  EXPECT_GT(twist_sum / twists, 2.0);
+  EXPECT_LT(twist_sum / twists, 4.0);
+  EXPECT_GE(held / twists, 0.98);
+  EXPECT_GT(pose_sum / kFlights, 4.0);  // 6 are expected
+  EXPECT_LT(pose_sum / kFlights, 9.0);
+}
+
+TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
+  Flight flight(mounted(), 3e-5);
+  flight.tilt_noise = 1e-4;
+  GroundMotion ground(optionsWith(mounted()));
+  Covariance6 before = Covariance6::Zero();
+  for (int i = 0; i < 200; ++i) {
+    GroundFrame frame = flight.next();
+    const bool missing = i >= 80 && i < 110;
+    if (missing) frame.homography.reset();
+    if (i == 110) frame.reference_stamp = stampOf(109);  // as the matcher, which begins anew there
+    if (i == 110)
+      frame.homography = camera() * motion::imageFromGround(flight.truth(110)) *
+                         motion::imageFromGround(flight.truth(109)).inverse() * camera().inverse();
+    if (i > 110 && i <= 120) {
+      frame.reference_stamp = stampOf(110);
+      frame.homography = camera() * motion::imageFromGround(flight.truth(i)) *
+                         motion::imageFromGround(flight.truth(110)).inverse() * camera().inverse();
+    }
+    const GroundEstimate& estimate = ground.add(frame);
+    if (i == 79) before = estimate.pose_covariance;
+    if (missing) {
+      ASSERT_EQ(estimate.status, GroundStatus::no_homography);
+      EXPECT_FALSE(estimate.hasPose());
+    }
+    if (i != 110) continue;
+    ASSERT_EQ(estimate.status, GroundStatus::resumed);
+    EXPECT_NEAR(estimate.gap, 31.0 / kRate, 1e-9);
+    EXPECT_GT(estimate.pose_covariance(0, 0), before(0, 0) + 1.0);
+    const Vector6 error = poseError(estimate, inOdometry(flight.base(i), flight.base(1)));
+    EXPECT_LT(error.dot(estimate.pose_covariance.inverse() * error), 22.5);  // 99.9 %
+  }
+  EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::ok);
+}
+
+TEST(GroundMotion, FindsTheNormalFromTheMotion) {
+  Flight flight(mounted(), 1e-5);
+  flight.gives_down = false;
+  GroundMotion ground(optionsWith(mounted()));
+  bool known = false;
+  double first_tilt = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (i == 1) {
+      EXPECT_EQ(estimate.status, GroundStatus::no_normal);
+      first_tilt = estimate.tilt_deviation;
+    }
+    if (estimate.status == GroundStatus::ok) known = true;
+    if (i < 150) continue;
+    ASSERT_TRUE(known);
+    const Eigen::Vector3d up = estimate.base_to_odometry.linear().row(2);
+    const double error = std::acos(up.dot(flight.base(i).axes.row(2)));
+    EXPECT_LT(error, 4.0 * std::sqrt(2.0) * estimate.tilt_deviation + 1e-4) << i;
+    EXPECT_LT(estimate.tilt_deviation, 0.05 * first_tilt);
+  }
+}
+
+TEST(GroundMotion, DropsAnOutlierOfTheRangeAndBelievesANewGround) {
+  Flight flight(mounted(), 3e-5);
+  flight.range_noise = 0.01;
+  flight.tilt_noise = 0.2 * kDegree;
+  GroundMotion ground(optionsWith(mounted()));
+  int resumed = 0;
+  for (int i = 0; i < 200; ++i) {
+    flight.length_factor = i == 60 ? 1.4 : i >= 100 ? 1.3 : 1.0;
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (i == 60) {
+      EXPECT_EQ(estimate.status, GroundStatus::ok);
+      EXPECT_FALSE(estimate.height_used);
+      EXPECT_GT(estimate.height_misfit, GroundEstimate::kContradiction);
+      EXPECT_NEAR(estimate.height, flight.truth(i).position.z(), 0.05);
+    }
+    if (estimate.status == GroundStatus::resumed) {
+      ++resumed;
+      EXPECT_NEAR(i, 110, 2);
+    }
+  }
+  EXPECT_EQ(resumed, 1);
+}
+
+TEST(GroundMotion, RefusesAHomographyThatContradictsTheGround) {
+  Flight flight(mounted(), 3e-5);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 50; ++i) ground.add(flight.next());
+  GroundFrame frame = flight.next();
+  (*frame.homography)(0, 0) *= 1.2;
+  EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction);
+  EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::resumed);
+}
+
+TEST(GroundMotion, AGyroscopeStandsInForTheNormal) {
+  const auto deviation = [](bool with_gyro) {
+    Flight flight(mounted(), 1e-4);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 2.0 * kDegree;
+    flight.perspective = 30.0;  // so a rotation looks like a translation
+    GroundMotion ground(optionsWith(mounted()));
+    Covariance6 covariance;
+    for (int i = 0; i < 60; ++i) {
+      GroundFrame frame = flight.next();
+      if (with_gyro && i > 0) {
+        frame.turn = TurnReading{flight.truth(i - 1).axes.transpose() * flight.truth(i).axes, 1e-5};
+      }
+      covariance = ground.add(frame).twist_covariance;
+    }
+    return std::sqrt(covariance(0, 0));
+  };
+  EXPECT_LT(deviation(true), 0.7 * deviation(false));
+}
+
+TEST(GroundMotion, ScaleErrorCountsForTheWholeWay) {
+  Flight flight(mounted(), 1e-8);
+  GroundMotionOptions options = optionsWith(mounted());
+  options.scale_deviation = 0.02;
+  GroundMotion ground(options);
+  for (int i = 0; i < 100; ++i) ground.add(flight.next());
+  const GroundEstimate& estimate = ground.add(flight.next());
+  const double way = estimate.base_to_odometry.translation().x();
+  EXPECT_GT(way, 5.0);
+  EXPECT_NEAR(std::sqrt(estimate.pose_covariance(0, 0)), 0.02 * way, 0.002 * way);
+  EXPECT_NEAR(std::sqrt(estimate.twist_covariance(0, 0)), 0.02 * std::abs(estimate.twist(0)), 1e-3);
+}
+
+TEST(GroundMotion, SetPoseMovesTheBase) {
+  Flight flight(mounted(), 1e-5);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 30; ++i) ground.add(flight.next());
+  Pose3 wanted = Pose3::Identity();
+  wanted.translation() << 100.0, -50.0, 7.0;
+  wanted.linear() = motion::rotationAbout(Eigen::Vector3d(0.0, 0.0, 1.2));
+  Covariance6 covariance = Covariance6::Zero();
+  covariance.diagonal() << 0.04, 0.09, 0.0, 0.0, 0.0, 0.01;
+  ground.setPose(wanted, covariance);
+  const GroundEstimate at = ground.add(flight.next());
+  ASSERT_EQ(at.status, GroundStatus::ok);
+  EXPECT_NEAR(at.base_to_odometry.translation().x(), 100.0, 1e-6);
+  EXPECT_NEAR(at.base_to_odometry.translation().y(), -50.0, 1e-6);
+  EXPECT_NEAR(at.base_to_odometry.translation().z(), flight.base(30).position.z(), 1e-3);
+  EXPECT_NEAR(std::atan2(at.base_to_odometry.linear()(1, 0), at.base_to_odometry.linear()(0, 0)),
+              1.2, 1e-6);
+  EXPECT_NEAR(at.pose_covariance(0, 0), 0.04, 1e-2);
+  EXPECT_NEAR(at.pose_covariance(5, 5), 0.01, 1e-3);
+  for (int i = 31; i < 60; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    ASSERT_EQ(estimate.status, GroundStatus::ok);
+    const double moved =
+        (estimate.base_to_odometry.translation() - at.base_to_odometry.translation()).norm();
+    EXPECT_NEAR(moved, (flight.base(i).position - flight.base(30).position).norm(), 5e-3);
+  }
+  ground.reset();
+  EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::started);
+  covariance(0, 0) = -1.0;
+  EXPECT_THROW(ground.setPose(wanted, covariance), std::invalid_argument);
+}
+
+TEST(GroundMotion, AStampThatWentBackBeginsAnew) {
+  Flight flight(mounted(), 1e-8);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 30; ++i) ground.add(flight.next());
+  Flight looped(mounted(), 1e-8);
+  EXPECT_EQ(ground.add(looped.next()).status, GroundStatus::stamp_went_back);
+  EXPECT_EQ(ground.add(looped.next()).status, GroundStatus::started);
+  EXPECT_EQ(ground.add(looped.next()).status, GroundStatus::ok);
+}
+
+std::string refusalOf(const std::function<void(GroundFrame&)>& change) {
+  Flight flight(mounted(), 1e-8);
+  GroundMotion ground;
+  flight.next();
+  GroundFrame frame = flight.next();
+  change(frame);
+  try {
+    ground.add(frame);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(GroundMotion, RefusesUnusableReadings) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.height->metres = 0.0; }),
+            "the height is 0.000000 m; expected a number above 0");
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.height->metres = kNan; }),
+            "the height is nan m; expected a number above 0");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->deviation = -1.0; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->age = kNan; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->direction *= 2.0; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->direction(0) = kNan; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->deviation = kNan; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) {
+              f.turn = TurnReading{Eigen::Matrix3d::Zero(), 0.1};
+            }),
+            "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.camera.setZero(); }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { (*f.homography)(1, 1) = kNan; }), "");
+  EXPECT_EQ(refusalOf([](GroundFrame&) {}), "");
+}
+
+TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
+  Flight flight(mounted(), 1e-8);
+  flight.gives_height = false;
+  GroundMotion ground;
+  flight.next();
+  EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::no_height);
+  flight.gives_height = true;
+  GroundFrame frame = flight.next();
+  frame.covariance(3, 3) = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(ground.add(frame).status, GroundStatus::no_covariance);
+  GroundMotionOptions options;
+  options.ground_slope = -1.0;
+  EXPECT_THROW(GroundMotion bad(options), std::invalid_argument);
+}
+
+TEST(GroundMotion, AllocatesNothingInTheSteadyState) {
+  Flight flight(mounted(), 3e-5);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 30; ++i) ground.add(flight.next());
+  std::vector<GroundFrame> frames;
+  for (int i = 0; i < 30; ++i) frames.push_back(flight.next());
+  const test::AllocationCounter counter;
+  for (const GroundFrame& frame : frames) ground.add(frame);
+  EXPECT_EQ(counter.count(), 0U);
+}
+
+}  // namespace
+}  // namespace ktgp_orb

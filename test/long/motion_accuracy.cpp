@@ -1,0 +1,451 @@
+// Metric motion on exact flights: drift, velocity error and its covariance, with the matcher's
+// homographies and with those of optical flow and MAGSAC++. Run by `ctest -L long`.
+//   motion_accuracy FOLDER FLIGHTS SECONDS
+// FOLDER keeps the homographies, so that a second run takes seconds. Prints the table of
+// doc/measurements/motion.md, and fails where one of its bounds does not hold.
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <string>
+#include <vector>
+
+#include "core/homography/transform.h"
+#include "demo/effects.h"
+#include "exact_flight.h"
+#include "ktgp_orb/ground_motion.h"
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace ktgp_orb {
+namespace {
+
+using motion::CameraPose;
+using motion::Vector6;
+using test::ExactFlight;
+
+/// A homography of a flight; the numbers of the frames are their times.
+struct Link {
+  std::int32_t reference = -1;  // none found
+  double homography[9] = {};
+  double covariance[64] = {};
+  double plane_deviation = 0.0;
+};
+using Links = std::vector<Link>;
+
+constexpr double kRate = demo::kFrameRate;
+using RowMajor3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+using RowMajor8 = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
+
+/// Ground that rises and falls by 5 % of the height in all, around the plane.
+double relief(const ExactFlight& flight, double x, double y) {
+  const double size = 0.35 * flight.height();
+  return 0.0125 * flight.height() * (std::sin(x / size) + std::sin(y / size + 1.0));
+}
+
+/// A picture of the ground with relief: each ray meets it after a few steps.
+cv::Mat pictureOfRelief(const cv::Mat& map, const ExactFlight& flight, double t) {
+  const CameraPose pose = flight.pose(t);
+  const Eigen::Matrix3d rays = pose.axes * ExactFlight::camera().inverse();
+  const double metre = flight.height() / 600.0;
+  const cv::Size size(2 * demo::kImageWidth, 2 * demo::kImageHeight);
+  cv::Mat columns(size, CV_32F);
+  cv::Mat rows(size, CV_32F);
+  for (int v = 0; v < size.height; ++v) {
+    for (int u = 0; u < size.width; ++u) {
+      const Eigen::Vector3d ray = rays * Eigen::Vector3d(0.5 * u - 0.25, 0.5 * v - 0.25, 1.0);
+      Eigen::Vector3d point = pose.position;
+      double ground = 0.0;
+      for (int step = 0; step < 8; ++step) {
+        point = pose.position + (ground - pose.position.z()) / ray.z() * ray;
+        ground = relief(flight, point.x(), point.y());
+      }
+      columns.at<float>(v, u) = static_cast<float>(0.5 * demo::kMapSize + point.x() / metre);
+      rows.at<float>(v, u) = static_cast<float>(0.5 * demo::kMapSize - point.y() / metre);
+    }
+  }
+  cv::Mat large;
+  cv::Mat image;
+  cv::remap(map, large, columns, rows, cv::INTER_LINEAR, cv::BORDER_REFLECT_101);
+  cv::resize(large, image, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
+  return image;
+}
+
+/// The time of the demo with the light of time `t`: the demo's changing light lasts from 5 s to
+/// 6.7 s, here it goes there and back.
+double timeOfLight(double t) {
+  constexpr double kLength = 10.0 / 6.0;
+  const double phase = std::fmod(t, 2.0 * kLength);
+  return 5.0 + (phase < kLength ? phase : 2.0 * kLength - phase);
+}
+
+/// As the demo's, without the blurred part.
+cv::Mat picture(const cv::Mat& map, const ExactFlight& flight, bool with_relief, int frame,
+                int frames, std::uint64_t seed) {
+  const double t = frame / kRate;
+  cv::Mat image =
+      with_relief ? pictureOfRelief(map, flight, t) : demo::render(map, flight.imageFromMap(t));
+  const demo::Segment segment = demo::segmentOf(frame, frames);
+  if (segment == demo::Segment::lighting) demo::changeLight(timeOfLight(t), image);
+  if (segment == demo::Segment::noise)
+    demo::addNoise(seed + static_cast<std::uint64_t>(frame), image);
+  return image;
+}
+
+/// Corners followed from frame to frame, and a homography from the frame where they were found.
+class FlowMatcher {
+ public:
+  Link match(const cv::Mat& image, int frame) {
+    Link link;
+    if (!points_.empty()) link = follow(image);
+    if (link.reference < 0 || points_.size() < kCorners / 2) find(image, frame);
+    last_ = image;
+    return link;
+  }
+
+ private:
+  static constexpr std::size_t kCorners = 500;
+
+  void find(const cv::Mat& image, int frame) {
+    cv::goodFeaturesToTrack(image, points_, kCorners, 0.01, 8.0);
+    from_ = points_;
+    reference_ = frame;
+  }
+
+  Link follow(const cv::Mat& image) {
+    Link link;
+    std::vector<cv::Point2f> next;
+    std::vector<cv::Point2f> back;
+    std::vector<std::uint8_t> found;
+    std::vector<std::uint8_t> returned;
+    cv::calcOpticalFlowPyrLK(last_, image, points_, next, found, cv::noArray());
+    cv::calcOpticalFlowPyrLK(image, last_, next, back, returned, cv::noArray());
+    std::vector<cv::Point2f> kept;
+    std::vector<cv::Point2f> from;
+    for (std::size_t i = 0; i < next.size(); ++i) {
+      const bool good = found[i] != 0 && returned[i] != 0 && cv::norm(back[i] - points_[i]) < 0.5;
+      if (!good) continue;
+      kept.push_back(next[i]);
+      from.push_back(from_[i]);
+    }
+    points_ = kept;
+    from_ = from;
+    if (kept.size() < 12) return link;
+    std::vector<std::uint8_t> inliers;
+    const cv::Mat h = cv::findHomography(from, kept, cv::USAC_MAGSAC, 1.0, inliers, 2000, 0.999);
+    if (h.empty()) return link;
+    RowMajor3 found_h;
+    for (int i = 0; i < 9; ++i)
+      found_h(i / 3, i % 3) = h.at<double>(i / 3, i % 3) / h.at<double>(2, 2);
+    Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
+    double squares = 0.0;
+    double count = 0.0;
+    for (std::size_t i = 0; i < kept.size(); ++i) {
+      if (inliers[i] == 0) continue;
+      const Eigen::Vector2d p(from[i].x, from[i].y);
+      const auto slope = homography::jacobianByEntries(found_h, p);
+      information += slope.transpose() * slope;
+      squares +=
+          (homography::project(found_h, p) - Eigen::Vector2d(kept[i].x, kept[i].y)).squaredNorm();
+      count += 1.0;
+    }
+    if (count < 12.0) return link;
+    link.reference = reference_;
+    Eigen::Map<RowMajor3>(link.homography) = found_h;
+    const Eigen::Matrix<double, 8, 1> scale = information.diagonal().cwiseSqrt().cwiseInverse();
+    const Eigen::Matrix<double, 8, 8> scaled =
+        (scale.asDiagonal() * information * scale.asDiagonal());
+    Eigen::Map<RowMajor8>(link.covariance) =
+        squares / (2.0 * count - 8.0) *
+        (scale.asDiagonal() * scaled.inverse() * scale.asDiagonal());
+    return link;
+  }
+
+  cv::Mat last_;
+  std::vector<cv::Point2f> points_;
+  std::vector<cv::Point2f> from_;
+  int reference_ = -1;
+};
+
+Link linkOf(const SequenceMatch& found) {
+  Link link;
+  if (found.match.status != Status::ok) return link;
+  link.reference = static_cast<std::int32_t>(
+      std::lround(1e-9 * static_cast<double>(found.reference->stamp) * kRate));
+  Eigen::Map<RowMajor3>(link.homography) = found.match.homography;
+  Eigen::Map<RowMajor8>(link.covariance) = found.match.covariance;
+  link.plane_deviation = found.match.plane_deviation;
+  return link;
+}
+
+void render(const cv::Mat& map, std::uint64_t seed, int frames, bool with_relief, Links& ours,
+            Links& flow) {
+  const ExactFlight flight(seed);
+  SequenceOptions options;
+  options.reference.mode = ReferenceMode::keyframe;
+  SequenceMatcher matcher(options);
+  FlowMatcher flow_matcher;
+  for (int frame = 0; frame < frames; ++frame) {
+    const cv::Mat image = picture(map, flight, with_relief, frame, frames, 1000 * seed);
+    ours.push_back(linkOf(matcher.match(image, frame / kRate)));
+    flow.push_back(flow_matcher.match(image, frame));
+  }
+}
+
+bool load(const std::string& path, int frames, Links& links) {
+  std::ifstream file(path, std::ios::binary);
+  links.resize(static_cast<std::size_t>(frames));
+  const auto bytes = static_cast<std::streamsize>(links.size() * sizeof(Link));
+  file.read(reinterpret_cast<char*>(links.data()), bytes);
+  return file.gcount() == bytes;
+}
+
+void save(const std::string& path, const Links& links) {
+  std::ofstream file(path, std::ios::binary);
+  file.write(reinterpret_cast<const char*>(links.data()),
+             static_cast<std::streamsize>(links.size() * sizeof(Link)));
+}
+
+struct Noise {
+  double range = 0.0;  // share of the height
+  double tilt = 0.0;   // rad
+};
+
+struct Score {
+  double drift = 0.0;            // at the end, share of the way
+  double velocity_error = 0.0;   // root mean square, m/s
+  double bound = 0.0;            // 0.3 % of the speed (root mean square) and 2 mm/s
+  double nees = 0.0;             // mean
+  double held = 0.0;             // share within the 99.9 % bound
+  double bias = 0.0;             // mean velocity error along the motion, share of the speed
+  double pose_nees = 0.0;        // of x and y at the end
+  double lost = 0.0;             // share of frames without a twist
+  double microseconds = 0.0;     // per frame
+  double plane_deviation = 0.0;  // median, px
+};
+
+/// Camera -> base: the base is level when the camera looks straight down.
+Pose3 cameraToBase() {
+  Pose3 pose = Pose3::Identity();
+  pose.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+  return pose;
+}
+
+CameraPose baseOf(const CameraPose& camera) {
+  return {camera.axes * cameraToBase().linear().transpose(), camera.position};
+}
+
+Score score(std::uint64_t seed, const Links& links, const Noise& noise) {
+  const ExactFlight flight(seed);
+  std::mt19937_64 random(seed + 77);
+  std::normal_distribution<double> normal;
+  GroundMotionOptions options;
+  options.camera_to_base = cameraToBase();
+  GroundMotion ground(options);
+  Score score;
+  double way = 0.0;
+  double speeds = 0.0;
+  double along = 0.0;
+  double count = 0.0;
+  std::vector<double> deviations;
+  std::optional<CameraPose> origin;
+  CameraPose last;
+  CameraPose found;
+  Eigen::Matrix2d found_covariance = Eigen::Matrix2d::Identity();
+  for (std::size_t i = 0; i < links.size(); ++i) {
+    const CameraPose truth = flight.pose(static_cast<double>(i) / kRate);
+    const CameraPose base = baseOf(truth);
+    GroundFrame frame;
+    frame.stamp = static_cast<std::int64_t>(std::llround(1e9 * static_cast<double>(i) / kRate));
+    frame.camera = ExactFlight::camera();
+    if (links[i].reference >= 0) {
+      frame.reference_stamp =
+          static_cast<std::int64_t>(std::llround(1e9 * links[i].reference / kRate));
+      frame.homography = Eigen::Map<const RowMajor3>(links[i].homography);
+      frame.covariance = Eigen::Map<const RowMajor8>(links[i].covariance);
+      deviations.push_back(links[i].plane_deviation);
+    }
+    HeightReading height;
+    height.metres = truth.position.z() * (1.0 + noise.range * normal(random));
+    height.deviation = noise.range * truth.position.z();
+    frame.height = height;
+    DownReading down;
+    const Eigen::Vector3d shaken(noise.tilt * normal(random), noise.tilt * normal(random),
+                                 noise.tilt * normal(random));
+    down.direction = motion::rotationAbout(shaken) * -truth.axes.row(2).transpose();
+    down.direction.normalize();
+    down.deviation = noise.tilt;
+    frame.down = down;
+    const auto start = std::chrono::steady_clock::now();
+    const GroundEstimate& estimate = ground.add(frame);
+    score.microseconds +=
+        std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
+            .count() /
+        static_cast<double>(links.size());
+    if (origin) way += (base.position - last.position).norm();
+    if (estimate.hasPose()) {
+      if (!origin) origin = base;
+      found.position = estimate.base_to_odometry.translation();
+      found_covariance = estimate.pose_covariance.topLeftCorner<2, 2>();
+    }
+    if (estimate.hasTwist()) {
+      const Vector6 wanted = kRate * motion::constantTwist(last, base);
+      const Eigen::Vector3d error = estimate.twist.head<3>() - wanted.head<3>();
+      const Eigen::Matrix3d covariance = estimate.twist_covariance.topLeftCorner<3, 3>();
+      const double nees = error.dot(covariance.inverse() * error);
+      score.velocity_error += error.squaredNorm();
+      score.nees += nees;
+      score.held += nees < 16.266 ? 1.0 : 0.0;
+      speeds += wanted.head<3>().squaredNorm();
+      along += error.dot(wanted.head<3>());
+      count += 1.0;
+    }
+    if (std::getenv("KTGP_ORB_SHOW") != nullptr && !estimate.hasTwist()) {
+      std::printf("frame %zu: %s, height %.1f down %.1f deviations\n", i, toString(estimate.status),
+                  estimate.height_misfit, estimate.down_misfit);
+    }
+    last = base;
+  }
+  if (!origin || count == 0.0) return score;
+  const double yaw = std::atan2(origin->axes(1, 0), origin->axes(0, 0));
+  const Eigen::Matrix3d turn = motion::rotationAbout(-yaw * Eigen::Vector3d::UnitZ());
+  Eigen::Vector3d wanted = turn * (last.position - origin->position);
+  wanted.z() = last.position.z();
+  const Eigen::Vector3d error = found.position - wanted;
+  score.drift = error.norm() / way;
+  score.pose_nees = error.head<2>().dot(found_covariance.inverse() * error.head<2>());
+  score.bias = along / speeds;
+  score.bound = 0.003 * std::sqrt(speeds / count) + 0.002;
+  score.velocity_error = std::sqrt(score.velocity_error / count);
+  score.nees /= count;
+  score.held /= count;
+  score.lost = 1.0 - count / static_cast<double>(links.size());
+  if (!deviations.empty()) {
+    std::nth_element(deviations.begin(),
+                     deviations.begin() + static_cast<std::ptrdiff_t>(deviations.size() / 2),
+                     deviations.end());
+    score.plane_deviation = deviations[deviations.size() / 2];
+  }
+  return score;
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+struct Table {
+  std::vector<Score> scores;
+  std::vector<double> of(const std::function<double(const Score&)>& value) const {
+    std::vector<double> values;
+    for (const Score& each : scores) values.push_back(value(each));
+    return values;
+  }
+  double worst(const std::function<double(const Score&)>& value) const {
+    const std::vector<double> values = of(value);
+    return *std::max_element(values.begin(), values.end());
+  }
+  double mean(const std::function<double(const Score&)>& value) const {
+    double sum = 0.0;
+    for (const double each : of(value)) sum += each;
+    return sum / static_cast<double>(scores.size());
+  }
+};
+
+void print(const char* name, const Table& table, bool details) {
+  const auto drift = [](const Score& s) { return 100.0 * s.drift; };
+  const auto error = [](const Score& s) { return s.velocity_error / s.bound; };
+  std::printf(
+      "| %s | %.3f %% | %.3f %% | %.2f | %.2f | %.1f | %.1f %% | %.2f | %.1f %% | %.2f | %.0f |\n",
+      name, median(table.of(drift)), table.worst(drift), median(table.of(error)),
+      table.worst(error), table.mean([](const Score& s) { return s.nees; }),
+      100.0 * table.mean([](const Score& s) { return s.held; }),
+      table.mean([](const Score& s) { return s.pose_nees; }),
+      100.0 * table.mean([](const Score& s) { return s.lost; }),
+      table.mean([](const Score& s) { return s.plane_deviation; }),
+      median(table.of([](const Score& s) { return s.microseconds; })));
+  if (!details) return;
+  for (const Score& s : table.scores) {
+    std::printf(
+        "    drift %.3f %% velocity %.4f of %.4f m/s, nees %.2f held %.3f, bias %.5f, pose %.1f, "
+        "lost %.3f plane %.2f\n",
+        100.0 * s.drift, s.velocity_error, s.bound, s.nees, s.held, s.bias, s.pose_nees, s.lost,
+        s.plane_deviation);
+  }
+}
+
+int run(int argc, char** argv) {
+  if (argc < 4) {
+    std::fprintf(stderr, "usage: motion_accuracy FOLDER FLIGHTS SECONDS [details]\n");
+    return 2;
+  }
+  const std::string folder = argv[1];
+  const int flights = std::atoi(argv[2]);
+  const int all_frames = static_cast<int>(std::lround(std::atof(argv[3]) * kRate));
+  std::filesystem::create_directories(folder);
+  cv::setNumThreads(1);
+  cv::Mat map;
+  const auto linksOf = [&](int seed, bool with_relief, Links& ours, Links& flow) {
+    const int frames = with_relief ? all_frames / 4 : all_frames;  // relief takes long to draw
+    const std::string path = folder + "/" + (with_relief ? "relief-" : "flat-") +
+                             std::to_string(seed) + "-" + std::to_string(frames);
+    if (load(path + "-ktgp", frames, ours) && load(path + "-flow", frames, flow)) return;
+    if (map.empty()) cv::cvtColor(demo::drawMap(1), map, cv::COLOR_BGR2GRAY);
+    ours.clear();
+    flow.clear();
+    render(map, static_cast<std::uint64_t>(seed), frames, with_relief, ours, flow);
+    save(path + "-ktgp", ours);
+    save(path + "-flow", flow);
+  };
+  const Noise exact;
+  const Noise noisy{0.01, 0.5 * 3.14159265358979323846 / 180.0};
+  Table tables[2][2];
+  Table reliefs[2];
+  for (int i = 0; i < flights; ++i) {
+    const int seed = i + 1;
+    Links links[2];
+    linksOf(seed, false, links[0], links[1]);
+    for (int method = 0; method < 2; ++method) {
+      tables[method][0].scores.push_back(
+          score(static_cast<std::uint64_t>(seed), links[method], exact));
+      tables[method][1].scores.push_back(
+          score(static_cast<std::uint64_t>(seed), links[method], noisy));
+    }
+    if (i > 0) continue;
+    linksOf(seed, true, links[0], links[1]);
+    for (int method = 0; method < 2; ++method) {
+      reliefs[method].scores.push_back(
+          score(static_cast<std::uint64_t>(seed), links[method], exact));
+    }
+  }
+  const bool details = argc > 4;
+  std::printf(
+      "| | drift, median | worst | velocity error / bound, median | worst | normalised error "
+      "squared | "
+      "99.9 %% bound held | of x and y at the end (2) | no velocity | plane_deviation, px | µs |\n"
+      "|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n");
+  const char* const names[] = {"ktgp_orb", "PyrLK and MAGSAC++"};
+  for (int method = 0; method < 2; ++method) {
+    const std::string name = names[method];
+    print((name + ", true height and tilt").c_str(), tables[method][0], details);
+    print((name + ", 1 % and 0.5° noise").c_str(), tables[method][1], details);
+    if (!reliefs[method].scores.empty())
+      print((name + ", relief of 5 %").c_str(), reliefs[method], details);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace ktgp_orb
+
+int main(int argc, char** argv) {
+  return ktgp_orb::run(argc, argv);
+}

@@ -1,0 +1,227 @@
+#!/usr/bin/python3
+"""Velocity and odometry of a camera that is moved over a picture of the ground: right in metres with every
+source of height and normal, or refused with the reason."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
+from ktgp_orb.srv import SetPose
+from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import CameraInfo, Imu, Range
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+FOCAL = 500.0  # px
+HEIGHT = 2.0  # m; a pixel is 4 mm on the ground
+METRE = FOCAL / HEIGHT
+PERIOD = 0.033  # s
+STEP = (5, 3)  # px a frame: to the right and down in the picture
+LEVER = (0.3, 0.1, -0.05)  # of the camera in base_link
+NAMES = ('ground_motion', 'by_tf', 'by_parameter')
+
+
+def calibration(stamp, width=640):
+    info = CameraInfo(width=width, height=480, distortion_model='plumb_bob', D=[0.0] * 5)
+    info.header.stamp, info.header.frame_id = stamp, 'camera'
+    info.K = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
+    info.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
+    info.P = [FOCAL, 0, 319.5, 0, 0, FOCAL, 239.5, 0, 0, 0, 1, 0]
+    return info
+
+
+def transform(parent, child, translation, stamp, rotation=(1.0, 0.0, 0.0, 0.0)):
+    """Rotation: x, y, z, w; without one: half a turn about x, so that the camera looks down."""
+    message = TransformStamped(child_frame_id=child)
+    message.header.stamp, message.header.frame_id = stamp, parent
+    t, r = message.transform.translation, message.transform.rotation
+    t.x, t.y, t.z = translation
+    r.x, r.y, r.z, r.w = rotation
+    return message
+
+
+class MotionTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.camera = Camera()
+        cls.infos = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5)
+        cls.ranges = rospy.Publisher('/camera/range', Range, queue_size=5)
+        cls.imus = rospy.Publisher('/camera/imu', Imu, queue_size=5)
+        cls.tf = rospy.Publisher('/tf', TFMessage, queue_size=50)
+        cls.static = rospy.Publisher('/tf_static', TFMessage, queue_size=5, latch=True)
+        still = (0.0, 0.0, 0.0, 1.0)
+        cls.static.publish(TFMessage([
+            transform('base_link', 'camera', LEVER, rospy.Time()),
+            transform('base_link', 'imu', (0, 0, 0), rospy.Time(), still)]))
+        cls.log = Recorder('/rosout_agg', Log)
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
+        cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
+                      for name in NAMES}
+        cls.sent = Recorder('/tf', TFMessage)
+        for publisher in (cls.infos, cls.ranges, cls.imus, cls.tf):
+            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0,
+                       publisher.name + ' is subscribed')
+        cls.place = 0
+        cls.frames = 0
+        end = rospy.get_time() + 120
+        while not all(r.messages() for r in cls.twists.values()) and rospy.get_time() < end:
+            cls.send()
+            rospy.sleep(0.1)
+
+    @classmethod
+    def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False):
+        """One frame of the ground, with its readings before it."""
+        stamp = stamp or cls.camera.next_stamp()
+        cls.infos.publish(calibration(stamp, width))
+        if height is not None:
+            reading = Range(min_range=0.1, max_range=20.0, range=height)
+            reading.header.stamp, reading.header.frame_id = stamp - rospy.Duration(late), 'camera'
+            cls.ranges.publish(reading)
+        if imu:
+            message = Imu()
+            message.header.stamp, message.header.frame_id = stamp, 'imu'
+            message.orientation.w = 1.0
+            cls.imus.publish(message)
+        cls.tf.publish(TFMessage([transform('ground', 'camera', (0, 0, HEIGHT), stamp)]))
+        cls.frames += 1
+        step = cls.frames % 60
+        step = min(step, 60 - step)  # there and back
+        pixels = view(100 + STEP[0] * step, 100 + STEP[1] * step)
+        if blank:
+            pixels = np.full_like(pixels, 90)
+        cls.camera.send(image_message(pixels, stamp))
+        return stamp
+
+    def twist_after(self, name, frames=4, **options):
+        for _ in range(frames):
+            stamp = self.send(**options)
+            rospy.sleep(0.05)
+        return self.twists[name].wait_for(stamp)
+
+    def said(self, words, name='ground_motion'):
+        wait_until(lambda: any(words in m.msg for m in self.log.messages() if name in m.name or 'manager' in m.name),
+                   'the log says: ' + words)
+
+    def diagnosed(self, words, name='ground_motion', **options):
+        """In the diagnostics, while frames go on."""
+        def found():
+            self.send(**options)
+            rospy.sleep(0.05)
+            return any(words in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
+                       if s.name.endswith(name + ': motion'))
+        wait_until(found, '%s says: %s' % (name, words))
+
+    def test_1_velocity_is_in_metres_from_every_source(self):
+        for name in NAMES:
+            message = self.twist_after(name)
+            v, w = message.twist.twist.linear, message.twist.twist.angular
+            speed = np.hypot(v.x, v.y)
+            expected = np.hypot(*STEP) / METRE / PERIOD
+            self.assertLess(abs(speed - expected), 0.02, name)
+            self.assertLess(abs(v.z), 0.02, name)
+            # The picture moves right and down under the camera: its x is forward, its y to the right.
+            self.assertLess(abs(abs(v.x) - STEP[0] / METRE / PERIOD), 0.02, name)
+            self.assertLess(v.x * v.y, 0.0, name)
+            self.assertLess(abs(w.x) + abs(w.y) + abs(w.z), 0.02, name)
+            frame = 'camera_level' if name == 'by_parameter' else 'base_link'
+            self.assertEqual(message.header.frame_id, frame)
+            covariance = np.array(message.twist.covariance).reshape(6, 6)
+            self.assertTrue(np.all(np.linalg.eigvalsh(covariance) > 0.0))
+            odometry = self.odometry[name].wait_for(message.header.stamp)
+            self.assertEqual((odometry.header.frame_id, odometry.child_frame_id), ('odom', frame))
+            base = 0.0 if name == 'by_parameter' else LEVER[2]
+            self.assertLess(abs(odometry.pose.pose.position.z - (HEIGHT - base)), 0.05, name)
+
+    def test_2_tf_is_sent_by_the_one_that_was_asked(self):
+        stamp = self.twist_after('ground_motion').header.stamp
+
+        def sent():
+            return [t for m in self.sent.messages() for t in m.transforms
+                    if t.header.stamp == stamp and t.child_frame_id == 'base_link']
+        wait_until(sent, 'tf has odom -> base_link')
+        self.assertEqual(len(sent()), 1)
+        pose = self.odometry['ground_motion'].wait_for(stamp).pose.pose.position
+        self.assertAlmostEqual(sent()[0].transform.translation.x, pose.x)
+
+    def test_3_services(self):
+        reset = rospy.ServiceProxy('/camera/ground_motion/reset', Trigger)
+        set_pose = rospy.ServiceProxy('/camera/ground_motion/set_pose', SetPose)
+        self.assertTrue(reset().success)
+        stamp = self.send()
+        odometry = self.odometry['ground_motion'].wait_for(stamp).pose.pose.position
+        self.assertLess(abs(odometry.x) + abs(odometry.y), 0.01)
+        pose = PoseWithCovariance()
+        self.assertIn('quaternion', set_pose(pose).message)
+        pose.pose.orientation.w = 1.0
+        pose.pose.position.x = 50.0
+        self.assertTrue(set_pose(pose).success)
+        stamp = self.send()
+        odometry = self.odometry['ground_motion'].wait_for(stamp).pose.pose.position
+        self.assertLess(abs(odometry.x - 50.0) + abs(odometry.y), 0.01)
+
+    def test_4_bad_heights_are_named(self):
+        self.twist_after('ground_motion')
+        for height, words in ((0.0, 'is 0.000000 m; expected a number above 0'),
+                              (float('nan'), 'is nan m'), (50.0, 'is 50.000000 m'),
+                              (3.0, 'contradicts the homography')):
+            self.diagnosed(words, height=height)
+            self.twist_after('ground_motion', 14)
+        self.diagnosed('away from the image; expected at most max_age', late=0.5)
+        self.said('nothing is published: no height')
+        count = len(self.twists['ground_motion'].messages())
+        for _ in range(5):
+            stamp = self.send(late=0.5)
+        self.twists['by_tf'].wait_for(stamp)
+        self.assertEqual(len(self.twists['ground_motion'].messages()), count)
+        self.twist_after('ground_motion')  # and it goes on
+
+    def test_5_a_missing_normal_is_named(self):
+        self.diagnosed('nothing is published: no normal: the nearest Imu', imu=False)
+        self.twist_after('ground_motion')
+
+    def test_6_a_calibration_of_another_size_is_refused(self):
+        for name in NAMES:
+            self.diagnosed('the camera_info is of 1280x480 images', name, width=1280)
+        self.twist_after('ground_motion')
+
+    def test_7_a_second_without_homography_grows_the_covariance(self):
+        self.twist_after('ground_motion')
+        before = self.odometry['ground_motion'].messages()[-1]
+        for _ in range(30):
+            self.send(blank=True)
+            rospy.sleep(0.02)
+        self.twist_after('ground_motion')
+        after = self.odometry['ground_motion'].messages()[-1]
+        self.assertGreater(after.pose.covariance[0], before.pose.covariance[0] + 0.1)
+        self.said('the odometry goes on after')
+
+    def test_8_a_clock_that_jumps_begins_anew(self):
+        self.twist_after('ground_motion')
+        self.camera._stamp -= rospy.Duration(200.0)
+        self.send()
+        self.said('the stamp went back: the odometry begins anew')
+        self.twist_after('ground_motion', 14)
+        odometry = self.odometry['ground_motion'].messages()[-1].pose.pose.position
+        self.assertLess(abs(odometry.x), 2.0)
+        self.camera._stamp += rospy.Duration(1000.0)
+        self.twist_after('ground_motion', 14)
+
+    def test_9_nothing_is_subscribed_without_subscribers(self):
+        for recorders in (self.odometry, self.twists):
+            recorders['by_parameter'].close()
+        def idle():
+            return any('idle' in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
+                       if s.name.endswith('by_parameter: motion'))
+        wait_until(idle, 'by_parameter is idle')
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_motion_test')
+    rostest.rosrun('ktgp_orb', 'robot_motion_test', MotionTest, sys.argv)
