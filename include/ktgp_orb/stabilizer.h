@@ -14,7 +14,7 @@ namespace ktgp_orb {
 
 struct StabilizerOptions {
   /// s, > 0: faster motion is shake and is removed; slower motion is the path.
-  double strength = 0.5;
+  double strength = 0.4;
   /// Frames to wait for later ones, 0..60: more is steadier, and later.
   int lag = 0;
   /// Share of width and height, at each border, that may be cut off, 0.01..0.4. No picture shows

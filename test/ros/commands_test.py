@@ -48,6 +48,7 @@ BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a
 WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
+FLEET = Skipped('needs several machines; the long test "fleet" runs the scripts')
 SMALL = ' --features 300 --repeat 1'
 
 COMMANDS = {
@@ -69,6 +70,8 @@ COMMANDS = {
     'dev/check_arm64 --fast': TOO_LONG,
     'dev/check_arm64 knn_matcher_test': TOO_LONG,
     'dev/check_includes': 'dev/check_includes',
+    'dev/measure_stabilization': TOO_LONG,
+    'scripts/test -L long -R fleet': TOO_LONG,
     'dev/check_platform bullseye': TOO_LONG,
     'dev/check_platform': IN_CI,
     'dev/check_platform trixie': IN_CI,
@@ -152,6 +155,14 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
         'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 0.1 --duration 60',
+    'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -':
+        'rosrun ktgp_orb ktgp_bag my.mp4 matched_video.bag --csv -',
+    "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
+        "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' matched_images.bag --rate 10",
+    'rosrun ktgp_orb ktgp_bag --batch list.txt results --csv matched.csv --stabilize steady.mp4 --jobs 4':
+        'rosrun ktgp_orb ktgp_bag --batch list.txt results --csv matched.csv --stabilize steady.mp4 --jobs 4',
+    'sbatch --array=1-8 examples/fleet/slurm.sh list.txt /shared/results --csv matched.csv': FLEET,
+    'MACHINES=a,b,c examples/fleet/parallel.sh list.txt /shared/results --csv matched.csv': FLEET,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
         'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
     'rosrun ktgp_orb make_demo_bag demo.bag':
@@ -249,6 +260,12 @@ def write_inputs(folder):
             bag.write('/camera/image_raw', image_message(view(100 + 5 * i, 100, 320, 240), stamp), stamp)
     for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
         cv2.imwrite(path(name), view(x, 100, 320, 240))
+    video = cv2.VideoWriter(path('my.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30.0, (320, 240))
+    for i in range(4):
+        video.write(cv2.cvtColor(view(100 + 5 * i, 100, 320, 240), cv2.COLOR_GRAY2BGR))
+    video.release()
+    with open(path('list.txt'), 'w') as file:
+        file.write('my.bag\n')
     for name in ('leuven', 'bikes'):
         os.makedirs(path('sets', name))
         for k in range(1, 7):

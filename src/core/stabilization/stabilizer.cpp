@@ -16,6 +16,9 @@ namespace {
 constexpr double kReach = 3.0;         // standard deviations of the weights that are used
 constexpr std::size_t kMaxPath = 600;  // frames
 constexpr double kFadingTime = 0.5;    // s
+// Share of the margin within which shake is removed whole. Without later frames it needs more room.
+constexpr double kLinear = 0.5;
+constexpr double kLinearAtOnce = 0.75;
 
 void requireInRange(const char* name, double value, double low, double high) {
   if (value >= low && value <= high) return;
@@ -28,11 +31,10 @@ double seconds(std::int64_t nanoseconds) {
   return 1e-9 * static_cast<double>(nanoseconds);
 }
 
-/// The identity for small values; smoothly limited to 1.
-double saturated(double share) {
-  constexpr double kLinear = 0.5;
-  if (share <= kLinear) return share;
-  return kLinear + (1.0 - kLinear) * std::tanh((share - kLinear) / (1.0 - kLinear));
+/// The identity for values up to `linear`; smoothly limited to 1.
+double saturated(double share, double linear) {
+  if (share <= linear) return share;
+  return linear + (1.0 - linear) * std::tanh((share - linear) / (1.0 - linear));
 }
 
 /// Value at time zero of a weighted line fit; the mean if all values have the same time.
@@ -137,8 +139,12 @@ void Stabilizer::flush(std::vector<SteadyFrame>& ready) {
 Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
+  // Without later frames the line ends at this frame, whose own shake would count most: so its
+  // weight is next to nothing, and grows with the distance. That needs more room than equal
+  // weights, and leaves less than half of the jitter.
+  const bool ends_here = options_.lag == 0;
   LineAtZero line;
-  line.add(0.0, 1.0, corners);
+  line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
     if (step.stamp == stamp || std::abs(time) > kReach) continue;
@@ -149,7 +155,7 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
     for (std::size_t i = 0; i < corners.size(); ++i) {
       seen[i] = (there * corners[i].homogeneous()).hnormalized();
     }
-    line.add(time, std::exp(-0.5 * time * time), seen);
+    line.add(time, std::exp(-0.5 * time * time) * (ends_here ? std::abs(time) : 1.0), seen);
   }
   return line.value();
 }
@@ -168,7 +174,8 @@ Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
     if (homography::solveFourPoints(corners, moved, 1e-3 * area, 1e-3 * area, correction)) {
       used = shareOfMargin(correction, corners, options_.max_crop);
     }
-    const double allowed = trial == 0 ? saturated(used) : 1.0;
+    const double allowed =
+        trial == 0 ? saturated(used, options_.lag == 0 ? kLinearAtOnce : kLinear) : 1.0;
     if (used <= allowed) {
       for (std::size_t i = 0; i < corners.size(); ++i) correction_[i] = share * wanted[i];
       return correction;
