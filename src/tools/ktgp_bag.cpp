@@ -19,6 +19,7 @@
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
+#include "tools/bag_motion.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
@@ -33,6 +34,7 @@ struct Arguments {
   std::string name;
   std::string csv;
   ViewOptions views;
+  MotionFile motion;
   bool force = false;
   Parameters parameters;
 };
@@ -79,6 +81,7 @@ class Run {
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
                 arguments.force),
         views_(arguments.views),
+        motion_(arguments.motion, arguments.in, source_->topic()),
         progress_(source_->total()) {
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -95,6 +98,7 @@ class Run {
     while (!waiting_.empty()) finishOldest();
     writer_.close();
     views_.close();
+    motion_.close();
     if (tools::interrupted()) return tools::kExitInterrupted;
     return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
@@ -105,7 +109,7 @@ class Run {
   /// The reason for the first of them.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
-  std::string viewReport() const { return views_.report(); }
+  std::string viewReport() const { return views_.report() + motion_.report(); }
   std::string damage() const { return source_->damage(); }
 
  private:
@@ -146,6 +150,8 @@ class Run {
     writer_.write(messages, recorded.received);
     ++matched_;
     views_.add(recorded.image, *messages.homography);
+    motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
+                                               static_cast<int>(recorded.image->height)));
   }
 
   std::unique_ptr<ImageSource> source_;
@@ -153,6 +159,7 @@ class Run {
   FramePipeline pipeline_;
   MatchWriter writer_;
   BagViews views_;
+  BagMotion motion_;
   Progress progress_;
   RateLimiter rate_limiter_;
   std::size_t matched_ = 0;
@@ -191,6 +198,7 @@ void checkFiles(Arguments& arguments) {
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
+  plan.write(arguments.motion.path);
 }
 
 int matchBag(Arguments& arguments) {
@@ -325,6 +333,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--csv", arguments.csv, "write a table with a line for every image")
       ->type_name("FILE");
   addViewArguments(app, arguments.views);
+  addMotionArguments(app, arguments.motion);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
 }
@@ -342,7 +351,7 @@ int run(int argc, char** argv) {
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments.parameters);
-  arguments.views.force = arguments.force;
+  arguments.views.force = arguments.motion.force = arguments.force;
   return matchBag(arguments);
 }
 
