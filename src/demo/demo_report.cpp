@@ -29,6 +29,7 @@
 #include "cli/video_file.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
+#include "demo/motion_score.h"
 #include "demo/table.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
@@ -49,12 +50,15 @@ class Truth {
  public:
   explicit Truth(const std::string& path) {
     rosbag::Bag bag(path);
-    const std::vector<std::string> topics{"/camera/ground_truth/homography", "/camera/segment"};
+    const std::vector<std::string> topics{"/camera/ground_truth/homography",
+                                          "/camera/ground_truth/odometry", "/camera/segment"};
     rosbag::View view(bag, rosbag::TopicQuery(topics));
     for (const rosbag::MessageInstance& instance : view) {
       if (const auto homography = instance.instantiate<HomographyStamped>()) {
         previous_stamp_[homography->header.stamp] = homography->reference_stamp;
         homography_[homography->header.stamp] = matrix(*homography);
+      } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
+        motion_.addTruth(*odometry);
       } else if (const auto segment = instance.instantiate<std_msgs::String>()) {
         segment_[instance.getTime()] = segment->data;
       }
@@ -63,6 +67,7 @@ class Truth {
   }
 
   std::size_t frames() const { return segment_.size(); }
+  const MotionScore& motion() const { return motion_; }
   ros::Time lastStamp() const { return segment_.rbegin()->first; }
   std::string segment(const ros::Time& stamp) const {
     const auto found = segment_.find(stamp);
@@ -83,6 +88,7 @@ class Truth {
   std::map<ros::Time, Eigen::Matrix3d> homography_;
   std::map<ros::Time, ros::Time> previous_stamp_;
   std::map<ros::Time, std::string> segment_;
+  MotionScore motion_;
 };
 
 /// Root mean square distance of the final matches from their true positions, px.
@@ -127,6 +133,9 @@ class Report {
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
     steady_ = node.subscribe("/camera/stabilizer/image", 10, &Report::onSteady, this);
     places_ = node.subscribe("/camera/mosaic/homography", 50, &Report::onPlace, this);
+    motion_score_ = truth_.motion();
+    motion_ = node.subscribe("/camera/ground_motion/odometry", 50, &MotionScore::addMessage,
+                             &motion_score_);
     save_ = node.serviceClient<SaveMosaic>("/camera/mosaic/save");
   }
 
@@ -151,7 +160,8 @@ class Report {
   }
 
   void write() {
-    const std::string text = table_.text(truth_.frames());
+    const std::string text =
+        table_.text(truth_.frames()) + "\nmotion   " + motion_score_.text() + "\n";
     std::fputs(text.c_str(), stdout);
     std::ofstream(folder_ + "/summary.txt") << text;
     drawPicture();
@@ -259,6 +269,8 @@ class Report {
   ros::Subscriber matches_;
   ros::Subscriber overlays_;
   ros::Subscriber steady_;
+  MotionScore motion_score_;
+  ros::Subscriber motion_;
   ros::Subscriber places_;
   ros::ServiceClient save_;
 };

@@ -9,12 +9,12 @@ namespace ktgp_orb::demo {
 namespace {
 
 /// The mean over an exposure of `seconds` around `t`.
-cv::Mat expose(const cv::Mat& map, double t, double seconds, double shake) {
+cv::Mat expose(const cv::Mat& map, double t, double seconds, const Manner& manner) {
   constexpr int kInstants = 15;
   cv::Mat sum(kImageHeight, kImageWidth, CV_32FC3, cv::Scalar::all(0.0));
   for (int i = 0; i < kInstants; ++i) {
     const double offset = ((i + 0.5) / kInstants - 0.5) * seconds;
-    cv::accumulate(render(map, imageFromMap(t + offset, shake)), sum);
+    cv::accumulate(render(map, imageFromMap(t + offset, manner)), sum);
   }
   cv::Mat image;
   sum.convertTo(image, CV_8U, 1.0 / kInstants);
@@ -74,12 +74,13 @@ const char* toString(Segment segment) {
   return "unknown";
 }
 
-cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed, double shake) {
+cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed,
+                    const Manner& manner) {
   constexpr double kLongExposure = 0.7 / kFrameRate;  // s
   const double t = frame / kFrameRate;
   const Segment segment = segmentOf(frame, frames);
-  if (segment == Segment::blur) return expose(map, t, kLongExposure, shake);
-  cv::Mat image = render(map, imageFromMap(t, shake));
+  if (segment == Segment::blur) return expose(map, t, kLongExposure, manner);
+  cv::Mat image = render(map, imageFromMap(t, manner));
   if (segment == Segment::lighting) changeLight(t, image);
   if (segment == Segment::noise) addNoise(seed + static_cast<std::uint64_t>(frame), image);
   return image;

@@ -4,6 +4,8 @@
 #include <opencv2/core.hpp>
 #include <string>
 
+#include "demo/flight.h"
+
 namespace ktgp_orb::demo {
 
 constexpr double kFrameRate = 30.0;  ///< 1/s
@@ -16,9 +18,9 @@ Segment segmentOf(int frame, int frames);
 const char* toString(Segment segment);
 
 /// Frame `frame` of the flight as the camera sends it, 8-bit BGR. The truth is the homography in
-/// the middle of the exposure. `shake`: see imageFromMap.
+/// the middle of the exposure.
 cv::Mat takePicture(const cv::Mat& map, int frame, int frames, std::uint64_t seed,
-                    double shake = 0.0);
+                    const Manner& manner = {});
 
 /// Changing brightness and contrast, flicker, and a passing shadow, at `t` s; 8 bit.
 void changeLight(double t, cv::Mat& image);

@@ -38,25 +38,42 @@ double tremble(double t, int axis) {
   return sum / std::sqrt(0.5 * 4.0);
 }
 
-}  // namespace
+/// In px of the map, whose z axis points down: position, and rotation map -> camera.
+struct MapPose {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d position;
+};
 
-Eigen::Matrix3d imageFromMap(double seconds, double shake) {
-  const double t = seconds;
+MapPose mapPose(double t, const Manner& manner) {
   const double height = 600.0 + 130.0 * std::sin(0.9 * t);  // px of the map
   const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
-  const double pitch = 10.0 * std::sin(0.8 * t + 1.0) * kDegree;
-  const double roll = 8.0 * std::sin(1.1 * t) * kDegree;
-  const double angle = shake / kFocalLength;  // rad for this number of px
-  const Eigen::Matrix3d rotation =
-      (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
-       Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *
-       Eigen::AngleAxisd(yaw + angle * tremble(t, 2), Eigen::Vector3d::UnitZ()))
-          .toRotationMatrix();
+  const double pitch = manner.tilt * std::sin(0.8 * t + 1.0) * kDegree;
+  const double roll = 0.8 * manner.tilt * std::sin(1.1 * t) * kDegree;
+  const double angle = manner.shake / kFocalLength;  // rad for this number of px
+  MapPose pose;
+  pose.rotation = (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
+                   Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *
+                   Eigen::AngleAxisd(yaw + angle * tremble(t, 2), Eigen::Vector3d::UnitZ()))
+                      .toRotationMatrix();
   // The camera looks along +z onto the plane z = 0 from z = -height.
-  Eigen::Vector3d position;
-  position << groundTrack(t), -height;
+  pose.position << groundTrack(t), -height;
+  return pose;
+}
+
+}  // namespace
+
+FlightPose poseAt(double seconds, const Manner& manner) {
+  const MapPose pose = mapPose(seconds, manner);
+  const Eigen::Vector3d mirror(1.0, -1.0, -1.0);  // half a turn about x
+  const Eigen::Vector3d middle(0.5 * kMapSize, 0.5 * kMapSize, 0.0);
+  return {mirror.asDiagonal() * pose.rotation.transpose(),
+          kMetre * mirror.asDiagonal() * (pose.position - middle)};
+}
+
+Eigen::Matrix3d imageFromMap(double seconds, const Manner& manner) {
+  const MapPose pose = mapPose(seconds, manner);
   Eigen::Matrix3d plane;  // the plane's x and y axes and origin in the camera's frame
-  plane << rotation.col(0), rotation.col(1), -rotation * position;
+  plane << pose.rotation.col(0), pose.rotation.col(1), -pose.rotation * pose.position;
   return intrinsics() * plane;
 }
 

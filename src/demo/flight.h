@@ -9,10 +9,25 @@ constexpr int kImageWidth = 640;
 constexpr int kImageHeight = 480;
 constexpr double kFocalLength = 525.0;  ///< px; the principal point is the image centre
 
+constexpr double kMetre = 0.2;  ///< m, a pixel of the map
+
+/// How the camera flies.
+struct Manner {
+  double shake = 0.0;  ///< px, root mean square, of an additional shake with three to twelve hertz
+  double tilt = 10.0;  ///< degrees, largest pitch; the largest roll is 0.8 of it
+};
+
+/// Pose of the camera `seconds` into the flight: axes of the camera in the frame of the ground (x
+/// as in the map, y up in the map, z up), and its position there, m from the middle of the map.
+struct FlightPose {
+  Eigen::Matrix3d axes;
+  Eigen::Vector3d position;
+};
+FlightPose poseAt(double seconds, const Manner& manner);
+
 /// The homography map pixels -> image pixels of the camera `seconds` into the flight: a pinhole
-/// above the plane of the map that moves, turns, rises, sinks and tilts smoothly. `shake`: px, root
-/// mean square, of an additional shake with three to twelve hertz.
-Eigen::Matrix3d imageFromMap(double seconds, double shake = 0.0);
+/// above the plane of the map that moves, turns, rises, sinks and tilts smoothly.
+Eigen::Matrix3d imageFromMap(double seconds, const Manner& manner = {});
 
 /// A frame with zero exposure time, 8-bit BGR, anti-aliased by twofold oversampling.
 cv::Mat render(const cv::Mat& map, const Eigen::Matrix3d& image_from_map);

@@ -23,6 +23,7 @@
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
+#include "demo/motion_messages.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -64,9 +65,9 @@ sensor_msgs::CameraInfo cameraInfo(int frame) {
 }
 
 /// The true homography from the previous frame to `frame`.
-HomographyStamped truth(int frame, double shake) {
-  const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate, shake);
-  const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate, shake);
+HomographyStamped truth(int frame, const Manner& manner) {
+  const Eigen::Matrix3d previous = imageFromMap((frame - 1) / kFrameRate, manner);
+  const Eigen::Matrix3d current = imageFromMap(frame / kFrameRate, manner);
   const Eigen::Matrix3d h = current * previous.inverse();
   HomographyStamped message;
   message.header = headerOf(frame);
@@ -76,17 +77,19 @@ HomographyStamped truth(int frame, double shake) {
   return message;
 }
 
-void writeFrame(const cv::Mat& picture, int frame, int frames, double shake, rosbag::Bag& bag) {
+void writeFrame(const cv::Mat& picture, int frame, int frames, std::uint64_t seed,
+                const Manner& manner, rosbag::Bag& bag) {
   const ros::Time stamp = headerOf(frame).stamp;
   bag.write("/camera/camera_info", stamp, cameraInfo(frame));
-  if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame, shake));
+  if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame, manner));
   std_msgs::String segment;
   segment.data = toString(segmentOf(frame, frames));
   bag.write("/camera/segment", stamp, segment);
+  writeMotion(headerOf(frame), frame / kFrameRate, seed, manner, bag);
   bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
 }
 
-void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shake,
+void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, const Manner& manner,
                  rosbag::Bag& bag) {
   const bool show_progress = isatty(STDERR_FILENO) != 0;
   constexpr int kBatch = 16;  // frames drawn in parallel
@@ -95,11 +98,11 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
     const int count = std::min(kBatch, frames - first);
     cv::parallel_for_(cv::Range(0, count), [&](const cv::Range& range) {
       for (int i = range.start; i < range.end; ++i) {
-        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed, shake);
+        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed, manner);
       }
     });
     for (int i = 0; i < count; ++i) {
-      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, shake, bag);
+      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, seed, manner, bag);
     }
     if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, frames);
   }
@@ -107,20 +110,20 @@ void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, double shak
 }
 
 /// A picture of the ground below the camera halfway: a flat target to find.
-void writeTarget(const std::string& path, const cv::Mat& map, int frames, double shake,
+void writeTarget(const std::string& path, const cv::Mat& map, int frames, const Manner& manner,
                  bool force) {
   const int halfway = frames / 2;
-  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, shake)), force);
+  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, manner)), force);
 }
 
 void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
-              double shake, bool force) {
+              const Manner& manner, bool force) {
   tools::OutputFile file(path, force);
   // Its destructor closes it and throws if the disk is full, which would end the program; the
   // object then lives until the process ends.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
-    writeFrames(map, frames, seed, shake, *bag);
+    writeFrames(map, frames, seed, manner, *bag);
     bag->close();
   } catch (const rosbag::BagException& error) {
     static_cast<void>(bag.release());
@@ -137,15 +140,23 @@ int run(int argc, char** argv) {
       "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
       "/camera/camera_info, the true homography from each frame to the next on "
       "/camera/ground_truth/homography, and on /camera/segment the difficulty of the frame: "
-      "clean, lighting, blur or noise.\nThe same seed and length give the same bag.");
+      "clean, lighting, blur or noise.\nFor the motion in metres: the true "
+      "pose and velocity on /camera/ground_truth/odometry, the distance of the ground with 1 % "
+      "noise "
+      "on /camera/range, and orientation and angular velocity with 0.5 degrees and 0.2 degrees/s "
+      "noise on /camera/imu.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
       ->check(tools::numberIn({0.2, 600.0}))
       ->capture_default_str();
   app.add_option("--seed", seed, "seed of the map and the noise")->capture_default_str();
-  double shake = 0.0;
-  app.add_option("--shake", shake, "shake of the camera, root mean square [px]")
+  Manner manner;
+  app.add_option("--shake", manner.shake, "shake of the camera, root mean square [px]")
       ->check(tools::numberIn({0.0, 50.0}))
+      ->capture_default_str();
+  app.add_option("--tilt", manner.tilt,
+                 "largest pitch of the camera; the largest roll is 0.8 of it [degrees]")
+      ->check(tools::numberIn({0.0, 25.0}))
       ->capture_default_str();
   std::string target;
   app.add_option("--target", target,
@@ -161,8 +172,8 @@ int run(int argc, char** argv) {
   tools::stopWhenInterrupted();
   const int frames = static_cast<int>(std::lround(seconds * kFrameRate));
   const cv::Mat map = drawMap(seed);
-  if (!target.empty()) writeTarget(target, map, frames, shake, force);
-  writeBag(path, map, frames, seed, shake, force);
+  if (!target.empty()) writeTarget(target, map, frames, manner, force);
+  writeBag(path, map, frames, seed, manner, force);
   return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 

@@ -146,15 +146,12 @@ GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) co
   return options;
 }
 
-GroundFrame GroundReadings::frameOf(const Match& match, const sensor_msgs::CameraInfo& info,
-                                    Pixels pixels) {
-  const HomographyStamped& h = match.homography;
+GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& size,
+                                    const sensor_msgs::CameraInfo& info, Pixels pixels) {
   GroundFrame frame;
-  frame.stamp = static_cast<std::int64_t>(match.header.stamp.toNSec());
+  frame.stamp = static_cast<std::int64_t>(h.header.stamp.toNSec());
   frame.reference_stamp = static_cast<std::int64_t>(h.reference_stamp.toNSec());
   if (h.status == MatchStatus::STATUS_OK) {
-    const cv::Size size(static_cast<int>(match.correspondences.image_width),
-                        static_cast<int>(match.correspondences.image_height));
     const PixelCamera camera = pixelCamera(info, h.rectified ? Pixels::rectified : pixels, size);
     if (camera.lens) {
       throw std::invalid_argument(
@@ -166,16 +163,14 @@ GroundFrame GroundReadings::frameOf(const Match& match, const sensor_msgs::Camer
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
     frame.covariance =
         Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(h.covariance.data());
-  } else {
-    frame.camera = Eigen::Matrix3d::Identity();
   }
   no_height_.clear();
   no_normal_.clear();
   no_turn_.clear();
-  frame.height = height(match.header);
-  frame.down = down(match.header);
-  frame.turn = turn(match.header);
-  last_image_ = match.header.stamp;
+  frame.height = height(h.header);
+  frame.down = down(h.header);
+  frame.turn = turn(h.header);
+  last_image_ = h.header.stamp;
   return frame;
 }
 

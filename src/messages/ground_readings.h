@@ -3,7 +3,7 @@
 #include <geometry_msgs/PoseWithCovariance.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <ktgp_orb/GroundMotionConfig.h>
-#include <ktgp_orb/Match.h>
+#include <ktgp_orb/HomographyStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Imu.h>
@@ -42,9 +42,10 @@ class GroundReadings {
   /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
   /// where the camera is.
   GroundMotionOptions optionsFor(const std_msgs::Header& image) const;
-  /// The frame of a match, with all usable readings. Throws std::invalid_argument, with the reason,
-  /// for a calibration that does not fit the image.
-  GroundFrame frameOf(const Match& match, const sensor_msgs::CameraInfo& info, Pixels pixels);
+  /// The frame of a homography to an image of `size`, with all usable readings. Throws
+  /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
+  GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
+                      const sensor_msgs::CameraInfo& info, Pixels pixels);
   /// Why the newest frame has no height, no normal, no rotation; empty: it has, or needs none.
   const std::string& noHeight() const { return no_height_; }
   const std::string& noNormal() const { return no_normal_; }

@@ -1,5 +1,6 @@
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <dynamic_reconfigure/server.h>
+#include <ktgp_orb/Match.h>
 #include <ktgp_orb/SetPose.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
@@ -200,8 +201,11 @@ void GroundMotionNodelet::process(const MatchConstPtr& match) {
   try {
     if (!info_) throw std::invalid_argument("no camera_info on " + camera_info_topic_);
     const Pixels pixels = pixelsFrom(config_.calibration, node_.resolveName("image"));
+    const cv::Size size(static_cast<int>(match->correspondences.image_width),
+                        static_cast<int>(match->correspondences.image_height));
     motion_.setOptions(readings_.optionsFor(match->header));
-    const GroundEstimate& estimate = motion_.add(readings_.frameOf(*match, *info_, pixels));
+    const GroundEstimate& estimate =
+        motion_.add(readings_.frameOf(match->homography, size, *info_, pixels));
     problem = monitor_.problemOf(estimate, readings_, match->header.stamp, config_.patience);
     if (problem.empty()) publish(estimate, match->header);
     if (problem.empty() && estimate.status == GroundStatus::resumed) {

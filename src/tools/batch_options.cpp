@@ -62,7 +62,7 @@ void addBatchOptions(CLI::App& app, BatchOptions& options) {
 
 void completeBatchOptions(CLI::App& app, const Parameters& parameters, BatchOptions& options) {
   for (const char* name :
-       {"--csv", "--stabilize", "--stabilizer_warps", "--mosaic", "--mosaic_poses"}) {
+       {"--csv", "--stabilize", "--stabilizer_warps", "--mosaic", "--mosaic_poses", "--motion"}) {
     const CLI::Option* const option = app.get_option(name);
     if (option->count() == 0) continue;
     const std::string file = option->as<std::string>();

@@ -21,6 +21,7 @@
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
+#include "tools/bag_motion.h"
 #include "tools/bag_pipeline.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
@@ -40,6 +41,7 @@ struct Arguments {
   std::string csv;
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
+  MotionFile motion;
   bool force = false;
   bool measured_times = true;  ///< zero in a batch, whose files are the same on every machine
   BatchOptions batch;
@@ -88,6 +90,7 @@ class Run {
         writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
                 arguments.force),
         views_(arguments.views, [&arguments] { return openInput(arguments); }),
+        motion_(arguments.motion, arguments.in, source_->topic()),
         progress_(source_->total()),
         measured_times_(arguments.measured_times) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -105,6 +108,7 @@ class Run {
     while (!waiting_.empty()) finishOldest();
     writer_.close();
     views_.close();
+    motion_.close();
     if (tools::interrupted()) return tools::kExitInterrupted;
     return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
@@ -116,7 +120,7 @@ class Run {
   /// The reason for the first of them.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
-  std::string viewReport() const { return views_.report(); }
+  std::string viewReport() const { return views_.report() + motion_.report(); }
   std::string damage() const { return source_->damage(); }
 
  private:
@@ -159,6 +163,8 @@ class Run {
     ++matched_;
     found_ += messages.homography->status == MatchStatus::STATUS_OK ? 1 : 0;
     views_.add(recorded.image, *messages.homography);
+    motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
+                                               static_cast<int>(recorded.image->height)));
   }
 
   std::unique_ptr<ImageSource> source_;
@@ -166,6 +172,7 @@ class Run {
   FramePipeline pipeline_;
   MatchWriter writer_;
   BagViews views_;
+  BagMotion motion_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   bool measured_times_;
@@ -211,6 +218,7 @@ void checkFiles(Arguments& arguments) {
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
+  plan.write(arguments.motion.path);
 }
 
 /// Of the steady video.
@@ -226,6 +234,10 @@ Outcome matchBag(Arguments& arguments) {
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
   checkFiles(arguments);
+  if (!arguments.motion.path.empty() && kindOf(arguments.in) != InputKind::bag) {
+    throw std::invalid_argument(arguments.in +
+                                ": --motion needs camera_info, which only a bag has");
+  }
   cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openInput(arguments);
   if (!arguments.views.steady.video.empty()) arguments.views.steady.rate = pictureRate(arguments);
@@ -257,7 +269,7 @@ Outcome matchInto(Arguments arguments, const std::string& input, const std::stri
   arguments.out = folder + "/matched.bag";
   for (std::string* file :
        {&arguments.csv, &arguments.views.steady.video, &arguments.views.steady.warps,
-        &arguments.views.mosaic, &arguments.views.mosaic_poses}) {
+        &arguments.views.mosaic, &arguments.views.mosaic_poses, &arguments.motion.path}) {
     if (!file->empty()) file->insert(0, folder + "/");
   }
   arguments.measured_times = false;
@@ -329,6 +341,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->type_name("FILE");
   addBatchOptions(app, arguments.batch);
   addViewOptions(app, arguments.views);
+  addMotionArguments(app, arguments.motion);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
 }
@@ -370,6 +383,7 @@ int run(int argc, char** argv) {
   refuseMissingNames(arguments);
   refuseIdleOptions(app, arguments.parameters);
   completeViewOptions(app, arguments.views, arguments.force);
+  arguments.motion.force = arguments.force;
   if (!arguments.batch.list.empty()) return matchBatch(app, arguments);
   return matchBag(arguments).exit_code;
 }

@@ -1,0 +1,64 @@
+#include "demo/motion_score.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdio>
+
+namespace ktgp_orb::demo {
+namespace {
+
+Eigen::Vector3d positionOf(const nav_msgs::Odometry& odometry) {
+  const auto& p = odometry.pose.pose.position;
+  return {p.x, p.y, p.z};
+}
+
+Eigen::Vector3d velocityOf(const nav_msgs::Odometry& odometry) {
+  const auto& v = odometry.twist.twist.linear;
+  return {v.x, v.y, v.z};
+}
+
+double yawOf(const nav_msgs::Odometry& odometry) {
+  const auto& q = odometry.pose.pose.orientation;
+  const Eigen::Matrix3d axes = Eigen::Quaterniond(q.w, q.x, q.y, q.z).toRotationMatrix();
+  return std::atan2(axes(1, 0), axes(0, 0));
+}
+
+}  // namespace
+
+std::string MotionScore::text() const {
+  constexpr double kUnknown = 1e5;  // variance of a velocity that is not known
+  if (found_.empty() || truth_.empty()) return "no odometry to compare";
+  const auto first = truth_.find(found_.begin()->first);
+  const auto last = truth_.find(found_.rbegin()->first);
+  if (first == truth_.end() || last == truth_.end()) return "no odometry to compare";
+  double way = 0.0;
+  for (auto each = std::next(first); each != truth_.end() && each->first <= last->first; ++each) {
+    way += (positionOf(each->second) - positionOf(std::prev(each)->second)).norm();
+  }
+  // The odometry begins above its origin.
+  const double turn = yawOf(found_.begin()->second) - yawOf(first->second);
+  const Eigen::Matrix3d to_odometry =
+      Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  const Eigen::Vector3d moved =
+      to_odometry * (positionOf(last->second) - positionOf(first->second));
+  const Eigen::Vector3d error =
+      positionOf(found_.rbegin()->second) - positionOf(found_.begin()->second) - moved;
+  double squares = 0.0;
+  double speeds = 0.0;
+  double count = 0.0;
+  for (const auto& [stamp, odometry] : found_) {
+    const auto truth = truth_.find(stamp);
+    if (truth == truth_.end() || odometry.twist.covariance[0] > kUnknown) continue;
+    squares += (velocityOf(odometry) - velocityOf(truth->second)).squaredNorm();
+    speeds += velocityOf(truth->second).squaredNorm();
+    ++count;
+  }
+  char line[160];
+  std::snprintf(line, sizeof line,
+                "drift %.2f %% of %.0f m, velocity error %.3f m/s (RMS) at %.1f m/s",
+                100.0 * error.norm() / way, way, std::sqrt(squares / std::max(count, 1.0)),
+                std::sqrt(speeds / std::max(count, 1.0)));
+  return line;
+}
+
+}  // namespace ktgp_orb::demo

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <tf2/buffer_core.h>
+
+#include <deque>
+#include <string>
+
+#include "cli/matcher_cli.h"
+#include "messages/ground_readings.h"
+#include "messages/message_conversion.h"
+
+namespace ktgp_orb {
+
+/// The table with the motion in metres; empty name: none.
+struct MotionFile {
+  std::string path;
+  std::string range_topic;  ///< empty: range beside the images
+  std::string imu_topic;    ///< empty: imu beside the images
+  GroundMotionConfig config = GroundMotionConfig::__getDefault__();
+  bool force = false;  ///< may overwrite it
+};
+
+void addMotionArguments(CLI::App& app, MotionFile& motion);
+
+/// Computes the motion of the frames of a bag as the nodelet does, from the calibration, ranges,
+/// Imus and transforms in the bag.
+class BagMotion {
+ public:
+  /// Does nothing for an empty name. Throws std::runtime_error for a bag that librosbag cannot read
+  /// and for one without a calibration.
+  BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic);
+
+  void add(const HomographyStamped& homography, const cv::Size& image);
+  /// Writes the table. Throws FileError.
+  void close();
+  /// The outcome in a line for users; empty if nothing was wanted.
+  std::string report() const;
+
+ private:
+  void readMessages(const std::string& bag);
+  /// Hands over what was recorded until a little after `time`.
+  void passOn(const ros::Time& time);
+
+  MotionFile options_;
+  tf2::BufferCore tf_{ros::Duration(60.0)};
+  GroundReadings readings_{tf_};
+  GroundMotion motion_;
+  sensor_msgs::CameraInfo info_;
+  Pixels pixels_ = Pixels::raw;
+  std::deque<sensor_msgs::Range> ranges_;
+  std::deque<sensor_msgs::Imu> imus_;
+  std::deque<geometry_msgs::TransformStamped> transforms_;
+  std::string rows_;
+  std::string first_problem_;
+  std::size_t frames_ = 0;
+  std::size_t known_ = 0;
+};
+
+}  // namespace ktgp_orb
