@@ -253,7 +253,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
 /// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
 /// as the windows of a house, may have misled it. Empty otherwise.
 std::optional<GrowthStart> KtgpMatcher::Impl::doubtful(const MatchResult& result) const {
-  constexpr std::size_t kFew = 30;
+  constexpr std::size_t kFew = 50;
   constexpr std::size_t kOneIn = 8;  // of the matches
   const std::size_t inliers = result.prosac.inliers;
   if (result.status != Status::ok || inliers >= kFew || kOneIn * inliers >= pairs.size()) {

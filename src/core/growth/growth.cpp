@@ -233,8 +233,8 @@ void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
 }
 
 /// The best one, unless chance explains it, or another one that contradicts it is nearly as good.
-/// The start, if it is the best, has another witness: who found it. So it needs no more than that
-/// chance would explain it more seldom than once in 10^4 searches.
+/// The start was also found in another way. So it is the answer if no other one has more matches
+/// and chance explains it less than once in 10^4 searches.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
   constexpr double kLogMaxOfStart = -4.0;
   sortGrown();
@@ -243,9 +243,12 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   result.support = judgement.support;
   result.by_chance = judgement.by_chance;
   result.log_false_alarms = judgement.log_false_alarms;
-  if (judgement.log_false_alarms < kLogMaxOfStart && order.front() == start_place) {
-    store(grown[order.front()], result);
-    return;
+  if (start_place < grown_count) {
+    const growth::Judgement& of_start = grown[start_place].judgement;
+    if (of_start.log_false_alarms < kLogMaxOfStart && of_start.matched >= judgement.matched) {
+      store(grown[start_place], result);
+      return;
+    }
   }
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
