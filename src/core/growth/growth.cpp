@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -89,6 +90,7 @@ struct HomographyGrowth::Impl {
   std::vector<Eigen::Matrix3d> tried;  // maps that the seeds grew to
   std::vector<Grown> grown;            // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
+  std::size_t start_place = 0;       // of the start among them; behind them all if there is none
   std::vector<std::size_t> order;    // of `grown`, the best first
   std::vector<cv::Point2f> repeats;  // of one map
   growth::Rivals rivals;
@@ -231,13 +233,23 @@ void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
 }
 
 /// The best one, unless chance explains it, or another one that contradicts it is nearly as good.
+/// The start was also found in another way. So it is the answer if no other one has more matches
+/// and chance explains it less than once in 10^4 searches.
 void HomographyGrowth::Impl::choose(GrowthResult& result) {
+  constexpr double kLogMaxOfStart = -4.0;
   sortGrown();
   if (order.empty()) return;
   const growth::Judgement& judgement = grown[order.front()].judgement;
   result.support = judgement.support;
   result.by_chance = judgement.by_chance;
   result.log_false_alarms = judgement.log_false_alarms;
+  if (start_place < grown_count) {
+    const growth::Judgement& of_start = grown[start_place].judgement;
+    if (of_start.log_false_alarms < kLogMaxOfStart && of_start.matched >= judgement.matched) {
+      store(grown[start_place], result);
+      return;
+    }
+  }
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
     const auto is_rival = [&](std::size_t other) {
@@ -339,6 +351,7 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
   impl.tried.clear();
   impl.grown_count = 0;
   if (start) impl.tryStart(*start, result);
+  impl.start_place = impl.grown_count > 0 ? 0 : std::numeric_limits<std::size_t>::max();
   for (const Seed& seed : impl.seeds) {
     if (result.seeds == impl.options.seeds) break;
     if (impl.isExplained(seed)) continue;

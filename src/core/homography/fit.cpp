@@ -20,9 +20,6 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, do
   // bad ones better than the threshold.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
-  // Of the pairs' mean distance from their middle. So pairs that fill a rectangle have at least 15
-  // cells, whatever its size; with fewer the noise would decide.
-  constexpr double kLargestCell = 0.5;
   const double least = min_scale * pairs.target.scale;
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
@@ -31,7 +28,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, do
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     estimator_.select(pairs.refinement, used_, near);
-    if (cell > 0.0) estimator_.weighByCell(std::min(cell * pairs.reference.scale, kLargestCell));
+    if (cell > 0.0) estimator_.weighByCell(cell * pairs.reference.scale);
     if (!estimator_.minimise(least, scale, homography)) return FitOutcome::undetermined;
   }
   return FitOutcome::fitted;

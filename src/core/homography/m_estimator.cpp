@@ -158,7 +158,8 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
 }
 
 void MEstimator::weighByCell(double cell) {
-  constexpr double kMost = 64.0;  // cells along an axis; the last ones hold whatever is farther
+  constexpr double kFewest = 64.0;  // equal pairs, eight for each entry
+  constexpr double kMost = 64.0;    // cells along an axis; the last ones hold whatever is farther
   const std::size_t n = selected_.size;
   if (n == 0) return;
   const auto begin = [](const std::vector<double>& axis) { return axis.begin(); };
@@ -184,8 +185,13 @@ void MEstimator::weighByCell(double cell) {
     cell_weight_[i] = 1.0 / (mean * static_cast<double>(in_cell_[cell_[i]]));
     squares += cell_weight_[i] * cell_weight_[i];
   }
-  by_cell_ = true;
-  equal_pairs_ = static_cast<double>(n) * static_cast<double>(n) / squares;
+  const double equal_pairs = static_cast<double>(n) * static_cast<double>(n) / squares;
+  by_cell_ = equal_pairs >= kFewest;
+  if (by_cell_) {
+    equal_pairs_ = equal_pairs;
+  } else {
+    std::fill_n(cell_weight_.begin(), n, 1.0);
+  }
 }
 
 /// Fills squared_, weight_ and `sums` in one pass, with the current scale.
