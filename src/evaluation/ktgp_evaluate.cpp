@@ -158,8 +158,11 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "use this one in every method that estimates a homography")
       ->check(CLI::IsMember(names))
       ->type_name("NAME");
-  app.add_option("--json", arguments.json, "write rows, summary and options; - is the standard output")->type_name("FILE");
-  app.add_option("--csv", arguments.csv, "write a row per pair and method; - as above")->type_name("FILE");
+  app.add_option("--json", arguments.json,
+                 "write rows, summary and options; - is the standard output")
+      ->type_name("FILE");
+  app.add_option("--csv", arguments.csv, "write a row per pair and method; - as above")
+      ->type_name("FILE");
   app.add_option("--jobs", arguments.jobs,
                  "pairs evaluated in parallel; times are accurate only with 1")
       ->check(CLI::Range(1, 1024))

@@ -94,7 +94,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "frames over which homographies are multiplied, 0 = all")
       ->check(CLI::Range(0, 1000000))
       ->capture_default_str();
-  app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")->type_name("FILE");
+  app.add_option("--json", arguments.json, "write a row per frame; - is the standard output")
+      ->type_name("FILE");
   addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline);
 }

@@ -243,7 +243,7 @@ class BatchTest(RecordingCase):
         self.assertEqual(self.files('out'), [os.path.join(names[0], 'mine'), 'summary.csv'])
 
     def test_each_of_500_bad_inputs_has_its_line(self):
-        self.write_bag('good.bag')
+        self.write_bag('good.bag', count=3)
         with open(self.path('good.bag'), 'rb') as file:
             content = file.read()
         rows = []

@@ -64,6 +64,18 @@ class MatchOutput(OutputCase):
             self.assertEqual(run.returncode, 0, run.stderr)
             self.assertGreater((self.folder / "out.png").stat().st_size, 1000)
 
+    def test_a_dash_is_the_standard_output(self):
+        before = self.contents()
+        for tool, arguments in (("ktgp_match", ("a.pgm", "b.pgm")),
+                                ("ktgp_evaluate", ("pairs.txt", "--methods", "KTGP"))):
+            run = self.run_with(tool, *arguments, "--json", "-")
+            self.assertEqual(run.returncode, 0, run.stderr)
+            self.assertIn("options", json.loads(run.stdout))
+            run = self.run_with(tool, *arguments, "--csv", "-")
+            self.assertEqual(len({line.count(",") for line in run.stdout.splitlines()}), 1, run.stdout[:300])
+            self.refused(tool, *arguments, "--csv", "-", "--json", "-", words="is an output already")
+        self.assertEqual(self.contents(), before)
+
     def test_an_output_is_never_an_input_nor_another_output(self):
         (self.folder / "soft.pgm").symlink_to("a.pgm")
         os.link(self.folder / "a.pgm", self.folder / "hard.pgm")
