@@ -19,10 +19,10 @@ using motion::Matrix6;
 using motion::Vector6;
 
 constexpr double kNoLimit = 1e300;
-constexpr double kHomographyLimit = 6.0;  // deviations
-constexpr int kPatience = 10;             // contradictions one after the other
-constexpr double kUnknownTilt = 0.35;     // rad
-constexpr double kOrigin = 1e-6;          // deviation of the origin: a share of the height, and rad
+constexpr double kHomographyLimit = 10.0;  // deviations
+constexpr int kPatience = 10;              // contradictions one after the other
+constexpr double kUnknownTilt = 0.35;      // rad
+constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
 void requireAtLeastZero(const char* name, double value) {
   if (value >= 0.0 && std::isfinite(value)) return;
