@@ -59,7 +59,7 @@ class MotionTest(unittest.TestCase):
         cls.static.publish(TFMessage([
             transform('base_link', 'camera', LEVER, rospy.Time()),
             transform('base_link', 'imu', (0, 0, 0), rospy.Time(), STILL)]))
-        cls.log = Recorder('/rosout_agg', Log)
+        cls.log = Recorder('/rosout', Log)
         cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
         cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
         cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
@@ -175,6 +175,9 @@ class MotionTest(unittest.TestCase):
             self.diagnosed(words, height=height)
             self.twist_after('ground_motion', 14)
         self.diagnosed('away from the image; expected at most max_age', late=0.5)
+        for _ in range(40):  # more than `patience`
+            self.send(late=0.5)
+            rospy.sleep(0.02)
         self.said('nothing is published: no height')
         count = len(self.twists['ground_motion'].messages())
         for _ in range(5):
