@@ -80,7 +80,7 @@ enum class GroundStatus : std::uint8_t {
   no_covariance = 4,    ///< the homography has no usable covariance, so nothing can be weighted
   no_height = 5,        ///< no height was given yet
   no_normal = 6,        ///< the normal was not given, and the motion does not show it yet
-  contradiction = 7,    ///< the homography contradicts the height and normal of earlier frames
+  contradiction = 7,    ///< the homography contradicts earlier frames, and is not used
   stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
 };
 

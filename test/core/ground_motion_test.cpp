@@ -383,10 +383,17 @@ TEST(GroundMotion, DropsAnOutlierOfTheRangeAndBelievesANewGround) {
 TEST(GroundMotion, RefusesAHomographyThatContradictsTheGround) {
   Flight flight(mounted(), 3e-5);
   GroundMotion ground(optionsWith(mounted()));
-  for (int i = 0; i < 50; ++i) ground.add(flight.next());
+  for (int i = 0; i < 53; ++i) ground.add(flight.next());
   GroundFrame frame = flight.next();
   (*frame.homography)(0, 0) *= 1.2;
   EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction);
+  EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::ok);  // by the same keyframe
+  for (int i = 55; i < 65; ++i) {
+    frame = flight.next();
+    frame.reference_stamp = stampOf(50);
+    (*frame.homography)(0, 0) *= 1.2;
+    EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction);
+  }
   EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::resumed);
 }
 

@@ -382,6 +382,27 @@ void print(const char* name, const Table& table, bool details) {
   }
 }
 
+/// Prints each bound that does not hold.
+bool holds(const Table& exact, const Table& noisy) {
+  bool all = true;
+  const auto check = [&all](const char* what, double value, double low, double high) {
+    if (value >= low && value <= high) return;
+    std::printf("%s is %.4f; expected %.4f to %.4f\n", what, value, low, high);
+    all = false;
+  };
+  const auto drift = [](const Score& s) { return s.drift; };
+  const auto held = [](const Score& s) { return s.held; };
+  check("drift, median", median(exact.of(drift)), 0.0, 0.001);
+  check("drift, worst", exact.worst(drift), 0.0, 0.003);
+  check("drift with noise, worst", noisy.worst(drift), 0.0, 0.005);
+  check("velocity error / bound, median",
+        median(exact.of([](const Score& s) { return s.velocity_error / s.bound; })), 0.0, 1.0);
+  check("normalised error squared", noisy.mean([](const Score& s) { return s.nees; }), 2.0, 4.0);
+  check("99.9 % bound held", exact.mean(held), 0.98, 1.0);
+  check("99.9 % bound held with noise", noisy.mean(held), 0.98, 1.0);
+  return all;
+}
+
 int run(int argc, char** argv) {
   if (argc < 4) {
     std::fprintf(stderr, "usage: motion_accuracy FOLDER FLIGHTS SECONDS [details]\n");
@@ -440,7 +461,7 @@ int run(int argc, char** argv) {
     if (!reliefs[method].scores.empty())
       print((name + ", relief of 5 %").c_str(), reliefs[method], details);
   }
-  return 0;
+  return holds(tables[0][0], tables[0][1]) ? 0 : 1;
 }
 
 }  // namespace

@@ -24,6 +24,7 @@ METRE = FOCAL / HEIGHT
 PERIOD = 0.033  # s
 STEP = (5, 3)  # px a frame: to the right and down in the picture
 LEVER = (0.3, 0.1, -0.05)  # of the camera in base_link
+STILL = (0.0, 0.0, 0.0, 1.0)  # no rotation
 NAMES = ('ground_motion', 'by_tf', 'by_parameter')
 
 
@@ -55,11 +56,10 @@ class MotionTest(unittest.TestCase):
         cls.imus = rospy.Publisher('/camera/imu', Imu, queue_size=5)
         cls.tf = rospy.Publisher('/tf', TFMessage, queue_size=50)
         cls.static = rospy.Publisher('/tf_static', TFMessage, queue_size=5, latch=True)
-        still = (0.0, 0.0, 0.0, 1.0)
         cls.static.publish(TFMessage([
             transform('base_link', 'camera', LEVER, rospy.Time()),
-            transform('base_link', 'imu', (0, 0, 0), rospy.Time(), still)]))
-        cls.log = Recorder('/rosout_agg', Log)
+            transform('base_link', 'imu', (0, 0, 0), rospy.Time(), STILL)]))
+        cls.log = Recorder('/rosout', Log)
         cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
         cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
         cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
@@ -89,7 +89,8 @@ class MotionTest(unittest.TestCase):
             message.header.stamp, message.header.frame_id = stamp, 'imu'
             message.orientation.w = 1.0
             cls.imus.publish(message)
-        cls.tf.publish(TFMessage([transform('ground', 'camera', (0, 0, HEIGHT), stamp)]))
+        below = (0, 0, LEVER[2] - HEIGHT)  # a child of the base, which has odom as its parent
+        cls.tf.publish(TFMessage([transform('base_link', 'ground', below, stamp, STILL)]))
         cls.frames += 1
         step = cls.frames % 60
         step = min(step, 60 - step)  # there and back
@@ -174,6 +175,9 @@ class MotionTest(unittest.TestCase):
             self.diagnosed(words, height=height)
             self.twist_after('ground_motion', 14)
         self.diagnosed('away from the image; expected at most max_age', late=0.5)
+        for _ in range(40):  # more than `patience`
+            self.send(late=0.5)
+            rospy.sleep(0.02)
         self.said('nothing is published: no height')
         count = len(self.twists['ground_motion'].messages())
         for _ in range(5):

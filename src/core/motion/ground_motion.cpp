@@ -20,7 +20,7 @@ using motion::Vector6;
 
 constexpr double kNoLimit = 1e300;
 constexpr double kHomographyLimit = 10.0;  // deviations
-constexpr int kPatience = 10;              // contradicting readings one after the other
+constexpr int kPatience = 10;              // contradictions one after the other
 constexpr double kUnknownTilt = 0.35;      // rad
 constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
@@ -142,8 +142,6 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
     report();
   } else if (estimate.status == GroundStatus::no_normal) {
     last_stamp = frame.stamp;
-  } else if (estimate.status == GroundStatus::contradiction) {
-    is_connected = false;
   }
   return estimate;
 }
@@ -199,7 +197,10 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 
 /// A pose from the homography to the keyframe.
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
-  if (!filter.advance(image) || filter.useRest(kHomographyLimit) > kHomographyLimit) {
+  const GroundFilter before = filter;
+  if (!filter.advance(image) || !(filter.useRest(kHomographyLimit) <= kHomographyLimit)) {
+    filter = before;
+    if (++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }
   if (frame.turn) filter.use(*frame.turn, kNoLimit);
