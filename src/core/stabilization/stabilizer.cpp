@@ -140,8 +140,8 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
                                          const Eigen::Matrix3d& to_newest) const {
   const Corners corners = homography::imageCorners(size_, {});
   // Without later frames the line ends at this frame, whose own shake would count most: so its
-  // weight is next to nothing, and grows with the distance. That needs more room than equal
-  // weights, and leaves less than half of the jitter.
+  // weight is next to nothing, and grows with the distance. That needs more room than a
+  // bell curve, and leaves less jitter (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
   LineAtZero line;
   line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
