@@ -4,8 +4,8 @@
 // this before any header of Highway.
 //
 // How vector code is written: each loop exists in plain C++ as the reference, and with Highway in a
-// file *-inl.h. dispatch.cpp includes these once for each instruction set, puts the functions into a
-// struct, and chooses one at run time. Tests compare each with the plain loops.
+// file *-inl.h. dispatch.cpp includes these once for each instruction set, puts the functions into
+// a struct, and chooses one at run time. Tests compare each with the plain loops.
 
 // AVX-512 with BITALG and VPOPCNTDQ (Ice Lake, Zen 4); Highway 1.0 leaves it out by default.
 #define HWY_WANT_AVX3_DL 1
