@@ -265,7 +265,8 @@ sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::strin
       return *deserialised<sensor_msgs::CameraInfo>(message.data);
     }
   }
-  throw UnusableBag(path + ": rectify needs camera_info on '" + topic + "', and it has none");
+  throw UnusableBag(path + ": it has no camera_info on '" + topic +
+                    "', which rectify and --motion need");
 }
 
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection) {

@@ -5,6 +5,7 @@
 #include "ktgp_orb/alignment.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/frame_path.h"
+#include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/growth.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/lens.h"
@@ -53,8 +54,18 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(GmsFilter),
     KTGP_ORB_TYPE(GmsOptions),
     KTGP_ORB_TYPE(GmsResult),
+    KTGP_ORB_TYPE(DownReading),
+    KTGP_ORB_TYPE(GroundEstimate),
+    KTGP_ORB_MEMBER(GroundEstimate, twist_covariance),
+    KTGP_ORB_TYPE(GroundFrame),
+    KTGP_ORB_MEMBER(GroundFrame, homography),
+    KTGP_ORB_TYPE(GroundMotion),
+    KTGP_ORB_TYPE(GroundMotionOptions),
+    KTGP_ORB_TYPE(HeightReading),
+    KTGP_ORB_TYPE(TurnReading),
     KTGP_ORB_TYPE(GrowthOptions),
     KTGP_ORB_TYPE(GrowthResult),
+    KTGP_ORB_TYPE(GrowthStart),
     KTGP_ORB_MEMBER(GrowthResult, homography),
     KTGP_ORB_MEMBER(GrowthResult, covariance),
     KTGP_ORB_MEMBER(GrowthResult, judged),

@@ -1,11 +1,15 @@
 #!/usr/bin/python3
-"""ktgp_evaluate_bag on the demo bag, which contains the truth."""
+"""ktgp_evaluate_bag, and ktgp_bag's motion in metres, on the demo bag, which contains the truth."""
 
+import csv
 import json
+import math
 import os
 import subprocess
 import tempfile
 import unittest
+
+import rosbag
 
 TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
 
@@ -33,6 +37,25 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertGreater(len(errors), 290)
         self.assertLess(errors[len(errors) // 2], 0.5)
         self.assertLess(errors[int(0.95 * len(errors))], 1.5)
+
+    def test_motion_in_metres_is_close_to_the_truth(self):
+        subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), BAG, 'matched.bag', '--motion',
+                        'motion.csv', '--reference_mode', 'keyframe', '--motion_normal_source', 'imu',
+                        '--motion_base_frame', ''], cwd=self.folder.name, check=True)
+        truth = {}
+        with rosbag.Bag(BAG) as bag:
+            for _, message, _ in bag.read_messages(['/camera/ground_truth/odometry']):
+                v = message.twist.twist.linear
+                truth['%d.%09d' % (message.header.stamp.secs, message.header.stamp.nsecs)] = \
+                    math.sqrt(v.x ** 2 + v.y ** 2 + v.z ** 2)
+        with open(os.path.join(self.folder.name, 'motion.csv')) as file:
+            rows = [row for row in csv.DictReader(file) if row['vx']]
+        self.assertGreater(len(rows), 270)
+        # The velocity of a row is that between two frames, half a frame older than the truth.
+        errors = sorted(abs(math.sqrt(sum(float(row[name]) ** 2 for name in ("vx", "vy", "vz"))) /
+                            truth[row['stamp']] - 1) for row in rows)
+        self.assertLess(errors[len(errors) // 2], 0.02)
+        self.assertLess(errors[int(0.95 * len(errors))], 0.1)
 
     def test_a_missing_bag_is_named(self):
         run = self.evaluate('no_such.bag')

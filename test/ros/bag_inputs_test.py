@@ -110,7 +110,7 @@ class BagInputsTest(unittest.TestCase):
     def test_rectify_needs_camera_info(self):
         code, _, text = self.run_bag(self.write_bag('/front/image'), '--rectify')
         self.assertEqual(code, 2)
-        self.assertIn("rectify needs camera_info on '/front/camera_info'", text)
+        self.assertIn("no camera_info on '/front/camera_info', which rectify", text)
         code, topics, text = self.run_bag(self.write_bag('/front/image', calibrated=True),
                                           '--rectify', '--topic', '/front/image')
         self.assertEqual(code, 0, text)

@@ -19,6 +19,7 @@ import unittest
 import cv2
 import rosbag
 import rospy
+from sensor_msgs.msg import CameraInfo
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import TIMEOUT, image_message, view
@@ -73,6 +74,7 @@ COMMANDS = {
     'dev/measure_stabilization': TOO_LONG,
     'scripts/setup fleet': Skipped('installs packages; only the long test "fleet" needs them'),
     'scripts/test -L long -R fleet': TOO_LONG,
+    'scripts/test -L long -R motion': TOO_LONG,
     'dev/check_platform bullseye': TOO_LONG,
     'dev/check_platform': IN_CI,
     'dev/check_platform trixie': IN_CI,
@@ -265,7 +267,12 @@ def write_inputs(folder):
     with rosbag.Bag(path('my.bag'), 'w') as bag:
         for i in range(6):
             stamp = rospy.Time.from_sec(1000 + 0.1 * i)
-            bag.write('/camera/image_raw', image_message(view(100 + 5 * i, 100, 320, 240), stamp), stamp)
+            image = image_message(view(100 + 5 * i, 100, 320, 240), stamp)
+            bag.write('/camera/image_raw', image, stamp)
+            info = CameraInfo(header=image.header, width=320, height=240, distortion_model='plumb_bob',
+                              D=[0.0] * 5)
+            info.K = [300, 0, 160, 0, 300, 120, 0, 0, 1]
+            bag.write('/camera/camera_info', info, stamp)
     for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
         cv2.imwrite(path(name), view(x, 100, 320, 240))
     video = cv2.VideoWriter(path('my.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30.0, (320, 240))

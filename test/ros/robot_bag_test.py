@@ -238,8 +238,8 @@ class BagTest(unittest.TestCase):
 
     def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
         cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
-                 (__file__, '/camera/image_raw', 'is not a bag of format 2.0'),
-                 ('/no/such.bag', '/camera/image_raw', 'does not exist'))
+                 (__file__, '/camera/image_raw', 'is not a bag, so there is no topic to choose'),
+                 ('/no/such.bag', '/camera/image_raw', 'is missing'))
         for bag, topic, words in cases:
             run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)
             self.assertEqual(run.returncode, 2)
