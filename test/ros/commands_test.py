@@ -71,7 +71,7 @@ COMMANDS = {
     'dev/check_arm64 --fast': TOO_LONG,
     'dev/check_arm64 knn_matcher_test': TOO_LONG,
     'dev/check_includes': 'dev/check_includes',
-    'dev/measure_stabilization': TOO_LONG,
+    'test/long/stabilization.py': TOO_LONG,
     'scripts/setup fleet': Skipped('installs packages; only the long test "fleet" needs them'),
     'scripts/test -L long -R fleet': TOO_LONG,
     'scripts/test -L long -R motion': TOO_LONG,

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""measure_stabilization [--work FOLDER] [VIDEO ...]: the table of doc/measurements/stabilization.md.
+"""stabilization.py [--work FOLDER] [VIDEO ...]: the table of doc/measurements/stabilization.md.
 
 Stabilises videos with ktgp_bag and with vidstab (ffmpeg's vidstabdetect and vidstabtransform) at the same crop,
 and measures each result from its own pixels, with OpenCV's corners and optical flow:
@@ -15,7 +15,7 @@ import subprocess
 import cv2
 import numpy as np
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 PROGRAMS = os.path.join(ROOT, 'out/release/devel/lib/ktgp_orb')
 CROPS = (0.1, 0.2)
 SIZE = 640, 480
