@@ -306,11 +306,11 @@ void GroundMotion::Impl::measureTwist(double seconds) {
   for (int i = 0; i < 12; ++i) {
     const double size = i % 6 < 3 ? 1e-3 * filter.now().position.z() : 1e-4;
     const Vector6 step = size * Vector6::Unit(i % 6);
-    const auto twistWith = [&](const Vector6& change) {
+    const auto twist_with = [&](const Vector6& change) {
       return i < 6 ? motion::constantTwist(moved(filter.before(), change), filter.now())
                    : motion::constantTwist(filter.before(), moved(filter.now(), change));
     };
-    slope.col(i) = (twistWith(step) - twistWith(-step)) / (2.0 * size * seconds);
+    slope.col(i) = (twist_with(step) - twist_with(-step)) / (2.0 * size * seconds);
   }
   camera_twist_covariance = slope * filter.covarianceOfBoth() * slope.transpose();
 }

@@ -1,0 +1,160 @@
+#include "python/arrays.h"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+namespace ktgp_orb::python {
+namespace {
+
+constexpr py::ssize_t kLargest = std::numeric_limits<int>::max();
+constexpr py::ssize_t kKeypointColumns = 6;
+
+std::string shapeOf(const py::array& array) {
+  return py::str(array.attr("shape")).cast<std::string>();
+}
+
+/// An array of uint8 whose pixels of a row are next to each other; a copy only if they are not.
+py::array bytesOf(const py::object& object, const std::string& name) {
+  if (!py::isinstance<py::array>(object)) {
+    throw py::value_error(name + " is " + py::str(py::type::of(object)).cast<std::string>() +
+                          "; expected a NumPy array of uint8");
+  }
+  auto array = py::reinterpret_borrow<py::array>(object);
+  if (!py::isinstance<py::array_t<std::uint8_t>>(array)) {
+    throw py::value_error(name + " has the type " +
+                          py::str(array.attr("dtype")).cast<std::string>() + "; expected uint8");
+  }
+  for (py::ssize_t i = 0; i < array.ndim(); ++i) {
+    if (array.shape(i) > kLargest) throw py::value_error(name + " is too large");
+  }
+  const py::ssize_t channels = array.ndim() == 3 ? array.shape(2) : 1;
+  const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == channels &&
+                              (array.ndim() == 2 || array.strides(2) == 1) &&
+                              array.strides(0) >= channels * array.shape(1);
+  if (rows_are_dense || array.ndim() < 2) return array;
+  return py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>::ensure(array);
+}
+
+cv::Mat matrixOf(const py::array& array, int type) {
+  const auto rows = static_cast<int>(array.shape(0));
+  const auto columns = static_cast<int>(array.shape(1));
+  if (rows == 0 || columns == 0) return {};
+  // OpenCV has no matrices of constant pixels; these are only read.
+  auto* const pixels = static_cast<std::uint8_t*>(const_cast<void*>(array.data()));
+  return {rows, columns, type, pixels, static_cast<std::size_t>(array.strides(0))};
+}
+
+cv::KeyPoint fromCv(const py::handle& keypoint) {
+  try {
+    const auto point = keypoint.attr("pt").cast<std::pair<float, float>>();
+    return {point.first,
+            point.second,
+            keypoint.attr("size").cast<float>(),
+            keypoint.attr("angle").cast<float>(),
+            keypoint.attr("response").cast<float>(),
+            keypoint.attr("octave").cast<int>()};
+  } catch (const py::error_already_set&) {
+    throw py::value_error("keypoints has an entry that is not a cv2.KeyPoint");
+  }
+}
+
+std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
+  std::vector<cv::KeyPoint> keypoints;
+  if (!py::isinstance<py::array>(object)) {
+    for (const py::handle& each : object) keypoints.push_back(fromCv(each));
+    return keypoints;
+  }
+  using Array = py::array_t<float, py::array::c_style | py::array::forcecast>;
+  const auto array = Array::ensure(object);
+  if (!array || array.ndim() != 2 || array.shape(1) != kKeypointColumns) {
+    PyErr_Clear();
+    throw py::value_error("keypoints has the shape " +
+                          shapeOf(py::reinterpret_borrow<py::array>(object)) +
+                          "; expected (N, 6): x, y, size, angle, response, octave");
+  }
+  for (py::ssize_t i = 0; i < array.shape(0); ++i) {
+    const float* const row = array.data(i, 0);
+    keypoints.emplace_back(row[0], row[1], row[2], row[3], row[4], static_cast<int>(row[5]));
+  }
+  return keypoints;
+}
+
+}  // namespace
+
+GreyImage greyImage(const py::object& image, const std::string& name) {
+  GreyImage grey{bytesOf(image, name), {}};
+  const py::array& array = grey.owner;
+  if (array.ndim() == 2) {
+    grey.pixels = matrixOf(array, CV_8UC1);
+  } else if (array.ndim() == 3 && array.shape(2) == 3) {
+    const cv::Mat colour = matrixOf(array, CV_8UC3);
+    if (!colour.empty()) cv::cvtColor(colour, grey.pixels, cv::COLOR_BGR2GRAY);
+  } else {
+    throw py::value_error(name + " has the shape " + shapeOf(array) +
+                          "; expected (height, width) or (height, width, 3)");
+  }
+  return grey;
+}
+
+GreyImage maskImage(const py::object& mask) {
+  if (mask.is_none()) return {};
+  GreyImage grey{bytesOf(mask, "mask"), {}};
+  if (grey.owner.ndim() != 2) {
+    throw py::value_error("mask has the shape " + shapeOf(grey.owner) +
+                          "; expected (height, width)");
+  }
+  grey.pixels = matrixOf(grey.owner, CV_8UC1);
+  return grey;
+}
+
+py::array_t<float> keypointArray(const Features& features) {
+  py::array_t<float> out({static_cast<py::ssize_t>(features.size()), kKeypointColumns});
+  float* row = out.mutable_data();
+  for (const cv::KeyPoint& keypoint : features.keypoints) {
+    for (const float value : {keypoint.pt.x, keypoint.pt.y, keypoint.size, keypoint.angle,
+                              keypoint.response, static_cast<float>(keypoint.octave)}) {
+      *row++ = value;
+    }
+  }
+  return out;
+}
+
+py::array descriptorArray(const Features& features, const py::object& owner) {
+  const cv::Mat& rows = features.descriptors;
+  py::array_t<std::uint8_t> out(
+      {static_cast<py::ssize_t>(rows.rows), static_cast<py::ssize_t>(kDescriptorBytes)},
+      {static_cast<py::ssize_t>(rows.step[0]), py::ssize_t{1}}, rows.data, owner);
+  out.attr("flags").attr("writeable") = false;
+  return std::move(out);
+}
+
+py::list cvKeypoints(const Features& features) {
+  const py::object type = py::module_::import("cv2").attr("KeyPoint");
+  py::list out;
+  for (const cv::KeyPoint& k : features.keypoints) {
+    out.append(type(k.pt.x, k.pt.y, k.size, k.angle, k.response, k.octave, k.class_id));
+  }
+  return out;
+}
+
+Features featuresFrom(const py::object& keypoints, const py::object& descriptors,
+                      const std::pair<int, int>& image_size, const std::string& descriptor) {
+  Features features;
+  if (descriptor != "orb" && descriptor != "teblid") {
+    throw py::value_error("descriptor is " + descriptor + "; expected orb or teblid");
+  }
+  features.descriptor = descriptor == "orb" ? DescriptorKind::orb : DescriptorKind::teblid;
+  features.image_size = cv::Size(image_size.first, image_size.second);
+  features.keypoints = keypointsFrom(keypoints);
+  const py::array bytes = bytesOf(descriptors, "descriptors");
+  if (bytes.ndim() != 2) {
+    throw py::value_error("descriptors has the shape " + shapeOf(bytes) + "; expected (N, 32)");
+  }
+  features.descriptors = matrixOf(bytes, CV_8UC1).clone();
+  requireValid(features, "features");
+  return features;
+}
+
+}  // namespace ktgp_orb::python

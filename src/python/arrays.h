@@ -1,0 +1,40 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb::python {
+
+namespace py = pybind11;
+
+/// An image in NumPy's memory, which `owner` keeps alive.
+struct GreyImage {
+  py::array owner;
+  cv::Mat pixels;  ///< CV_8UC1
+};
+
+/// Grey pixels of an array of uint8, (height, width) without a copy, or (height, width, 3) in the
+/// order blue, green, red as OpenCV reads files. Throws py::value_error, which names the image, its
+/// type or shape, and what is expected.
+GreyImage greyImage(const py::object& image, const std::string& name);
+
+/// The same for a mask, or an empty matrix for None.
+GreyImage maskImage(const py::object& mask);
+
+/// (N, 6) float32: x, y, size, angle, response, octave.
+py::array_t<float> keypointArray(const Features& features);
+/// (N, 32) uint8, in the memory of `features`, which `owner` keeps alive; read-only.
+py::array descriptorArray(const Features& features, const py::object& owner);
+/// A list of cv2.KeyPoint. Imports cv2.
+py::list cvKeypoints(const Features& features);
+
+/// Features from keypoints, an array as of keypointArray() or a list of cv2.KeyPoint, and their
+/// descriptors. `image_size`: (width, height). Throws py::value_error.
+Features featuresFrom(const py::object& keypoints, const py::object& descriptors,
+                      const std::pair<int, int>& image_size, const std::string& descriptor);
+
+}  // namespace ktgp_orb::python

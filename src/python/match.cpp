@@ -1,0 +1,226 @@
+#include "python/match.h"
+
+#include "parameters/options.h"
+#include "python/arrays.h"
+#include "python/options.h"
+
+namespace ktgp_orb::python {
+namespace {
+
+/// A read-only array of shape (N,) or (N, 2) in the memory of `values`, which `owner` keeps alive.
+template <typename Number, typename Value>
+py::array view(const std::vector<Value>& values, const py::object& owner) {
+  constexpr py::ssize_t kColumns = sizeof(Value) / sizeof(Number);
+  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(values.size())};
+  if (kColumns > 1) shape.push_back(kColumns);
+  py::array_t<Number> out(shape, reinterpret_cast<const Number*>(values.data()), owner);
+  out.attr("flags").attr("writeable") = false;
+  return std::move(out);
+}
+
+template <typename Number, typename Value>
+auto viewOf(std::vector<Value> Match::*member) {
+  return [member](const py::object& self) {
+    return view<Number>(self.cast<const Match&>().*member, self);
+  };
+}
+
+py::list stagesOf(const Match& match) {
+  py::list out;
+  for (const StageResult& stage : match.stages) {
+    py::dict each;
+    each["name"] = stage.name;
+    each["input"] = stage.input;
+    each["output"] = stage.output;
+    each["milliseconds"] = stage.milliseconds;
+    out.append(each);
+  }
+  return out;
+}
+
+std::string textOf(const Match& match) {
+  if (match.status != "ok") return "<ktgp_orb_core.Match: " + match.status + ">";
+  return "<ktgp_orb_core.Match: ok, " + std::to_string(match.inlier_count) + " inliers, found by " +
+         match.found_by + ">";
+}
+
+std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
+                                   const std::string& preset, const py::kwargs& changes) {
+  const PipelineOptions options = pipelineOptions(parametersFrom(preset, changes, Scope::pair));
+  const GreyImage first = greyImage(reference, "reference");
+  const GreyImage second = greyImage(target, "target");
+  const py::gil_scoped_release others_may_run;
+  OrbExtractor extractor(options.orb);
+  KtgpMatcher matcher(options.matcher);
+  Features features[2];
+  extractor.extract(first.pixels, features[0]);
+  extractor.extract(second.pixels, features[1]);
+  MatchResult result;
+  matcher.match(features[0], features[1], result);
+  return std::make_shared<Match>(result, features[0], features[1]);
+}
+
+void defineMatch(py::module_& module) {
+  py::class_<Match, std::shared_ptr<Match>>(
+      module, "Match",
+      "The result for two images. Arrays have a row for each correspondence: first those of the "
+      "four stages, in "
+      "the order of the target's keypoints, then those that guided matching or the growth added.")
+      .def_readonly("status", &Match::status, "\"ok\", or why there is no homography.")
+      .def_readonly("found_by", &Match::found_by, "\"prosac\", \"growth\" or \"none\".")
+      .def_readonly("homography", &Match::homography,
+                    "(3, 3) float64: reference to target, px; zero unless status is ok.")
+      .def_readonly("covariance", &Match::covariance,
+                    "(8, 8) float64: of the first eight entries of the homography, row by row, "
+                    "with H[2, 2] = 1.")
+      .def_readonly(
+          "shared_covariance", &Match::shared_covariance,
+          "(8, 8) float64: the part of the covariance that many matches cannot average out.")
+      .def_readonly("plane_deviation", &Match::plane_deviation,
+                    "How far the scene is from a plane, px; 0: not detectably.")
+      .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
+      .def_readonly("rmse", &Match::rmse,
+                    "Root mean square of the reprojection errors of the inliers, px.")
+      .def_property_readonly("stages", stagesOf,
+                             "A dict for each stage: name, input, output, milliseconds.")
+      .def_property_readonly("reference_points", viewOf<double>(&Match::reference_points),
+                             "(N, 2) float64: x, y in the reference image, px.")
+      .def_property_readonly("target_points", viewOf<double>(&Match::target_points),
+                             "(N, 2) float64: x, y in the target image, px.")
+      .def_property_readonly("reference_indices", viewOf<std::int32_t>(&Match::reference_indices),
+                             "(N,) int32: keypoint in the reference.")
+      .def_property_readonly("target_indices", viewOf<std::int32_t>(&Match::target_indices),
+                             "(N,) int32: keypoint in the target.")
+      .def_property_readonly("distances", viewOf<std::int32_t>(&Match::distances),
+                             "(N,) int32: Hamming distance, 0 to 256.")
+      .def_property_readonly(
+          "levels", viewOf<std::uint8_t>(&Match::levels),
+          "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3 + PROSAC: an inlier, 4 an "
+          "inlier from guided matching or growth.")
+      .def("__repr__", textOf);
+}
+
+void defineFeatures(py::module_& module) {
+  py::class_<Features, std::shared_ptr<Features>>(
+      module, "Features", "Keypoints of an image, their descriptors, and the size of the image.")
+      .def(py::init([](const py::object& keypoints, const py::object& descriptors,
+                       const std::pair<int, int>& image_size, const std::string& descriptor) {
+             return std::make_shared<Features>(
+                 featuresFrom(keypoints, descriptors, image_size, descriptor));
+           }),
+           py::arg("keypoints"), py::arg("descriptors"), py::arg("image_size"),
+           py::arg("descriptor") = "orb",
+           "keypoints: (N, 6) float32 (x, y, size, angle, response, octave) or a list of "
+           "cv2.KeyPoint;\n"
+           "descriptors: (N, 32) uint8; image_size: (width, height); descriptor: \"orb\" or "
+           "\"teblid\".\n"
+           "Without the images there is no sub-pixel alignment. Raises ValueError.")
+      .def_property_readonly(
+          "keypoints", keypointArray,
+          "(N, 6) float32, a copy: x, y, size (px), angle (degrees), response, octave.")
+      .def_property_readonly(
+          "descriptors",
+          [](const py::object& self) {
+            return descriptorArray(self.cast<const Features&>(), self);
+          },
+          "(N, 32) uint8, read-only.")
+      .def_property_readonly(
+          "image_size",
+          [](const Features& features) {
+            return py::make_tuple(features.image_size.width, features.image_size.height);
+          },
+          "(width, height), px.")
+      .def_property_readonly(
+          "descriptor", [](const Features& features) { return toString(features.descriptor); },
+          "\"orb\" or \"teblid\".")
+      .def("to_cv", cvKeypoints, "A list of cv2.KeyPoint; imports cv2.")
+      .def("__len__", &Features::size);
+}
+
+}  // namespace
+
+Match::Match(const MatchResult& result, const Features& reference, const Features& target)
+    : status(toString(result.status)),
+      found_by(toString(result.found_by)),
+      homography(result.homography),
+      covariance(result.covariance),
+      shared_covariance(result.shared_covariance),
+      plane_deviation(result.plane_deviation),
+      inlier_count(result.inliers),
+      rmse(result.rmse) {
+  stages.assign(result.stages.begin(), result.stages.end());
+  for (const StageResult& stage : result.refinements) {
+    if (*stage.name != '\0') stages.push_back(stage);
+  }
+  const auto place = [](const Features& features, std::int32_t index) {
+    const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
+    return Eigen::Vector2d(point.x, point.y);
+  };
+  for (const auto* list : {&result.correspondences, &result.guided}) {
+    for (const Correspondence& c : *list) {
+      if (c.reference_index < 0) continue;
+      reference_points.push_back(place(reference, c.reference_index));
+      target_points.push_back(place(target, c.target_index));
+      reference_indices.push_back(c.reference_index);
+      target_indices.push_back(c.target_index);
+      distances.push_back(c.distance);
+      levels.push_back(static_cast<std::uint8_t>(c.level));
+    }
+  }
+}
+
+std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
+  const GreyImage grey = greyImage(image, "image");
+  const GreyImage where = maskImage(mask);
+  auto features = std::make_shared<Features>();
+  const py::gil_scoped_release others_may_run;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  extractor_.extract(grey.pixels, where.pixels, *features);
+  return features;
+}
+
+std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target) {
+  const py::gil_scoped_release others_may_run;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  matcher_.match(reference, target, result_);
+  return std::make_shared<Match>(result_, reference, target);
+}
+
+void definePairs(py::module_& module) {
+  defineFeatures(module);
+  defineMatch(module);
+  py::class_<Extractor>(module, "Extractor",
+                        "Finds keypoints and descriptors. Threads may share an object.")
+      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
+             return std::make_unique<Extractor>(
+                 pipelineOptions(parametersFrom(preset, changes, Scope::pair)).orb);
+           }),
+           py::arg("preset") = "ktgp",
+           "Keywords are the parameters of doc/parameters.md, e.g. features=1000. Raises "
+           "ValueError.")
+      .def("extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
+           "image: (height, width) uint8, grey and not copied where its rows are dense, or "
+           "(height, width, 3),\n"
+           "blue, green, red; mask: (height, width) uint8, keypoints are found where it is not 0. "
+           "Returns "
+           "Features.\nRaises ValueError.");
+  py::class_<Matcher>(module, "Matcher",
+                      "Matches the features of two images. Threads may share an object.")
+      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
+             return std::make_unique<Matcher>(
+                 pipelineOptions(parametersFrom(preset, changes, Scope::pair)).matcher);
+           }),
+           py::arg("preset") = "ktgp",
+           "Keywords are the parameters of doc/parameters.md, e.g. T_w=0.8. Raises ValueError.")
+      .def("match", &Matcher::match, py::arg("reference"), py::arg("target"),
+           "reference, target: Features. Returns Match. Raises ValueError for descriptors of two "
+           "kinds.");
+  module.def(
+      "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
+      "Matches two images: (height, width) uint8, or (height, width, 3) in the order blue, green, "
+      "red.\n\n"
+      "preset: \"ktgp\", \"robust\", \"teblid\" or \"video\"; keywords are the parameters of "
+      "doc/parameters.md,\ne.g. T_w=0.8. Returns Match. Raises ValueError.");
+}
+
+}  // namespace ktgp_orb::python

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <pybind11/eigen.h>
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <Eigen/Core>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+
+namespace ktgp_orb::python {
+
+namespace py = pybind11;
+
+/// The result for a pair of images, with the arrays that Python sees: a row for each correspondence
+/// of the four stages, then for each one that guided matching or the growth added.
+struct Match {
+  Match() = default;
+  /// Copies from `result`, and the positions from the features.
+  Match(const MatchResult& result, const Features& reference, const Features& target);
+
+  std::string status;
+  std::string found_by;
+  Eigen::Matrix3d homography;
+  Covariance8 covariance;
+  Covariance8 shared_covariance;
+  double plane_deviation = 0.0;
+  std::size_t inlier_count = 0;
+  double rmse = 0.0;
+  std::vector<StageResult> stages;
+  std::vector<Eigen::Vector2d> reference_points;
+  std::vector<Eigen::Vector2d> target_points;
+  std::vector<std::int32_t> reference_indices;
+  std::vector<std::int32_t> target_indices;
+  std::vector<std::int32_t> distances;
+  std::vector<std::uint8_t> levels;
+};
+
+/// An extractor that several Python threads may call; one of them works at a time.
+class Extractor {
+ public:
+  explicit Extractor(const OrbOptions& options) : extractor_(options) {}
+  std::shared_ptr<Features> extract(const py::object& image, const py::object& mask);
+
+ private:
+  OrbExtractor extractor_;
+  std::mutex mutex_;
+};
+
+/// A matcher that several Python threads may call; one of them works at a time.
+class Matcher {
+ public:
+  explicit Matcher(const MatcherOptions& options) : matcher_(options) {}
+  std::shared_ptr<Match> match(const Features& reference, const Features& target);
+
+ private:
+  KtgpMatcher matcher_;
+  MatchResult result_;
+  std::mutex mutex_;
+};
+
+/// Registers the classes and functions for pairs of images.
+void definePairs(py::module_& module);
+/// Registers the class for sequences.
+void defineSequence(py::module_& module);
+
+}  // namespace ktgp_orb::python

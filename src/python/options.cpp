@@ -1,0 +1,53 @@
+#include "python/options.h"
+
+#include <set>
+#include <stdexcept>
+
+#include "cli/parameter_file.h"
+#include "parameters/options.h"
+
+namespace ktgp_orb::python {
+namespace {
+
+namespace py = pybind11;
+
+bool obeys(Scope scope, const ParameterRow& row) {
+  static const std::set<std::string> of_sequence{"reference_mode",       "keyframe_min_overlap",
+                                                 "keyframe_min_inliers", "max_reference_age",
+                                                 "search_radius",        "views"};
+  if (of_sequence.count(row.name) != 0) return scope == Scope::sequence;
+  return row.name == "threads" || row.group == "method" || row.group.rfind("stage_", 0) == 0;
+}
+
+std::string textOf(const ParameterRow& row, const py::handle& value) {
+  if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
+  const bool number = !std::holds_alternative<std::string Parameters::*>(row.field) &&
+                      !std::holds_alternative<bool Parameters::*>(row.field);
+  return py::str(number ? py::repr(value) : py::str(value)).cast<std::string>();
+}
+
+}  // namespace
+
+Parameters parametersFrom(const std::string& preset, const py::kwargs& changes, Scope scope) {
+  Parameters parameters;
+  const std::string usual = parameters.descriptor;
+  std::set<std::string> names = tools::readPreset(preset, parameters);
+  for (const auto& [key, value] : changes) {
+    const auto name = key.cast<std::string>();
+    const ParameterRow* const row = findParameter(name);
+    if (row == nullptr || !obeys(scope, *row)) {
+      throw std::invalid_argument(name +
+                                  " is not a parameter of this object; doc/parameters.md lists "
+                                  "them: method, stage_1 to stage_7, threads" +
+                                  (scope == Scope::sequence ? ", and those of the reference" : ""));
+    }
+    setParameter(*row, textOf(*row, value), parameters);
+    names.insert(name);
+  }
+  if (names.count("T_w") == 0) {
+    parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
+  }
+  return parameters;
+}
+
+}  // namespace ktgp_orb::python
