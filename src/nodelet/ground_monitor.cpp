@@ -27,7 +27,7 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
   }
   if (estimate.height_used) last_height_ = stamp;
   if (estimate.down_used || !readings.usesNormal()) last_normal_ = stamp;
-  const auto isOld = [&](const ros::Time& last) {
+  const auto is_old = [&](const ros::Time& last) {
     return last > stamp || (stamp - last).toSec() > patience;
   };
   switch (estimate.status) {
@@ -48,8 +48,8 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
     case GroundStatus::resumed:
       break;
   }
-  if (isOld(last_height_)) return "no height: " + height;
-  if (isOld(last_normal_)) return "no normal: " + normal;
+  if (is_old(last_height_)) return "no height: " + height;
+  if (is_old(last_normal_)) return "no normal: " + normal;
   return "";
 }
 

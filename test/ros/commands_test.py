@@ -72,6 +72,8 @@ COMMANDS = {
     'dev/check_arm64 knn_matcher_test': TOO_LONG,
     'dev/check_includes': 'dev/check_includes',
     'test/long/stabilization.py': TOO_LONG,
+    'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png':
+        'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png',
     'scripts/setup fleet': Skipped('installs packages; only the long test "fleet" needs them'),
     'scripts/test -L long -R fleet': TOO_LONG,
     'scripts/test -L long -R motion': TOO_LONG,
