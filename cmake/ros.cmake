@@ -16,16 +16,7 @@ find_package(catkin REQUIRED COMPONENTS
   std_srvs
   tf2_ros
 )
-add_message_files(FILES
-  Correspondences.msg
-  HomographyStamped.msg
-  Match.msg
-  MatchStatistics.msg
-  MatchStatus.msg
-  StageStatistics.msg
-)
-add_service_files(FILES MatchPair.srv SaveMosaic.srv SetPose.srv)
-generate_messages(DEPENDENCIES geometry_msgs sensor_msgs std_msgs)
+include(cmake/messages.cmake)
 generate_dynamic_reconfigure_options(
   cfg/GroundMotion.cfg cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
 # Their inputs: after a change of a row the output is generated again.

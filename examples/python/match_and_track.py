@@ -33,7 +33,7 @@ def plot(first, second, found, path):
         axis.imshow(cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
         axis.scatter(*points[inliers].T, c=np.arange(inliers.sum()), cmap='hsv', s=6)
         axis.set_axis_off()
-    figure.suptitle('%d inliers; matches have one colour' % inliers.sum())
+    figure.suptitle('%d inliers, each with its colour' % inliers.sum())
     figure.savefig(path, dpi=100)
 
 

@@ -63,8 +63,8 @@ Kernels makeKernels() {
 }  // namespace
 
 const Kernels* kernels() {
-  static const Kernels kKernels = makeKernels();
-  return &kKernels;
+  static const Kernels set = makeKernels();
+  return &set;
 }
 
 }  // namespace HWY_NAMESPACE
