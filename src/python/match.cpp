@@ -7,22 +7,26 @@
 namespace ktgp_orb::python {
 namespace {
 
-/// A read-only array of shape (N,) or (N, 2) in the memory of `values`, which `owner` keeps alive.
-template <typename Number, typename Value>
-py::array view(const std::vector<Value>& values, const py::object& owner) {
-  constexpr py::ssize_t kColumns = sizeof(Value) / sizeof(Number);
-  std::vector<py::ssize_t> shape{static_cast<py::ssize_t>(values.size())};
-  if (kColumns > 1) shape.push_back(kColumns);
-  py::array_t<Number> out(shape, reinterpret_cast<const Number*>(values.data()), owner);
+/// A read-only array of shape (N,) in the memory of `values`, which `owner` keeps alive.
+template <typename Number>
+py::array view(const std::vector<Number>& values, const py::object& owner) {
+  py::array_t<Number> out(static_cast<py::ssize_t>(values.size()), values.data(), owner);
   out.attr("flags").attr("writeable") = false;
   return std::move(out);
 }
 
-template <typename Number, typename Value>
+/// The same for points, of shape (N, 2).
+py::array view(const std::vector<Eigen::Vector2d>& points, const py::object& owner) {
+  const auto* const numbers = reinterpret_cast<const double*>(points.data());
+  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{2}}, numbers,
+                          owner);
+  out.attr("flags").attr("writeable") = false;
+  return std::move(out);
+}
+
+template <typename Value>
 auto viewOf(std::vector<Value> Match::*member) {
-  return [member](const py::object& self) {
-    return view<Number>(self.cast<const Match&>().*member, self);
-  };
+  return [member](const py::object& self) { return view(self.cast<const Match&>().*member, self); };
 }
 
 py::list stagesOf(const Match& match) {
@@ -83,18 +87,18 @@ void defineMatch(py::module_& module) {
                     "Root mean square of the reprojection errors of the inliers, px.")
       .def_property_readonly("stages", stagesOf,
                              "A dict for each stage: name, input, output, milliseconds.")
-      .def_property_readonly("reference_points", viewOf<double>(&Match::reference_points),
+      .def_property_readonly("reference_points", viewOf(&Match::reference_points),
                              "(N, 2) float64: x, y in the reference image, px.")
-      .def_property_readonly("target_points", viewOf<double>(&Match::target_points),
+      .def_property_readonly("target_points", viewOf(&Match::target_points),
                              "(N, 2) float64: x, y in the target image, px.")
-      .def_property_readonly("reference_indices", viewOf<std::int32_t>(&Match::reference_indices),
+      .def_property_readonly("reference_indices", viewOf(&Match::reference_indices),
                              "(N,) int32: keypoint in the reference.")
-      .def_property_readonly("target_indices", viewOf<std::int32_t>(&Match::target_indices),
+      .def_property_readonly("target_indices", viewOf(&Match::target_indices),
                              "(N,) int32: keypoint in the target.")
-      .def_property_readonly("distances", viewOf<std::int32_t>(&Match::distances),
+      .def_property_readonly("distances", viewOf(&Match::distances),
                              "(N,) int32: Hamming distance, 0 to 256.")
       .def_property_readonly(
-          "levels", viewOf<std::uint8_t>(&Match::levels),
+          "levels", viewOf(&Match::levels),
           "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3 + PROSAC: an inlier, 4 an "
           "inlier from guided matching or growth.")
       .def("__repr__", textOf);

@@ -28,8 +28,8 @@ class Sequence {
     const py::gil_scoped_release others_may_run;
     const std::lock_guard<std::mutex> lock(mutex_);
     const SequenceMatch& found = matcher_.match(grey.pixels, seconds);
-    static const Features kNone;
-    const Features& reference = found.reference ? found.reference->features : kNone;
+    static const Features none;
+    const Features& reference = found.reference ? found.reference->features : none;
     auto out = std::make_shared<FrameMatch>(found.match, reference, found.frame->features);
     out->no_reference = toString(found.no_reference);
     if (found.accumulated) out->accumulated = found.accumulated->homography;
