@@ -75,6 +75,9 @@ class DemoTest(unittest.TestCase):
         self.assertGreater((mosaic[:, :, 3] > 0).sum(), 1.1 * 640 * 480, 'more than one frame')
         error = float(re.search(r'off by ([0-9.]+) px', result.stdout).group(1))
         self.assertLess(error, 2.0, result.stdout)
+        drift = re.search(r'motion +drift ([\d.]+) % of', result.stdout)
+        self.assertTrue(drift, result.stdout)
+        self.assertLess(float(drift.group(1)), 2.0, 'noise on the range and the Imu')
         self.assertEqual(cv2.imread(os.path.join(output, 'stages.png')).shape[2], 3)
 
     def test_the_target_of_the_demo_is_where_the_truth_says(self):
