@@ -121,13 +121,13 @@ py::array_t<float> keypointArray(const Features& features) {
   return out;
 }
 
-py::array descriptorArray(const Features& features, const py::object& owner) {
+py::array_t<std::uint8_t> descriptorArray(const Features& features, const py::object& owner) {
   const cv::Mat& rows = features.descriptors;
   py::array_t<std::uint8_t> out(
       {static_cast<py::ssize_t>(rows.rows), static_cast<py::ssize_t>(kDescriptorBytes)},
       {static_cast<py::ssize_t>(rows.step[0]), py::ssize_t{1}}, rows.data, owner);
   out.attr("flags").attr("writeable") = false;
-  return std::move(out);
+  return out;
 }
 
 py::list cvKeypoints(const Features& features) {

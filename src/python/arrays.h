@@ -28,7 +28,7 @@ GreyImage maskImage(const py::object& mask);
 /// (N, 6) float32: x, y, size, angle, response, octave.
 py::array_t<float> keypointArray(const Features& features);
 /// (N, 32) uint8, in the memory of `features`, which `owner` keeps alive; read-only.
-py::array descriptorArray(const Features& features, const py::object& owner);
+py::array_t<std::uint8_t> descriptorArray(const Features& features, const py::object& owner);
 /// A list of cv2.KeyPoint. Imports cv2.
 py::list cvKeypoints(const Features& features);
 
