@@ -35,21 +35,24 @@ inline void* countedAllocation(std::size_t size, std::size_t alignment) {
 
 }  // namespace ktgp_orb::test
 
-void* operator new(std::size_t size) {
+// Where the compiler inlines only one of a pair, it warns that free() gets memory of operator new.
+#define KTGP_ORB_TEST_NOINLINE __attribute__((noinline))
+
+KTGP_ORB_TEST_NOINLINE void* operator new(std::size_t size) {
   return ktgp_orb::test::countedAllocation(size, alignof(std::max_align_t));
 }
-void* operator new(std::size_t size, std::align_val_t alignment) {
+KTGP_ORB_TEST_NOINLINE void* operator new(std::size_t size, std::align_val_t alignment) {
   return ktgp_orb::test::countedAllocation(size, static_cast<std::size_t>(alignment));
 }
-void operator delete(void* memory) noexcept {
+KTGP_ORB_TEST_NOINLINE void operator delete(void* memory) noexcept {
   std::free(memory);
 }
-void operator delete(void* memory, std::size_t) noexcept {
+KTGP_ORB_TEST_NOINLINE void operator delete(void* memory, std::size_t) noexcept {
   std::free(memory);
 }
-void operator delete(void* memory, std::align_val_t) noexcept {
+KTGP_ORB_TEST_NOINLINE void operator delete(void* memory, std::align_val_t) noexcept {
   std::free(memory);
 }
-void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
+KTGP_ORB_TEST_NOINLINE void operator delete(void* memory, std::size_t, std::align_val_t) noexcept {
   std::free(memory);
 }

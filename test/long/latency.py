@@ -14,7 +14,6 @@ the share of frames that were dropped for newer ones. Eight matchers all use the
 import argparse
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -25,10 +24,7 @@ import numpy as np
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '../ros'))
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(('', 0))
-        return probe.getsockname()[1]
+from ports import free_port  # noqa: E402
 
 
 class Processes:

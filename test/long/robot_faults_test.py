@@ -18,11 +18,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)
 sys.path.insert(0, os.path.join(ROOT, 'test/ros'))
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(('', 0))
-        return probe.getsockname()[1]
-
+from ports import free_port  # noqa: E402
 
 PORT = free_port()
 os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
@@ -31,7 +27,7 @@ MASTER = None
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
-from ktgp_orb.msg import E402, MatchStatistics, MatchStatus, noqa
+from ktgp_orb.msg import MatchStatistics, MatchStatus  # noqa: E402
 from ktgp_testing import Recorder, image_message, view, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402

@@ -10,7 +10,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -23,6 +22,7 @@ from sensor_msgs.msg import CameraInfo
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import TIMEOUT, image_message, view
+from ports import free_port
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
@@ -299,12 +299,6 @@ def write_inputs(folder):
         file.write('{"context": {"date": "2026-01-01"}, "benchmarks": [' + ', '.join(
             '{"name": "knn/2000", "run_name": "knn/2000", "run_type": "iteration", "real_time": %s, '
             '"cpu_time": 1.0, "time_unit": "ms", "iterations": 1}' % time for time in (1.0, 1.01)) + ']}')
-
-
-def free_port():
-    with socket.socket() as s:
-        s.bind(('', 0))
-        return s.getsockname()[1]
 
 
 class CommandsTest(unittest.TestCase):

@@ -23,6 +23,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_testing import TIMEOUT, image_message, view
+from ports import free_port
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -47,12 +48,6 @@ def write_bag(path):
             bag.write('/tf', TFMessage([TransformStamped()]), stamp)
 
 
-def free_port():
-    with socket.socket() as s:
-        s.bind(('', 0))
-        return s.getsockname()[1]
-
-
 def fake_package(folder, package, program, then='exec sleep 1000'):
     """A package with a program that prints its arguments and then waits."""
     os.makedirs(os.path.join(folder, 'lib', package))
@@ -73,6 +68,13 @@ class Master:
     """A separate ROS master, to query the running nodes."""
 
     def __init__(self):
+        # Between the choice of the port and the start of the master another program may take it.
+        self.process = None
+        while self.process is None or self.process.poll() is not None:
+            self.start()
+        self.handle.setParam('/run_id', 'launch_run_test')  # what roslaunch expects of a roscore
+
+    def start(self):
         self.uri = 'http://localhost:%d' % free_port()
         self.environment = dict(os.environ, ROS_MASTER_URI=self.uri, ROS_HOSTNAME='localhost',
                                 PYTHONUNBUFFERED='1')
@@ -80,8 +82,8 @@ class Master:
             ['rosmaster', '--core', '-p', self.uri.rsplit(':', 1)[1]], env=self.environment,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.handle = rosgraph.Master('/launch_run_test', self.uri)
-        self.wait_until(self.handle.is_online, 'the master is there')
-        self.handle.setParam('/run_id', 'launch_run_test')  # what roslaunch expects of a roscore
+        self.wait_until(lambda: self.process.poll() is not None or self.handle.is_online(),
+                        'the master is there')
 
     @staticmethod
     def wait_until(condition, what, seconds=TIMEOUT):

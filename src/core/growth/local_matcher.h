@@ -37,7 +37,6 @@ class LocalMatcher {
   /// a rotation of less than 0.6 rad, a size ratio of less than 1.8, and a Hamming distance of at
   /// most kMaxDistance; for equal distances the lower index. In the order of the predictions.
   /// Returns the number of predictions with any keypoint within the radius.
-  /// there is a keypoint within the radius at all.
   std::size_t match(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
                     const cv::Point2f& shift, float radius, std::vector<LocalMatch>& matches);
 
