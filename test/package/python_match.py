@@ -19,7 +19,7 @@ for name, image in zip(('a.pgm', 'b.pgm'), images):
     with open(name, 'wb') as file:
         file.write(b'P5\n%d %d\n255\n' % image.shape[::-1] + image.tobytes())
 program = json.loads(subprocess.check_output(['ktgp_match', 'a.pgm', 'b.pgm', '--preset', 'robust', '--json', '-']))
-module = ktgp_orb_core.match(*images)
+module = ktgp_orb_core.match(*images, preset='robust')
 expected = np.array(program['homography']).reshape(3, 3)
 assert module.status == 'ok', module
 assert (np.asarray(module.homography) == expected).all(), (module.homography, expected)
