@@ -11,6 +11,7 @@
 #include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
+#include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
 #include "ktgp_orb/evaluation.h"
@@ -36,6 +37,7 @@ constexpr const char* kExamples =
     "  ktgp_evaluate oxford --methods all --csv results.csv --json results.json\n"
     "  ktgp_evaluate my_pairs.txt --methods KTG,KTGP --T_G 4 --jobs 4\n"
     "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
+    "  ktgp_evaluate --hpatches hpatches-sequences-release --jobs 4\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "\n"
     "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
@@ -52,7 +54,8 @@ struct Arguments {
   bool list_methods = false;
   std::string warps;
   int warp_pairs = 48;
-  int longest_side = 0;
+  EvaluatedSize size;
+  bool hpatches = false;
   double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
@@ -74,6 +77,7 @@ std::vector<Method> knownMethods(const Arguments& arguments) {
   for (Method& peer : peerMethods(options.matcher.prosac, wantedEstimator(arguments))) {
     methods.push_back(std::move(peer));
   }
+  if (arguments.hpatches) methods.push_back(hpatches::siftWithOurEstimator(options));
   return methods;
 }
 
@@ -129,7 +133,7 @@ std::vector<PairScore> evaluatePairs(const Arguments& arguments,
   ProgressBar progress(pairs.size());
   const auto work = [&] {
     PairEvaluator evaluator(arguments.pipeline.orb, wantedMethods(arguments), arguments.repeat,
-                            arguments.longest_side, arguments.truth_deviation);
+                            arguments.size, arguments.truth_deviation);
     for (std::size_t i = next++; i < pairs.size(); i = next++) {
       scores[i] = evaluator.evaluate(pairs[i]);
       progress.advance(pairs[i].set + " " + pairs[i].name);
@@ -170,10 +174,15 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--repeat", arguments.repeat, "runs of each method; the median time counts")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--longest-side", arguments.longest_side,
-                 "reduce larger images, and the truth, to this size, px; 0: never")
-      ->check(CLI::Range(0, 100000))
-      ->capture_default_str();
+  CLI::Option* const longest =
+      app.add_option("--longest-side", arguments.size.longest_side,
+                     "reduce larger images, and the truth, to this size, px; 0: never")
+          ->check(CLI::Range(0, 100000))
+          ->capture_default_str();
+  app.add_flag("--hpatches", arguments.hpatches,
+               "the protocol of the papers on SuperGlue and LightGlue: shorter side 480 px, "
+               "without the eight sequences of large images; prints the AUC beside published ones")
+      ->excludes(longest);
   app.add_option("--truth-deviation", arguments.truth_deviation,
                  "standard deviation of the true homographies at the corners, px; added to the "
                  "covariances that are compared with them")
@@ -207,7 +216,13 @@ Dataset findPairs(const Arguments& arguments) {
   }
   if (!arguments.warps.empty()) return dataset;
   for (const std::string& path : arguments.data) addPairs(path, dataset);
+  if (arguments.hpatches) hpatches::leaveOutLarge(dataset);
   return dataset;
+}
+
+std::string tableOf(const Arguments& arguments, const std::vector<PairScore>& scores) {
+  const std::vector<SetSummary> summaries = summarizeSets(scores);
+  return arguments.hpatches ? hpatches::toTable(summaries) : toTable(summaries);
 }
 
 int evaluateImageSets(const Arguments& arguments) {
@@ -220,7 +235,7 @@ int evaluateImageSets(const Arguments& arguments) {
   }
 
   const bool to_output = isStandardOutput(arguments.json) || isStandardOutput(arguments.csv);
-  if (!to_output) std::fputs(toTable(summarizeSets(scores)).c_str(), stdout);
+  if (!to_output) std::fputs(tableOf(arguments, scores).c_str(), stdout);
   if (!arguments.json.empty()) {
     nlohmann::json out = toJson(scores);
     out["options"] = toJson(arguments.pipeline);
@@ -245,6 +260,10 @@ int evaluate(int argc, char** argv) {
   app.footer(kExamples);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
+  if (arguments.hpatches) {
+    arguments.size.shortest_side = hpatches::kShortestSide;
+    if (app.get_option("--methods")->count() == 0) arguments.methods = hpatches::methodNames();
+  }
   cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {
     listMethods(arguments);

@@ -52,12 +52,19 @@ void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix
   score.correct = evaluation::countWithin(errors, evaluation::kCorrectWithin);
 }
 
-/// Reduces the image; returns the map from original px to reduced px.
-Eigen::Matrix3d reduce(int longest_side, cv::Mat& image) {
-  const double scale = longest_side / static_cast<double>(std::max(image.cols, image.rows));
-  if (longest_side == 0 || scale >= 1.0) return Eigen::Matrix3d::Identity();
+double scaleOf(const EvaluatedSize& size, const cv::Mat& image) {
+  const auto [shorter, longer] = std::minmax(image.cols, image.rows);
+  if (size.shortest_side > 0) return size.shortest_side / static_cast<double>(shorter);
+  return size.longest_side > 0 ? std::min(1.0, size.longest_side / static_cast<double>(longer))
+                               : 1.0;
+}
+
+/// Resizes the image; returns the map from original px to new px.
+Eigen::Matrix3d resize(const EvaluatedSize& size, cv::Mat& image) {
+  const double scale = scaleOf(size, image);
+  if (scale == 1.0) return Eigen::Matrix3d::Identity();
   const cv::Size original = image.size();
-  cv::resize(image, image, {}, scale, scale, cv::INTER_AREA);
+  cv::resize(image, image, {}, scale, scale, scale < 1.0 ? cv::INTER_AREA : cv::INTER_LINEAR);
   const double x = image.cols / static_cast<double>(original.width);
   const double y = image.rows / static_cast<double>(original.height);
   Eigen::Matrix3d m;
@@ -65,8 +72,8 @@ Eigen::Matrix3d reduce(int longest_side, cv::Mat& image) {
   return m;
 }
 
-/// The pair after reducing both images.
-void reduce(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, ImagePair& pair) {
+/// The pair after resizing both images.
+void resize(const Eigen::Matrix3d& reference, const Eigen::Matrix3d& target, ImagePair& pair) {
   pair.homography = target * pair.homography * reference.inverse();
   for (AnnotatedPoint& p : pair.points) {
     p.reference = (reference * p.reference.homogeneous()).head<2>();
@@ -123,11 +130,11 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
 }  // namespace
 
 PairEvaluator::PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
-                             int longest_side, double truth_deviation)
+                             const EvaluatedSize& size, double truth_deviation)
     : extractor_(withImages(orb)),
       methods_(std::move(methods)),
       repetitions_(repetitions),
-      longest_side_(longest_side),
+      size_(size),
       truth_deviation_(truth_deviation) {}
 
 PairScore PairEvaluator::evaluate(const ImagePair& pair) {
@@ -140,8 +147,8 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
       evaluateImages(images.reference, images.target, score);
     } else {
       cv::Mat target = readGrey(pair.target);
-      const Eigen::Matrix3d of_reference = reduce(longest_side_, reference);
-      reduce(of_reference, reduce(longest_side_, target), score.pair);
+      const Eigen::Matrix3d of_reference = resize(size_, reference);
+      resize(of_reference, resize(size_, target), score.pair);
       evaluateImages(reference, target, score);
     }
   } catch (const FileError& error) {

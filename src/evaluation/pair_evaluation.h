@@ -65,15 +65,20 @@ struct PairScore {
   std::vector<MethodScore> methods;
 };
 
+/// The size that images are evaluated at, px; 0: their own. Only one of the two is set.
+struct EvaluatedSize {
+  int longest_side = 0;   ///< larger images are reduced to it
+  int shortest_side = 0;  ///< all images get it
+};
+
 /// Evaluates pairs one after the other, reusing its buffers; used by one thread.
 class PairEvaluator {
  public:
-  /// Each method is run `repetitions` times; the result has the median of each step's time. Images
-  /// with a longer side than `longest_side` px are reduced to that; 0: never. `truth_deviation`:
-  /// standard deviation of the true homographies at the corners, px; added to the covariances that
-  /// are compared with them.
+  /// Each method is run `repetitions` times; the result has the median of each step's time.
+  /// `truth_deviation`: standard deviation of the true homographies at the corners, px; added to
+  /// the covariances that are compared with them.
   PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
-                int longest_side = 0, double truth_deviation = 0.0);
+                const EvaluatedSize& size = {}, double truth_deviation = 0.0);
 
   /// A file that cannot be read gives a problem, not an exception.
   PairScore evaluate(const ImagePair& pair);
@@ -88,7 +93,7 @@ class PairEvaluator {
   OrbExtractor extractor_;
   std::vector<Method> methods_;
   int repetitions_;
-  int longest_side_;
+  EvaluatedSize size_;
   double truth_deviation_;
   Features reference_;
   Features target_;

@@ -160,6 +160,11 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
     const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
     return Eigen::Vector2d(point.x, point.y);
   };
+  const std::size_t most = result.correspondences.size() + result.guided.size();
+  reference_points.reserve(most);
+  target_points.reserve(most);
+  for (auto* indices : {&reference_indices, &target_indices, &distances}) indices->reserve(most);
+  levels.reserve(most);
   for (const auto* list : {&result.correspondences, &result.guided}) {
     for (const Correspondence& c : *list) {
       if (c.reference_index < 0) continue;

@@ -10,6 +10,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/lens.h"
 #include "ktgp_orb/mosaic.h"
+#include "ktgp_orb/opencv.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/sequence_matcher.h"
@@ -94,6 +95,7 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(PlanarPose),
     KTGP_ORB_MEMBER(PlanarPose, covariance),
     KTGP_ORB_TYPE(PointPairs),
+    KTGP_ORB_MEMBER(PointPairs, noise),
     KTGP_ORB_TYPE(ProsacDiagnostics),
     KTGP_ORB_TYPE(ProsacHomography),
     KTGP_ORB_TYPE(ProsacOptions),

@@ -98,16 +98,38 @@ TEST(Stabilizer, TakesTheShakeOut) {
   EXPECT_LT(shakeAfter(path, stabilized(path, options), 30), 0.01 * before);
 }
 
-TEST(Stabilizer, FollowsAnEvenMotionWithoutDelayAndAddsNothing) {
+/// Moves by 7 px from frame to frame.
+Path evenMotion() {
   Path path;
   for (int i = 0; i < 60; ++i) {
     path.push_back(Eigen::Matrix3d::Identity());
     path.back()(0, 2) = 7.0 * i;
   }
-  for (const SteadyFrame& frame : stabilized(path, {})) {
+  return path;
+}
+
+TEST(Stabilizer, FollowsAnEvenMotionWithoutDelayAndAddsNothing) {
+  StabilizerOptions options;
+  options.lag = 1;
+  for (const SteadyFrame& frame : stabilized(evenMotion(), options)) {
     EXPECT_LT((centre(frame.warp) - Eigen::Vector2d(319.5, 239.5)).norm(), 1e-6);
     EXPECT_NEAR(frame.warp(0, 0), 1.0 / 0.8, 1e-9) << "crops a tenth at each border";
   }
+}
+
+TEST(Stabilizer, WithoutLaterFramesFollowsAnEvenMotionWithAThirdOfAFrameDelay) {
+  const auto steady = stabilized(evenMotion(), {});
+  for (std::size_t i = 0; i < steady.size(); ++i) {
+    const double delay = (centre(steady[i].warp) - Eigen::Vector2d(319.5, 239.5)).norm();
+    EXPECT_LT(delay, i < 40 ? 1.25 * 30.0 : 1.25 * 7.0 * 0.35) << i;
+    EXPECT_NEAR(steady[i].warp(0, 0), 1.0 / 0.8, 1e-9);
+  }
+}
+
+// The line through the first two or three frames of a path points anywhere.
+TEST(Stabilizer, IsSteadyFromTheFirstFramesOn) {
+  const Path path = flight(20, 3.0, 0.0);
+  EXPECT_LT(shakeAfter(path, stabilized(path, {}), 1), 0.15 * shakeBefore(path, 1));
 }
 
 TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {

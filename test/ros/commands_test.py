@@ -88,6 +88,8 @@ COMMANDS = {
     'scripts/evaluate':
         'scripts/evaluate --built out/release --data sets --output report --methods ORB,KT,KTG,KTGP '
         '--repeat 1 --warp-pairs 2',
+    'scripts/evaluate --hpatches DIR':
+        'scripts/evaluate --built out/release --hpatches sets --methods KTGP',
     'scripts/evaluate --data DIR':
         'scripts/evaluate --built out/release --data sets --methods KTGP --repeat 1 --warp-pairs 0 '
         '--output one_method',

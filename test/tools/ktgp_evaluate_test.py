@@ -5,9 +5,23 @@ import os
 import shutil
 import unittest
 
-from tool_case import ToolCase, picture, translation, write_pgm
+from tool_case import HEIGHT, ToolCase, picture, translation, write_pgm
 
 SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
+
+
+DOGMAN = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "hard/dogman")
+
+
+def auc(errors, threshold):
+    """Area under the recall curve up to the threshold, over it: straight lines between the sorted errors."""
+    x, y = [0.0], [0.0]
+    for i, error in enumerate(e for e in errors if e < threshold):
+        x.append(error)
+        y.append((i + 1) / len(errors))
+    x.append(threshold)
+    y.append(y[-1])
+    return sum((b - a) * (c + d) / 2 for a, b, c, d in zip(x, x[1:], y, y[1:])) / threshold
 
 
 class KtgpEvaluate(ToolCase):
@@ -63,6 +77,36 @@ class KtgpEvaluate(ToolCase):
                 self.assertEqual(a[key], b[key])
                 self.assertEqual(a[key], c[key])
         self.assertIn("all, 15 pairs", run.stdout)
+
+    def test_hpatches_protocol(self):
+        for name in ("v_first", "v_talent"):
+            self.make_set(self.folder / "h" / name, "{}.pgm", "H_1_{}")
+        run, rows = self.rows("--hpatches", "h")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual({row["set"] for row in rows}, {"v_first"})
+        methods = ["KTGP", "KTGP+ALIGN", "ROBUST", "SIFT+PROSAC", "AKAZE", "ORB+RANSAC"]
+        self.assertEqual([row["method"] for row in rows[:6]], methods)
+        for method in methods:
+            errors = sorted(float(row["corner_error"] or "inf") for row in rows if row["method"] == method)
+            expected = " ".join("%6.1f" % (100 * auc(errors, threshold)) for threshold in (1, 3, 5))
+            line = next(line for line in run.stdout.splitlines() if line.startswith(method + " "))
+            self.assertIn(expected, line)
+        self.assertRegex(run.stdout, r"SuperPoint \+ LightGlue, PoseLib +37.1 +67.4 +77.8 +quoted")
+
+        # The shorter side becomes 480 px, and the shift grows with it.
+        aligned = next(row for row in rows if row["method"] == "KTGP+ALIGN")
+        x, y = SHIFTS[2]
+        self.assertAlmostEqual(float(aligned["displacement_mean"]),
+                               (x * x + y * y) ** 0.5 * 480 / HEIGHT, delta=1.5)
+
+        self.assertEqual(self.evaluate("--hpatches", "h", "--longest-side", 100).returncode, 2)
+
+    @unittest.skipUnless(os.path.isdir(DOGMAN), "no sequence of HPatches")
+    def test_a_sequence_of_hpatches(self):
+        run, rows = self.rows("--hpatches", DOGMAN, "--methods", "ROBUST")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(len(rows), 5)
+        self.assertIn("HPatches, 5 pairs (the papers: 540)", run.stdout)
 
     def test_jobs_change_nothing_but_the_times(self):
         def without_times(jobs):

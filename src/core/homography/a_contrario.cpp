@@ -102,11 +102,12 @@ bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<doubl
                                 double threshold, double covered_area) {
   constexpr double kLogMaxFalseAlarms = -4.0;  // log10
   constexpr std::size_t kSample = std::tuple_size<FourPoints>::value;
-  const double apart2 = threshold * threshold;
   FalseAlarms false_alarms(kSample, pairs.size());
   double largest = 0.0;  // squared error, px²
   counted_.clear();
   for (const std::size_t candidate : inliers_) {
+    const double apart = threshold * pairs.noiseOf(candidate);
+    const double apart2 = apart * apart;
     const auto is_apart = [&](std::size_t other) {
       return (pairs.reference[other] - pairs.reference[candidate]).squaredNorm() > apart2 &&
              (pairs.target[other] - pairs.target[candidate]).squaredNorm() > apart2;

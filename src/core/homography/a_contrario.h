@@ -50,8 +50,8 @@ double chanceInlier(double covered_area, double distance);
 /// eight at 3 px. Keeps its buffers.
 class ContrarioTest {
  public:
-  /// `squared_error`: reprojection errors in px², one per pair; `covered_area`: of the target
-  /// points.
+  /// `squared_error`: reprojection errors in px², one per pair; `threshold`: in px, or in multiples
+  /// of the pairs' noise; `covered_area`: of the target points.
   bool explainableByChance(const PointPairs& pairs, const std::vector<std::uint8_t>& mask,
                            const std::vector<double>& squared_error, double threshold,
                            double covered_area);

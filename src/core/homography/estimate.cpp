@@ -61,7 +61,7 @@ void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& 
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error = errorOf(estimate.homography, pairs.reference[i], pairs.target[i]);
     squared_error_[i] = error * error;
-    result.mask[i] = error < max_error ? 1 : 0;
+    result.mask[i] = error < max_error * pairs.noiseOf(i) ? 1 : 0;
     if (result.mask[i] == 0) continue;
     ++result.inliers;
     sum += squared_error_[i];

@@ -58,7 +58,8 @@ struct FinalHomography {
 /// PROSAC, guided matching or alignment found it. Keeps its buffers.
 class Finaliser {
  public:
-  /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, px.
+  /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, in
+  /// px or in multiples of their noise.
   void finalise(const UncertainHomography& estimate, const PointPairs& pairs,
                 const cv::Size& reference_size, double max_error, FinalHomography& result);
 

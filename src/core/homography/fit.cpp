@@ -96,8 +96,10 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   scales.significance = of_patches ? kSignificantOfPatches : kSignificantOfKeypoints;
   scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
   scales.nearby = kNearby * pairs.reference.scale;
-  const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
-                                    estimator_.curvature(), homography, scales);
+  // The field is told from noise that is alike in all pairs.
+  const FieldFit field = pairs.weighted ? FieldFit()
+                                        : field_.fit(estimator_.pairs(), estimator_.weights(),
+                                                     estimator_.curvature(), homography, scales);
   // The scale of the errors is estimated with f degrees of freedom. So H has Student's t
   // distribution, with f / (f - 2) times the covariance for a known scale.
   const double freedom = estimator_.freedom();

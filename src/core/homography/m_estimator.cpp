@@ -140,6 +140,7 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
     selected_.y[n] = points.y[i];
     selected_.u[n] = points.u[i];
     selected_.v[n] = points.v[i];
+    selected_.precision[n] = points.precision[i];
     ++n;
   }
   selected_.size = n;
@@ -205,11 +206,12 @@ void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   std::swap(weight_, former_weight_);
   for (std::size_t i = 0; i < selected_.size; i += 2) {
     const Projection p(selected_, homography, i);
-    Lanes squared = p.du * p.du + p.dv * p.dv;
+    const Lanes precision = load(selected_.precision, i);
+    Lanes squared = precision * (p.du * p.du + p.dv * p.dv);
     const Lanes student = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
     Lanes weight = student * load(cell_weight_, i);
     if (i + 1 == selected_.size) squared[1] = weight[1] = 0.0;  // padding
-    normal.add(p, weight);
+    normal.add(p, weight * precision);
     const Lanes weight2 = weight * student;
     weights += weight;
     derivatives += weight2;
@@ -310,7 +312,7 @@ bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homo
 Matrix8 MEstimator::squaredCellWeights(const Eigen::Matrix3d& homography) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < selected_.size; i += 2) {
-    const Lanes weight = load(weight_, i) * load(cell_weight_, i);
+    const Lanes weight = load(weight_, i) * load(cell_weight_, i) * load(selected_.precision, i);
     normal.add(Projection(selected_, homography, i), weight);
   }
   Matrix8 jtj;
@@ -370,7 +372,7 @@ Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::si
                                       std::size_t fold, std::size_t folds) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < count; i += 2) {
-    Lanes weight = load(weight_, i);
+    Lanes weight = load(weight_, i) * load(selected_.precision, i);
     if (i % folds == fold) weight[0] = 0.0;
     if ((i + 1) % folds == fold || i + 1 == count) weight[1] = 0.0;
     normal.add(Projection(selected_, homography, i), weight);

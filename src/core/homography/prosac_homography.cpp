@@ -22,6 +22,23 @@ namespace {
 
 using util::requireInRange;
 
+// px; their squares and the inverse of these are exact enough in single precision.
+constexpr double kLeastNoise = 1e-6;
+constexpr double kMostNoise = 1e6;
+
+void requireNoise(const std::vector<double>& noise, std::size_t pairs) {
+  if (noise.size() != pairs) {
+    throw std::invalid_argument("there are " + std::to_string(noise.size()) + " noises and " +
+                                std::to_string(pairs) +
+                                " point pairs; expected one per pair, or none");
+  }
+  for (std::size_t i = 0; i < noise.size(); ++i) {
+    if (noise[i] >= kLeastNoise && noise[i] <= kMostNoise) continue;
+    requireInRange("noise of point pair " + std::to_string(i) + " in px", noise[i], kLeastNoise,
+                   kMostNoise);
+  }
+}
+
 void requireValid(const PointPairs& pairs) {
   const std::size_t n = pairs.reference.size();
   if (pairs.target.size() != n || pairs.quality.size() != n) {
@@ -30,6 +47,7 @@ void requireValid(const PointPairs& pairs) {
                                 std::to_string(pairs.quality.size()) +
                                 " qualities; expected three equal numbers");
   }
+  if (!pairs.noise.empty()) requireNoise(pairs.noise, n);
   for (std::size_t i = 0; i < n; ++i) {
     if (pairs.reference[i].allFinite() && pairs.target[i].allFinite() &&
         std::isfinite(pairs.quality[i])) {
@@ -44,6 +62,13 @@ void requireValid(const std::optional<Eigen::Matrix3d>& initial) {
   if (!initial || initial->allFinite()) return;
   throw std::invalid_argument(
       "the initial homography has an entry that is not finite; expected nine finite entries");
+}
+
+double rootMeanSquareNoise(const PointPairs& pairs) {
+  if (pairs.noise.empty()) return 1.0;
+  double sum = 0.0;
+  for (const double noise : pairs.noise) sum += noise * noise;
+  return std::sqrt(sum / static_cast<double>(pairs.size()));
 }
 
 void reset(std::size_t pairs, ProsacResult& result) {
@@ -108,12 +133,12 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   const std::optional<Eigen::Matrix3d>& initial,
                                   ProsacResult& result) {
   order.sort(pairs.quality);
-  normalised.load(pairs.reference, pairs.target, order, options.max_error);
+  normalised.load(pairs.reference, pairs.target, order, options.max_error, pairs.noise);
   homography::ProsacRules rules;
   rules.max_iterations = options.max_iterations;
   rules.confidence = options.confidence;
-  rules.chance_inlier =
-      homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
+  rules.chance_inlier = homography::chanceInlier(homography::coveredArea(pairs.target),
+                                                 options.max_error * rootMeanSquareNoise(pairs));
   rules.seed = options.seed;
   const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
   const homography::ProsacRun run = search.run(rules, start ? &*start : nullptr, normalised);

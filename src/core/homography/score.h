@@ -10,8 +10,8 @@
 namespace ktgp_orb::homography {
 
 /// MSAC cost (Torr & Zisserman, CVIU 2000): sum over the pairs of min(e², limit²), with e the
-/// reprojection error in the target. Stops as soon as the sum exceeds `give_up` and returns the
-/// partial sum, so a cost below `give_up` is complete.
+/// reprojection error in the target, over the noise of the pair. Stops as soon as the sum exceeds
+/// `give_up` and returns the partial sum, so a cost below `give_up` is complete.
 float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homography, double limit,
                float give_up);
 

@@ -19,6 +19,9 @@ constexpr double kFadingTime = 0.5;    // s
 // Share of the margin within which shake is removed whole. Without later frames it needs more room.
 constexpr double kLinear = 0.5;
 constexpr double kLinearAtOnce = 0.75;
+// Without later frames: what a camera is expected to do before more is known is to stand still. At
+// 30 frames a second, where a whole history weighs 5, this delays an even motion by 0.01 s.
+constexpr double kStillness = 0.1;
 
 void requireInRange(const char* name, double value, double low, double high) {
   if (value >= low && value <= high) return;
@@ -40,6 +43,9 @@ double saturated(double share, double linear) {
 /// Value at time zero of a weighted line fit; the mean if all values have the same time.
 class LineAtZero {
  public:
+  /// `stillness`: weight of a line without slope, at time 1. It decides where there are few values.
+  explicit LineAtZero(double stillness) : square_(stillness) {}
+
   void add(double time, double weight, const std::array<Eigen::Vector2d, 4>& points) {
     weight_ += weight;
     time_ += weight * time;
@@ -64,7 +70,7 @@ class LineAtZero {
  private:
   double weight_ = 0.0;
   double time_ = 0.0;
-  double square_ = 0.0;
+  double square_;
   std::array<Eigen::Vector2d, 4> sum_{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero(),
                                       Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
   std::array<Eigen::Vector2d, 4> product_ = sum_;
@@ -143,7 +149,8 @@ Stabilizer::Corners Stabilizer::smoothed(std::int64_t stamp,
   // weight is next to nothing, and grows with the distance. That needs more room than a
   // bell curve, and leaves less jitter (doc/measurements/stabilization.md).
   const bool ends_here = options_.lag == 0;
-  LineAtZero line;
+  // Where a path begins, the line through its first frames would point anywhere.
+  LineAtZero line(ends_here ? kStillness : 0.0);
   line.add(0.0, ends_here ? 1e-6 : 1.0, corners);
   for (const FramePath::Step& step : path_.steps()) {
     const double time = seconds(step.stamp - stamp) / options_.strength;
