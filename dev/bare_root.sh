@@ -1,8 +1,7 @@
-# Sourced by scripts that need bare Debian systems: bare roots (minbase and git) of a suite, run in their own
-# mount and process namespaces. Needs root. Mirror and proxy are those of this machine's apt. Downloaded
-# packages and the bare root are kept in ~/.cache/ktgp_orb/platform.
+# Sourced by scripts that need bare Debian systems (minbase and git), with their own mounts and processes. Needs
+# root. Mirror and proxy are those of this machine's apt. Downloads and the bare root are kept in
+# ~/.cache/ktgp_orb/platform.
 # shellcheck shell=bash
-
 say() { echo "$(basename "$0"): $*"; }
 
 # prepare_base SUITE: sets cache and base; makes the bare root if there is none. One run of a suite at a time.
@@ -55,8 +54,7 @@ new_root() {
 }
 
 # run_in_root ROOT [NAME=VALUE ...] COMMAND ...: with an empty environment but for these variables; the folders of
-# KTGP_ORB_DATA, KTGP_ORB_ORACLE and KTGP_ORB_RQT are there, read-only. Sets inside, the process's id, and
-# waits for it.
+# KTGP_ORB_DATA, KTGP_ORB_ORACLE and KTGP_ORB_RQT are there, read-only.
 run_in_root() {
   # The new root is mounted on itself, since "ip netns" needs that inside. Processes in the root end with
   # their own process namespace, whose first process ends only by SIGKILL.

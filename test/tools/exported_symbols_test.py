@@ -23,7 +23,7 @@ def declared():
         classes |= {'%s::%s' % (namespace[1], name)
                     for name in re.findall(r'^(?:class|struct) (\w+)\b[^;]*?\{', text, re.MULTILINE)}
         functions |= {'%s::%s' % (namespace[1], name)
-                      for name in re.findall(r'^(?!inline|static)\w[\w:<>&* ]*? (\w+)\([^{}]*?\);', text,
+                      for name in re.findall(r'^(?!inline|static)\w[\w:<>&* ]*? (\w+)\((?:[^{}]|\{\})*?\);', text,
                                              re.MULTILINE)}
     return classes, functions
 
