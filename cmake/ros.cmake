@@ -38,6 +38,10 @@ catkin_package(
   DEPENDS EIGEN3 OpenCV
 )
 
+option(KTGP_ORB_CMAKE_PACKAGE "Install the CMake package for programs without ROS, too" OFF)
+if(KTGP_ORB_CMAKE_PACKAGE)
+  include(cmake/cmake_package.cmake)
+endif()
 install(DIRECTORY include/${PROJECT_NAME}/
   DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY config launch rviz

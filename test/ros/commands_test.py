@@ -82,6 +82,9 @@ COMMANDS = {
     'dev/check_platform trixie': IN_CI,
     'dev/check_workspace': IN_CI,
     'sudo dev/check_platform bookworm': IN_CI,
+    'sudo dev/package bookworm': TOO_LONG,
+    'sudo dev/package trixie': TOO_LONG,
+    'sudo apt install ./build/packages/bookworm/*.deb': Skipped('dev/package does it in a bare root'),
     'scripts/evaluate':
         'scripts/evaluate --built out/release --data sets --output report --methods ORB,KT,KTG,KTGP '
         '--repeat 1 --warp-pairs 2',
