@@ -38,6 +38,7 @@ std::vector<double> noisesOf(cv::InputArray array) {
   std::vector<double> result;
   cv::Mat values;
   noises.convertTo(values, CV_64F);
+  result.reserve(noises.total());
   for (int i = 0; i < count; ++i) result.push_back(values.at<double>(i));
   return result;
 }
