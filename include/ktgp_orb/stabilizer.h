@@ -37,7 +37,8 @@ struct SteadyFrame {
 /// "Full-frame video stabilization with motion inpainting", PAMI 2006). A straight line is fitted
 /// to these tracks, weighted by the distance in time. Its value at the time of the frame gives the
 /// corners in the steady picture. A line and not a mean, so that an evenly moving camera is
-/// followed without delay. Where a new path begins, the last correction fades out.
+/// followed without delay. Without lag a new path is expected to stand still until more is known.
+/// Where a new path begins, the last correction fades out.
 ///
 /// An instance belongs to one thread at a time.
 class Stabilizer {

@@ -82,12 +82,6 @@ void GroundReadings::add(const sensor_msgs::Imu& imu) {
   keep(imu, imus_);
 }
 
-void GroundReadings::clear() {
-  ranges_.clear();
-  imus_.clear();
-  used_range_ = last_image_ = ros::Time();
-}
-
 bool GroundReadings::complete(const ros::Time& stamp, const std::string& camera) const {
   if (usesImu() && (imus_.empty() || imus_.back().header.stamp < stamp)) return false;
   const bool uses_tf = config_.height_source == "tf_height" || config_.normal_source == "tf_normal";
@@ -169,9 +163,22 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   no_turn_.clear();
   frame.height = height(h.header);
   frame.down = down(h.header);
+  dropSidewaysBeam(frame);
   frame.turn = turn(h.header);
   last_image_ = h.header.stamp;
   return frame;
+}
+
+/// What measures the distance to something else, such as a wall, is no height.
+void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
+  if (!frame.height || !frame.down || frame.height->beam_direction.isZero()) return;
+  constexpr double kLeastSink = 0.1;  // per metre of the beam
+  if (frame.height->beam_direction.dot(frame.down->direction) >= kLeastSink) return;
+  frame.height.reset();
+  no_height_ =
+      "the beam of the range on " + range_topic_ +
+      " does not point to the ground; a range sensor looks along the x axis of its frame, " +
+      range_frame_;
 }
 
 std::optional<HeightReading> GroundReadings::height(const std_msgs::Header& image) {
@@ -220,6 +227,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
     reading.beam_direction = found->linear().col(0);  // a range sensor looks along its x axis
   }
   used_range_ = range->header.stamp;
+  range_frame_ = range->header.frame_id;
   return reading;
 }
 

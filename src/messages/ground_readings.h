@@ -31,7 +31,6 @@ class GroundReadings {
                  const std::string& imu_topic);
   void add(const sensor_msgs::Range& range);
   void add(const sensor_msgs::Imu& imu);
-  void clear();
 
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
@@ -57,6 +56,7 @@ class GroundReadings {
  private:
   std::optional<HeightReading> height(const std_msgs::Header& image);
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
+  void dropSidewaysBeam(GroundFrame& frame);
   std::optional<DownReading> down(const std_msgs::Header& image);
   std::optional<DownReading> downOfImu(const std_msgs::Header& image);
   std::optional<TurnReading> turn(const std_msgs::Header& image);
@@ -70,6 +70,7 @@ class GroundReadings {
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
   ros::Time used_range_;
+  std::string range_frame_;
   ros::Time last_image_;
   std::string no_height_;
   std::string no_normal_;

@@ -7,6 +7,15 @@ namespace ktgp_orb {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
+namespace {
+
+/// A reading that was used before is not there, without a reason.
+std::string none(const std::string& what, const std::string& why) {
+  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
+}
+
+}  // namespace
+
 std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const GroundReadings& readings,
                                      const ros::Time& stamp, double patience) {
   constexpr double kLimit = GroundEstimate::kContradiction;
@@ -36,7 +45,7 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
     case GroundStatus::no_covariance:
       return "the homography has no covariance";
     case GroundStatus::no_height:
-      return "no height: " + height;
+      return none("height", height);
     case GroundStatus::no_normal:
       return "no normal: " + (normal.empty() ? "the motion does not show it yet" : normal);
     case GroundStatus::contradiction:
@@ -48,8 +57,8 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
     case GroundStatus::resumed:
       break;
   }
-  if (is_old(last_height_)) return "no height: " + height;
-  if (is_old(last_normal_)) return "no normal: " + normal;
+  if (is_old(last_height_)) return none("height", height);
+  if (is_old(last_normal_)) return none("normal", normal);
   return "";
 }
 

@@ -44,6 +44,13 @@ Pose3 mounted() {
   return pose;
 }
 
+/// Looks straight down where the base is level.
+Pose3 downward() {
+  Pose3 pose = Pose3::Identity();
+  pose.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+  return pose;
+}
+
 /// A smooth motion of the base at about four metres.
 CameraPose truthAt(int frame, const Pose3& camera_to_base) {
   const double t = frame / kRate;
@@ -494,6 +501,9 @@ TEST(GroundMotion, RefusesUnusableReadings) {
             "the height is nan m; expected a number above 0");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->deviation = -1.0; }), "");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->age = kNan; }), "");
+  EXPECT_EQ(
+      refusalOf([](GroundFrame& f) { f.height->beam_direction << 0.0, 0.0, 2.0; }),
+      "the height has a beam whose direction has a length of 2.000000; expected 1, or 0 for none");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->direction *= 2.0; }), "");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->direction(0) = kNan; }), "");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.down->deviation = kNan; }), "");
@@ -519,6 +529,27 @@ TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
   GroundMotionOptions options;
   options.ground_slope = -1.0;
   EXPECT_THROW(GroundMotion bad(options), std::invalid_argument);
+}
+
+TEST(GroundMotion, ABeamThatDoesNotMeetTheGroundIsNoHeight) {
+  for (const double down : {-1.0, 0.0, 0.05}) {  // share of the beam along the optical axis
+    const auto turned = [down](GroundFrame frame) {
+      frame.height->beam_direction << std::sqrt(1.0 - down * down), 0.0, down;
+      return frame;
+    };
+    Flight level(downward(), 3e-5);
+    level.next();
+    GroundMotion ground(optionsWith(downward()));
+    const GroundEstimate& first = ground.add(turned(level.next()));
+    EXPECT_EQ(first.status, GroundStatus::no_height) << down;
+    EXPECT_GT(first.height_misfit, GroundEstimate::kContradiction);
+    for (int i = 0; i < 30; ++i) ground.add(level.next());
+    const GroundEstimate& estimate = ground.add(turned(level.next()));
+    EXPECT_EQ(estimate.status, GroundStatus::ok);
+    EXPECT_FALSE(estimate.height_used);
+    EXPECT_GT(estimate.height_misfit, GroundEstimate::kContradiction);
+    EXPECT_NEAR(estimate.height, level.truth(32).position.z(), 0.02);
+  }
 }
 
 TEST(GroundMotion, AllocatesNothingInTheSteadyState) {

@@ -42,6 +42,8 @@ AccountingStorageType=accounting_storage/none
 SelectType=select/cons_tres
 SelectTypeParameters=CR_CPU
 MpiDefault=none
+KillWait=1
+SchedulerParameters=sched_interval=1,batch_sched_delay=0
 ReturnToService=2
 MessageTimeout=10
 SlurmdTimeout=30
@@ -57,7 +59,7 @@ class FleetTest(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.folder = pathlib.Path(folder.name)
         first = cls.folder / 'first.bag'
-        subprocess.run([str(TOOLS / 'make_demo_bag'), str(first), '--seconds', '0.4'], check=True,
+        subprocess.run([str(TOOLS / 'make_demo_bag'), str(first), '--seconds', '0.2'], check=True,
                        stderr=subprocess.DEVNULL)
         names = ['run%d.bag' % i for i in range(RECORDINGS)]
         for name in names:

@@ -191,6 +191,7 @@ void render(const cv::Mat& map, std::uint64_t seed, int frames, bool with_relief
   const ExactFlight flight(seed);
   SequenceOptions options;
   options.reference.mode = ReferenceMode::keyframe;
+  options.matcher.guided.enabled = true;
   SequenceMatcher matcher(options);
   FlowMatcher flow_matcher;
   for (int frame = 0; frame < frames; ++frame) {

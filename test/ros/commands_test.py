@@ -144,8 +144,8 @@ COMMANDS = {
         Until('roslaunch ktgp_orb stabilizer.launch', 'takes images on /camera/image_raw'),
     'roslaunch ktgp_orb mosaic.launch':
         Until('roslaunch ktgp_orb mosaic.launch', 'takes images on /camera/image_raw'),
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: keyframe}"':
-        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: keyframe}"', MATCHER),
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: keyframe, guided: true}"':
+        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: keyframe, guided: true}"', MATCHER),
     'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"':
         Until('roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"',
               'takes matches on /camera/matcher/match'),
@@ -180,8 +180,8 @@ COMMANDS = {
     'MACHINES=a,b,c examples/fleet/parallel.sh list.txt /shared/results --csv matched.csv': FLEET,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
         'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --motion motion.csv':
-        'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --motion motion.csv',
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv':
+        'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv',
     'rosrun ktgp_orb make_demo_bag demo.bag':
         'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
     'rosrun ktgp_orb make_demo_bag flight.bag --target place.png':

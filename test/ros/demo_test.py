@@ -101,6 +101,25 @@ class DemoTest(unittest.TestCase):
         self.assertLess(np.median(errors), 0.5)
         self.assertLess(np.max(errors), 5.0)
 
+    def test_the_flight_tilts_as_asked(self):
+        program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'make_demo_bag')
+        for degrees in (0, 15):
+            bag = os.path.join(self.folder, '%d.bag' % degrees)
+            subprocess.check_call([program, '--seconds', '2', '--tilt', str(degrees), bag])
+            for topic, noise in (('ground_truth/odometry', 0.1), ('imu', 2.5)):
+                readings = messages(bag, '/camera/' + topic)
+                self.assertEqual(len(readings), FRAMES)
+                turns = [m.pose.pose.orientation if topic != 'imu' else m.orientation for m in readings]
+                # The optical axis of the camera is the z axis of the Imu, and -z of the odometry.
+                tilts = [np.degrees(np.arccos(min(1.0, abs(1 - 2 * (q.x ** 2 + q.y ** 2))))) for q in turns]
+                self.assertLess(np.max(tilts), degrees * np.hypot(1, 0.8) + noise, topic)
+                self.assertGreater(np.max(tilts), 0.5 * degrees, topic)
+            # The range is along the optical axis, which is tilted; its noise is 1 %.
+            height = [m.pose.pose.position.z for m in messages(bag, '/camera/ground_truth/odometry')]
+            ranges = [m.range for m in messages(bag, '/camera/range')]
+            truth = [z / np.cos(np.radians(t)) for z, t in zip(height, tilts)]
+            self.assertLess(np.max(np.abs(np.divide(ranges, truth) - 1)), 0.06)
+
     def test_an_option_that_is_none_is_refused(self):
         result = self.demo('--no-such-option')
         self.assertEqual(result.returncode, 2)

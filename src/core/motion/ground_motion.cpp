@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "core/motion/ground_filter.h"
@@ -120,10 +121,14 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
     estimate.gap = sinceLast(frame);
     predict(estimate.gap);
   } else {
+    const CameraPose first = firstPose(frame);
+    if (!meetsGround(*frame.height, first)) {
+      estimate.height_misfit = std::numeric_limits<double>::infinity();
+      return GroundStatus::no_height;
+    }
     Vector6 variances;
     const double exact = kOrigin * frame.height->metres;
     variances << exact * exact, exact * exact, 0.0, 0.0, 0.0, kOrigin * kOrigin;
-    const CameraPose first = firstPose(frame);
     Matrix6 covariance = variances.asDiagonal();
     covariance.bottomRightCorner<3, 3>() =
         first.axes.transpose() * covariance.bottomRightCorner<3, 3>() * first.axes;
@@ -179,7 +184,7 @@ CameraPose GroundMotion::Impl::onGround(const GroundFrame& frame, const CameraPo
         Eigen::Quaterniond::FromTwoVectors(frame.down->direction, down).toRotationMatrix();
   }
   placed.position.head<2>() = (base - placed.axes * lever).head<2>();
-  if (frame.height) {
+  if (frame.height && meetsGround(*frame.height, placed)) {
     const motion::PoseRows<1> rows = rowsOf(*frame.height, placed, 0.0);
     placed.position.z() += rows.residual(0) / rows.slope(2);
   }
@@ -218,15 +223,18 @@ void GroundMotion::Impl::predict(double seconds) {
 
 /// What is not connected to earlier frames takes height and normal from the readings alone.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
+  const CameraPose placed = onGround(frame, filter.pose());
   Matrix6 more = Matrix6::Zero();
-  if (frame.height) more(2, 2) = frame.height->metres * frame.height->metres;
+  if (frame.height && meetsGround(*frame.height, placed)) {
+    more(2, 2) = frame.height->metres * frame.height->metres;
+  }
   if (frame.down || !has_pose) {
     const Eigen::Matrix3d& axes = filter.pose().axes;
     const Eigen::Vector3d level(1.0, 1.0, 0.0);
     more.bottomRightCorner<3, 3>() =
         kUnknownTilt * kUnknownTilt * (axes.transpose() * level.asDiagonal() * axes);
   }
-  filter.start(onGround(frame, filter.pose()), filter.covariance() + more);
+  filter.start(placed, filter.covariance() + more);
 }
 
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {

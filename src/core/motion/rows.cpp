@@ -3,12 +3,16 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace ktgp_orb::motion {
 namespace {
 
 // Readings said to be exact keep a little noise: a share of the height, and rad.
 constexpr double kLeastDeviation = 1e-6;
+
+// A beam that sinks less per metre says little about the height, or nothing.
+constexpr double kLeastSink = 0.1;
 
 /// Change of the entries of h, with h(2,2) = 1, for a change of h by d.
 Vector8 entriesChange(const Eigen::Matrix3d& h, const Eigen::Matrix3d& d) {
@@ -21,6 +25,11 @@ Eigen::Matrix3d unit(int i) {
   Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
   m(i / 3, i % 3) = 1.0;
   return m;
+}
+
+/// How far the beam sinks per metre of its length.
+double sinkOf(const HeightReading& reading, const CameraPose& pose) {
+  return -pose.axes.row(2).dot(reading.beam_direction);
 }
 
 }  // namespace
@@ -72,6 +81,10 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
   return slope;
 }
 
+bool meetsGround(const HeightReading& reading, const CameraPose& pose) {
+  return reading.beam_direction.isZero() || sinkOf(reading, pose) >= kLeastSink;
+}
+
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise) {
   PoseRows<1> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation * reading.metres);
@@ -82,7 +95,11 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
     rows.slope(2) = 1.0;
     return rows;
   }
-  const double sinks = -up.dot(reading.beam_direction);  // per metre of the beam
+  if (!meetsGround(reading, pose)) {
+    rows.residual(0) = std::numeric_limits<double>::infinity();
+    return rows;
+  }
+  const double sinks = sinkOf(reading, pose);
   const double start = pose.position.z() + up.dot(reading.beam_origin);
   const double length = start / sinks;
   rows.residual(0) = reading.metres + rise * reading.age / sinks - length;

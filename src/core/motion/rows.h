@@ -41,7 +41,10 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// `rise`: vertical velocity, m/s.
+/// Whether the beam of a range sensor, if there is one, meets the ground.
+bool meetsGround(const HeightReading& reading, const CameraPose& pose);
+/// `rise`: vertical velocity, m/s. The residual is infinite where the beam does not meet the
+/// ground.
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 

@@ -75,6 +75,11 @@ std::string whyUnusable(const HeightReading& reading) {
   if (!reading.beam_origin.allFinite() || !reading.beam_direction.allFinite()) {
     return "has a beam that is not finite";
   }
+  const double length = reading.beam_direction.norm();
+  if (length != 0.0 && !(std::abs(length - 1.0) < 1e-6)) {
+    return "has a beam whose direction has a length of " + std::to_string(length) +
+           "; expected 1, or 0 for none";
+  }
   return "";
 }
 
