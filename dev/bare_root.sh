@@ -1,12 +1,11 @@
-# Sourced by scripts that need bare Debian systems (minbase and git), with their own mounts and processes. Needs
-# root. Mirror and proxy are those of this machine's apt. Downloads and the bare root are kept in
-# ~/.cache/ktgp_orb/platform.
+# Sourced by scripts that need bare Debian systems (minbase and git). Needs root. Mirror and proxy are those of
+# this machine's apt. Downloads and the bare root are kept in ~/.cache/ktgp_orb/platform.
 # shellcheck shell=bash
 say() { echo "$(basename "$0"): $*"; }
 
 # prepare_base SUITE: sets cache and base; makes the bare root if there is none. One run of a suite at a time.
 prepare_base() {
-  local suite=$1 mirror_uri proxy
+  local suite=$1 proxy
   [ "$(id -u)" = 0 ] || {
     say "needs root, to make a root file system and a mount namespace: sudo $0 $suite" >&2
     exit 1
