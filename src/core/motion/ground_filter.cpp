@@ -13,6 +13,20 @@ namespace {
 constexpr double kOfKeyframe = 0.6;
 constexpr double kOfFrame = 0.4;
 
+/// a b, coefficient by coefficient. Eigen's blocked product is meant for large matrices: no faster
+/// for these, and it made this file the one that takes longest to compile.
+template <typename A, typename B>
+auto times(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
+  return a.lazyProduct(b).eval();
+}
+
+/// The covariance of `slope` times a vector with the covariance `covariance`.
+template <typename Slope, typename Covariance>
+auto propagated(const Eigen::MatrixBase<Slope>& slope,
+                const Eigen::MatrixBase<Covariance>& covariance) {
+  return times(times(slope, covariance), slope.transpose());
+}
+
 }  // namespace
 
 void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
@@ -41,7 +55,7 @@ void GroundFilter::moveFrame() {
   Eigen::Matrix<double, 9, 9> both;
   both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
       covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
-  both = (slope * both * slope.transpose()).eval();
+  both = propagated(slope, both);
   covariance_.setZero();
   covariance_.block<3, 3>(kFrame, kFrame) = both.topLeftCorner<3, 3>();
   covariance_.block<3, 6>(kFrame, kNow) = both.topRightCorner<3, 6>();
@@ -71,7 +85,7 @@ Matrix6 GroundFilter::covariance() const {
   Eigen::Matrix<double, 9, 9> both;
   both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
       covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
-  return slope * both * slope.transpose();
+  return propagated(slope, both);
 }
 
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
@@ -81,26 +95,26 @@ void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   map_ = imageFromGround(now_).inverse() * from_keyframe;
   map_ /= map_.norm();
   const Eigen::Matrix3d h = imageFromGround(now_) * map_;
-  const Matrix86 by_pose = -mapFromEntries(h) * byPose(h, map_, now_);
+  const Matrix86 by_pose = -times(mapFromEntries(h), byPose(h, map_, now_));
   const Matrix8 by_noise = mapFromEntries(motion.homography);
-  covariance_.middleRows<8>(kMap) = by_pose * covariance_.middleRows<6>(kNow);
+  covariance_.middleRows<8>(kMap) = times(by_pose, covariance_.middleRows<6>(kNow));
   covariance_.middleCols<8>(kMap) = covariance_.middleRows<8>(kMap).transpose().eval();
-  covariance_.block<8, 8>(kMap, kMap) =
-      by_pose * covariance_.block<6, 6>(kNow, kNow) * by_pose.transpose() +
-      kOfKeyframe * by_noise * motion.covariance * by_noise.transpose();
+  covariance_.block<8, 8>(kMap, kMap) = propagated(by_pose, covariance_.block<6, 6>(kNow, kNow)) +
+                                        kOfKeyframe * propagated(by_noise, motion.covariance);
 }
 
 bool GroundFilter::advance(const ImageMotion& motion) {
-  const Eigen::LLT<Matrix8> whitening(kOfFrame * motion.covariance);
+  const Eigen::LLT<Matrix8> factor(kOfFrame * motion.covariance);
   const auto start = poseFrom(motion.homography * map_.inverse());
-  if (!start || whitening.info() != Eigen::Success) return false;
+  if (!start || factor.info() != Eigen::Success) return false;
+  const Matrix8 whitening = factor.matrixL().solve(Matrix8::Identity());
   CameraPose pose = *start;
   Eigen::HouseholderQR<Matrix86> solver(8, 6);
   Vector8 residual;
   for (int iteration = 0; iteration < 5; ++iteration) {
     const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-    residual = whitening.matrixL().solve(entriesOf(motion.homography) - entriesOf(h));
-    solver.compute(whitening.matrixL().solve(byPose(h, map_, pose)));
+    residual = times(whitening, entriesOf(motion.homography) - entriesOf(h));
+    solver.compute(times(whitening, byPose(h, map_, pose)));
     const Vector6 step = solver.solve(residual);
     if (!step.allFinite() || step.tail<3>().norm() > 0.5) return false;
     pose = moved(pose, step);
@@ -110,24 +124,24 @@ bool GroundFilter::advance(const ImageMotion& motion) {
 
   // The new pose follows the map and the noise; the homography has two more numbers.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-  residual = whitening.matrixL().solve(entriesOf(motion.homography) - entriesOf(h));
-  const Matrix8 by_map = whitening.matrixL().solve(byMap(h));
-  const Matrix86 by_pose = whitening.matrixL().solve(byPose(h, map_, pose));
+  residual = times(whitening, entriesOf(motion.homography) - entriesOf(h));
+  const Matrix8 by_map = times(whitening, byMap(h));
+  const Matrix86 by_pose = times(whitening, byPose(h, map_, pose));
   solver.compute(by_pose);
   const Eigen::Matrix<double, 6, 8> pose_by_map = -solver.solve(by_map);
   const Matrix8 axes = solver.householderQ();
-  rest_ = axes.rightCols<2>().transpose() * residual;
-  rest_by_map_ = axes.rightCols<2>().transpose() * by_map;
+  rest_ = times(axes.rightCols<2>().transpose(), residual);
+  rest_by_map_ = times(axes.rightCols<2>().transpose(), by_map);
 
   before_ = now_;
   now_ = pose;
   covariance_.middleRows<6>(kBefore) = covariance_.middleRows<6>(kNow).eval();
   covariance_.middleCols<6>(kBefore) = covariance_.middleCols<6>(kNow).eval();
-  covariance_.middleRows<6>(kNow) = pose_by_map * covariance_.middleRows<8>(kMap);
+  covariance_.middleRows<6>(kNow) = times(pose_by_map, covariance_.middleRows<8>(kMap));
   covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
   covariance_.block<6, 6>(kNow, kNow) =
-      pose_by_map * covariance_.block<8, 8>(kMap, kMap) * pose_by_map.transpose() +
-      (by_pose.transpose() * by_pose).inverse();
+      propagated(pose_by_map, covariance_.block<8, 8>(kMap, kMap)) +
+      times(by_pose.transpose(), by_pose).inverse();
   return true;
 }
 
@@ -151,15 +165,16 @@ double GroundFilter::update(const Eigen::Matrix<double, kRows, 1>& residual,
                             const Eigen::Matrix<double, kRows, kSize>& slope, double variance,
                             double limit) {
   using Square = Eigen::Matrix<double, kRows, kRows>;
-  const Eigen::Matrix<double, kSize, kRows> cross_covariance = covariance_ * slope.transpose();
-  Square expected = slope * cross_covariance;
+  const Eigen::Matrix<double, kSize, kRows> cross_covariance =
+      times(covariance_, slope.transpose());
+  Square expected = times(slope, cross_covariance);
   expected.diagonal().array() += variance;
-  const Eigen::LLT<Square> factor(expected);
-  const double misfit = std::sqrt(residual.dot(factor.solve(residual)));
+  const Square information = expected.inverse();
+  const double misfit = std::sqrt(residual.dot(times(information, residual)));
   if (!(misfit <= limit)) return misfit;
-  const Eigen::Matrix<double, kRows, kSize> gain = factor.solve(cross_covariance.transpose());
-  correct(gain.transpose() * residual);
-  covariance_ -= cross_covariance * gain;
+  const Eigen::Matrix<double, kRows, kSize> gain = times(information, cross_covariance.transpose());
+  correct(times(gain.transpose(), residual));
+  covariance_ -= times(cross_covariance, gain);
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
   return misfit;
 }
