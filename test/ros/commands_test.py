@@ -166,6 +166,11 @@ COMMANDS = {
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
               'waits for /camera/matcher/match; no node publishes it'),
 
+    'rosrun ktgp_orb ktgp_find photo.png posters':
+        'mkdir -p posters && cp first.png posters/ && rosrun ktgp_orb ktgp_find second.png posters',
+    'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':
+        "echo '- {id: place, image: first.png}' > targets.yaml && "
+        'rosrun ktgp_orb ktgp_find second.png targets.yaml --draw found.png --json found.json',
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
