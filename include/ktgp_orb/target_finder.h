@@ -51,7 +51,7 @@ struct TargetFinderOptions {
 };
 
 /// A target in a frame.
-struct TargetDetection {
+struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
   /// ok; or model_rejected: another target claims the same keypoints with more support, so that
@@ -91,7 +91,7 @@ struct TargetSearch {
 /// Result for one frame; valid until the next call.
 struct TargetFrame {
   /// Ordered by id, then by instance.
-  std::vector<TargetDetection> detections;
+  std::vector<DetectedTarget> detections;
   TargetSearch search;
 };
 
@@ -108,7 +108,7 @@ struct TargetFrame {
 /// The targets of the last frame come first, then the other candidates in order of their support,
 /// each second one in turn, until search_ms is over. What is tried depends on this time. What is
 /// found does not: a search gives the same bits whenever it is done. Only the second search near
-/// the predicted position (TargetDetection::predicted) needs a detection in the frame before.
+/// the predicted position (DetectedTarget::predicted) needs a detection in the frame before.
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {
@@ -120,6 +120,9 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
+  /// TargetFinderOptions::search_ms and search_radius from the next frame on. Throws as the
+  /// constructor does, without any change.
+  void setSearch(double search_ms, double search_radius);
 
   /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
   /// image or one of another type, a width that is negative or not finite, an image with too little
@@ -139,6 +142,10 @@ class TargetFinder {
   /// The same for features found elsewhere; without images there is no alignment. Throws as
   /// requireValid does, and for descriptors of another kind.
   const TargetFrame& find(const Features& features);
+
+  /// Searches all targets in an image that does not belong to the frames: what is followed there
+  /// stays as it is.
+  const TargetFrame& findAlone(const cv::Mat& image);
 
   /// Forgets what was seen: the next frame belongs to another sequence.
   void restart();

@@ -76,7 +76,7 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
   std::vector<TargetEntry> entries;
   try {
     const YAML::Node list = YAML::LoadFile(path);
-    if (!list.IsSequence() || list.size() == 0) {
+    if (!list.IsSequence()) {
       refuse(path, "is no list of targets; expected lines such as - {id: door, image: door.png}");
     }
     for (const YAML::Node& node : list) {
@@ -96,6 +96,7 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
 
 void writeTargetList(const std::string& path, const std::vector<TargetEntry>& entries) {
   YAML::Emitter out;
+  out.SetDoublePrecision(9);
   out << YAML::BeginSeq;
   for (const TargetEntry& entry : entries) {
     out << YAML::Flow << YAML::BeginMap << YAML::Key << "id" << YAML::Value << entry.id << YAML::Key

@@ -43,7 +43,7 @@ json toJson(const Eigen::Matrix3d& h) {
   return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
 }
 
-json toJson(const TargetDetection& detection) {
+json toJson(const DetectedTarget& detection) {
   json corners = json::array();
   json covariances = json::array();
   for (std::size_t i = 0; i < detection.corners.size(); ++i) {
@@ -69,7 +69,7 @@ json toJson(const TargetDetection& detection) {
 json toJson(const Arguments& arguments, const TargetFrame& frame,
             const std::vector<std::string>& refused) {
   json detections = json::array();
-  for (const TargetDetection& detection : frame.detections) detections.push_back(toJson(detection));
+  for (const DetectedTarget& detection : frame.detections) detections.push_back(toJson(detection));
   return {{"image", arguments.image},
           {"targets", frame.search.known},
           {"refused", refused},
@@ -83,7 +83,7 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
 void print(const TargetFrame& frame) {
   std::printf("%zu targets known, %zu with a chance, %zu keypoints, %.1f ms\n", frame.search.known,
               frame.search.candidates, frame.search.features, frame.search.milliseconds);
-  for (const TargetDetection& d : frame.detections) {
+  for (const DetectedTarget& d : frame.detections) {
     std::printf("%s %d: %s, %zu inliers, corners", d.id.c_str(), d.instance, toString(d.status),
                 d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());

@@ -60,14 +60,14 @@ cv::Mat frameOf(const std::vector<Shown>& all, std::uint64_t background = 1000) 
   return image;
 }
 
-const TargetDetection* detectionOf(const TargetFrame& frame, int number) {
-  for (const TargetDetection& d : frame.detections) {
+const DetectedTarget* detectionOf(const TargetFrame& frame, int number) {
+  for (const DetectedTarget& d : frame.detections) {
     if (d.id == poster(number).id && d.status == Status::ok) return &d;
   }
   return nullptr;
 }
 
-double errorOf(const TargetDetection& detection, const Shown& truth) {
+double errorOf(const DetectedTarget& detection, const Shown& truth) {
   return test::errorInView(truth.homography, detection.homography.homography, kPoster, kFrame);
 }
 
@@ -87,7 +87,7 @@ TEST(TargetFinder, FindsEachTargetAndNoOther) {
     const TargetFrame& frame = finder.find(frameOf(truth, 2000 + static_cast<std::uint64_t>(n)));
     ASSERT_EQ(frame.detections.size(), truth.size()) << n;
     for (const Shown& one : truth) {
-      const TargetDetection* found = detectionOf(frame, one.number);
+      const DetectedTarget* found = detectionOf(frame, one.number);
       ASSERT_NE(found, nullptr) << one.number;
       EXPECT_LT(errorOf(*found, one), 0.5);
       EXPECT_GT(found->inliers, 12U);
@@ -100,7 +100,7 @@ TEST(TargetFinder, CornersAreWhereTheHomographyAndItsCovarianceSay) {
   TargetFinder finder = finderOf(3);
   const Shown truth = shown(1, 320, 240, 0.5, 1.0);
   const TargetFrame& frame = finder.find(frameOf({truth}));
-  const TargetDetection* found = detectionOf(frame, 1);
+  const DetectedTarget* found = detectionOf(frame, 1);
   ASSERT_NE(found, nullptr);
   EXPECT_TRUE(found->aligned);
   EXPECT_EQ(found->image_size, kPoster);
@@ -136,7 +136,7 @@ TEST(TargetFinder, InstancesKeepTheirNumbers) {
     ASSERT_EQ(frame.detections.size(), 2U) << step;
     static int first = -1;
     if (step == 0) first = errorOf(frame.detections[0], truth[0]) < 3.0 ? 0 : 1;
-    for (const TargetDetection& d : frame.detections) {
+    for (const DetectedTarget& d : frame.detections) {
       EXPECT_EQ(d.age, step + 1);
       const std::size_t place = d.instance == first ? 0 : 1;
       EXPECT_LT(errorOf(d, truth[place]), 1.0) << step;
@@ -156,7 +156,7 @@ TEST(TargetFinder, TargetsThatOverlapAreFound) {
   const std::vector<Shown> truth{shown(0, 280, 230, 0.3, 1.2), shown(3, 390, 300, 0.3, 0.7)};
   const TargetFrame& frame = finder.find(frameOf(truth));
   for (const Shown& one : truth) {
-    const TargetDetection* found = detectionOf(frame, one.number);
+    const DetectedTarget* found = detectionOf(frame, one.number);
     ASSERT_NE(found, nullptr) << one.number;
     EXPECT_LT(errorOf(*found, one), 1.0);
   }
@@ -238,7 +238,7 @@ TEST(TargetFinder, KnowsATargetByEachOfItsImages) {
 }
 
 /// Equal to the last bit.
-void expectSame(const TargetDetection& a, const TargetDetection& b) {
+void expectSame(const DetectedTarget& a, const DetectedTarget& b) {
   EXPECT_EQ(a.id, b.id);
   EXPECT_EQ(a.inliers, b.inliers);
   EXPECT_EQ(a.homography.homography, b.homography.homography);
@@ -251,7 +251,7 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   options.search_ms = 0.0;  // one target on each frame, in turn
   TargetFinder few = finderOf(16, options);
   const cv::Mat image = frameOf({shown(4, 170, 240), shown(11, 470, 240)});
-  const std::vector<TargetDetection> expected = all.find(image).detections;
+  const std::vector<DetectedTarget> expected = all.find(image).detections;
   ASSERT_EQ(expected.size(), 2U);
   EXPECT_EQ(all.find(image).search.frames_for_all, 1U);
   const std::size_t bound = few.find(image).search.frames_for_all;
@@ -260,7 +260,7 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   std::size_t seen = 0;
   for (std::size_t i = 0; i < bound; ++i) {
     const TargetFrame& frame = few.find(image);
-    for (const TargetDetection& d : frame.detections) {
+    for (const DetectedTarget& d : frame.detections) {
       expectSame(d, d.id == expected[0].id ? expected[0] : expected[1]);
     }
     seen = std::max(seen, frame.detections.size());
@@ -269,7 +269,7 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
 }
 
 TEST(TargetFinder, TheSameFramesGiveTheSameBits) {
-  std::vector<TargetDetection> first;
+  std::vector<DetectedTarget> first;
   for (int run = 0; run < 2; ++run) {
     TargetFinder finder = finderOf(8);
     const TargetFrame& frame = finder.find(frameOf({shown(4, 170, 240), shown(6, 470, 240)}));
@@ -277,6 +277,19 @@ TEST(TargetFinder, TheSameFramesGiveTheSameBits) {
     ASSERT_EQ(frame.detections.size(), first.size());
     for (std::size_t i = 0; i < first.size(); ++i) expectSame(frame.detections[i], first[i]);
   }
+}
+
+TEST(TargetFinder, AnImageAloneChangesNothing) {
+  TargetFinder finder = finderOf(4);
+  finder.setSearch(0.0, 48.0);
+  EXPECT_THROW(finder.setSearch(-1.0, 48.0), std::invalid_argument);
+  const cv::Mat image = frameOf({shown(2, 200, 240)});
+  while (finder.find(image).detections.empty()) {
+  }
+  const int age = finder.find(image).detections[0].age;
+  EXPECT_EQ(finder.findAlone(frameOf({shown(1, 200, 240), shown(3, 480, 240)})).detections.size(),
+            2U);
+  EXPECT_EQ(finder.find(image).detections.at(0).age, age + 1);
 }
 
 TEST(TargetFinder, TakesFramesOfAnotherSizeAndFeatures) {

@@ -192,7 +192,7 @@ void count(const World& world, const View& view, const TargetFrame& answer, Scor
   for (const Truth& truth : view.truths) {
     const cv::Size size = world.targets[truth.target].images[0].size();
     bool found = false;
-    for (const TargetDetection& d : answer.detections) {
+    for (const DetectedTarget& d : answer.detections) {
       if (d.status != Status::ok || d.id != world.targets[truth.target].id) continue;
       const double error =
           test::errorInView(truth.homography, d.homography.homography, size, kFrame);
@@ -214,7 +214,7 @@ void count(const World& world, const View& view, const TargetFrame& answer, Scor
       score.by[key].first += found ? 1 : 0;
     }
   }
-  for (const TargetDetection& d : answer.detections) {
+  for (const DetectedTarget& d : answer.detections) {
     if (d.status != Status::ok) continue;
     const bool shown = std::any_of(view.truths.begin(), view.truths.end(), [&](const Truth& t) {
       return world.targets[t.target].id == d.id &&

@@ -11,7 +11,7 @@ namespace {
 constexpr int kFractionBits = 4;   // of a pixel
 constexpr double kFarthest = 1e5;  // px
 
-std::vector<cv::Point> outlineOf(const TargetDetection& detection) {
+std::vector<cv::Point> outlineOf(const DetectedTarget& detection) {
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : detection.corners) {
     if (!(corner.cwiseAbs().maxCoeff() < kFarthest)) return {};
@@ -23,12 +23,12 @@ std::vector<cv::Point> outlineOf(const TargetDetection& detection) {
 
 }  // namespace
 
-void drawTargets(const cv::Mat& image, const std::vector<TargetDetection>& detections,
+void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detections,
                  cv::Mat& canvas) {
   canvas.create(image.size(), CV_8UC3);
   overlay::copyAsBgr(image, canvas);
   const overlay::Typeface face(canvas.size());
-  for (const TargetDetection& detection : detections) {
+  for (const DetectedTarget& detection : detections) {
     const std::vector<cv::Point> outline = outlineOf(detection);
     if (outline.empty()) continue;
     const bool found = detection.status == Status::ok;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
@@ -29,7 +30,7 @@ double millisecondsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-void requireValid(const TargetFinderOptions& options) {
+void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("features of a target", options.features, 50, 5000);
   util::requireInRange("largest_side", options.largest_side, 64, 4000);
   if (options.views != 1 && options.views != 5) {
@@ -50,7 +51,7 @@ UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHom
   return full;
 }
 
-void setCorners(TargetDetection& detection) {
+void setCorners(DetectedTarget& detection) {
   const Eigen::Matrix3d& h = detection.homography.homography;
   const auto corners = homography::imageCorners(detection.image_size, {});
   for (std::size_t i = 0; i < corners.size(); ++i) {
@@ -83,11 +84,11 @@ bool coversAll(const FoundTarget& found, const cv::Size& size, targets::TargetSt
   return area > kShare * std::max(cv::contourArea(own), cv::contourArea(other));
 }
 
-TargetDetection detectionOf(const FoundTarget& found, const Track& track,
-                            targets::TargetStore& store) {
+DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
+                           targets::TargetStore& store) {
   const TargetPicture& picture = store.picture(found.picture);
   const StoredTarget& target = *found.target;
-  TargetDetection detection;
+  DetectedTarget detection;
   detection.id = target.id;
   detection.width = target.width;
   detection.frame = target.frame;
@@ -116,7 +117,7 @@ struct TargetFinder::Impl {
         check_extractor(checkOptions(o)),
         store(options),
         search(options, store) {
-    requireValid(o);
+    requireUsable(o);
   }
 
   static OrbOptions checkOptions(const TargetFinderOptions& options);
@@ -240,12 +241,12 @@ void TargetFinder::Impl::publish() {
   answer.detections.clear();
   const std::vector<std::uint8_t> is_doubtful = targets::conflicts(found, store);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    TargetDetection detection = detectionOf(found[i], track_of[i], store);
+    DetectedTarget detection = detectionOf(found[i], track_of[i], store);
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
   std::sort(answer.detections.begin(), answer.detections.end(),
-            [](const TargetDetection& a, const TargetDetection& b) {
+            [](const DetectedTarget& a, const DetectedTarget& b) {
               return a.id != b.id ? a.id < b.id : a.instance < b.instance;
             });
 }
@@ -284,6 +285,14 @@ TargetFinder& TargetFinder::operator=(TargetFinder&&) noexcept = default;
 
 const TargetFinderOptions& TargetFinder::options() const {
   return impl_->options;
+}
+
+void TargetFinder::setSearch(double search_ms, double search_radius) {
+  TargetFinderOptions changed = impl_->options;
+  changed.search_ms = search_ms;
+  changed.search_radius = search_radius;
+  requireUsable(changed);
+  impl_->options = changed;
 }
 
 void TargetFinder::add(const Target& target) {
@@ -326,13 +335,32 @@ const TargetFrame& TargetFinder::find(const cv::Mat& image) {
 }
 
 const TargetFrame& TargetFinder::find(const Features& features) {
-  ktgp_orb::requireValid(features, "frame");
+  requireValid(features, "frame");
   if (features.descriptor != impl_->options.orb.descriptor) {
     throw std::invalid_argument(std::string("the frame has ") + toString(features.descriptor) +
                                 " descriptors; expected " +
                                 toString(impl_->options.orb.descriptor));
   }
   return impl_->find(features, Clock::now());
+}
+
+const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
+  const targets::Tracks followed = impl_->tracks;
+  const double search_ms = impl_->options.search_ms;
+  const auto restore = [&] {
+    impl_->tracks = followed;
+    impl_->options.search_ms = search_ms;
+  };
+  impl_->tracks.clear();
+  impl_->options.search_ms = std::numeric_limits<double>::infinity();
+  try {
+    find(image);
+  } catch (...) {
+    restore();
+    throw;
+  }
+  restore();
+  return impl_->answer;
 }
 
 void TargetFinder::restart() {
