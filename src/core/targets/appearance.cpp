@@ -76,7 +76,7 @@ void Appearance::cut(const cv::Mat& image, float least_deviation,
       float sum = 0.F;
       std::size_t i = 0;
       for (int y = 0; y < kSide; ++y) {
-        const auto* line = image.ptr<std::uint8_t>(row * kSide + y) + column * kSide;
+        const auto* line = image.ptr<std::uint8_t>(row * kSide + y, column * kSide);
         for (int x = 0; x < kSide; ++x) {
           block.values[i++] = line[x];
           sum += line[x];
@@ -129,8 +129,8 @@ double Appearance::logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d&
       double here = 0.0, pairs = 0.0;
       for (int y = std::max(0, -dy); y < std::min(rows_, rows_ - dy); ++y) {
         for (int x = std::max(0, -dx); x < std::min(columns_, columns_ - dx); ++x) {
-          const Block& a = of_picture_[static_cast<std::size_t>(y * columns_ + x)];
-          const Block& b = of_frame_[static_cast<std::size_t>((y + dy) * columns_ + x + dx)];
+          const Block& a = of_picture_[blockAt(x, y)];
+          const Block& b = of_frame_[blockAt(x + dx, y + dy)];
           if (!a.has_texture || !b.is_seen) continue;
           pairs += 1.0;
           if (!b.has_texture) continue;

@@ -28,6 +28,11 @@ class Appearance {
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;
   void markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture, const cv::Size& frame);
 
+  std::size_t blockAt(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
   int columns_ = 0;
   int rows_ = 0;
   cv::Mat picture_, frame_;

@@ -1,6 +1,7 @@
 #include "core/targets/picture_search.h"
 
 #include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -21,6 +22,11 @@ constexpr int kRounds = 7;
 constexpr std::size_t kFewestPairs = 8;
 
 constexpr double kLogMaxFalseAlarms = -8.0;
+
+/// Wrong seeds, which take most of the time, seldom have so many.
+std::size_t fewestExact(int round) {
+  return std::min<std::size_t>(3 + static_cast<std::size_t>(round), kFewestPairs);
+}
 
 AlignmentOptions alignmentOptions() {
   AlignmentOptions options;
@@ -123,6 +129,14 @@ bool PictureSearch::matchNear(TargetPicture& picture, const Eigen::Matrix3d& map
   return near_pairs_.size() >= kFewestPairs;
 }
 
+/// Those of the last matchNear() that are within the last radius.
+std::size_t PictureSearch::exactPairs() const {
+  constexpr float kSquared = kLastRadius * kLastRadius;
+  return static_cast<std::size_t>(std::count_if(
+      near_.begin(), near_.end(),
+      [](const growth::LocalMatch& match) { return match.squared_error < kSquared; }));
+}
+
 /// Grows the region around the centre where the map holds. Unlike growth::Grower it does not need
 /// many matches, since a target may be small in the frame; the images decide later.
 bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre,
@@ -130,7 +144,8 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
   double reach = kFirstReach;
   float radius = kFirstRadius;
   for (int round = 0; round < kRounds; ++round) {
-    if (!matchNear(picture, map, centre, reach, radius) || !refit(radius, map)) return false;
+    if (!matchNear(picture, map, centre, reach, radius)) return false;
+    if (exactPairs() < fewestExact(round) || !refit(radius, map)) return false;
     reach *= kReachFactor;
     radius = std::max(kLastRadius, radius * kRadiusFactor);
   }

@@ -68,6 +68,7 @@ bool coversAll(const FoundTarget& found, const cv::Size& size, targets::TargetSt
   constexpr double kShare = 0.6;
   const auto outline = [](const std::array<Eigen::Vector2d, 4>& corners) {
     std::vector<cv::Point2f> points;
+    points.reserve(corners.size());
     for (const Eigen::Vector2d& p : corners) {
       points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
     }

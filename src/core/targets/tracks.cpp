@@ -50,6 +50,7 @@ void Tracks::assign(const std::vector<FoundTarget>& found, TargetStore& store,
   using Pair = std::tuple<double, std::size_t, std::size_t>;  // distance, track, detection
   std::vector<Place> places;
   std::vector<Pair> pairs;
+  places.reserve(found.size());
   for (const FoundTarget& one : found) places.push_back(placeOf(one, store));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     for (std::size_t i = 0; i < found.size(); ++i) {
