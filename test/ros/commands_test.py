@@ -107,6 +107,7 @@ COMMANDS = {
     'scripts/test -L long -R lost_target': TOO_LONG,
     'scripts/test -L long -R faults': TOO_LONG,
     'scripts/test -L long -R verdict': TOO_LONG,
+    'scripts/test -L long -R targets': TOO_LONG,
     'scripts/test -L long -R soak': IN_CI,
     'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R soak': TOO_LONG,
     'dev/nightly': TOO_LONG,
