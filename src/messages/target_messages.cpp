@@ -95,7 +95,7 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
 }
 
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame) {
-  const auto message = boost::make_shared<TargetDetections>();
+  auto message = boost::make_shared<TargetDetections>();
   message->header = header;
   for (const DetectedTarget& target : frame.detections) {
     message->detections.push_back(messageOf(target));
@@ -149,7 +149,7 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
 
 visualization_msgs::MarkerArrayPtr markersOf(const TargetDetections& message) {
   using visualization_msgs::Marker;
-  const auto markers = boost::make_shared<visualization_msgs::MarkerArray>();
+  auto markers = boost::make_shared<visualization_msgs::MarkerArray>();
   Marker marker;
   marker.header = message.header;
   marker.action = Marker::DELETEALL;
