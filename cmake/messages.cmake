@@ -6,6 +6,9 @@ add_message_files(FILES
   MatchStatistics.msg
   MatchStatus.msg
   StageStatistics.msg
+  TargetDetection.msg
+  TargetDetections.msg
 )
-add_service_files(FILES MatchPair.srv SaveMosaic.srv SetPose.srv)
+add_service_files(FILES DetectTargets.srv MatchPair.srv RemoveTarget.srv SaveMosaic.srv SetPose.srv
+  SetTarget.srv)
 generate_messages(DEPENDENCIES geometry_msgs sensor_msgs std_msgs)

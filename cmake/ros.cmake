@@ -15,12 +15,14 @@ find_package(catkin REQUIRED COMPONENTS
   std_msgs
   std_srvs
   tf2_ros
+  visualization_msgs
 )
 include(cmake/messages.cmake)
 generate_dynamic_reconfigure_options(
-  cfg/GroundMotion.cfg cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg)
+  cfg/GroundMotion.cfg cfg/Ktgp.cfg cfg/Mosaic.cfg cfg/Stabilizer.cfg
+  cfg/Targets.cfg)
 # Their inputs: after a change of a row the output is generated again.
-foreach(pair GroundMotion=ground_motion Ktgp=table Mosaic=mosaic Stabilizer=stabilizer)
+foreach(pair GroundMotion=ground_motion Ktgp=table Mosaic=mosaic Stabilizer=stabilizer Targets=targets)
   string(REPLACE "=" ";" pair ${pair})
   list(GET pair 0 config)
   list(GET pair 1 table)
@@ -34,7 +36,7 @@ catkin_package(
   LIBRARIES ktgp_orb_core ktgp_orb_views ktgp_orb_messages ktgp_orb_nodelets
   CATKIN_DEPENDS
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
-    nav_msgs nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros
+    nav_msgs nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV
 )
 

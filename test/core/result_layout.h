@@ -15,6 +15,7 @@
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "ktgp_orb/stabilizer.h"
+#include "ktgp_orb/target_finder.h"
 
 namespace ktgp_orb::test {
 
@@ -44,6 +45,9 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_MEMBER(AlignmentResult, covariance),
     KTGP_ORB_MEMBER(AlignmentResult, rmse_after),
     KTGP_ORB_TYPE(Correspondence),
+    KTGP_ORB_TYPE(DetectedTarget),
+    KTGP_ORB_MEMBER(DetectedTarget, homography),
+    KTGP_ORB_MEMBER(DetectedTarget, pairs),
     KTGP_ORB_TYPE(evaluation::ErrorSummary),
     KTGP_ORB_TYPE(evaluation::Repeatability),
     KTGP_ORB_TYPE(Features),
@@ -113,6 +117,11 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(SequenceOptions),
     KTGP_ORB_TYPE(Stabilizer),
     KTGP_ORB_TYPE(StabilizerOptions),
+    KTGP_ORB_TYPE(Target),
+    KTGP_ORB_TYPE(TargetFinder),
+    KTGP_ORB_TYPE(TargetFinderOptions),
+    KTGP_ORB_TYPE(TargetFrame),
+    KTGP_ORB_TYPE(TargetSearch),
     KTGP_ORB_TYPE(StageResult),
     KTGP_ORB_TYPE(SteadyFrame),
     KTGP_ORB_MEMBER(SteadyFrame, starts_anew),

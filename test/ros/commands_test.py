@@ -107,6 +107,7 @@ COMMANDS = {
     'scripts/test -L long -R lost_target': TOO_LONG,
     'scripts/test -L long -R faults': TOO_LONG,
     'scripts/test -L long -R verdict': TOO_LONG,
+    'scripts/test -L long -R targets': TOO_LONG,
     'scripts/test -L long -R soak': IN_CI,
     'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R soak': TOO_LONG,
     'dev/nightly': TOO_LONG,
@@ -149,6 +150,10 @@ COMMANDS = {
     'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"':
         Until('roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"',
               'takes matches on /camera/matcher/match'),
+    'roslaunch ktgp_orb targets.launch targets:=$PWD/posters':
+        Until('mkdir -p posters && cp first.png posters/ && roslaunch ktgp_orb targets.launch '
+              'targets:=$PWD/posters', '1 targets are known'),
+    'rostopic echo /camera/targets/detections': Skipped('waits for images; rostopic\'s own'),
     'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
         'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
@@ -166,6 +171,11 @@ COMMANDS = {
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
               'waits for /camera/matcher/match; no node publishes it'),
 
+    'rosrun ktgp_orb ktgp_find photo.png posters':
+        'mkdir -p posters && cp first.png posters/ && rosrun ktgp_orb ktgp_find second.png posters',
+    'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':
+        "echo '- {id: place, image: first.png}' > targets.yaml && "
+        'rosrun ktgp_orb ktgp_find second.png targets.yaml --draw found.png --json found.json',
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':

@@ -58,7 +58,8 @@ class ParameterTablesTest(unittest.TestCase):
                 ktgp_table.check(rows(*names))
 
     def test_those_of_the_package_can_be_shown(self):
-        for table in ('table.def', 'stabilizer.def', 'mosaic.def', 'ground_motion.def'):
+        for table in ('table.def', 'stabilizer.def', 'mosaic.def', 'ground_motion.def',
+                      'targets.def'):
             ktgp_table.check(ktgp_table.rows(table))
 
 

@@ -25,6 +25,12 @@ void ReferenceFrames::set(const Features& reference, const ReferenceViews* views
   views_.clear();
   frames_.clear();
   bits_.clear();
+  std::size_t count = reference.size();
+  if (views != nullptr) {
+    for (const ReferenceView& view : *views) count += view.features.size();
+  }
+  frames_.reserve(count);
+  bits_.reserve(count);
   add(reference, Eigen::Matrix<double, 2, 3>::Identity());
   if (views == nullptr) return;
   for (const ReferenceView& view : *views) add(view.features, view.to_view);
@@ -42,6 +48,11 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
     bits_.push_back(bitsOf(features, i));
   }
   views_.push_back({begin, frames_.size(), from_view});
+}
+
+const Eigen::Matrix2d& ReferenceFrames::fromView(std::size_t keypoint) const {
+  const auto is_beyond = [](std::size_t i, const View& view) { return i < view.end; };
+  return std::upper_bound(views_.begin(), views_.end(), keypoint, is_beyond)->from_view;
 }
 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {

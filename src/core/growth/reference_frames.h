@@ -29,6 +29,8 @@ class ReferenceFrames {
 
   const std::vector<LocalFrame>& frames() const { return frames_; }
   const std::vector<Bits>& bits() const { return bits_; }
+  /// px of the view of that keypoint to px of the reference, without the shift.
+  const Eigen::Matrix2d& fromView(std::size_t keypoint) const;
 
  private:
   struct View {

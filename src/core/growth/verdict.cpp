@@ -86,7 +86,7 @@ Verdict::Counts Verdict::count(const std::vector<LocalMatch>& matches,
 
 Judgement Verdict::judge(const std::vector<Prediction>& predictions,
                          const ReferenceFrames& reference, float first_radius, int seeds,
-                         LocalMatcher& matcher) {
+                         LocalMatcher& matcher, float longest_period) {
   const auto chances = [&](const cv::Point2f& shift) {
     return static_cast<double>(
         matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
@@ -117,7 +117,7 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
   for (const Decoy& decoy : decoys_) raise(decoy);
   Judgement judgement = best(own, own_chances, log_tests);
   if (!(judgement.log_false_alarms < kLogMaxFalseAlarms)) return judgement;
-  meetRepeats(predictions, reference, matcher);
+  meetRepeats(predictions, reference, longest_period, matcher);
   return best(own, own_chances, log_tests);
 }
 
@@ -140,8 +140,10 @@ Judgement Verdict::best(const Counts& own, double own_chances, double log_tests)
 }
 
 void Verdict::meetRepeats(const std::vector<Prediction>& predictions,
-                          const ReferenceFrames& reference, LocalMatcher& matcher) {
+                          const ReferenceFrames& reference, float longest_period,
+                          LocalMatcher& matcher) {
   for (const cv::Point2f& shift : repeats_.find(predictions, reference.bits(), matcher)) {
+    if (std::hypot(shift.x, shift.y) > longest_period) continue;
     const auto chances =
         static_cast<double>(matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
     raise({chances, count(matches_, reference, matcher)});

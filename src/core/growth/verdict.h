@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <opencv2/core/types.hpp>
 #include <vector>
 
@@ -52,8 +53,10 @@ class Verdict {
   static constexpr double kLogMaxFalseAlarms = -6.0;
 
   /// `predictions`: all predictions of the homography. `first_radius`: radius of the first round.
+  /// `longest_period`: farther repetitions are taken for other copies of the object, px.
   Judgement judge(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
-                  float first_radius, int seeds, LocalMatcher& matcher);
+                  float first_radius, int seeds, LocalMatcher& matcher,
+                  float longest_period = std::numeric_limits<float>::max());
 
   /// The shifts that the last homography was compared with, if these were needed.
   const std::vector<cv::Point2f>& repeats() const { return repeats_.shifts(); }
@@ -76,7 +79,7 @@ class Verdict {
   Chance chanceAt(std::size_t k) const;
   Judgement best(const Counts& own, double own_chances, double log_tests) const;
   void meetRepeats(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
-                   LocalMatcher& matcher);
+                   float longest_period, LocalMatcher& matcher);
   bool isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells);
 
   struct Decoy {

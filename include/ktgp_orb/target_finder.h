@@ -1,0 +1,158 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/prosac_homography.h"
+#include "ktgp_orb/status.h"
+
+namespace ktgp_orb {
+
+/// A flat object that is known by pictures of it.
+struct Target {
+  std::string id;  ///< not empty; no other target has it
+  /// 8-bit grey, one or more. Each shows the whole object and nothing else, in its own way (for
+  /// example by day and by night).
+  std::vector<cv::Mat> images;
+  double width = 0.0;  ///< what the images show from left to right, m; 0: not known
+  std::string frame;   ///< name for the caller (tf); not used here
+};
+
+struct TargetFinderOptions {
+  /// For the frames and the targets. By default more keypoints than usual, and in every part of the
+  /// frame: a target may be small.
+  OrbOptions orb = [] {
+    OrbOptions options;
+    options.max_features = 3000;
+    options.distribution = KeypointDistribution::uniform;
+    return options;
+  }();
+  int features = 500;  ///< of each image of a target, 50..5000; its views have five times as many
+  int largest_side = 400;  ///< px, 64..4000; larger images of targets are made smaller, for memory
+  /// Images that each image of a target is searched as: 1: itself, at full and at half size; 5:
+  /// also four views of it with a tilt of 2, at both sizes.
+  int views = 5;
+  /// How far a target that was seen in the last frame, and was not found otherwise, may be from its
+  /// predicted position, px, 0..1000. 0: it gets no second search.
+  double search_radius = 48.0;
+  /// Time for the targets that were not seen in the last frame, ms per frame; infinite: all that
+  /// have a chance are tried on every frame.
+  double search_ms = std::numeric_limits<double>::infinity();
+  int max_instances = 8;  ///< of one target in a frame, 1..1000
+};
+
+/// A target in a frame.
+struct DetectedTarget {
+  std::string id;
+  int instance = 0;  ///< from 0; the same object keeps its number while it is followed
+  /// ok; or model_rejected: another target claims the same keypoints with more support, so that
+  /// only one of the two can be there.
+  Status status = Status::ok;
+  std::size_t image = 0;  ///< the image of the target that was found
+  cv::Size image_size;    ///< of that image, px
+  double width = 0.0;     ///< Target::width
+  std::string frame;      ///< Target::frame
+  /// The outer corners of the first and last pixels' centres in the frame: upper left, upper right,
+  /// lower right, lower left of the target's image; px.
+  std::array<Eigen::Vector2d, 4> corners;
+  std::array<Eigen::Matrix<double, 2, 2, Eigen::DontAlign>, 4> corner_covariances;  ///< px²
+  /// Image of the target -> frame, px, with its covariance (see UncertainHomography).
+  UncertainHomography homography;
+  bool aligned = false;     ///< the homography comes from patches of the images, not from keypoints
+  std::size_t inliers = 0;  ///< keypoints that agree with it
+  double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
+  int age = 0;  ///< frames in which this instance was seen one after the other, this one included
+  bool predicted = false;  ///< found near its predicted position, after the search had not found it
+  /// What the homography was fitted to: positions in the target's image and in the frame, px.
+  PointPairs pairs;
+};
+
+/// What was done on a frame.
+struct TargetSearch {
+  std::size_t known = 0;       ///< targets
+  std::size_t candidates = 0;  ///< targets with a chance: two keypoints or more that fit together
+  std::size_t tried = 0;       ///< of these
+  /// Frames within which every candidate is tried, if it stays one: 1 if all were.
+  std::size_t frames_for_all = 1;
+  std::size_t features = 0;  ///< keypoints of the frame
+  double extraction_milliseconds = 0.0;
+  double milliseconds = 0.0;  ///< extraction and search
+};
+
+/// Result for one frame; valid until the next call.
+struct TargetFrame {
+  /// Ordered by id, then by instance.
+  std::vector<DetectedTarget> detections;
+  TargetSearch search;
+};
+
+/// Finds many flat targets in the frames of a camera.
+///
+/// 1. The frame's features are extracted once.
+/// 2. An index of the descriptors of all targets (bits sampled at random in several tables; Indyk &
+///   Motwani, STOC 1998) gives for each keypoint of the frame the most similar ones.
+/// 3. A pair of keypoints predicts an affine map, since it has a direction and a size. The targets
+///   whose pairs agree with each other are candidates.
+/// 4. Each candidate is grown from its best pairs, judged by decoys (see HomographyGrowth), aligned
+///   to a fraction of a pixel, and searched again without the keypoints that it explains.
+///
+/// The targets of the last frame come first, then the other candidates in order of their support,
+/// each second one in turn, until search_ms is over. What is tried depends on this time. What is
+/// found does not: a search gives the same bits whenever it is done. Only the second search near
+/// the predicted position (DetectedTarget::predicted) needs a detection in the frame before.
+///
+/// An instance belongs to one thread at a time.
+class TargetFinder {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit TargetFinder(const TargetFinderOptions& options = {});
+  ~TargetFinder();
+  TargetFinder(TargetFinder&&) noexcept;
+  TargetFinder& operator=(TargetFinder&&) noexcept;
+
+  const TargetFinderOptions& options() const;
+  /// TargetFinderOptions::search_ms and search_radius from the next frame on. Throws as the
+  /// constructor does, without any change.
+  void setSearch(double search_ms, double search_radius);
+
+  /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
+  /// image or one of another type, a width that is negative or not finite, an image with too little
+  /// texture, and one that shows the same as another target, so that the two could not be told
+  /// apart.
+  void add(const Target& target);
+  /// The same in place of the target with this id, which must exist.
+  void replace(const Target& target);
+  /// False if there is no such target.
+  bool remove(const std::string& id);
+  /// In the order in which they were added.
+  std::vector<std::string> ids() const;
+  bool knows(const std::string& id) const;
+
+  /// `image`: 8-bit grey; otherwise std::invalid_argument.
+  const TargetFrame& find(const cv::Mat& image);
+  /// The same for features found elsewhere; without images there is no alignment. Throws as
+  /// requireValid does, and for descriptors of another kind.
+  const TargetFrame& find(const Features& features);
+
+  /// Searches all targets in an image that does not belong to the frames: what is followed there
+  /// stays as it is.
+  const TargetFrame& findAlone(const cv::Mat& image);
+
+  /// Forgets what was seen: the next frame belongs to another sequence.
+  void restart();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace ktgp_orb

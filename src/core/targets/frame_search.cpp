@@ -1,0 +1,140 @@
+#include "core/targets/frame_search.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+
+namespace ktgp_orb::targets {
+
+void FrameSearch::setFrame(const Features& features, std::uint64_t number) {
+  features_ = &features;
+  number_ = number;
+  whole_.setFrame(features, {}, features.images);
+  frames_.clear();
+  hits_.clear();
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    frames_.push_back(growth::frameOf(features.keypoints[i]));
+    store_.index().search(growth::bitsOf(features, i), static_cast<std::uint32_t>(i), hits_);
+  }
+  std::sort(hits_.begin(), hits_.end(), [](const IndexHit& a, const IndexHit& b) {
+    if (a.picture != b.picture) return a.picture < b.picture;
+    if (a.distance != b.distance) return a.distance < b.distance;
+    return a.query != b.query ? a.query < b.query : a.keypoint < b.keypoint;
+  });
+  collectCandidates();
+}
+
+/// The pictures of a target have consecutive numbers, so its hits are a run.
+void FrameSearch::collectCandidates() {
+  candidates_.clear();
+  taken_.clear();
+  for (std::size_t begin = 0, end = 0; begin < hits_.size(); begin = end) {
+    const std::uint32_t picture = hits_[begin].picture;
+    while (end < hits_.size() && hits_[end].picture == picture) ++end;
+    seeds_.collect(&hits_[begin], hits_.data() + end, store_.picture(picture).frames, frames_,
+                   taken_);
+    StoredTarget& target = store_.owner(picture);
+    const bool is_same = !candidates_.empty() && candidates_.back().target == &target;
+    if (seeds_.votes() == 0) {
+      if (is_same) candidates_.back().end = end;
+    } else if (is_same) {
+      candidates_.back().end = end;
+      candidates_.back().votes = std::max(candidates_.back().votes, seeds_.votes());
+    } else {
+      candidates_.push_back({&target, seeds_.votes(), begin, end});
+    }
+  }
+}
+
+void FrameSearch::search(const Candidate& candidate, std::vector<FoundTarget>& found) {
+  taken_.clear();
+  FoundTarget result;
+  if (!searchOnce(candidate, whole_, result)) return;
+  found.push_back(result);
+  taken_.assign(features_->size(), 0);
+  for (int i = 1; i < options_.max_instances; ++i) {
+    take(found.back());
+    setRest();
+    if (!searchOnce(candidate, rest_, result)) return;
+    found.push_back(result);
+  }
+}
+
+/// The first picture in which the target is found.
+bool FrameSearch::searchOnce(const Candidate& candidate, PictureSearch& search,
+                             FoundTarget& result) {
+  for (std::size_t begin = candidate.begin, end = begin; begin < candidate.end; begin = end) {
+    const std::uint32_t number = hits_[begin].picture;
+    while (end < candidate.end && hits_[end].picture == number) ++end;
+    TargetPicture& picture = store_.picture(number);
+    seeds_.collect(&hits_[begin], hits_.data() + end, picture.frames, frames_, taken_);
+    if (seeds_.votes() == 0) continue;
+    if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) continue;
+    search.align(picture, store_.pyramid(number, number_), *features_, result.found);
+    result.target = candidate.target;
+    result.picture = number;
+    return true;
+  }
+  return false;
+}
+
+void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
+                             const Eigen::Matrix3d& prediction, std::vector<FoundTarget>& found) {
+  taken_.assign(features_->size(), 0);
+  bool is_first = true;
+  for (const FoundTarget& other : found) {
+    if (other.target != &target) continue;
+    take(other);
+    is_first = false;
+  }
+  if (!is_first) setRest();
+  PictureSearch& search = is_first ? whole_ : rest_;
+  FoundTarget result;
+  TargetPicture& picture = store_.picture(number);
+  if (!search.fromPrediction(picture, prediction, static_cast<float>(options_.search_radius),
+                             store_.pictureCount(), result.found)) {
+    return;
+  }
+  search.align(picture, store_.pyramid(number, number_), *features_, result.found);
+  result.target = &target;
+  result.picture = number;
+  result.predicted = true;
+  found.push_back(std::move(result));
+}
+
+/// The keypoints that it explains, and all others within its outline.
+void FrameSearch::take(const FoundTarget& target) {
+  const Eigen::Matrix3d& map = target.found.estimate.homography;
+  const Eigen::Matrix3d back = map.inverse();
+  const cv::Size size = store_.picture(target.picture).image.size();
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    const Eigen::Vector3d p = back * Eigen::Vector3d(frames_[i].x, frames_[i].y, 1.0);
+    const Eigen::Vector2d q = p.hnormalized();
+    const bool is_inside = q.x() >= 0.0 && q.y() >= 0.0 && q.x() <= size.width - 1.0 &&
+                           q.y() <= size.height - 1.0 && map.row(2).dot(q.homogeneous()) > 0.0;
+    if (is_inside) taken_[i] = 1;
+  }
+  for (const std::int32_t i : target.found.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
+}
+
+/// The features that are not taken.
+void FrameSearch::setRest() {
+  rest_numbers_.clear();
+  rest_features_.keypoints.clear();
+  rest_features_.image_size = features_->image_size;
+  rest_features_.descriptor = features_->descriptor;
+  for (std::size_t i = 0; i < taken_.size(); ++i) {
+    if (taken_[i] != 0) continue;
+    rest_numbers_.push_back(static_cast<std::int32_t>(i));
+    rest_features_.keypoints.push_back(features_->keypoints[i]);
+  }
+  rest_features_.descriptors.create(static_cast<int>(rest_numbers_.size()), kDescriptorBytes,
+                                    CV_8U);
+  for (std::size_t i = 0; i < rest_numbers_.size(); ++i) {
+    features_->descriptors.row(rest_numbers_[i])
+        .copyTo(rest_features_.descriptors.row(static_cast<int>(i)));
+  }
+  rest_.setFrame(rest_features_, rest_numbers_, features_->images);
+}
+
+}  // namespace ktgp_orb::targets

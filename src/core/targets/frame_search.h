@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "core/targets/picture_search.h"
+#include "core/targets/seeds.h"
+#include "core/targets/target_store.h"
+#include "ktgp_orb/features.h"
+
+namespace ktgp_orb::targets {
+
+/// A target that some pairs of keypoints speak for.
+struct Candidate {
+  StoredTarget* target;
+  std::int32_t votes;      ///< of its best seed
+  std::size_t begin, end;  ///< its hits
+};
+
+/// A target in the frame.
+struct FoundTarget {
+  StoredTarget* target = nullptr;
+  std::uint32_t picture = 0;
+  bool predicted = false;
+  FoundPicture found;
+};
+
+/// Searches targets in one frame. What is found for a target depends on it and the frame alone.
+/// Keeps its buffers.
+class FrameSearch {
+ public:
+  FrameSearch(const TargetFinderOptions& options, TargetStore& store)
+      : options_(options),
+        store_(store),
+        whole_(options.orb.scale_factor),
+        rest_(options.orb.scale_factor) {}
+
+  /// `number`: of the frame. `features` must live until the last search in this frame.
+  void setFrame(const Features& features, std::uint64_t number);
+
+  /// In the order of the targets.
+  const std::vector<Candidate>& candidates() const { return candidates_; }
+
+  /// Appends all instances of the candidate.
+  void search(const Candidate& candidate, std::vector<FoundTarget>& found);
+  /// Looks for one more instance near a prediction (picture's `image` -> frame, px), apart from
+  /// those of this target in `found`; appends it.
+  void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
+                  std::vector<FoundTarget>& found);
+
+ private:
+  void collectCandidates();
+  bool searchOnce(const Candidate& candidate, PictureSearch& search, FoundTarget& result);
+  void take(const FoundTarget& found);
+  void setRest();
+
+  const TargetFinderOptions& options_;
+  TargetStore& store_;
+  const Features* features_ = nullptr;
+  std::uint64_t number_ = 0;
+  std::vector<growth::LocalFrame> frames_;  // of the features
+  std::vector<IndexHit> hits_;              // sorted by picture
+  std::vector<Candidate> candidates_;
+  Seeds seeds_;
+  PictureSearch whole_;  // all features
+  PictureSearch rest_;   // without those that are taken
+  std::vector<std::uint8_t> taken_;
+  Features rest_features_;
+  std::vector<std::int32_t> rest_numbers_;
+};
+
+}  // namespace ktgp_orb::targets

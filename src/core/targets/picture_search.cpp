@@ -1,0 +1,280 @@
+#include "core/targets/picture_search.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr int kPoints = 120;  // aligned at most
+
+constexpr float kFirstRadius = 15.F;  // px
+constexpr float kLastRadius = 4.F;
+constexpr float kRadiusFactor = 0.83F;  // per round
+constexpr double kFirstReach = 90.0;    // px of the picture
+constexpr double kReachFactor = 1.4;
+constexpr int kRounds = 7;
+constexpr std::size_t kFewestPairs = 8;
+
+constexpr double kLogMaxFalseAlarms = -8.0;
+
+/// Wrong seeds, which take most of the time, seldom have so many.
+std::size_t fewestExact(int round) {
+  return std::min<std::size_t>(3 + static_cast<std::size_t>(round), kFewestPairs);
+}
+
+AlignmentOptions alignmentOptions() {
+  AlignmentOptions options;
+  options.points = kPoints;
+  return options;
+}
+
+Eigen::Vector2d middleOf(const cv::Size& size) {
+  return {0.5 * (size.width - 1), 0.5 * (size.height - 1)};
+}
+
+/// The shorter side of the picture in the frame, about; px.
+float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middleOf(size));
+  const double across = jacobian.col(0).norm() * size.width;
+  const double down = jacobian.col(1).norm() * size.height;
+  return static_cast<float>(std::min(across, down));
+}
+
+float medianOf(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+PictureSearch::PictureSearch(double scale_factor)
+    : scale_factor_(scale_factor), alignment_(alignmentOptions()) {}
+
+void PictureSearch::setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
+                             const std::vector<cv::Mat>& images) {
+  matcher_.setTarget(features);
+  images_ = images;
+  numbers_ = numbers;
+}
+
+bool PictureSearch::isExplained(const Seed& seed) const {
+  constexpr double kNear = 10.0;  // px
+  return std::any_of(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
+    return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) < kNear;
+  });
+}
+
+bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
+                              std::size_t pictures, FoundPicture& found) {
+  tried_.clear();
+  int count = 0;
+  for (const Seed& seed : seeds) {
+    if (count == kMostSeeds) return false;
+    if (isExplained(seed)) continue;
+    ++count;
+    if (grow(picture, seed.from.cast<double>(), pictures, affineOf(seed, seeds), found))
+      return true;
+  }
+  return false;
+}
+
+/// Moves the prediction to where most keypoints within the radius are, then grows it.
+bool PictureSearch::fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction,
+                                   float radius, std::size_t pictures, FoundPicture& found) {
+  constexpr std::size_t kFewest = 6;
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  const Eigen::Vector2d middle = middleOf(picture.image.size());
+  tried_.clear();
+  if (!picture.frames.predict(prediction, middle, kEverywhere, matcher_.imageSize(),
+                              predictions_)) {
+    return false;
+  }
+  matcher_.match(predictions_, picture.frames.bits(), {}, radius, near_);
+  if (near_.size() < kFewest) return false;
+  shift_x_.clear();
+  shift_y_.clear();
+  for (const growth::LocalMatch& match : near_) {
+    const growth::LocalFrame& from =
+        picture.frames.frames()[static_cast<std::size_t>(match.reference)];
+    const growth::LocalFrame& to = matcher_.frame(match.target);
+    const Eigen::Vector2d p = homography::project(prediction, {from.x, from.y});
+    shift_x_.push_back(to.x - static_cast<float>(p.x()));
+    shift_y_.push_back(to.y - static_cast<float>(p.y()));
+  }
+  Eigen::Matrix3d map = prediction;
+  map.row(0) += static_cast<double>(medianOf(shift_x_)) * map.row(2).eval();
+  map.row(1) += static_cast<double>(medianOf(shift_y_)) * map.row(2).eval();
+  return grow(picture, middle, pictures, map, found);
+}
+
+/// The matches near the positions that the map predicts.
+bool PictureSearch::matchNear(TargetPicture& picture, const Eigen::Matrix3d& map,
+                              const Eigen::Vector2d& centre, double reach, float radius) {
+  growth::ReferenceFrames& frames = picture.frames;
+  if (!frames.predict(map, centre, reach, matcher_.imageSize(), predictions_)) return false;
+  matcher_.match(predictions_, frames.bits(), {}, radius, near_);
+  near_pairs_.clear();
+  for (const growth::LocalMatch& match : near_) {
+    const growth::LocalFrame& from = frames.frames()[static_cast<std::size_t>(match.reference)];
+    const growth::LocalFrame& to = matcher_.frame(match.target);
+    near_pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
+  }
+  return near_pairs_.size() >= kFewestPairs;
+}
+
+/// Those of the last matchNear() that are within the last radius.
+std::size_t PictureSearch::exactPairs() const {
+  constexpr float kSquared = kLastRadius * kLastRadius;
+  return static_cast<std::size_t>(std::count_if(
+      near_.begin(), near_.end(),
+      [](const growth::LocalMatch& match) { return match.squared_error < kSquared; }));
+}
+
+/// Grows the region around the centre where the map holds. Unlike growth::Grower it does not need
+/// many matches, since a target may be small in the frame; the images decide later.
+bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre,
+                           Eigen::Matrix3d& map) {
+  double reach = kFirstReach;
+  float radius = kFirstRadius;
+  for (int round = 0; round < kRounds; ++round) {
+    if (!matchNear(picture, map, centre, reach, radius)) return false;
+    if (exactPairs() < fewestExact(round) || !refit(radius, map)) return false;
+    reach *= kReachFactor;
+    radius = std::max(kLastRadius, radius * kRadiusFactor);
+  }
+  return settle(picture, centre, map);
+}
+
+/// The whole picture.
+bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
+                           Eigen::Matrix3d& map) {
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  constexpr int kLastRounds = 3;
+  for (int round = 0; round < kLastRounds; ++round) {
+    if (!matchNear(picture, map, centre, kEverywhere, kLastRadius)) return false;
+    if (round + 1 < kLastRounds && !refit(kLastRadius, map)) return false;
+  }
+  return true;
+}
+
+bool PictureSearch::refit(float radius, Eigen::Matrix3d& map) const {
+  constexpr std::size_t kFewestForHomography = 12;
+  const double scale = 0.5 * radius;
+  if (near_pairs_.size() >= kFewestForHomography &&
+      growth::fitHomography(near_pairs_, scale, map)) {
+    return true;
+  }
+  return growth::fitAffine(near_pairs_, scale, map);
+}
+
+bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
+                         std::size_t pictures, Eigen::Matrix3d map, FoundPicture& found) {
+  if (!expand(picture, centre, map)) return false;
+  tried_.push_back(map);
+  return accept(picture, map, pictures, found);
+}
+
+/// Fits the homography to what the grower has just found, and judges it: by the images or, where
+/// these do not tell, by decoys of the keypoints.
+bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
+                           FoundPicture& found) {
+  if (!fit(picture, map, found)) return false;
+  const double tests = static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
+  found.log_false_alarms =
+      images_.empty() ? 0.0
+                      : appearance_.logFalseAlarms(picture.image, found.estimate.homography,
+                                                   images_, scale_factor_, tests);
+  if (found.log_false_alarms < kLogMaxFalseAlarms) return true;
+  // A copy beside this one is no period of the picture.
+  const float longest_period = 0.6F * extentOf(map, picture.image.size());
+  const growth::Judgement judgement = verdict_.judge(predictions_, picture.frames, kFirstRadius,
+                                                     kMostSeeds, matcher_, longest_period);
+  found.log_false_alarms = judgement.log_false_alarms + std::log10(static_cast<double>(pictures));
+  return found.log_false_alarms < kLogMaxFalseAlarms;
+}
+
+/// The homography of maximum likelihood. False if it is not a view of the whole picture.
+bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
+                        FoundPicture& found) {
+  found.pairs.clear();
+  found.keypoints.clear();
+  for (std::size_t i = 0; i < near_pairs_.size(); ++i) {
+    found.pairs.reference.push_back(near_pairs_[i].reference);
+    found.pairs.target.push_back(near_pairs_[i].target);
+    found.pairs.quality.push_back(near_[i].distance / 256.0);
+    const std::int32_t keypoint = near_[i].target;
+    found.keypoints.push_back(numbers_.empty() ? keypoint
+                                               : numbers_[static_cast<std::size_t>(keypoint)]);
+  }
+  const cv::Size size = picture.image.size();
+  found.estimate = {};
+  found.estimate.homography = map / map(2, 2);
+  found.aligned = false;
+  homography::EvidenceOptions evidence;
+  evidence.max_error = growth::Verdict::kRadius;
+  evidence.by_cell = true;
+  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
+    return false;
+  }
+  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
+  if (!final_.trusted) return false;
+  dropOutliers(found);
+  return true;
+}
+
+void PictureSearch::dropOutliers(FoundPicture& found) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < found.pairs.size(); ++i) {
+    if (final_.mask[i] == 0) continue;
+    found.pairs.reference[kept] = found.pairs.reference[i];
+    found.pairs.target[kept] = found.pairs.target[i];
+    found.pairs.quality[kept] = found.pairs.quality[i];
+    found.keypoints[kept++] = found.keypoints[i];
+  }
+  found.pairs.reference.resize(kept);
+  found.pairs.target.resize(kept);
+  found.pairs.quality.resize(kept);
+  found.keypoints.resize(kept);
+}
+
+void PictureSearch::align(const TargetPicture& picture, const std::vector<cv::Mat>& pyramid,
+                          const Features& frame, FoundPicture& found) {
+  if (frame.images.empty()) return;
+  const cv::Size size = picture.image.size();
+  points_.image_size = size;
+  points_.images = pyramid;
+  points_.keypoints.clear();
+  matches_.clear();
+  for (std::size_t i = 0; i < found.pairs.size(); ++i) {
+    const Eigen::Vector2d& p = found.pairs.reference[i];
+    Correspondence match;
+    match.reference_index = static_cast<std::int32_t>(points_.keypoints.size());
+    match.target_index = found.keypoints[i];
+    matches_.push_back(match);
+    points_.keypoints.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
+  }
+  alignment_.align(points_, frame, matches_, found.estimate, aligned_);
+  if (aligned_.status != AlignmentStatus::ok) return;
+  const UncertainHomography candidate{aligned_.homography, aligned_.covariance,
+                                      aligned_.shared_covariance, aligned_.plane_deviation};
+  finaliser_.finalise(candidate, found.pairs, size, growth::Verdict::kRadius, final_);
+  if (!final_.trusted) return;
+  found.estimate = candidate;
+  found.aligned = true;
+  dropOutliers(found);
+  found.pairs.clear();
+  for (const AlignedPoint& point : aligned_.points) {
+    found.pairs.reference.push_back(point.reference);
+    found.pairs.target.push_back(point.target);
+    found.pairs.quality.push_back(0.5);  // all are equally good
+  }
+}
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "core/growth/reference_frames.h"
+#include "core/targets/target_index.h"
+
+namespace ktgp_orb::targets {
+
+/// A pair of keypoints to grow a homography from, and the number of pairs that agree with it.
+struct Seed {
+  Eigen::Vector2f from;    ///< px of the picture
+  Eigen::Vector2f to;      ///< px of the frame
+  Eigen::Matrix2f linear;  ///< picture to frame, around these positions
+  float log_area;          ///< by which it scales areas, natural logarithm
+  std::int32_t votes;
+  std::uint32_t query;  ///< keypoint of the frame
+};
+
+/// Pairs of keypoints, one picture's or more, as affine maps. A pair gets a vote from each near
+/// pair that lies where its map predicts and has a similar map. Keeps its buffers.
+class Seeds {
+ public:
+  /// `hits`: pairs with the picture of `reference`. `frames`: the frame's keypoints. Those with a
+  /// non-zero `taken` are left out; empty: none.
+  void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
+               const std::vector<growth::LocalFrame>& frames,
+               const std::vector<std::uint8_t>& taken);
+
+  /// Those with two votes or more, the ones with most votes first.
+  const std::vector<Seed>& best() const { return seeds_; }
+  /// Votes of the best one; 0 if there is none.
+  std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }
+
+ private:
+  void vote();
+
+  std::vector<Seed> seeds_;
+};
+
+/// Picture to frame around the seed, fitted to those of `seeds` that vote for it.
+Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds);
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,371 @@
+#include "ktgp_orb/target_finder.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <utility>
+
+#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
+#include "core/targets/conflicts.h"
+#include "core/targets/frame_search.h"
+#include "core/targets/target_store.h"
+#include "core/targets/tracks.h"
+#include "core/util/options_check.h"
+
+namespace ktgp_orb {
+namespace {
+
+using targets::Candidate;
+using targets::FoundTarget;
+using targets::StoredTarget;
+using targets::TargetPicture;
+using targets::Track;
+using Clock = std::chrono::steady_clock;
+
+double millisecondsSince(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+void requireUsable(const TargetFinderOptions& options) {
+  util::requireInRange("features of a target", options.features, 50, 5000);
+  util::requireInRange("largest_side", options.largest_side, 64, 4000);
+  if (options.views != 1 && options.views != 5) {
+    throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
+  }
+  util::requireInRange("search_radius", options.search_radius, 0.0, 1000.0);
+  util::requireInRange("search_ms", options.search_ms, 0.0,
+                       std::numeric_limits<double>::infinity());
+  util::requireInRange("max_instances", options.max_instances, 1, 1000);
+}
+
+/// In px of the given image.
+UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHomography& found) {
+  UncertainHomography to_stored;
+  to_stored.homography = targets::toStored(picture);
+  UncertainHomography full = homography::chained(found, to_stored);
+  full.plane_deviation = found.plane_deviation;
+  return full;
+}
+
+void setCorners(DetectedTarget& detection) {
+  const Eigen::Matrix3d& h = detection.homography.homography;
+  const auto corners = homography::imageCorners(detection.image_size, {});
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const auto jacobian = homography::jacobianByEntries(h, corners[i]);
+    detection.corners[i] = homography::project(h, corners[i]);
+    detection.corner_covariances[i] =
+        jacobian * detection.homography.covariance * jacobian.transpose();
+  }
+}
+
+/// Whether the target and an image of `size`, in which it was found, show nearly the same part of
+/// the scene.
+bool coversAll(const FoundTarget& found, const cv::Size& size, targets::TargetStore& store) {
+  constexpr double kShare = 0.6;
+  const auto outline = [](const std::array<Eigen::Vector2d, 4>& corners) {
+    std::vector<cv::Point2f> points;
+    points.reserve(corners.size());
+    for (const Eigen::Vector2d& p : corners) {
+      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+    }
+    return points;
+  };
+  auto corners = homography::imageCorners(store.picture(found.picture).image.size(), {});
+  const std::vector<cv::Point2f> own = outline(homography::imageCorners(size, {}));
+  for (Eigen::Vector2d& corner : corners) {
+    corner = homography::project(found.found.estimate.homography, corner);
+  }
+  const std::vector<cv::Point2f> other = outline(corners);
+  std::vector<cv::Point2f> common;
+  const double area = cv::intersectConvexConvex(own, other, common);
+  return area > kShare * std::max(cv::contourArea(own), cv::contourArea(other));
+}
+
+DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
+                           targets::TargetStore& store) {
+  const TargetPicture& picture = store.picture(found.picture);
+  const StoredTarget& target = *found.target;
+  DetectedTarget detection;
+  detection.id = target.id;
+  detection.width = target.width;
+  detection.frame = target.frame;
+  detection.instance = track.instance;
+  detection.age = track.age;
+  detection.image = found.picture - target.pictures.front();
+  detection.image_size = picture.full_size;
+  detection.homography = ofFullImage(picture, found.found.estimate);
+  detection.aligned = found.found.aligned;
+  detection.inliers = found.found.keypoints.size();
+  detection.log_false_alarms = found.found.log_false_alarms;
+  detection.predicted = found.predicted;
+  detection.pairs = found.found.pairs;
+  const Eigen::Matrix3d to_full = targets::toStored(picture).inverse();
+  for (Eigen::Vector2d& p : detection.pairs.reference) p = homography::project(to_full, p);
+  setCorners(detection);
+  return detection;
+}
+
+}  // namespace
+
+struct TargetFinder::Impl {
+  explicit Impl(const TargetFinderOptions& o)
+      : options(o),
+        extractor(o.orb),
+        check_extractor(checkOptions(o)),
+        store(options),
+        search(options, store) {
+    requireUsable(o);
+  }
+
+  static OrbOptions checkOptions(const TargetFinderOptions& options);
+  void requireDifferent(const std::string& id, const std::vector<TargetPicture>& pictures,
+                        const StoredTarget* replaced);
+  void add(const Target& target, StoredTarget* replaced);
+  void searchFollowed();
+  void searchOthers(Clock::time_point start);
+  void tryCandidate(std::size_t index);
+  void searchMissing();
+  void publish();
+  const TargetFrame& find(const Features& given, Clock::time_point start);
+
+  TargetFinderOptions options;
+  OrbExtractor extractor;
+  OrbExtractor check_extractor;
+  targets::TargetStore store;
+  targets::FrameSearch search;
+  targets::Tracks tracks;
+  std::uint64_t frame_number = 0;
+  Features features;
+  std::vector<FoundTarget> found;
+  std::vector<std::size_t> others;   // candidates that were not seen in the last frame
+  std::vector<std::size_t> in_turn;  // the same
+  std::vector<std::uint8_t> is_tried;
+  std::vector<Track> track_of;  // of each one found
+  TargetFrame answer;
+};
+
+OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) {
+  OrbOptions orb = options.orb;
+  orb.max_features = options.features;
+  return orb;
+}
+
+/// Searches the known targets in the new pictures. A target that covers only a part of the new
+/// picture, such as a logo, is no other name for it.
+void TargetFinder::Impl::requireDifferent(const std::string& id,
+                                          const std::vector<TargetPicture>& pictures,
+                                          const StoredTarget* replaced) {
+  Features own;
+  std::vector<FoundTarget> same;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    check_extractor.extract(pictures[i].image, own);
+    search.setFrame(own, frame_number);
+    for (const Candidate& candidate : search.candidates()) {
+      if (candidate.target == replaced) continue;
+      same.clear();
+      search.search(candidate, same);
+      for (const FoundTarget& other : same) {
+        if (!coversAll(other, pictures[i].image.size(), store)) continue;
+        throw std::invalid_argument("target \"" + id + "\": image " + std::to_string(i + 1) +
+                                    " shows the same as target \"" + candidate.target->id +
+                                    "\"; they could not be told apart");
+      }
+    }
+  }
+}
+
+void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
+  std::vector<TargetPicture> pictures = store.prepare(target);
+  requireDifferent(target.id, pictures, replaced);
+  if (replaced != nullptr) {
+    tracks.forget(*replaced);
+    store.remove(*replaced);
+  }
+  store.add(target, std::move(pictures));
+}
+
+void TargetFinder::Impl::tryCandidate(std::size_t index) {
+  if (std::exchange(is_tried[index], 1) != 0) return;
+  const Candidate& candidate = search.candidates()[index];
+  candidate.target->last_tried = frame_number;
+  ++answer.search.tried;
+  search.search(candidate, found);
+}
+
+void TargetFinder::Impl::searchFollowed() {
+  others.clear();
+  for (std::size_t i = 0; i < search.candidates().size(); ++i) {
+    if (tracks.wasSeen(*search.candidates()[i].target)) {
+      tryCandidate(i);
+    } else {
+      others.push_back(i);
+    }
+  }
+}
+
+/// By turns the one with most votes and the one that has waited longest; at least one of the
+/// latter.
+void TargetFinder::Impl::searchOthers(Clock::time_point start) {
+  const std::vector<Candidate>& candidates = search.candidates();
+  in_turn = others;
+  std::stable_sort(others.begin(), others.end(), [&](std::size_t a, std::size_t b) {
+    return candidates[a].votes > candidates[b].votes;
+  });
+  std::stable_sort(in_turn.begin(), in_turn.end(), [&](std::size_t a, std::size_t b) {
+    return candidates[a].target->last_tried < candidates[b].target->last_tried;
+  });
+  const bool is_bounded = std::isfinite(options.search_ms);
+  for (std::size_t i = 0; i < others.size(); ++i) {
+    if (is_bounded && i > 0 && millisecondsSince(start) >= options.search_ms) break;
+    tryCandidate(in_turn[i]);
+    if (is_bounded && millisecondsSince(start) >= options.search_ms) break;
+    tryCandidate(others[i]);
+  }
+  std::size_t left = 0;
+  for (const std::size_t i : others) left += is_tried[i] == 0 ? 1 : 0;
+  answer.search.frames_for_all = 1 + left;
+}
+
+void TargetFinder::Impl::searchMissing() {
+  if (options.search_radius == 0.0) return;
+  for (const Track& track : tracks.missing()) {
+    StoredTarget* target = store.find(track.target->id);
+    search.searchNear(*target, track.picture, targets::predicted(track), found);
+  }
+}
+
+void TargetFinder::Impl::publish() {
+  answer.detections.clear();
+  const std::vector<std::uint8_t> is_doubtful = targets::conflicts(found, store);
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    DetectedTarget detection = detectionOf(found[i], track_of[i], store);
+    if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
+    answer.detections.push_back(std::move(detection));
+  }
+  std::sort(answer.detections.begin(), answer.detections.end(),
+            [](const DetectedTarget& a, const DetectedTarget& b) {
+              return a.id != b.id ? a.id < b.id : a.instance < b.instance;
+            });
+}
+
+const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_point start) {
+  ++frame_number;
+  answer.search = {};
+  answer.search.known = store.targets().size();
+  answer.search.features = given.size();
+  answer.search.extraction_milliseconds = millisecondsSince(start);
+  found.clear();
+  store.index().optimise();
+  search.setFrame(given, frame_number);
+  answer.search.candidates = search.candidates().size();
+  is_tried.assign(search.candidates().size(), 0);
+  tracks.beginFrame();
+  searchFollowed();
+  searchOthers(Clock::now());
+  track_of.clear();
+  tracks.assign(found, store, track_of);
+  const auto count = static_cast<std::ptrdiff_t>(found.size());
+  searchMissing();
+  tracks.assign({found.begin() + count, found.end()}, store, track_of);
+  publish();
+  tracks.endFrame();
+  store.releasePyramids(frame_number);
+  answer.search.milliseconds = millisecondsSince(start);
+  return answer;
+}
+
+TargetFinder::TargetFinder(const TargetFinderOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {}
+TargetFinder::~TargetFinder() = default;
+TargetFinder::TargetFinder(TargetFinder&&) noexcept = default;
+TargetFinder& TargetFinder::operator=(TargetFinder&&) noexcept = default;
+
+const TargetFinderOptions& TargetFinder::options() const {
+  return impl_->options;
+}
+
+void TargetFinder::setSearch(double search_ms, double search_radius) {
+  TargetFinderOptions changed = impl_->options;
+  changed.search_ms = search_ms;
+  changed.search_radius = search_radius;
+  requireUsable(changed);
+  impl_->options = changed;
+}
+
+void TargetFinder::add(const Target& target) {
+  if (knows(target.id)) {
+    throw std::invalid_argument("target \"" + target.id + "\" exists already; expected a new id");
+  }
+  impl_->add(target, nullptr);
+}
+
+void TargetFinder::replace(const Target& target) {
+  StoredTarget* replaced = impl_->store.find(target.id);
+  if (replaced == nullptr) {
+    throw std::invalid_argument("target \"" + target.id + "\" does not exist");
+  }
+  impl_->add(target, replaced);
+}
+
+bool TargetFinder::remove(const std::string& id) {
+  const StoredTarget* target = impl_->store.find(id);
+  if (target == nullptr) return false;
+  impl_->tracks.forget(*target);
+  impl_->store.remove(*target);
+  return true;
+}
+
+std::vector<std::string> TargetFinder::ids() const {
+  std::vector<std::string> ids;
+  for (const auto& target : impl_->store.targets()) ids.push_back(target->id);
+  return ids;
+}
+
+bool TargetFinder::knows(const std::string& id) const {
+  return impl_->store.find(id) != nullptr;
+}
+
+const TargetFrame& TargetFinder::find(const cv::Mat& image) {
+  const Clock::time_point start = Clock::now();
+  impl_->extractor.extract(image, impl_->features);
+  return impl_->find(impl_->features, start);
+}
+
+const TargetFrame& TargetFinder::find(const Features& features) {
+  requireValid(features, "frame");
+  if (features.descriptor != impl_->options.orb.descriptor) {
+    throw std::invalid_argument(std::string("the frame has ") + toString(features.descriptor) +
+                                " descriptors; expected " +
+                                toString(impl_->options.orb.descriptor));
+  }
+  return impl_->find(features, Clock::now());
+}
+
+const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
+  const targets::Tracks followed = impl_->tracks;
+  const double search_ms = impl_->options.search_ms;
+  const auto restore = [&] {
+    impl_->tracks = followed;
+    impl_->options.search_ms = search_ms;
+  };
+  impl_->tracks.clear();
+  impl_->options.search_ms = std::numeric_limits<double>::infinity();
+  try {
+    find(image);
+  } catch (...) {
+    restore();
+    throw;
+  }
+  restore();
+  return impl_->answer;
+}
+
+void TargetFinder::restart() {
+  impl_->tracks.clear();
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,157 @@
+#include "core/targets/target_index.h"
+
+#include <algorithm>
+
+#include "core/util/random.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr int kMinKeyBits = 8;
+// Fuller cells say little: many pictures have these bits.
+constexpr std::uint32_t kFullest = 48;
+constexpr int kMostOtherBits = 8;  // of the 32, that may differ
+
+int countBits(std::uint32_t v) {
+  v -= (v >> 1) & 0x55555555U;
+  v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);
+  return static_cast<int>((((v + (v >> 4)) & 0x0f0f0f0fU) * 0x01010101U) >> 24);
+}
+
+std::uint32_t otherBits(const growth::Bits& bits, int table) {
+  return static_cast<std::uint32_t>(bits[static_cast<std::size_t>(table) % bits.size()] >> 16);
+}
+
+}  // namespace
+
+TargetIndex::TargetIndex() {
+  util::Random random(1);
+  for (auto& table : places_) {
+    for (std::size_t i = 0; i < kMaxKeyBits; ++i) {
+      do {
+        table[i] = static_cast<std::uint8_t>(random.below(256));
+      } while (std::find(table, table + i, table[i]) != table + i);
+    }
+  }
+}
+
+std::uint32_t TargetIndex::keyOf(const growth::Bits& bits, int table, int key_bits) const {
+  std::uint32_t key = 0;
+  for (int i = 0; i < key_bits; ++i) {
+    const std::uint8_t place = places_[table][i];
+    key = key << 1 | static_cast<std::uint32_t>(bits[place >> 6] >> (place & 63) & 1);
+  }
+  return key;
+}
+
+void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bits) {
+  if (pictures_.size() <= picture) pictures_.resize(picture + 1, nullptr);
+  pictures_[picture] = &bits;
+  Segment fresh;
+  for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
+  // As when counting in binary: each descriptor is sorted in a few times only.
+  std::size_t first = segments_.size();
+  std::size_t size = fresh.entries.size();
+  while (first > 0 && segments_[first - 1].entries.size() <= size) {
+    size += segments_[--first].entries.size();
+  }
+  segments_.push_back(std::move(fresh));
+  mergeFrom(first);
+}
+
+void TargetIndex::remove(std::uint32_t picture) {
+  removed_ += pictures_[picture]->size();
+  pictures_[picture] = nullptr;
+}
+
+void TargetIndex::optimise() {
+  constexpr std::size_t kOneIn = 8;
+  if (segments_.empty()) return;
+  std::size_t others = removed_;
+  for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
+  if (kOneIn * others > segments_[0].entries.size()) mergeFrom(0);
+}
+
+/// The segments from `first` on become one, in which all entries are sorted by picture.
+void TargetIndex::mergeFrom(std::size_t first) {
+  Segment merged;
+  for (std::size_t i = first; i < segments_.size(); ++i) {
+    for (const Entry& entry : segments_[i].entries) {
+      if (pictures_[entry.picture] != nullptr) merged.entries.push_back(entry);
+    }
+  }
+  segments_.resize(first);
+  if (first == 0) removed_ = 0;
+  build(merged);
+  segments_.push_back(std::move(merged));
+}
+
+void TargetIndex::build(Segment& segment) const {
+  segment.key_bits = kMinKeyBits;
+  while (segment.key_bits < kMaxKeyBits &&
+         std::size_t{1} << segment.key_bits < segment.entries.size()) {
+    ++segment.key_bits;
+  }
+  const std::size_t keys = std::size_t{1} << segment.key_bits;
+  std::vector<std::uint32_t> key_of(segment.entries.size());
+  for (int t = 0; t < kTables; ++t) {
+    Table& table = segment.tables[t];
+    table.start.assign(keys + 1, 0);
+    for (std::size_t e = 0; e < key_of.size(); ++e) {
+      key_of[e] = keyOf(bitsOf(segment.entries[e]), t, segment.key_bits);
+      ++table.start[key_of[e]];
+    }
+    std::uint32_t sum = 0;
+    for (std::uint32_t& start : table.start) {
+      sum += start;
+      start = sum;
+    }
+    table.items.resize(key_of.size());
+    for (std::size_t e = key_of.size();
+         e-- > 0;) {  // backwards, so that each start moves to its place
+      table.items[--table.start[key_of[e]]] = {static_cast<std::uint32_t>(e),
+                                               otherBits(bitsOf(segment.entries[e]), t)};
+    }
+  }
+}
+
+void TargetIndex::search(const growth::Bits& wanted, std::uint32_t query,
+                         std::vector<IndexHit>& hits) {
+  nearest_.clear();
+  for (const Segment& segment : segments_) searchSegment(segment, wanted, query);
+  hits.insert(hits.end(), nearest_.begin(), nearest_.end());
+}
+
+void TargetIndex::searchSegment(const Segment& segment, const growth::Bits& wanted,
+                                std::uint32_t query) {
+  for (int t = 0; t < kTables; ++t) {
+    const Table& table = segment.tables[t];
+    const std::uint32_t key = keyOf(wanted, t, segment.key_bits);
+    const std::uint32_t begin = table.start[key];
+    const std::uint32_t end = table.start[key + 1];
+    if (end - begin > kFullest) continue;
+    const std::uint32_t others = otherBits(wanted, t);
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const Item& item = table.items[i];
+      if (countBits(item.some_bits ^ others) > kMostOtherBits) continue;
+      const Entry& entry = segment.entries[item.entry];
+      if (pictures_[entry.picture] == nullptr) continue;
+      const int distance = growth::distance(bitsOf(entry), wanted);
+      if (distance <= kMaxDistance) keep({entry.picture, entry.keypoint, query, distance});
+    }
+  }
+}
+
+/// Keeps the nearest ones in order.
+void TargetIndex::keep(const IndexHit& hit) {
+  const auto before = [](const IndexHit& a, const IndexHit& b) {
+    if (a.distance != b.distance) return a.distance < b.distance;
+    return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
+  };
+  const auto place = std::lower_bound(nearest_.begin(), nearest_.end(), hit, before);
+  if (place != nearest_.end() && !before(hit, *place)) return;  // found in another table
+  nearest_.insert(place, hit);
+  if (nearest_.size() > kNearest) nearest_.pop_back();
+}
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+
+namespace ktgp_orb::targets {
+
+/// A keypoint of a picture that looks like a keypoint of the frame.
+struct IndexHit {
+  std::uint32_t picture;
+  std::uint32_t keypoint;  ///< of the picture
+  std::uint32_t query;     ///< keypoint of the frame
+  std::int32_t distance;   ///< Hamming
+};
+
+/// Finds the descriptors near a descriptor among those of all pictures, most of them, by
+/// locality-sensitive hashing: each of several tables sorts the descriptors by some of their bits
+/// (Indyk & Motwani, STOC 1998). The bits are drawn once, from a fixed seed, so the same pictures
+/// give the same hits.
+class TargetIndex {
+ public:
+  TargetIndex();
+
+  /// Adds a picture under a number that was never used. `bits` must stay where it is until the
+  /// picture is removed.
+  void add(std::uint32_t picture, const std::vector<growth::Bits>& bits);
+  void remove(std::uint32_t picture);
+  /// Sorts all descriptors into one set of tables, if the last changes were large. Call it before
+  /// many searches.
+  void optimise();
+
+  /// Appends the nearest descriptors, at most kNearest, to `hits`; for equal distances those that
+  /// were added first.
+  void search(const growth::Bits& wanted, std::uint32_t query, std::vector<IndexHit>& hits);
+
+  static constexpr int kMaxDistance = 64;
+  static constexpr std::size_t kNearest = 8;
+
+ private:
+  static constexpr int kTables = 8;
+  static constexpr int kMaxKeyBits = 20;
+
+  struct Entry {
+    std::uint32_t picture;
+    std::uint32_t keypoint;
+  };
+  struct Item {
+    std::uint32_t entry;
+    std::uint32_t some_bits;  // others than those of the key, to leave out most at once
+  };
+  struct Table {
+    std::vector<std::uint32_t> start;  // of each key in items, and the end
+    std::vector<Item> items;
+  };
+  /// Tables of some of the pictures.
+  struct Segment {
+    int key_bits = 0;
+    std::vector<Entry> entries;
+    Table tables[kTables];
+  };
+
+  std::uint32_t keyOf(const growth::Bits& bits, int table, int key_bits) const;
+  const growth::Bits& bitsOf(const Entry& entry) const {
+    return (*pictures_[entry.picture])[entry.keypoint];
+  }
+  void mergeFrom(std::size_t first);
+  void build(Segment& segment) const;
+  void searchSegment(const Segment& segment, const growth::Bits& wanted, std::uint32_t query);
+  void keep(const IndexHit& hit);
+
+  std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
+  std::vector<Segment> segments_;                           // the largest first
+  std::size_t removed_ = 0;                                 // entries
+  std::uint8_t places_[kTables][kMaxKeyBits];               // of the key's bits
+  std::vector<IndexHit> nearest_;
+};
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+
+#include "core/growth/reference_frames.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/orb_extractor.h"
+
+namespace ktgp_orb::targets {
+
+/// An image of a target and its keypoints, in px of `image`.
+struct TargetPicture {
+  cv::Mat image;       ///< 8-bit grey, at most the largest side
+  cv::Size full_size;  ///< of the given image, px
+  double scale = 1.0;  ///< of `image` to the given image
+  growth::ReferenceFrames frames;
+  std::size_t own = 0;  ///< keypoints of the image itself; those of its views follow
+};
+
+/// Creates the views and extracts their features. `features`, `largest_side`, `views`: see
+/// TargetFinderOptions. Throws std::invalid_argument for an image of another type.
+TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
+                          int largest_side, int views);
+
+/// Given image -> `picture.image`, px.
+Eigen::Matrix3d toStored(const TargetPicture& picture);
+
+/// The image and its pyramid, as the alignment needs them.
+void makePyramid(const cv::Mat& image, const OrbOptions& orb, std::vector<cv::Mat>& images);
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,187 @@
+#include "messages/target_messages.h"
+
+#include <ktgp_orb/MatchStatus.h>
+
+#include <boost/make_shared.hpp>
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+template <int Size>
+using RowMajor = Eigen::Matrix<double, Size, Size, Eigen::RowMajor>;
+
+TargetDetection messageOf(const DetectedTarget& target) {
+  TargetDetection message;
+  message.id = target.id;
+  message.instance = target.instance;
+  message.status = static_cast<std::uint8_t>(target.status);
+  message.image = static_cast<std::uint32_t>(target.image);
+  message.image_width = static_cast<std::uint32_t>(target.image_size.width);
+  message.image_height = static_cast<std::uint32_t>(target.image_size.height);
+  for (std::size_t i = 0; i < target.corners.size(); ++i) {
+    message.corners[2 * i] = target.corners[i].x();
+    message.corners[2 * i + 1] = target.corners[i].y();
+    Eigen::Map<RowMajor<2>>(&message.corner_covariances[4 * i]) = target.corner_covariances[i];
+  }
+  Eigen::Map<RowMajor<3>>(message.homography.data()) = target.homography.homography;
+  Eigen::Map<RowMajor<8>>(message.covariance.data()) = target.homography.covariance;
+  message.inliers = static_cast<std::uint32_t>(target.inliers);
+  message.plane_deviation = target.homography.plane_deviation;
+  message.log_false_alarms = target.log_false_alarms;
+  message.age = static_cast<std::uint32_t>(target.age);
+  message.predicted = target.predicted;
+  message.width = target.width;
+  message.frame = target.frame;
+  return message;
+}
+
+void setPose(const PlanarPose& pose, TargetDetection& message) {
+  const Eigen::Quaterniond rotation(pose.target_to_camera.linear());
+  const Eigen::Vector3d position = pose.target_to_camera.translation();
+  message.has_pose = 1;
+  message.pose.pose.position.x = position.x();
+  message.pose.pose.position.y = position.y();
+  message.pose.pose.position.z = position.z();
+  message.pose.pose.orientation.x = rotation.x();
+  message.pose.pose.orientation.y = rotation.y();
+  message.pose.pose.orientation.z = rotation.z();
+  message.pose.pose.orientation.w = rotation.w();
+  Eigen::Map<RowMajor<6>>(message.pose.covariance.data()) = pose.covariance;
+}
+
+/// Throws std::invalid_argument with the reason if there is no camera for the pixels.
+PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
+                     const std::string& info_topic, Pixels pixels) {
+  if (info == nullptr) throw std::invalid_argument("no camera_info on " + info_topic);
+  try {
+    return pixelCamera(*info, pixels, image);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(info_topic + " cannot be used: " + error.what());
+  }
+}
+
+bool wantsPose(const TargetDetection& message) {
+  return message.status == MatchStatus::STATUS_OK && message.width > 0.0;
+}
+
+}  // namespace
+
+std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
+                                             const PixelCamera& camera) {
+  UncertainHomography found = target.homography;
+  if (camera.lens) {
+    std::vector<cv::KeyPoint> points;
+    for (const Eigen::Vector2d& p : target.pairs.target) {
+      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
+    }
+    camera.lens->rectify(points);
+    pairs_ = target.pairs;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      pairs_.target[i] = Eigen::Vector2d(points[i].pt.x, points[i].pt.y);
+    }
+    prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
+    if (result_.status != Status::ok) return std::nullopt;
+    found = {result_.homography, result_.covariance, result_.shared_covariance,
+             result_.plane_deviation};
+    if (target.aligned) {
+      const auto evidence =
+          homography::evidenceOfPatches(prosac_.options().max_error, target.image_size);
+      refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
+    }
+  }
+  return planarPose(found.homography, found.covariance, camera.camera, target.image_size,
+                    target.width);
+}
+
+TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame) {
+  auto message = boost::make_shared<TargetDetections>();
+  message->header = header;
+  for (const DetectedTarget& target : frame.detections) {
+    message->detections.push_back(messageOf(target));
+  }
+  message->known = static_cast<std::uint32_t>(frame.search.known);
+  message->candidates = static_cast<std::uint32_t>(frame.search.candidates);
+  message->tried = static_cast<std::uint32_t>(frame.search.tried);
+  message->frames_for_all = static_cast<std::uint32_t>(frame.search.frames_for_all);
+  message->milliseconds = frame.search.milliseconds;
+  return message;
+}
+
+void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
+              const std::string& info_topic, Pixels pixels, DetectedPose& pose,
+              TargetDetections& message) {
+  std::optional<PixelCamera> camera;
+  for (std::size_t i = 0; i < message.detections.size(); ++i) {
+    if (!wantsPose(message.detections[i])) continue;
+    try {
+      if (!camera) camera = cameraOf(image, info, info_topic, pixels);
+      const auto found = pose.find(frame.detections[i], *camera);
+      if (found) {
+        setPose(*found, message.detections[i]);
+      } else {
+        message.no_pose = "the homography of " + message.detections[i].id +
+                          " is not the view of a target in front of the camera";
+      }
+    } catch (const std::invalid_argument& error) {
+      message.no_pose = error.what();
+      return;
+    }
+  }
+}
+
+std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message) {
+  std::vector<geometry_msgs::TransformStamped> transforms;
+  for (const TargetDetection& target : message.detections) {
+    if (target.has_pose == 0 || target.frame.empty()) continue;
+    geometry_msgs::TransformStamped transform;
+    transform.header = message.header;
+    transform.child_frame_id = target.frame;
+    if (target.instance > 0) transform.child_frame_id += "_" + std::to_string(target.instance);
+    transform.transform.translation.x = target.pose.pose.position.x;
+    transform.transform.translation.y = target.pose.pose.position.y;
+    transform.transform.translation.z = target.pose.pose.position.z;
+    transform.transform.rotation = target.pose.pose.orientation;
+    transforms.push_back(transform);
+  }
+  return transforms;
+}
+
+visualization_msgs::MarkerArrayPtr markersOf(const TargetDetections& message) {
+  using visualization_msgs::Marker;
+  auto markers = boost::make_shared<visualization_msgs::MarkerArray>();
+  Marker marker;
+  marker.header = message.header;
+  marker.action = Marker::DELETEALL;
+  markers->markers.push_back(marker);
+  marker.action = Marker::ADD;
+  marker.color.r = marker.color.g = marker.color.a = 1.F;
+  for (const TargetDetection& target : message.detections) {
+    if (target.has_pose == 0) continue;
+    const double height = target.width * target.image_height / target.image_width;
+    marker.pose = target.pose.pose;
+    marker.ns = "outline";
+    marker.type = Marker::LINE_STRIP;
+    marker.scale.x = 0.02 * target.width;
+    marker.points.clear();
+    for (const auto& [x, y] : {std::pair(-0.5, -0.5), std::pair(0.5, -0.5), std::pair(0.5, 0.5),
+                               std::pair(-0.5, 0.5), std::pair(-0.5, -0.5)}) {
+      geometry_msgs::Point corner;
+      corner.x = x * target.width;
+      corner.y = y * height;
+      marker.points.push_back(corner);
+    }
+    markers->markers.push_back(marker);
+    marker.ns = "id";
+    marker.type = Marker::TEXT_VIEW_FACING;
+    marker.points.clear();
+    marker.text = target.id + " " + std::to_string(target.instance);
+    marker.scale.z = 0.2 * height;
+    markers->markers.push_back(marker);
+    marker.text.clear();
+    ++marker.id;
+  }
+  return markers;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,50 @@
+#pragma once
+
+#include <geometry_msgs/TransformStamped.h>
+#include <ktgp_orb/TargetDetections.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <std_msgs/Header.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/homography/estimate.h"
+#include "ktgp_orb/planar_pose.h"
+#include "ktgp_orb/target_finder.h"
+#include "messages/camera.h"
+
+namespace ktgp_orb {
+
+/// Poses of detected targets in front of a camera. An instance belongs to one thread at a time.
+class DetectedPose {
+ public:
+  /// Empty if it is not the view of a target in front of the camera. With lens distortion, no
+  /// homography maps a flat target to the image. Then the pairs of the detection are rectified, and
+  /// a homography is fitted to them.
+  std::optional<PlanarPose> find(const DetectedTarget& target, const PixelCamera& camera);
+
+ private:
+  ProsacHomography prosac_;
+  ProsacResult result_;
+  PointPairs pairs_;
+  homography::HomographyRefiner refiner_;
+};
+
+/// Without poses. `header`: of the image.
+TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame);
+
+/// Adds the poses of targets with a width. Where there are none, `no_pose` of the message says why.
+/// `info`: calibration of the images; null: none on `info_topic`.
+void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
+              const std::string& info_topic, Pixels pixels, DetectedPose& pose,
+              TargetDetections& message);
+
+/// One for each pose of a target that has a frame: FRAME for instance 0, FRAME_1 for instance 1 ...
+std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message);
+
+/// For rviz: outline and id for each pose; the first marker removes those of the frame before.
+visualization_msgs::MarkerArrayPtr markersOf(const TargetDetections& message);
+
+}  // namespace ktgp_orb

@@ -1,0 +1,155 @@
+// ktgp_find IMAGE TARGETS: finds many flat targets in an image.
+#include <cstdio>
+#include <iostream>
+
+#include "cli/files.h"
+#include "cli/matcher_cli.h"
+#include "cli/output_file.h"
+#include "cli/program.h"
+#include "ktgp_orb/overlay.h"
+#include "ktgp_orb/target_finder.h"
+#include "parameters/target_list.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+using nlohmann::json;
+
+constexpr const char* kDescription =
+    "Finds flat targets, such as posters, signs or maps, in an image. TARGETS is a folder with an\n"
+    "image of each target (the file's name is its id), or a YAML list:\n"
+    "  - {id: door, image: door.png, width: 0.8, frame: door}\n"
+    "  - {id: map, images: [day.jpg, night.jpg]}\n"
+    "A target that cannot be used is named with the reason; the others are searched.";
+
+constexpr const char* kExamples =
+    "Examples:\n"
+    "  ktgp_find photo.jpg posters\n"
+    "  ktgp_find photo.jpg targets.yaml --draw found.png --json found.json\n"
+    "\n"
+    "Exit code: 0 a target was found, 1 none was found, 2 options, inputs or outputs cannot be\n"
+    "used, 130 interrupted (Ctrl-C).";
+
+struct Arguments {
+  std::string image;
+  std::string targets;
+  std::string json;
+  std::string draw;
+  bool force = false;
+  TargetFinderOptions options;
+};
+
+json toJson(const Eigen::Matrix3d& h) {
+  return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
+}
+
+json toJson(const DetectedTarget& detection) {
+  json corners = json::array();
+  json covariances = json::array();
+  for (std::size_t i = 0; i < detection.corners.size(); ++i) {
+    const auto& c = detection.corner_covariances[i];
+    corners.push_back({detection.corners[i].x(), detection.corners[i].y()});
+    covariances.push_back({{c(0, 0), c(0, 1)}, {c(1, 0), c(1, 1)}});
+  }
+  return {{"id", detection.id},
+          {"instance", detection.instance},
+          {"status", toString(detection.status)},
+          {"image", detection.image},
+          {"corners", corners},
+          {"corner_covariances", covariances},
+          {"homography", toJson(detection.homography.homography)},
+          {"inliers", detection.inliers},
+          {"aligned", detection.aligned},
+          {"plane_deviation", detection.homography.plane_deviation},
+          {"log_false_alarms", detection.log_false_alarms},
+          {"width", detection.width},
+          {"frame", detection.frame}};
+}
+
+json toJson(const Arguments& arguments, const TargetFrame& frame,
+            const std::vector<std::string>& refused) {
+  json detections = json::array();
+  for (const DetectedTarget& detection : frame.detections) detections.push_back(toJson(detection));
+  return {{"image", arguments.image},
+          {"targets", frame.search.known},
+          {"refused", refused},
+          {"keypoints", frame.search.features},
+          {"candidates", frame.search.candidates},
+          {"tried", frame.search.tried},
+          {"milliseconds", frame.search.milliseconds},
+          {"detections", detections}};
+}
+
+void print(const TargetFrame& frame) {
+  std::printf("%zu targets known, %zu with a chance, %zu keypoints, %.1f ms\n", frame.search.known,
+              frame.search.candidates, frame.search.features, frame.search.milliseconds);
+  for (const DetectedTarget& d : frame.detections) {
+    std::printf("%s %d: %s, %zu inliers, corners", d.id.c_str(), d.instance, toString(d.status),
+                d.inliers);
+    for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
+    std::printf("\n");
+  }
+}
+
+void addArguments(CLI::App& app, Arguments& arguments) {
+  const auto file = [&](const char* name, std::string& value, const char* description) {
+    return app.add_option(name, value, description)->type_name("FILE");
+  };
+  file("IMAGE", arguments.image, "image to search")->required();
+  file("TARGETS", arguments.targets, "folder of images, or YAML list")->required();
+  file("--json", arguments.json, "write all results; - is the standard output");
+  file("--draw", arguments.draw, "write the image with the outlines and ids of what was found");
+  app.add_option("--features", arguments.options.orb.max_features, "most keypoints of the image")
+      ->check(CLI::Range(100, 100000))
+      ->capture_default_str();
+  app.add_option("--target-features", arguments.options.features,
+                 "most keypoints of a target's image")
+      ->check(CLI::Range(50, 5000))
+      ->capture_default_str();
+  addCommonOptions(app, arguments.force);
+}
+
+int findTargets(int argc, char** argv) {
+  Arguments arguments;
+  CLI::App app(kDescription);
+  app.footer(kExamples);
+  addArguments(app, arguments);
+  if (const auto code = parse(app, argc, argv)) return *code;
+
+  const std::vector<TargetEntry> entries = readTargetList(arguments.targets);
+  OutputPlan plan(arguments.force);
+  plan.read(arguments.image);
+  for (const TargetEntry& entry : entries) {
+    for (const std::string& file : entry.files) plan.read(file);
+  }
+  plan.write(arguments.json);
+  plan.writeImage(arguments.draw);
+  exitWhenInterrupted();
+
+  const cv::Mat image = readGrey(arguments.image);
+  TargetFinder finder(arguments.options);
+  const std::vector<std::string> refused = addTargets(entries, readGrey, finder);
+  for (const std::string& reason : refused) std::cerr << "ktgp_find: " << reason << '\n';
+  if (finder.ids().empty()) {
+    throw FileError(arguments.targets, "holds no target that can be used");
+  }
+  const TargetFrame& frame = finder.find(image);
+  if (!isStandardOutput(arguments.json)) print(frame);
+  if (!arguments.json.empty()) {
+    writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
+  }
+  if (!arguments.draw.empty()) {
+    cv::Mat canvas;
+    drawTargets(image, frame.detections, canvas);
+    writeImage(arguments.draw, canvas, arguments.force);
+  }
+  return frame.detections.empty() ? kExitUnusedData : kExitDone;
+}
+
+}  // namespace
+}  // namespace ktgp_orb::tools
+
+int main(int argc, char** argv) {
+  return ktgp_orb::tools::runProgram("ktgp_find",
+                                     [&] { return ktgp_orb::tools::findTargets(argc, argv); });
+}

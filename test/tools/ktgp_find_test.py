@@ -1,0 +1,75 @@
+"""Runs ktgp_find as a program."""
+import json
+import unittest
+
+from tool_case import HEIGHT, WIDTH, ToolCase, picture, write_pgm
+
+
+class KtgpFind(ToolCase):
+    def setUp(self):
+        super().setUp()
+        (self.folder / "posters").mkdir()
+        for number in range(3):
+            write_pgm(self.folder / "posters" / f"poster{number}.pgm", picture(number + 1), 20, 20)
+        write_pgm(self.folder / "scene.pgm", picture(2), 13, 24)  # poster1 moved by (7, -4)
+
+    def find(self, *arguments):
+        return self.run_tool("ktgp_find", "--force", *arguments)
+
+    def detections(self):
+        return json.loads((self.folder / "out.json").read_text())["detections"]
+
+    def test_finds_a_target_of_a_folder(self):
+        run = self.find("scene.pgm", "posters", "--json", "out.json", "--draw", "out.png")
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+        self.assertIn("poster1 0: ok", run.stdout)
+        found, = self.detections()
+        self.assertEqual((found["id"], found["instance"], found["status"]), ("poster1", 0, "ok"))
+        expected = [(7, -4), (WIDTH + 6, -4), (WIDTH + 6, HEIGHT - 5), (7, HEIGHT - 5)]
+        for (x, y), (right_x, right_y) in zip(found["corners"], expected):
+            self.assertAlmostEqual(x, right_x, delta=0.3)
+            self.assertAlmostEqual(y, right_y, delta=0.3)
+        self.assertGreater((self.folder / "out.png").stat().st_size, 1000)
+
+    def test_reads_a_list(self):
+        (self.folder / "list.yaml").write_text(
+            "- {id: map, images: [posters/poster0.pgm, posters/poster1.pgm], width: 0.8, frame: wall}\n"
+            "- {image: posters/poster2.pgm}\n")
+        run = self.find("scene.pgm", "list.yaml", "--json", "out.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        found, = self.detections()
+        self.assertEqual([found[name] for name in ("id", "image", "width", "frame")],
+                         ["map", 1, 0.8, "wall"])
+
+    def test_names_refused_targets_and_searches_the_others(self):
+        (self.folder / "posters" / "broken.png").write_text("no image")
+        (self.folder / "posters" / "copy.pgm").write_bytes(
+            (self.folder / "posters" / "poster1.pgm").read_bytes())
+        (self.folder / "posters" / "grey.pgm").write_bytes(b"P5\n99 99\n255\n" + bytes(99 * 99))
+        run = self.find("scene.pgm", "posters")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        for reason in ("broken.png: cannot be read", "shows the same as target \"copy\"",
+                       "too little texture"):
+            self.assertIn(reason, run.stderr)
+        self.assertIn("3 targets known", run.stdout)
+
+    def test_nothing_found_is_exit_code_1(self):
+        write_pgm(self.folder / "other.pgm", picture(9), 0, 0)
+        self.assertEqual(self.find("other.pgm", "posters").returncode, 1)
+
+    def test_unusable_lists_are_refused_with_the_reason(self):
+        (self.folder / "empty").mkdir()
+        lists = {"a.yaml": ("{", "cannot be read as YAML"), "b.yaml": ("x: 1", "no list"),
+                 "c.yaml": ("- {id: a}", "line 1: it has no image"),
+                 "d.yaml": ("- {id: a, image: b, colour: c}", "\"colour\" is unknown")}
+        for name, (text, _) in lists.items():
+            (self.folder / name).write_text(text)
+        lists.update({"missing": (None, "is missing"), "empty": (None, "without images")})
+        for name, (_, reason) in lists.items():
+            run = self.find("scene.pgm", name)
+            self.assertEqual(run.returncode, 2, name)
+            self.assertIn(reason, run.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main()
