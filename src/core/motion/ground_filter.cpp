@@ -88,6 +88,17 @@ Matrix6 GroundFilter::covariance() const {
   return propagated(slope, both);
 }
 
+Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
+  const Vector8 scale = covariance_.diagonal().segment<8>(kMap).cwiseSqrt().cwiseInverse();
+  const Matrix8 map = scale.asDiagonal() * covariance_.block<8, 8>(kMap, kMap) * scale.asDiagonal();
+  const Eigen::Matrix<double, 8, 12> by_map =
+      scale.asDiagonal() * covariance_.block<8, 12>(kMap, kBefore);
+  const Eigen::LLT<Matrix8> factor(map);
+  if (factor.info() != Eigen::Success) return covarianceOfBoth();
+  const Eigen::Matrix<double, 8, 12> known = factor.matrixL().solve(by_map);
+  return covarianceOfBoth() - times(known.transpose(), known);
+}
+
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   moveFrame();
   const Eigen::Matrix3d from_keyframe =
@@ -174,7 +185,11 @@ double GroundFilter::update(const Eigen::Matrix<double, kRows, 1>& residual,
   if (!(misfit <= limit)) return misfit;
   const Eigen::Matrix<double, kRows, kSize> gain = times(information, cross_covariance.transpose());
   correct(times(gain.transpose(), residual));
-  covariance_ -= times(cross_covariance, gain);
+  // Joseph's form, (I - K S) P (I - K S)' + K R K': one factor alone rounds to an indefinite matrix
+  // where readings are nearly exact.
+  covariance_ -= times(gain.transpose(), cross_covariance.transpose());
+  covariance_ -= times(times(covariance_, slope.transpose()), gain);
+  covariance_ += variance * times(gain.transpose(), gain);
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
   return misfit;
 }
