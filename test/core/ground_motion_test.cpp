@@ -18,6 +18,7 @@ namespace ktgp_orb {
 namespace {
 
 using motion::CameraPose;
+using motion::Matrix6;
 using motion::Matrix8;
 using motion::Vector6;
 using motion::Vector8;
@@ -79,8 +80,10 @@ class Flight {
   double tilt_noise = 0.0;   // rad
   bool gives_height = true;
   bool gives_down = true;
-  double length_factor = 1.0;  // of the ranges
-  double perspective = 1.0;    // factor of the noise of h20 and h21
+  double length_factor = 1.0;    // of the ranges
+  double perspective = 1.0;      // factor of the noise of h20 and h21
+  double claimed = 1.0;          // covariance of the homographies, as a multiple of the true one
+  double plane_deviation = 0.0;  // px
 
   CameraPose truth(int frame) const { return truthAt(frame, camera_to_base_); }
   CameraPose base(int frame) const { return baseOf(truth(frame), camera_to_base_); }
@@ -96,7 +99,8 @@ class Flight {
       result.reference_stamp = stampOf(keyframe_);
       const Eigen::Matrix3d h = camera() * image * keyframe_image_.inverse() * camera().inverse();
       result.homography = h / h(2, 2);
-      result.covariance = covarianceOf(*result.homography);
+      result.covariance = claimed * covarianceOf(*result.homography);
+      result.plane_deviation = plane_deviation;
     }
     if (frame % 10 == 0) {
       keyframe_ = frame;
@@ -306,6 +310,55 @@ TEST(GroundMotion, CovariancesHoldInMonteCarlo) {
   EXPECT_GE(held / twists, 0.98);
   EXPECT_GT(pose_sum / kFlights, 4.0);  // 6 are expected
   EXPECT_LT(pose_sum / kFlights, 9.0);
+}
+
+/// Mean normalised error squared of the velocity, three degrees of freedom.
+double velocityError(double claimed, double plane_deviation) {
+  double sum = 0.0;
+  double twists = 0.0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Flight flight(downward(), 3e-5, seed);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 0.5 * kDegree;
+    flight.claimed = claimed;
+    flight.plane_deviation = plane_deviation;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 450; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (i < 150 || !estimate.hasTwist()) continue;
+      const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+      const Eigen::Vector3d error = (estimate.twist - wanted).head<3>();
+      sum += error.dot(estimate.twist_covariance.topLeftCorner<3, 3>().inverse() * error);
+      ++twists;
+    }
+  }
+  return sum / twists;
+}
+
+TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoise) {
+  const double error = velocityError(4.0, 0.0);
+  EXPECT_GT(error, 2.0);
+  EXPECT_LT(error, 4.0);
+}
+
+TEST(GroundMotion, ReliefKeepsAllOfTheCovariance) {
+  EXPECT_LT(velocityError(4.0, 0.2), 1.2);
+}
+
+TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    Flight flight(downward(), 3e-5, seed);
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 100; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (i < 2) continue;
+      ASSERT_EQ(estimate.status, GroundStatus::ok) << seed << " " << i;
+      const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+      EXPECT_LT((estimate.twist - wanted).head<3>().norm(), 0.06) << seed << " " << i;
+      const Eigen::SelfAdjointEigenSolver<Matrix6> values(estimate.pose_covariance);
+      EXPECT_GT(values.eigenvalues().minCoeff(), 0.0) << seed << " " << i;
+    }
+  }
 }
 
 TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
