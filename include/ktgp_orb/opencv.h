@@ -25,7 +25,7 @@ std::vector<cv::DMatch> toDMatches(const std::vector<Correspondence>& correspond
 
 /// ProsacHomography in one call, as easy as cv::findHomography: homography, covariance, status and
 /// mask. Points are vectors of cv::Point2f or Point2d, or matrices with two columns or channels,
-/// px. Good pairs should come first, if that is known; any order is right. `reference_size`: see
+/// px. Put good pairs first if you know them: they are sampled first. `reference_size`: see
 /// ProsacHomography::estimate. Throws std::invalid_argument for arrays of another shape or of
 /// different length, and for values that are not finite. Fewer than four pairs are no error: the
 /// status is too_few_matches.

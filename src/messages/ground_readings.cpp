@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <stdexcept>
 
+#include "core/motion/rows.h"
 #include "core/util/constants.h"
 
 namespace ktgp_orb {
@@ -72,6 +73,18 @@ void GroundReadings::configure(const GroundMotionConfig& config, const std::stri
   config_ = config;
   range_topic_ = range_topic;
   imu_topic_ = imu_topic;
+}
+
+GroundMotionConfig groundMotionDefaults() {
+  GroundMotionConfig config;
+#define KTGP_GROUP(name)
+#define KTGP_BOOL(name, value, text) config.name = value;
+#define KTGP_INT(name, value, low, high, unit, text) config.name = value;
+#define KTGP_DOUBLE(name, value, low, high, unit, text) config.name = value;
+#define KTGP_STRING(name, value, text) config.name = value;
+#define KTGP_CHOICE(name, value, text, choices) config.name = value;
+#include "parameters/ground_motion.def"
+  return config;
 }
 
 void GroundReadings::add(const sensor_msgs::Range& range) {
@@ -172,9 +185,8 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
 
 /// What measures the distance to something else, such as a wall, is no height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
-  if (!frame.height || !frame.down || frame.height->beam_direction.isZero()) return;
-  constexpr double kLeastSink = 0.1;  // per metre of the beam
-  if (frame.height->beam_direction.dot(frame.down->direction) >= kLeastSink) return;
+  if (!frame.height || !frame.down) return;
+  if (motion::meetsGround(*frame.height, frame.down->direction)) return;
   frame.height.reset();
   no_height_ =
       "the beam of the range on " + range_topic_ +

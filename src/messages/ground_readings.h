@@ -19,6 +19,10 @@
 
 namespace ktgp_orb {
 
+/// The documented defaults. GroundMotionConfig::__getDefault__ has the same, but needs roscpp,
+/// which takes time to load.
+GroundMotionConfig groundMotionDefaults();
+
 /// Collects what the ground motion needs beside the homography, from messages and tf, and knows
 /// why something is missing. An instance belongs to one thread at a time.
 class GroundReadings {

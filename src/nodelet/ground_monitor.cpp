@@ -9,7 +9,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 namespace {
 
-/// A reading that was used before is not there, without a reason.
+/// There is no reason where the newest reading was already used for an earlier frame.
 std::string none(const std::string& what, const std::string& why) {
   return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
 }

@@ -48,7 +48,10 @@ class Extractor {
   std::shared_ptr<Features> extract(const py::object& image, const py::object& mask);
 
  private:
+  std::shared_ptr<Features> unusedFeatures();
+
   OrbExtractor extractor_;
+  std::vector<std::shared_ptr<Features>> made_;  ///< used again when Python holds them no more
   std::mutex mutex_;
 };
 

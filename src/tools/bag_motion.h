@@ -16,7 +16,7 @@ struct MotionFile {
   std::string path;
   std::string range_topic;  ///< empty: range beside the images
   std::string imu_topic;    ///< empty: imu beside the images
-  GroundMotionConfig config = GroundMotionConfig::__getDefault__();
+  GroundMotionConfig config = groundMotionDefaults();
   bool force = false;  ///< may overwrite it
 };
 

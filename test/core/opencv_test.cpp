@@ -329,8 +329,7 @@ TEST(WeightedHomography, IsNotSpoiltByTenTimesTheNoise) {
   EXPECT_LT(weighted, 0.8 * alike);
 }
 
-/// The mean of e' C^-1 e over many scenes is 8, the number of entries, where C is right; that of
-/// Student's t is a little more. `factor`: of the noise that is given over the true one.
+/// The median of e' C^-1 e over many scenes. `factor`: the noise that is given over the true one.
 double normalisedError(double factor) {
   constexpr int kScenes = 300;
   std::vector<double> normalised;

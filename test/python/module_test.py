@@ -118,6 +118,17 @@ class ModuleTest(unittest.TestCase):
             with self.assertRaises(ValueError):
                 array[0] = 0
 
+    def test_an_extractor_changes_nothing_that_is_held(self):
+        extractor = ktgp.Extractor()
+        held = extractor.extract(self.reference)
+        rows = extractor.extract(self.reference).descriptors  # without its Features
+        for _ in range(6):
+            extractor.extract(self.target)
+        expected = ktgp.Extractor().extract(self.reference)
+        np.testing.assert_array_equal(held.keypoints, expected.keypoints)
+        for descriptors in (held.descriptors, rows):
+            np.testing.assert_array_equal(descriptors, expected.descriptors)
+
     def test_threads_may_share_objects(self):
         extractor, matcher = ktgp.Extractor(), ktgp.Matcher()
         images = [self.reference] + [moved(picture(seed)) for seed in range(1, 4)]

@@ -2,6 +2,7 @@
 """Runs the launch files, each with its own master: bag.launch plays the right topics and reports
 problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
+import faulthandler
 import os
 import re
 import signal
@@ -31,6 +32,11 @@ PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file
 FRAMES = 12
 FIRST = 1500000000.0  # s, of the recording
 STALE = '/camera/matcher/homography'  # a result of the time of the recording
+
+
+def setUpModule():
+    socket.setdefaulttimeout(TIMEOUT)
+    faulthandler.dump_traceback_later(900, exit=True)  # says where, should it wait forever
 
 
 def write_bag(path):
@@ -101,18 +107,36 @@ class Master:
         self.process.wait()
 
 
+def kill_nodes(master):
+    """Kills the nodes of this master (a URI), and returns its commands."""
+    commands = []
+    for process in filter(str.isdigit, os.listdir('/proc')):
+        try:
+            with open('/proc/%s/environ' % process) as file:
+                if 'ROS_MASTER_URI=%s\0' % master not in file.read():
+                    continue
+            with open('/proc/%s/cmdline' % process) as file:
+                command = file.read().replace('\0', ' ')
+            if '__name:=' in command:
+                commands.append(command)
+                os.kill(int(process), signal.SIGKILL)
+        except (OSError, UnicodeDecodeError):
+            pass  # it has ended
+    return commands
+
+
 class Launch:
     """A running roslaunch and its output."""
 
     def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
                  **environment):
         self.lines = []
-        environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
-        environment.pop(without, None)
+        self.environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
+        self.environment.pop(without, None)
         self.process = subprocess.Popen(
             ['roslaunch', *package, *arguments], stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
-            env=environment)
+            env=self.environment)
         self.reader = threading.Thread(target=self.read)
         self.reader.start()
 
@@ -127,7 +151,7 @@ class Launch:
         Master.wait_until(lambda: text in self.output() or self.process.poll() is not None,
                           'it says "%s"; so far: %s' % (text, self.output()))
         if text not in self.output():
-            self.reader.join()
+            self.reader.join(TIMEOUT)
         return text in self.output()
 
     def wait(self):
@@ -136,14 +160,25 @@ class Launch:
             self.process.wait(TIMEOUT)
         except subprocess.TimeoutExpired:
             raise AssertionError('timed out waiting until it ends; so far: ' + self.output())
-        self.reader.join()
+        self.reader.join(TIMEOUT)
         return self.output()
 
     def stop(self):
+        """Ctrl-C. If it comes while roslaunch starts a node, roslaunch can wait forever, or end without
+        that node; then what is left is killed."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        self.process.wait()
-        self.reader.join()
+        try:
+            self.process.wait(TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            print('roslaunch did not end after Ctrl-C; it said: ' + self.output(), file=sys.stderr)
+        self.reader.join(TIMEOUT)
+        if self.reader.is_alive():
+            nodes = kill_nodes(self.environment['ROS_MASTER_URI'])
+            print('roslaunch left nodes behind: %s' % nodes, file=sys.stderr)
+            self.reader.join()
         self.process.stdout.close()
 
 

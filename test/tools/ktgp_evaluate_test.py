@@ -8,8 +8,6 @@ import unittest
 from tool_case import HEIGHT, ToolCase, picture, translation, write_pgm
 
 SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
-
-
 DOGMAN = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "hard/dogman")
 
 

@@ -27,9 +27,9 @@ Eigen::Matrix3d unit(int i) {
   return m;
 }
 
-/// How far the beam sinks per metre of its length.
-double sinkOf(const HeightReading& reading, const CameraPose& pose) {
-  return -pose.axes.row(2).dot(reading.beam_direction);
+/// The direction to the ground in the camera's frame.
+Eigen::Vector3d downOf(const CameraPose& pose) {
+  return -pose.axes.row(2).transpose();
 }
 
 }  // namespace
@@ -81,8 +81,12 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
   return slope;
 }
 
+bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down) {
+  return reading.beam_direction.isZero() || reading.beam_direction.dot(down) >= kLeastSink;
+}
+
 bool meetsGround(const HeightReading& reading, const CameraPose& pose) {
-  return reading.beam_direction.isZero() || sinkOf(reading, pose) >= kLeastSink;
+  return meetsGround(reading, downOf(pose));
 }
 
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise) {
@@ -99,7 +103,7 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
     rows.residual(0) = std::numeric_limits<double>::infinity();
     return rows;
   }
-  const double sinks = sinkOf(reading, pose);
+  const double sinks = reading.beam_direction.dot(downOf(pose));  // per metre of the beam
   const double start = pose.position.z() + up.dot(reading.beam_origin);
   const double length = start / sinks;
   rows.residual(0) = reading.metres + rise * reading.age / sinks - length;

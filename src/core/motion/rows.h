@@ -41,7 +41,9 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// Whether the beam of a range sensor, if there is one, meets the ground.
+/// Whether the beam of a range sensor, if there is one, meets the ground. `down`: to the ground, in
+/// the camera's frame.
+bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
 bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 /// `rise`: vertical velocity, m/s. The residual is infinite where the beam does not meet the
 /// ground.
