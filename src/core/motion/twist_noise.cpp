@@ -8,8 +8,8 @@ namespace ktgp_orb::motion {
 namespace {
 
 /// Of the twist in reverse order: turning, approach, shift. Each is what those before leave open.
-Matrix6 factorOf(const Matrix6& covariance) {
-  return Matrix6(covariance.reverse()).llt().matrixL();
+Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
+  return Eigen::LLT<Matrix6>(covariance.reverse());
 }
 
 }  // namespace
@@ -35,8 +35,9 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
   Vector6 rough = Vector6::Zero();
   for (int i = 0; i < kTwists; ++i) rough += kDifference[i] * twists_[static_cast<std::size_t>(i)];
   const Vector6 reversed = rough.reverse();
-  const Vector6 errors = factorOf(noise).triangularView<Eigen::Lower>().solve(reversed);
-  if (!errors.allFinite()) return;
+  const Eigen::LLT<Matrix6> factor = factorOf(noise);
+  if (factor.info() != Eigen::Success) return;  // nothing but rounding
+  const Vector6 errors = factor.matrixL().solve(reversed);
   const Eigen::Array<double, 6, 1> squares = (errors.array().square() / kVariance).min(kLargest);
   const Eigen::Array3d seen(squares.head<3>().mean(), squares(3), squares.tail<2>().mean());
   learned_ = std::min(learned_ + 1.0, kOlder);
@@ -46,12 +47,13 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
 
 Matrix6 TwistNoise::scaled(const Matrix6& noise) const {
   constexpr double kLeast = 0.05;
-  if (count_ < 1) return noise;
+  const Eigen::LLT<Matrix6> factor = factorOf(noise);
+  if (count_ < 1 || factor.info() != Eigen::Success) return noise;
   const Eigen::Array3d shares = newer_.max(older_).max(kLeast).min(1.0);
   Vector6 each;
   each << shares(0), shares(0), shares(0), shares(1), shares(2), shares(2);
-  const Matrix6 factor = factorOf(noise);
-  return Matrix6(factor * each.asDiagonal() * factor.transpose()).reverse();
+  const Matrix6 lower = factor.matrixL();
+  return Matrix6(lower * each.asDiagonal() * lower.transpose()).reverse();
 }
 
 }  // namespace ktgp_orb::motion
