@@ -18,7 +18,6 @@ namespace ktgp_orb {
 namespace {
 
 using motion::CameraPose;
-using motion::Matrix6;
 using motion::Matrix8;
 using motion::Vector6;
 using motion::Vector8;
@@ -245,6 +244,14 @@ TEST(GroundMotion, DerivativesAreThoseOfTheFunctions) {
                return rowsOf(down, moved(pose, step)).residual;
              })).norm(),
             1e-7);
+  // A reading from before the image, while the camera rises: along the beam that is more.
+  height.age = 0.1;
+  const double sink = -pose.axes.row(2).dot(height.beam_direction);
+  EXPECT_LT(sink, 0.98);
+  HeightReading at_image = height;
+  at_image.age = 0.0;
+  EXPECT_NEAR(rowsOf(height, pose, 2.0).residual(0) - rowsOf(at_image, pose, 2.0).residual(0),
+              0.2 / sink, 1e-12);
   TurnReading turn;
   turn.rotation = before.axes.transpose() * pose.axes;
   Eigen::Matrix<double, 3, 6> by_before;
@@ -345,9 +352,61 @@ TEST(GroundMotion, ReliefKeepsAllOfTheCovariance) {
   EXPECT_LT(velocityError(4.0, 0.2), 1.2);
 }
 
+TEST(GroundMotion, OverReliefReadingsCountLess) {
+  for (const bool relief : {false, true}) {
+    Flight flight(downward(), 3e-5);
+    flight.range_noise = 0.002;
+    flight.tilt_noise = 0.1 * kDegree;
+    flight.plane_deviation = relief ? 2.0 : 0.0;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 200; ++i) ground.add(flight.next());
+    GroundFrame frame = flight.next();
+    frame.height->metres *= 1.03;
+    frame.down->direction = motion::rotationAbout({0.03, 0.0, 0.0}) * frame.down->direction;
+    const GroundEstimate& estimate = ground.add(frame);
+    EXPECT_EQ(estimate.height_used, relief);
+    EXPECT_EQ(estimate.down_used, relief);
+  }
+}
+
+TEST(GroundMotion, TheFirstVelocityOfAKeyframeHasTheErrorsOfTheKeyframe) {
+  Flight flight(downward(), 3e-5);
+  flight.range_noise = 0.01;
+  flight.tilt_noise = 0.5 * kDegree;
+  flight.claimed = 4.0;
+  GroundMotion ground(optionsWith(downward()));
+  double variances[10] = {};
+  for (int i = 0; i < 600; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (i >= 400) variances[i % 10] += estimate.twist_covariance.topLeftCorner<3, 3>().trace();
+  }
+  EXPECT_GT(variances[1], 2.0 * variances[2]);  // each tenth frame is a keyframe
+  EXPECT_LT(variances[5], 1.3 * variances[2]);
+}
+
+TEST(GroundMotion, WithoutReadingsTheSlopeOfTheGroundGetsUncertain) {
+  Flight flight(downward(), 1e-7);
+  flight.tilt_noise = 1e-5;
+  GroundMotionOptions options = optionsWith(downward());
+  options.ground_slope = 0.01;
+  GroundMotion ground(options);
+  for (int i = 0; i < 30; ++i) ground.add(flight.next());
+  flight.gives_down = false;
+  double known = 0.0;
+  for (int i = 0; i < 11; ++i) known = ground.add(flight.next()).tilt_deviation;
+  double way = 0.0;
+  for (int i = 41; i < 51; ++i) {
+    way += (flight.truth(i).position - flight.truth(i - 1).position).norm();
+    const GroundEstimate& estimate = ground.add(flight.next());
+    EXPECT_TRUE(i < 50 || estimate.tilt_deviation > known);
+  }
+  EXPECT_GT(way, 0.5);
+}
+
 TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
   for (unsigned seed = 1; seed <= 30; ++seed) {
-    Flight flight(downward(), 3e-5, seed);
+    Flight flight(downward(), 1e-6, seed);
+    flight.perspective = 10.0;
     GroundMotion ground(optionsWith(downward()));
     for (int i = 0; i < 100; ++i) {
       const GroundEstimate& estimate = ground.add(flight.next());
@@ -355,8 +414,9 @@ TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
       ASSERT_EQ(estimate.status, GroundStatus::ok) << seed << " " << i;
       const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
       EXPECT_LT((estimate.twist - wanted).head<3>().norm(), 0.06) << seed << " " << i;
-      const Eigen::SelfAdjointEigenSolver<Matrix6> values(estimate.pose_covariance);
-      EXPECT_GT(values.eigenvalues().minCoeff(), 0.0) << seed << " " << i;
+      for (const Covariance6& covariance : {estimate.pose_covariance, estimate.twist_covariance}) {
+        ASSERT_GT(covariance.diagonal().minCoeff(), 0.0) << seed << " " << i;
+      }
     }
   }
 }

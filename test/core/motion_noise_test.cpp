@@ -149,6 +149,17 @@ TEST(TwistNoise, LearnsNothingFromAStillPictureOrUnequalTimes) {
   EXPECT_NEAR(noise.scaled(twists.covariance)(3, 3) / twists.covariance(3, 3), 1.0, 1e-9);
 }
 
+TEST(TwistNoise, ACovarianceThatIsNothingButRoundingStays) {
+  Twists twists(9);
+  twists.shares.setConstant(0.1);
+  TwistNoise noise = learned(twists, 600);
+  Matrix6 indefinite = twists.covariance;
+  indefinite(4, 4) *= -1e-3;
+  EXPECT_EQ(noise.scaled(indefinite), indefinite);
+  for (int i = 0; i < 60; ++i) noise.add(twists.next(), indefinite, kSeconds, kHeight);
+  EXPECT_LT(noise.scaled(twists.covariance)(3, 3), 0.3 * twists.covariance(3, 3));
+}
+
 TEST(Relief, IsSeenWhereNearlyAllPicturesDeviate) {
   Relief flat;
   for (int i = 0; i < 300; ++i) flat.add(i % 5 < 3 ? 1e-3 : 0.0, 0.3);  // by chance

@@ -26,7 +26,7 @@ void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds,
 
   if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) count_ = std::min(count_, 0);
   seconds_ = seconds;
-  if (count_++ < 0) return;
+  ++count_;
   std::move_backward(twists_.begin(), twists_.end() - 1, twists_.end());
   twists_[0] = twist;
   const double moved = seconds * std::max(twist.head<3>().norm() / height, twist.tail<3>().norm());
