@@ -421,6 +421,19 @@ TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
   }
 }
 
+TEST(GroundMotion, PreciseImagesAgreeWithACoarselyKnownTilt) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Flight flight(downward(), 1e-6, seed);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 2.0 * kDegree;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 60; ++i) {
+      const GroundStatus status = ground.add(flight.next()).status;
+      ASSERT_TRUE(i < 2 || status == GroundStatus::ok) << seed << " " << i;
+    }
+  }
+}
+
 TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
   Flight flight(mounted(), 3e-5);
   flight.tilt_noise = 1e-4;
