@@ -48,6 +48,7 @@ struct GroundFrame {
   /// Reference -> this frame, px without lens distortion; empty: none was found.
   std::optional<Eigen::Matrix3d> homography;
   Covariance8 covariance = Covariance8::Zero();          ///< see UncertainHomography
+  double plane_deviation = 0.0;                          ///< px, >= 0; the same
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
   std::optional<HeightReading> height;
   std::optional<DownReading> down;

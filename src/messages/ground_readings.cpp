@@ -170,6 +170,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
     frame.covariance =
         Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(h.covariance.data());
+    frame.plane_deviation = h.plane_deviation;
   }
   no_height_.clear();
   no_normal_.clear();

@@ -79,8 +79,10 @@ class Flight {
   double tilt_noise = 0.0;   // rad
   bool gives_height = true;
   bool gives_down = true;
-  double length_factor = 1.0;  // of the ranges
-  double perspective = 1.0;    // factor of the noise of h20 and h21
+  double length_factor = 1.0;    // of the ranges
+  double perspective = 1.0;      // factor of the noise of h20 and h21
+  double claimed = 1.0;          // covariance of the homographies, as a multiple of the true one
+  double plane_deviation = 0.0;  // px
 
   CameraPose truth(int frame) const { return truthAt(frame, camera_to_base_); }
   CameraPose base(int frame) const { return baseOf(truth(frame), camera_to_base_); }
@@ -96,7 +98,8 @@ class Flight {
       result.reference_stamp = stampOf(keyframe_);
       const Eigen::Matrix3d h = camera() * image * keyframe_image_.inverse() * camera().inverse();
       result.homography = h / h(2, 2);
-      result.covariance = covarianceOf(*result.homography);
+      result.covariance = claimed * covarianceOf(*result.homography);
+      result.plane_deviation = plane_deviation;
     }
     if (frame % 10 == 0) {
       keyframe_ = frame;
@@ -241,6 +244,14 @@ TEST(GroundMotion, DerivativesAreThoseOfTheFunctions) {
                return rowsOf(down, moved(pose, step)).residual;
              })).norm(),
             1e-7);
+  // A reading from before the image, while the camera rises: along the beam that is more.
+  height.age = 0.1;
+  const double sink = -pose.axes.row(2).dot(height.beam_direction);
+  EXPECT_LT(sink, 0.98);
+  HeightReading at_image = height;
+  at_image.age = 0.0;
+  EXPECT_NEAR(rowsOf(height, pose, 2.0).residual(0) - rowsOf(at_image, pose, 2.0).residual(0),
+              0.2 / sink, 1e-12);
   TurnReading turn;
   turn.rotation = before.axes.transpose() * pose.axes;
   Eigen::Matrix<double, 3, 6> by_before;
@@ -306,6 +317,121 @@ TEST(GroundMotion, CovariancesHoldInMonteCarlo) {
   EXPECT_GE(held / twists, 0.98);
   EXPECT_GT(pose_sum / kFlights, 4.0);  // 6 are expected
   EXPECT_LT(pose_sum / kFlights, 9.0);
+}
+
+/// Mean normalised error squared of the velocity, three degrees of freedom.
+double velocityError(double claimed, double plane_deviation) {
+  double sum = 0.0;
+  double twists = 0.0;
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Flight flight(downward(), 3e-5, seed);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 0.5 * kDegree;
+    flight.claimed = claimed;
+    flight.plane_deviation = plane_deviation;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 450; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (i < 150 || !estimate.hasTwist()) continue;
+      const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+      const Eigen::Vector3d error = (estimate.twist - wanted).head<3>();
+      sum += error.dot(estimate.twist_covariance.topLeftCorner<3, 3>().inverse() * error);
+      ++twists;
+    }
+  }
+  return sum / twists;
+}
+
+TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoise) {
+  const double error = velocityError(4.0, 0.0);
+  EXPECT_GT(error, 2.0);
+  EXPECT_LT(error, 4.0);
+}
+
+TEST(GroundMotion, ReliefKeepsAllOfTheCovariance) {
+  EXPECT_LT(velocityError(4.0, 0.2), 1.2);
+}
+
+TEST(GroundMotion, OverReliefReadingsCountLess) {
+  for (const bool relief : {false, true}) {
+    Flight flight(downward(), 3e-5);
+    flight.range_noise = 0.002;
+    flight.tilt_noise = 0.1 * kDegree;
+    flight.plane_deviation = relief ? 2.0 : 0.0;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 200; ++i) ground.add(flight.next());
+    GroundFrame frame = flight.next();
+    frame.height->metres *= 1.03;
+    frame.down->direction = motion::rotationAbout({0.03, 0.0, 0.0}) * frame.down->direction;
+    const GroundEstimate& estimate = ground.add(frame);
+    EXPECT_EQ(estimate.height_used, relief);
+    EXPECT_EQ(estimate.down_used, relief);
+  }
+}
+
+TEST(GroundMotion, TheFirstVelocityOfAKeyframeHasTheErrorsOfTheKeyframe) {
+  Flight flight(downward(), 3e-5);
+  flight.range_noise = 0.01;
+  flight.tilt_noise = 0.5 * kDegree;
+  flight.claimed = 4.0;
+  GroundMotion ground(optionsWith(downward()));
+  double variances[10] = {};
+  for (int i = 0; i < 600; ++i) {
+    const GroundEstimate& estimate = ground.add(flight.next());
+    if (i >= 400) variances[i % 10] += estimate.twist_covariance.topLeftCorner<3, 3>().trace();
+  }
+  EXPECT_GT(variances[1], 2.0 * variances[2]);  // each tenth frame is a keyframe
+  EXPECT_LT(variances[5], 1.3 * variances[2]);
+}
+
+TEST(GroundMotion, WithoutReadingsTheSlopeOfTheGroundGetsUncertain) {
+  Flight flight(downward(), 1e-7);
+  flight.tilt_noise = 1e-5;
+  GroundMotionOptions options = optionsWith(downward());
+  options.ground_slope = 0.01;
+  GroundMotion ground(options);
+  for (int i = 0; i < 30; ++i) ground.add(flight.next());
+  flight.gives_down = false;
+  double known = 0.0;
+  for (int i = 0; i < 11; ++i) known = ground.add(flight.next()).tilt_deviation;
+  double way = 0.0;
+  for (int i = 41; i < 51; ++i) {
+    way += (flight.truth(i).position - flight.truth(i - 1).position).norm();
+    const GroundEstimate& estimate = ground.add(flight.next());
+    EXPECT_TRUE(i < 50 || estimate.tilt_deviation > known);
+  }
+  EXPECT_GT(way, 0.5);
+}
+
+TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
+  for (unsigned seed = 1; seed <= 30; ++seed) {
+    Flight flight(downward(), 1e-6, seed);
+    flight.perspective = 10.0;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 100; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (i < 2) continue;
+      ASSERT_EQ(estimate.status, GroundStatus::ok) << seed << " " << i;
+      const Vector6 wanted = kRate * motion::constantTwist(flight.base(i - 1), flight.base(i));
+      EXPECT_LT((estimate.twist - wanted).head<3>().norm(), 0.06) << seed << " " << i;
+      for (const Covariance6& covariance : {estimate.pose_covariance, estimate.twist_covariance}) {
+        ASSERT_GT(covariance.diagonal().minCoeff(), 0.0) << seed << " " << i;
+      }
+    }
+  }
+}
+
+TEST(GroundMotion, PreciseImagesAgreeWithACoarselyKnownTilt) {
+  for (unsigned seed = 1; seed <= 20; ++seed) {
+    Flight flight(downward(), 1e-6, seed);
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 2.0 * kDegree;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 60; ++i) {
+      const GroundStatus status = ground.add(flight.next()).status;
+      ASSERT_TRUE(i < 2 || status == GroundStatus::ok) << seed << " " << i;
+    }
+  }
 }
 
 TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {

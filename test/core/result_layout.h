@@ -64,6 +64,7 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_MEMBER(GroundEstimate, twist_covariance),
     KTGP_ORB_TYPE(GroundFrame),
     KTGP_ORB_MEMBER(GroundFrame, homography),
+    KTGP_ORB_MEMBER(GroundFrame, plane_deviation),
     KTGP_ORB_TYPE(GroundMotion),
     KTGP_ORB_TYPE(GroundMotionOptions),
     KTGP_ORB_TYPE(HeightReading),

@@ -63,4 +63,18 @@ Vector6 constantTwist(const CameraPose& from, const CameraPose& to) {
   return twist;
 }
 
+Matrix612 twistSlope(const CameraPose& from, const CameraPose& to) {
+  Matrix612 slope;
+  for (int i = 0; i < 12; ++i) {
+    const double size = i % 6 < 3 ? 1e-3 * to.position.z() : 1e-4;
+    const Vector6 step = size * Vector6::Unit(i % 6);
+    const auto twist_with = [&](const Vector6& change) {
+      return i < 6 ? constantTwist(moved(from, change), to)
+                   : constantTwist(from, moved(to, change));
+    };
+    slope.col(i) = (twist_with(step) - twist_with(-step)) / (2.0 * size);
+  }
+  return slope;
+}
+
 }  // namespace ktgp_orb::motion

@@ -7,6 +7,7 @@ namespace ktgp_orb::motion {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Matrix612 = Eigen::Matrix<double, 6, 12>;
 
 /// Pose of the camera above the ground z = 0 (z up).
 struct CameraPose {
@@ -32,5 +33,7 @@ std::optional<CameraPose> poseFrom(const Eigen::Matrix3d& image_from_ground);
 /// Constant velocity and angular velocity (in the moving frame, times the duration) of a motion
 /// from `from` to `to`: the logarithm of SE(3).
 Vector6 constantTwist(const CameraPose& from, const CameraPose& to);
+/// Its derivatives by a step of `from` (6) and of `to` (6), see moved.
+Matrix612 twistSlope(const CameraPose& from, const CameraPose& to);
 
 }  // namespace ktgp_orb::motion

@@ -88,6 +88,17 @@ Matrix6 GroundFilter::covariance() const {
   return propagated(slope, both);
 }
 
+Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
+  const Vector8 scale = covariance_.diagonal().segment<8>(kMap).cwiseSqrt().cwiseInverse();
+  const Matrix8 map = scale.asDiagonal() * covariance_.block<8, 8>(kMap, kMap) * scale.asDiagonal();
+  const Eigen::Matrix<double, 8, 12> by_map =
+      scale.asDiagonal() * covariance_.block<8, 12>(kMap, kBefore);
+  const Eigen::LLT<Matrix8> factor(map);
+  if (factor.info() != Eigen::Success) return covarianceOfBoth();
+  const Eigen::Matrix<double, 8, 12> known = factor.matrixL().solve(by_map);
+  return covarianceOfBoth() - times(known.transpose(), known);
+}
+
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   moveFrame();
   const Eigen::Matrix3d from_keyframe =
@@ -174,7 +185,11 @@ double GroundFilter::update(const Eigen::Matrix<double, kRows, 1>& residual,
   if (!(misfit <= limit)) return misfit;
   const Eigen::Matrix<double, kRows, kSize> gain = times(information, cross_covariance.transpose());
   correct(times(gain.transpose(), residual));
-  covariance_ -= times(cross_covariance, gain);
+  // Joseph's form, (I - K S) P (I - K S)' + K R K': one factor alone rounds to an indefinite matrix
+  // where readings are nearly exact.
+  covariance_ -= times(gain.transpose(), cross_covariance.transpose());
+  covariance_ -= times(times(covariance_, slope.transpose()), gain);
+  covariance_ += variance * times(gain.transpose(), gain);
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
   return misfit;
 }
@@ -186,16 +201,46 @@ template double GroundFilter::update<2>(const Eigen::Matrix<double, 2, 1>&,
 template double GroundFilter::update<3>(const Eigen::Matrix<double, 3, 1>&,
                                         const Eigen::Matrix<double, 3, kSize>&, double, double);
 
+/// Tilt and scale of the ground are less certain by far than how the frames lie to each other, in
+/// the first frames by a thousand times. So the poses and the map follow them together, rotated
+/// about the keyframe and scaled; only what is left is a linear step.
 void GroundFilter::correct(const Eigen::Matrix<double, kSize, 1>& error) {
-  const Eigen::Matrix<double, 9, 1> entries =
-      (Eigen::Matrix<double, 9, 1>() << error.segment<8>(kMap), 0.0).finished();
-  const Eigen::Matrix3d change =
-      Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(entries.data());
   frame_position_ += error.segment<2>(kFrame);
   frame_yaw_ += error(kFrame + 2);
-  map_ += map_ * change;
-  before_ = moved(before_, error.segment<6>(kBefore));
-  now_ = moved(now_, error.tail<6>());
+  Vector8 entries = error.segment<8>(kMap);
+  Vector6 of_before = error.segment<6>(kBefore);
+  Vector6 of_now = error.segment<6>(kNow);
+  if (const auto keyframe = poseFrom(map_.inverse())) {
+    const Eigen::Vector3d center = keyframe->position;
+    Eigen::Vector3d turn = now_.axes * of_now.tail<3>();
+    turn.z() = 0.0;
+    const double rise = of_now(2) - turn.cross(now_.position - center).z();
+    const double scale = rise / now_.position.z();
+    const auto linear = [&](const CameraPose& pose) {
+      Vector6 step;
+      step << turn.cross(pose.position - center) + scale * pose.position,
+          pose.axes.transpose() * turn;
+      return step;
+    };
+    const auto follow = [&](const CameraPose& pose) {
+      const Eigen::Matrix3d rotation = rotationAbout(turn);
+      return CameraPose{rotation * pose.axes,
+                        (1.0 + scale) * (center + rotation * (pose.position - center))};
+    };
+    const Eigen::Matrix3d h = imageFromGround(*keyframe) * map_;
+    entries += mapFromEntries(h) * (byPose(h, map_, *keyframe) * linear(*keyframe));
+    of_before -= linear(before_);
+    of_now -= linear(now_);
+    map_ = imageFromGround(follow(*keyframe)).inverse() * h;
+    map_ /= map_.norm();
+    before_ = follow(before_);
+    now_ = follow(now_);
+  }
+  const Eigen::Matrix<double, 9, 1> all =
+      (Eigen::Matrix<double, 9, 1>() << entries, 0.0).finished();
+  map_ += map_ * Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(all.data());
+  before_ = moved(before_, of_before);
+  now_ = moved(now_, of_now);
 }
 
 }  // namespace ktgp_orb::motion

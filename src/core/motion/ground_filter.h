@@ -53,6 +53,8 @@ class GroundFilter {
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
   }
+  /// The part that is left when the map is known: what differs from frame to frame.
+  Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:
   using Matrix23 = Eigen::Matrix<double, kSize, kSize>;

@@ -8,6 +8,8 @@
 #include <stdexcept>
 
 #include "core/motion/ground_filter.h"
+#include "core/motion/relief.h"
+#include "core/motion/twist_noise.h"
 #include "core/motion/validity.h"
 
 namespace ktgp_orb {
@@ -73,6 +75,8 @@ struct GroundMotion::Impl {
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
   Vector6 camera_twist = Vector6::Zero();            // of the camera, in its frame
   Matrix6 camera_twist_covariance = Matrix6::Zero();
+  motion::TwistNoise twist_noise;
+  motion::Relief relief;
   int contradictions = 0;
   std::optional<Destination> destination;
 };
@@ -106,6 +110,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       roughen();
       filter.setKeyframe(image, true);
+      twist_noise.beginKeyframe();
       keyframe_stamp = frame.reference_stamp;
     }
     return connect(frame, image);
@@ -158,6 +163,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     if (++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }
+  const Eigen::Vector3d& position = filter.now().position;
+  relief.add(frame.plane_deviation / frame.camera(0, 0), position.head<2>().norm() / position.z());
   if (frame.turn) filter.use(*frame.turn, kNoLimit);
   useReadings(frame);
   measureTwist(sinceLast(frame));
@@ -242,11 +249,11 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   const CameraPose now = filter.now();
   if (frame.height) {
     const double rise = now.axes.row(2).dot(camera_twist.head<3>());
-    estimate.height_misfit = filter.use(rowsOf(*frame.height, now, rise), limit);
+    estimate.height_misfit = filter.use(rowsOf(relief.widened(*frame.height), now, rise), limit);
     estimate.height_used = estimate.height_misfit <= limit;
   }
   if (frame.down) {
-    estimate.down_misfit = filter.use(rowsOf(*frame.down, filter.now()), limit);
+    estimate.down_misfit = filter.use(rowsOf(relief.widened(*frame.down), filter.now()), limit);
     estimate.down_used = estimate.down_misfit <= limit;
   }
   const bool contradicts =
@@ -304,23 +311,18 @@ void GroundMotion::Impl::moveToDestination() {
 /// The reference of `image`, which leads to the newest pose, becomes the keyframe.
 void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& image) {
   filter.setKeyframe(image, false);
+  twist_noise.beginKeyframe();
   keyframe_stamp = frame.reference_stamp;
   keyframe_position = filter.pose().position;
 }
 
 void GroundMotion::Impl::measureTwist(double seconds) {
   camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
-  Eigen::Matrix<double, 6, 12> slope;
-  for (int i = 0; i < 12; ++i) {
-    const double size = i % 6 < 3 ? 1e-3 * filter.now().position.z() : 1e-4;
-    const Vector6 step = size * Vector6::Unit(i % 6);
-    const auto twist_with = [&](const Vector6& change) {
-      return i < 6 ? motion::constantTwist(moved(filter.before(), change), filter.now())
-                   : motion::constantTwist(filter.before(), moved(filter.now(), change));
-    };
-    slope.col(i) = (twist_with(step) - twist_with(-step)) / (2.0 * size * seconds);
-  }
+  const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
   camera_twist_covariance = slope * filter.covarianceOfBoth() * slope.transpose();
+  const Matrix6 noise = slope * filter.noiseOfBoth() * slope.transpose();
+  twist_noise.add(camera_twist, noise, seconds, filter.now().position.z());
+  if (!relief.isSeen()) camera_twist_covariance -= noise - twist_noise.scaled(noise);
 }
 
 /// From the camera to the base.

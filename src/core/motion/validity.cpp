@@ -48,6 +48,7 @@ void requireValid(const GroundFrame& frame) {
     throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
                                 std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
   }
+  requireAtLeastZero("plane_deviation", frame.plane_deviation);
   if (frame.homography && !frame.homography->allFinite()) {
     throw std::invalid_argument("the homography has a number that is not finite");
   }
