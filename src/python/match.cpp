@@ -180,12 +180,12 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 
 // New memory for the images of each frame would cost 2 % of its time.
 std::shared_ptr<Features> Extractor::unusedFeatures() {
-  constexpr std::size_t kept = 4;
+  constexpr std::size_t kMost = 4;
   for (const auto& features : made_) {
     if (features.use_count() == 1) return features;
   }
   auto features = std::make_shared<Features>();
-  if (made_.size() < kept) made_.push_back(features);
+  if (made_.size() < kMost) made_.push_back(features);
   return features;
 }
 
