@@ -150,9 +150,9 @@ COMMANDS = {
     'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"':
         Until('roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"',
               'takes matches on /camera/matcher/match'),
-    'roslaunch ktgp_orb targets.launch targets:=$PWD/posters':
+    'roslaunch ktgp_orb targets.launch targets:="$PWD/posters"':
         Until('mkdir -p posters && cp first.png posters/ && roslaunch ktgp_orb targets.launch '
-              'targets:=$PWD/posters', '1 targets are known'),
+              'targets:="$PWD/posters"', '1 targets are known'),
     'rostopic echo /camera/targets/detections': Skipped('waits for images; rostopic\'s own'),
     'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
         'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
