@@ -1,6 +1,5 @@
 #include "ktgp_orb/planar_pose.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <Eigen/SVD>
 #include <cmath>
@@ -8,12 +7,13 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/util/small_matrix.h"
+
 namespace ktgp_orb {
 namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Matrix86 = Eigen::Matrix<double, 8, 6>;
 
 /// Reference image, px -> target, m.
@@ -97,14 +97,12 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
   if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return result;
   const Covariance8 correlation =
       deviation.cwiseInverse().asDiagonal() * covariance * deviation.cwiseInverse().asDiagonal();
-  const Eigen::LLT<Covariance8> whitening(correlation);
-  if (whitening.info() != Eigen::Success) return result;
-  const auto whitened = [&](const auto& values) {
-    return whitening.matrixL().solve(deviation.cwiseInverse().asDiagonal() * values).eval();
-  };
+  const auto of_correlation = util::whiteningOf(correlation);
+  if (!of_correlation) return result;
+  const util::SmallMatrix whitening = *of_correlation * deviation.cwiseInverse().asDiagonal();
   const Vector8 wanted = entries(homography);
   Eigen::Isometry3d pose = *start;
-  Matrix6 information;
+  util::SmallMatrix rows;
   for (int iteration = 0; iteration < 10; ++iteration) {
     const Vector8 now = entries(homographyOf(pose, camera, scale));
     Matrix86 slope;
@@ -116,17 +114,16 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
                       entries(homographyOf(moved(pose, -step), camera, scale))) /
                      (2.0 * size);
     }
-    const Matrix86 rows = whitened(slope);
-    information = rows.transpose() * rows;
-    const Vector6 step =
-        information.ldlt().solve(rows.transpose() * whitened(Vector8(wanted - now)));
+    rows = util::times(whitening, slope);
+    const Vector8 rest = wanted - now;
+    const Vector6 step = util::leastSquares(rows, util::times(whitening, rest)).solution;
     if (!step.allFinite() || step.tail<3>().norm() > 0.5) return result;
     pose = moved(pose, step);
     if (step.norm() < 1e-12 * (1.0 + pose.translation().norm())) break;
   }
   if (pose.translation().z() <= 0.0) return result;
   result.target_to_camera = pose;
-  result.covariance = information.inverse();
+  result.covariance = util::inverseOf(util::times(rows.transpose(), rows));
   return result;
 }
 

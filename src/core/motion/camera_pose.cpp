@@ -23,6 +23,14 @@ Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation) {
   return turn.angle() * turn.axis();
 }
 
+Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
+  const Eigen::Vector3d axis = from.cross(to);
+  const double sine = axis.norm();
+  const double angle = std::atan2(sine, from.dot(to));
+  // Opposite directions: any axis across them will do.
+  return rotationAbout(angle * (sine > 0.0 ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
+}
+
 CameraPose moved(const CameraPose& pose, const Vector6& step) {
   return {pose.axes * rotationAbout(step.tail<3>()), pose.position + step.head<3>()};
 }

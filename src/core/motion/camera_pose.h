@@ -20,6 +20,8 @@ Eigen::Matrix3d cross(const Eigen::Vector3d& v);
 /// The rotation about a vector by its length, and the vector of a rotation.
 Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn);
 Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
+/// The smallest rotation that turns `from` to `to`; both have length 1.
+Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
 /// `step`: of the position in the ground frame, then small rotations about the camera's own axes.
 CameraPose moved(const CameraPose& pose, const Vector6& step);

@@ -1,31 +1,23 @@
 #include "core/motion/ground_filter.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
-#include <Eigen/QR>
 #include <cmath>
 
 namespace ktgp_orb::motion {
+
+using util::inverseOf;
+using util::LeastSquares;
+using util::leastSquares;
+using util::propagated;
+using util::times;
+using util::whiteningOf;
+
 namespace {
 
 /// The shares of the covariance of a homography that belong to the image of the keyframe, the same
 /// for all frames after it, and to the other image. Measured on exact flights.
 constexpr double kOfKeyframe = 0.6;
 constexpr double kOfFrame = 0.4;
-
-/// a b, coefficient by coefficient. Eigen's blocked product is meant for large matrices: no faster
-/// for these, and it made this file the one that takes longest to compile.
-template <typename A, typename B>
-auto times(const Eigen::MatrixBase<A>& a, const Eigen::MatrixBase<B>& b) {
-  return a.lazyProduct(b).eval();
-}
-
-/// The covariance of `slope` times a vector with the covariance `covariance`.
-template <typename Slope, typename Covariance>
-auto propagated(const Eigen::MatrixBase<Slope>& slope,
-                const Eigen::MatrixBase<Covariance>& covariance) {
-  return times(times(slope, covariance), slope.transpose());
-}
 
 }  // namespace
 
@@ -93,9 +85,9 @@ Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
   const Matrix8 map = scale.asDiagonal() * covariance_.block<8, 8>(kMap, kMap) * scale.asDiagonal();
   const Eigen::Matrix<double, 8, 12> by_map =
       scale.asDiagonal() * covariance_.block<8, 12>(kMap, kBefore);
-  const Eigen::LLT<Matrix8> factor(map);
-  if (factor.info() != Eigen::Success) return covarianceOfBoth();
-  const Eigen::Matrix<double, 8, 12> known = factor.matrixL().solve(by_map);
+  const auto whitening = whiteningOf(map);
+  if (!whitening) return covarianceOfBoth();
+  const SmallMatrix known = times(*whitening, by_map);
   return covarianceOfBoth() - times(known.transpose(), known);
 }
 
@@ -115,18 +107,16 @@ void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
 }
 
 bool GroundFilter::advance(const ImageMotion& motion) {
-  const Eigen::LLT<Matrix8> factor(kOfFrame * motion.covariance);
+  const auto whitening = whiteningOf(kOfFrame * motion.covariance);
   const auto start = poseFrom(motion.homography * map_.inverse());
-  if (!start || factor.info() != Eigen::Success) return false;
-  const Matrix8 whitening = factor.matrixL().solve(Matrix8::Identity());
+  if (!start || !whitening) return false;
   CameraPose pose = *start;
-  Eigen::HouseholderQR<Matrix86> solver(8, 6);
-  Vector8 residual;
   for (int iteration = 0; iteration < 5; ++iteration) {
     const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-    residual = times(whitening, entriesOf(motion.homography) - entriesOf(h));
-    solver.compute(times(whitening, byPose(h, map_, pose)));
-    const Vector6 step = solver.solve(residual);
+    const Vector8 residual = entriesOf(motion.homography) - entriesOf(h);
+    const Vector6 step =
+        leastSquares(times(*whitening, byPose(h, map_, pose)), times(*whitening, residual))
+            .solution;
     if (!step.allFinite() || step.tail<3>().norm() > 0.5) return false;
     pose = moved(pose, step);
     if (step.norm() < 1e-9 * pose.position.z()) break;
@@ -135,14 +125,13 @@ bool GroundFilter::advance(const ImageMotion& motion) {
 
   // The new pose follows the map and the noise; the homography has two more numbers.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-  residual = times(whitening, entriesOf(motion.homography) - entriesOf(h));
-  const Matrix8 by_map = times(whitening, byMap(h));
-  const Matrix86 by_pose = times(whitening, byPose(h, map_, pose));
-  solver.compute(by_pose);
-  const Eigen::Matrix<double, 6, 8> pose_by_map = -solver.solve(by_map);
-  const Matrix8 axes = solver.householderQ();
-  rest_ = times(axes.rightCols<2>().transpose(), residual);
-  rest_by_map_ = times(axes.rightCols<2>().transpose(), by_map);
+  Eigen::Matrix<double, 8, 9> residual_and_map;
+  residual_and_map << entriesOf(motion.homography) - entriesOf(h), byMap(h);
+  const SmallMatrix by_pose = times(*whitening, byPose(h, map_, pose));
+  const LeastSquares fit = leastSquares(by_pose, times(*whitening, residual_and_map));
+  const Eigen::Matrix<double, 6, 8> pose_by_map = -fit.solution.rightCols(8);
+  rest_ = fit.rest.col(0);
+  rest_by_map_ = fit.rest.rightCols(8);
 
   before_ = now_;
   now_ = pose;
@@ -152,14 +141,14 @@ bool GroundFilter::advance(const ImageMotion& motion) {
   covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
   covariance_.block<6, 6>(kNow, kNow) =
       propagated(pose_by_map, covariance_.block<8, 8>(kMap, kMap)) +
-      times(by_pose.transpose(), by_pose).inverse();
+      inverseOf(times(by_pose.transpose(), by_pose));
   return true;
 }
 
 double GroundFilter::useRest(double limit) {
   Eigen::Matrix<double, 2, kSize> slope = Eigen::Matrix<double, 2, kSize>::Zero();
   slope.middleCols<8>(kMap) = rest_by_map_;
-  return update<2>(rest_, slope, 1.0, limit);
+  return update(rest_, slope, 1.0, limit);
 }
 
 double GroundFilter::use(const TurnReading& reading, double limit) {
@@ -168,38 +157,27 @@ double GroundFilter::use(const TurnReading& reading, double limit) {
   Eigen::Matrix<double, 3, kSize> slope = Eigen::Matrix<double, 3, kSize>::Zero();
   slope.middleCols<6>(kBefore) = slope_before;
   slope.rightCols<6>() = rows.slope;
-  return update<3>(rows.residual, slope, rows.deviation * rows.deviation, limit);
+  return update(rows.residual, slope, rows.deviation * rows.deviation, limit);
 }
 
-template <int kRows>
-double GroundFilter::update(const Eigen::Matrix<double, kRows, 1>& residual,
-                            const Eigen::Matrix<double, kRows, kSize>& slope, double variance,
+double GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance,
                             double limit) {
-  using Square = Eigen::Matrix<double, kRows, kRows>;
-  const Eigen::Matrix<double, kSize, kRows> cross_covariance =
-      times(covariance_, slope.transpose());
-  Square expected = times(slope, cross_covariance);
+  const SmallMatrix cross_covariance = times(covariance_, slope.transpose());
+  SmallMatrix expected = times(slope, cross_covariance);
   expected.diagonal().array() += variance;
-  const Square information = expected.inverse();
-  const double misfit = std::sqrt(residual.dot(times(information, residual)));
+  const SmallMatrix information = inverseOf(expected);
+  const double misfit = std::sqrt(propagated(residual.transpose(), information)(0, 0));
   if (!(misfit <= limit)) return misfit;
-  const Eigen::Matrix<double, kRows, kSize> gain = times(information, cross_covariance.transpose());
-  correct(times(gain.transpose(), residual));
+  const SmallMatrix gain = times(cross_covariance, information);
+  correct(times(gain, residual));
   // Joseph's form, (I - K S) P (I - K S)' + K R K': one factor alone rounds to an indefinite matrix
   // where readings are nearly exact.
-  covariance_ -= times(gain.transpose(), cross_covariance.transpose());
-  covariance_ -= times(times(covariance_, slope.transpose()), gain);
-  covariance_ += variance * times(gain.transpose(), gain);
+  covariance_ -= times(gain, cross_covariance.transpose());
+  covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
+  covariance_ += variance * times(gain, gain.transpose());
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
   return misfit;
 }
-
-template double GroundFilter::update<1>(const Eigen::Matrix<double, 1, 1>&,
-                                        const Eigen::Matrix<double, 1, kSize>&, double, double);
-template double GroundFilter::update<2>(const Eigen::Matrix<double, 2, 1>&,
-                                        const Eigen::Matrix<double, 2, kSize>&, double, double);
-template double GroundFilter::update<3>(const Eigen::Matrix<double, 3, 1>&,
-                                        const Eigen::Matrix<double, 3, kSize>&, double, double);
 
 /// Tilt and scale of the ground are less certain by far than how the frames lie to each other, in
 /// the first frames by a thousand times. So the poses and the map follow them together, rotated

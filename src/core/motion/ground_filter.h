@@ -3,8 +3,12 @@
 #include <Eigen/Core>
 
 #include "core/motion/rows.h"
+#include "core/util/small_matrix.h"
 
 namespace ktgp_orb::motion {
+
+using util::SmallMatrix;
+using util::SmallRef;
 
 /// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
 /// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
@@ -37,7 +41,7 @@ class GroundFilter {
   double use(const PoseRows<kRows>& rows, double limit) {
     Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
     slope.template rightCols<6>() = rows.slope;
-    return update<kRows>(rows.residual, slope, rows.deviation * rows.deviation, limit);
+    return update(rows.residual, slope, rows.deviation * rows.deviation, limit);
   }
   double use(const TurnReading& reading, double limit);
 
@@ -60,9 +64,7 @@ class GroundFilter {
   using Matrix23 = Eigen::Matrix<double, kSize, kSize>;
 
   void moveFrame();
-  template <int kRows>
-  double update(const Eigen::Matrix<double, kRows, 1>& residual,
-                const Eigen::Matrix<double, kRows, kSize>& slope, double variance, double limit);
+  double update(const SmallRef& residual, const SmallRef& slope, double variance, double limit);
   void correct(const Eigen::Matrix<double, kSize, 1>& error);
 
   Eigen::Vector2d frame_position_ = Eigen::Vector2d::Zero();

@@ -20,6 +20,7 @@ using motion::GroundFilter;
 using motion::ImageMotion;
 using motion::Matrix6;
 using motion::Vector6;
+using util::propagated;
 
 constexpr double kNoLimit = 1e300;
 constexpr double kHomographyLimit = 10.0;  // deviations
@@ -186,9 +187,7 @@ CameraPose GroundMotion::Impl::onGround(const GroundFrame& frame, const CameraPo
   const Eigen::Vector3d base = pose.position + pose.axes * lever;
   if (frame.down) {
     const Eigen::Vector3d down = -pose.axes.row(2).transpose();
-    placed.axes =
-        pose.axes *
-        Eigen::Quaterniond::FromTwoVectors(frame.down->direction, down).toRotationMatrix();
+    placed.axes = pose.axes * motion::rotationBetween(frame.down->direction, down);
   }
   placed.position.head<2>() = (base - placed.axes * lever).head<2>();
   if (frame.height && meetsGround(*frame.height, placed)) {
@@ -220,8 +219,8 @@ void GroundMotion::Impl::predict(double seconds) {
   by_pose.bottomRightCorner<3, 3>() = turn.transpose();
   Matrix6 by_twist = seconds * Matrix6::Identity();
   by_twist.topLeftCorner<3, 3>() *= last.axes;
-  Matrix6 covariance = by_pose * filter.covariance() * by_pose.transpose() +
-                       by_twist * camera_twist_covariance * by_twist.transpose();
+  Matrix6 covariance =
+      propagated(by_pose, filter.covariance()) + propagated(by_twist, camera_twist_covariance);
   const double half_square = 0.5 * seconds * seconds;
   covariance.diagonal().head<3>().array() += std::pow(half_square * options.acceleration, 2);
   covariance.diagonal().tail<3>().array() += std::pow(half_square * options.turn_acceleration, 2);
@@ -293,7 +292,7 @@ void GroundMotion::Impl::moveToDestination() {
   pose.position.head<2>() = (destination->base.translation() - lever).head<2>();
   Matrix6 to_axes_of_ground = Matrix6::Identity();
   to_axes_of_ground.bottomRightCorner<3, 3>() = before.axes;
-  Matrix6 covariance = to_axes_of_ground * filter.covariance() * to_axes_of_ground.transpose();
+  Matrix6 covariance = propagated(to_axes_of_ground, filter.covariance());
   for (const int i : {0, 1, 5}) {
     covariance.row(i).setZero();
     covariance.col(i).setZero();
@@ -303,7 +302,7 @@ void GroundMotion::Impl::moveToDestination() {
     covariance(i, i) += kOrigin * kOrigin;
   }
   to_axes_of_ground.bottomRightCorner<3, 3>() = pose.axes;
-  filter.start(pose, to_axes_of_ground.transpose() * covariance * to_axes_of_ground);
+  filter.start(pose, propagated(to_axes_of_ground.transpose(), covariance));
   origin = destination->base.translation();
   destination.reset();
 }
@@ -319,8 +318,8 @@ void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& i
 void GroundMotion::Impl::measureTwist(double seconds) {
   camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
   const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
-  camera_twist_covariance = slope * filter.covarianceOfBoth() * slope.transpose();
-  const Matrix6 noise = slope * filter.noiseOfBoth() * slope.transpose();
+  camera_twist_covariance = propagated(slope, filter.covarianceOfBoth());
+  const Matrix6 noise = propagated(slope, filter.noiseOfBoth());
   twist_noise.add(camera_twist, noise, seconds, filter.now().position.z());
   if (!relief.isSeen()) camera_twist_covariance -= noise - twist_noise.scaled(noise);
 }
@@ -338,7 +337,7 @@ void GroundMotion::Impl::report() {
   slope.topRightCorner<3, 3>() = -now.axes * motion::cross(lever);
   slope.bottomRightCorner<3, 3>() = now.axes;
   const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;
-  Matrix6 covariance = slope * filter.covariance() * slope.transpose();
+  Matrix6 covariance = propagated(slope, filter.covariance());
   covariance.topLeftCorner<3, 3>() += scale_variance * way * way.transpose();
   estimate.pose_covariance = covariance;
   if (!estimate.hasTwist()) return;
@@ -349,7 +348,7 @@ void GroundMotion::Impl::report() {
   slope.topRightCorner<3, 3>() = -to_base * motion::cross(lever);
   slope.bottomRightCorner<3, 3>() = to_base;
   const Vector6 twist = slope * camera_twist;
-  covariance = slope * camera_twist_covariance * slope.transpose();
+  covariance = propagated(slope, camera_twist_covariance);
   covariance.topLeftCorner<3, 3>() +=
       scale_variance * twist.head<3>() * twist.head<3>().transpose();
   estimate.twist = twist;

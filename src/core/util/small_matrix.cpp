@@ -1,0 +1,37 @@
+#include "core/util/small_matrix.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/QR>
+
+namespace ktgp_orb::util {
+
+SmallMatrix times(const SmallRef& a, const SmallRef& b) {
+  return a.lazyProduct(b);
+}
+
+SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance) {
+  return times(times(slope, covariance), slope.transpose());
+}
+
+SmallMatrix inverseOf(const SmallRef& matrix) {
+  return matrix.ldlt().solve(SmallMatrix::Identity(matrix.rows(), matrix.cols()));
+}
+
+std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance) {
+  const Eigen::LLT<SmallMatrix> factor(covariance);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  SmallMatrix whitening = SmallMatrix::Identity(covariance.rows(), covariance.cols());
+  factor.matrixL().solveInPlace(whitening);
+  return whitening;
+}
+
+LeastSquares leastSquares(const SmallRef& a, const SmallRef& b) {
+  const Eigen::HouseholderQR<SmallMatrix> factor(a);
+  SmallMatrix turned = b;
+  turned.applyOnTheLeft(factor.householderQ().adjoint());
+  LeastSquares result{turned.topRows(a.cols()), turned.bottomRows(a.rows() - a.cols())};
+  factor.matrixQR().topRows(a.cols()).triangularView<Eigen::Upper>().solveInPlace(result.solution);
+  return result;
+}
+
+}  // namespace ktgp_orb::util

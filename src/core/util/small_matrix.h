@@ -1,0 +1,30 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+namespace ktgp_orb::util {
+
+/// Up to 24 rows and columns, without the heap. Eigen compiles every operation anew for each
+/// combination of fixed sizes, which took a minute for one file; functions of this type are
+/// compiled once.
+using SmallMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, 24, 24>;
+using SmallRef = Eigen::Ref<const SmallMatrix, 0, Eigen::OuterStride<>>;
+
+/// a b.
+SmallMatrix times(const SmallRef& a, const SmallRef& b);
+/// The covariance of `slope` times a vector with the covariance `covariance`.
+SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance);
+/// Of a symmetric matrix.
+SmallMatrix inverseOf(const SmallRef& matrix);
+/// W with W covariance W' = I; empty if the covariance is not positive definite.
+std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);
+
+struct LeastSquares {
+  SmallMatrix solution;  ///< x with the smallest |a x - b|, for each column of b
+  SmallMatrix rest;      ///< a x - b in orthogonal axes: |rest| = |a x - b|
+};
+/// a: more rows than columns.
+LeastSquares leastSquares(const SmallRef& a, const SmallRef& b);
+
+}  // namespace ktgp_orb::util
