@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -83,8 +84,14 @@ class Flight {
   double perspective = 1.0;      // factor of the noise of h20 and h21
   double claimed = 1.0;          // covariance of the homographies, as a multiple of the true one
   double plane_deviation = 0.0;  // px
+  int keyframe_every = 10;
+  bool shuttles = false;  // level at two metres, there and back within sight of one keyframe
 
-  CameraPose truth(int frame) const { return truthAt(frame, camera_to_base_); }
+  CameraPose truth(int frame) const {
+    if (!shuttles) return truthAt(frame, camera_to_base_);
+    const double way = 0.02 * std::min(frame % 60, 60 - frame % 60);
+    return {camera_to_base_.linear(), Eigen::Vector3d(way, 0.6 * way, 2.0)};
+  }
   CameraPose base(int frame) const { return baseOf(truth(frame), camera_to_base_); }
 
   GroundFrame next() {
@@ -101,7 +108,7 @@ class Flight {
       result.covariance = claimed * covarianceOf(*result.homography);
       result.plane_deviation = plane_deviation;
     }
-    if (frame % 10 == 0) {
+    if (frame % keyframe_every == 0) {
       keyframe_ = frame;
       keyframe_image_ = image;
     }
@@ -279,7 +286,8 @@ TEST(GroundMotion, PixelsAndImageUnitsHaveTheSameCovariance) {
     for (int i = 0; i < 8; ++i) h(i / 3, i % 3) += e(i);
     return motion::entriesOf(camera().inverse() * h * camera());
   });
-  const Matrix8 expected = slope * frame.covariance * slope.transpose();
+  Matrix8 expected = slope * frame.covariance * slope.transpose();
+  expected.diagonal().array() += 1e-12;  // at least
   EXPECT_LT((image.covariance - expected).norm(), 1e-6 * expected.norm());
 }
 
@@ -418,6 +426,39 @@ TEST(GroundMotion, ExactReadingsKeepTheFilterDefinite) {
         ASSERT_GT(covariance.diagonal().minCoeff(), 0.0) << seed << " " << i;
       }
     }
+  }
+}
+
+TEST(GroundMotion, StaysDefiniteWhileOneKeyframeLastsLong) {
+  for (const double image_noise : {1e-5, 1e-6, 1e-7, 1e-9}) {  // the least is that of simulations
+    Flight flight(downward(), image_noise);
+    flight.shuttles = true;
+    flight.keyframe_every = 100000;
+    flight.range_noise = 0.01;
+    flight.tilt_noise = 0.5 * kDegree;
+    GroundMotion ground(optionsWith(downward()));
+    for (int i = 0; i < 1000; ++i) {
+      const GroundEstimate& estimate = ground.add(flight.next());
+      if (i < 2) continue;
+      ASSERT_EQ(estimate.status, GroundStatus::ok) << image_noise << " " << i;
+      for (const Covariance6& covariance : {estimate.pose_covariance, estimate.twist_covariance}) {
+        ASSERT_EQ(covariance.llt().info(), Eigen::Success) << image_noise << " " << i;
+      }
+    }
+  }
+}
+
+TEST(GroundMotion, BeginsAnewAfterNumbersThatAreTooLarge) {
+  Flight flight(downward(), 1e-5);
+  flight.range_noise = 0.01;
+  flight.tilt_noise = 0.5 * kDegree;
+  GroundMotion ground(optionsWith(downward()));
+  for (int i = 0; i < 100; ++i) {
+    GroundFrame frame = flight.next();
+    if (i == 41) frame.covariance *= 1e306;
+    const GroundEstimate& estimate = ground.add(frame);
+    if (i > 70) ASSERT_EQ(estimate.status, GroundStatus::ok) << i;
+    if (estimate.hasPose()) ASSERT_TRUE(estimate.pose_covariance.allFinite()) << i;
   }
 }
 

@@ -76,7 +76,8 @@ class MotionTest(unittest.TestCase):
             rospy.sleep(0.1)
 
     @classmethod
-    def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False, sensor='camera'):
+    def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False, sensor='camera',
+             turn=0.0):
         """One frame of the ground, with its readings before it."""
         stamp = stamp or cls.camera.next_stamp()
         cls.infos.publish(calibration(stamp, width))
@@ -88,6 +89,7 @@ class MotionTest(unittest.TestCase):
             message = Imu()
             message.header.stamp, message.header.frame_id = stamp, 'imu'
             message.orientation.w = 1.0
+            message.angular_velocity.z = turn
             cls.imus.publish(message)
         below = (0, 0, LEVER[2] - HEIGHT)  # a child of the base, which has odom as its parent
         cls.tf.publish(TFMessage([transform('base_link', 'ground', below, stamp, STILL)]))
@@ -236,6 +238,14 @@ class MotionTest(unittest.TestCase):
         self.assertLess(abs(odometry.x), 2.0)
         self.camera._stamp += rospy.Duration(1000.0)
         self.twist_after('ground_motion', 14)
+
+    def test_8_the_gyro_counts_with_its_sign(self):
+        # The picture does not turn. A gyro that says so very precisely is believed in part.
+        for rate in (0.3, -0.3):
+            self.twist_after('by_motion')
+            seen = self.twist_after('by_motion', 3, turn=rate).twist.twist.angular.z
+            self.assertGreater(seen / rate, 0.1)
+            self.assertLess(seen / rate, 1.1)
 
     def test_9_nothing_is_subscribed_without_subscribers(self):
         for recorders in (self.odometry, self.twists):

@@ -48,6 +48,8 @@ class GroundFilter {
   /// In the frame of the keyframe.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
+  /// False where numbers were too large to compute with: nothing after that can be.
+  bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
   /// Adds to the covariance of the newest pose.
   void addCovariance(const Matrix6& more) { covariance_.bottomRightCorner<6, 6>() += more; }
   /// The newest pose in the odometry, and its covariance.

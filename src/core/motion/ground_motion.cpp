@@ -46,6 +46,7 @@ struct GroundMotion::Impl {
   };
 
   const GroundEstimate& add(const GroundFrame& frame);
+  void forget();
   GroundStatus follow(const GroundFrame& frame);
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
@@ -93,6 +94,7 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   has_frame = true;
   if (went_back) has_pose = is_connected = false;
   estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
+  if (!filter.isFinite()) forget();
   if (estimate.hasPose()) {
     last_stamp = frame.stamp;
     report();
@@ -100,6 +102,16 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
     last_stamp = frame.stamp;
   }
   return estimate;
+}
+
+/// What cannot be computed with must not stay: the motion begins anew with the next frame.
+void GroundMotion::Impl::forget() {
+  estimate = {};
+  estimate.status = GroundStatus::contradiction;
+  filter = {};
+  twist_noise = {};
+  relief = {};
+  has_pose = is_connected = false;
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {

@@ -50,7 +50,10 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
     slope.col(i) =
         entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
   }
+  // Pictures without any noise, as of a simulation, claim more than the linearised filter can hold.
+  constexpr double kLeast = 1e-6;  // a two-thousandth of a pixel at a focal length of 500 px
   motion.covariance = slope * covariance * slope.transpose();
+  motion.covariance.diagonal().array() += kLeast * kLeast;
   return motion;
 }
 
