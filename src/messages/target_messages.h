@@ -35,8 +35,8 @@ class DetectedPose {
 /// Without poses. `header`: of the image.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame);
 
-/// Adds the poses of targets with a width. Where there are none, `no_pose` of the message says why.
-/// `info`: calibration of the images; null: none on `info_topic`.
+/// Adds the poses of targets with a width or a frame. Where there are none, `no_pose` of the
+/// message says why. `info`: calibration of the images; null: none on `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, DetectedPose& pose,
               TargetDetections& message);

@@ -282,12 +282,9 @@ Outcome matchInto(Arguments arguments, const std::string& input, const std::stri
 
 /// Options that would be accepted without effect.
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
-  const std::string pose = "ktgp_bag writes no pose; the node publishes it";
   const std::string diagnostics = "it is for the diagnostics of the node";
   std::map<std::string, std::string> idle{
-      {"target_width", pose},
-      {"target_frame", pose},
-      {"calibration", pose},
+      {"calibration", "it is for the pose of targets; ktgp_bag writes none"},
       {"lazy", "ktgp_bag matches every image"},
       {"min_input_rate", diagnostics},
       {"max_drop_ratio", diagnostics},

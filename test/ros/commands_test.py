@@ -65,7 +65,6 @@ COMMANDS = {
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
     'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
     'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
-    'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
     'dev/check': IN_CI,
     'dev/check_arm64': TOO_LONG,
     'dev/check_arm64 --fast': TOO_LONG,
@@ -159,10 +158,9 @@ COMMANDS = {
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png, '
-    'target_width: 0.594, target_frame: poster}"':
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"':
         Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
-              'reference_image: $PWD/poster.png, target_width: 0.594, target_frame: poster}"', MATCHER),
+              'reference_image: $PWD/poster.png}"', MATCHER),
     'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
         Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
               'matches images on /camera/image_raw'),
