@@ -83,6 +83,12 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
                     target.width);
 }
 
+void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
+  if (stamp < stamp_ || image != size_) finder.restart();
+  stamp_ = stamp;
+  size_ = image;
+}
+
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame) {
   auto message = boost::make_shared<TargetDetections>();
   message->header = header;

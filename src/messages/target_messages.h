@@ -32,6 +32,18 @@ class DetectedPose {
   homography::HomographyRefiner refiner_;
 };
 
+/// Tells a TargetFinder to forget what it follows where a sequence of images ends: a looped bag, or
+/// another camera.
+class ImageSequence {
+ public:
+  /// To be called before each search.
+  void next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder);
+
+ private:
+  ros::Time stamp_;
+  cv::Size size_;
+};
+
 /// Without poses. `header`: of the image.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame);
 

@@ -86,8 +86,7 @@ class TargetsNodelet : public ImageNodelet {
   DetectedPose pose_;
   sensor_msgs::CameraInfoConstPtr info_;
   boost::weak_ptr<const sensor_msgs::Image> last_image_;
-  ros::Time last_stamp_;
-  cv::Size last_size_;
+  ImageSequence sequence_;
   std::string said_;
 };
 
@@ -211,10 +210,7 @@ void TargetsNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 
 void TargetsNodelet::search(const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat grey = greyImage(image);
-  // A looped bag, or another camera.
-  if (image->header.stamp < last_stamp_ || grey.size() != last_size_) finder_.restart();
-  last_stamp_ = image->header.stamp;
-  last_size_ = grey.size();
+  sequence_.next(image->header.stamp, grey.size(), finder_);
   const TargetFrame& frame = finder_.find(grey);
   const TargetDetectionsPtr message = toMessage(image->header, frame);
   addPoses(frame, grey.size(), info_.get(), camera_info_topic_, pixels_, pose_, *message);

@@ -169,6 +169,9 @@ COMMANDS = {
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
               'waits for /camera/matcher/match; no node publishes it'),
 
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --targets targets.yaml':
+        "echo '- {id: place, image: first.png}' > targets.yaml && "
+        'rosrun ktgp_orb ktgp_bag my.bag with_targets.bag --targets targets.yaml',
     'rosrun ktgp_orb ktgp_find photo.png posters':
         'mkdir -p posters && cp first.png posters/ && rosrun ktgp_orb ktgp_find second.png posters',
     'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':

@@ -322,7 +322,7 @@ class BagOutput(OutputCase):
 
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
-                (("--calibration", "raw"), "of targets"), (("--lazy", "false"), "every image"),
+                (("--calibration", "raw"), "--targets"), (("--lazy", "false"), "every image"),
                 (("--max_lost_ratio", "0.5"), "diagnostics"),
                 (("--max_pair_megapixels", "9"), "match_pair"),
                 (("--max_latency", "1"), "diagnostics"), (("--reference_image", "a.pgm"), "fixed"),
