@@ -161,9 +161,8 @@ COMMANDS = {
     'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"':
         Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
               'reference_image: $PWD/poster.png}"', MATCHER),
-    'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
-        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
-              'matches images on /camera/image_raw'),
+    'roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml rviz:=true':
+        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml', '3 targets are known'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
@@ -195,8 +194,8 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv',
     'rosrun ktgp_orb make_demo_bag demo.bag':
         'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
-    'rosrun ktgp_orb make_demo_bag flight.bag --target place.png':
-        'rosrun ktgp_orb make_demo_bag flight.bag --target place.png --seconds 0.3',
+    'rosrun ktgp_orb make_demo_bag flight.bag --targets signs':
+        'rosrun ktgp_orb make_demo_bag flight.bag --targets signs --seconds 0.3',
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': 'rosrun ktgp_orb ktgp_evaluate_bag demo.bag',
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust':
         'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust',
