@@ -82,7 +82,7 @@ std::string BagTargets::report() const {
   std::string text = input_.path + ": " + std::to_string(found_) + " detections in " +
                      std::to_string(seen_) + " of " + std::to_string(frames_) + " images, " +
                      std::to_string(poses_) +
-                     " of them with a pose; targets known: " + std::to_string(finder_.ids().size());
+                     " of them with a pose; known targets: " + std::to_string(finder_.ids().size());
   if (refused_ > 0) text += ", refused: " + std::to_string(refused_);
   if (!no_pose_.empty()) text += "; first reason for no pose: " + no_pose_;
   return text + '\n';

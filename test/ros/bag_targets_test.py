@@ -61,7 +61,7 @@ class BagTargetsTest(unittest.TestCase):
         self.write_bag()
         run = self.run_bag()
         self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; targets known: 2\n',
+        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 2\n',
                       run.stderr)
         messages = self.detections()
         self.assertEqual(len(messages), len(FRAMES))
@@ -109,7 +109,7 @@ class BagTargetsTest(unittest.TestCase):
         run = self.run_bag()
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn('broken.png', run.stderr)
-        self.assertIn('targets known: 2, refused: 1', run.stderr)
+        self.assertIn('known targets: 2, refused: 1', run.stderr)
         self.assertEqual([d.id for m in self.detections() for d in m.detections], len(FRAMES) * ['mine'])
 
     def refused(self, words, *arguments):

@@ -151,7 +151,7 @@ COMMANDS = {
               'takes matches on /camera/matcher/match'),
     'roslaunch ktgp_orb targets.launch targets:="$PWD/posters"':
         Until('mkdir -p posters && cp first.png posters/ && roslaunch ktgp_orb targets.launch '
-              'targets:="$PWD/posters"', '1 targets are known'),
+              'targets:="$PWD/posters"', 'known targets: 1'),
     'rostopic echo /camera/targets/detections': Skipped('waits for images; rostopic\'s own'),
     'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
         'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
@@ -162,7 +162,7 @@ COMMANDS = {
         Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
               'reference_image: $PWD/poster.png}"', MATCHER),
     'roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml rviz:=true':
-        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml', '3 targets are known'),
+        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml', 'known targets: 3'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',

@@ -17,6 +17,7 @@ from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
 from ktgp_testing import Camera, Recorder, image_message, texture, wait_for_diagnostics, wait_until
 from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -163,6 +164,8 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
+        log = Recorder('/rosout', Log)
+        self.addCleanup(log.close)
         posters = os.path.join(self.folder.name, 'posters')
         os.mkdir(posters)
         cv2.imwrite(os.path.join(posters, 'mine.png'), POSTER)
@@ -171,28 +174,69 @@ class TargetsTest(unittest.TestCase):
         rospy.set_param('/kept/targets', posters)
         rospy.set_param('/kept/file', os.path.join(self.folder.name, 'kept.yaml'))
 
+        kept, images = [os.path.join(self.folder.name, name) for name in ('kept.yaml', 'kept.yaml_images')]
+
         def ids():
             rospy.wait_for_service('/kept/detect', 60)
             answer = rospy.ServiceProxy('/kept/detect', DetectTargets)(
                 image_message(rendered(K), now()), CameraInfo())
             return answer.detections.known, [d.id for d in answer.detections.detections]
-        def knows(expected):
-            wait_until(lambda: ids() == expected, 'it knows %s' % (expected,))
+
+        def change(service, kind, *arguments):
+            answer = rospy.ServiceProxy('/kept/' + service, kind)(*arguments)
+            self.assertTrue(answer.success, answer.message)
+
+        def listed():
+            with open(kept) as file:
+                return file.read()
+        other, third = [image_message(picture, now()) for picture in (OTHER, texture(300, 400, seed=12))]
         for start in range(2):
             node = subprocess.Popen(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets',
                                      '__name:=kept'])
             try:
-                knows((1 + start, ['mine']))
+                wait_until(lambda: ids() == (1 + start, ['mine']), 'it knows mine')
+                # One that is refused stays in the list: its image may come back.
+                wait_for_diagnostics(self.diagnostics, 'broken.png')
                 if start == 0:
-                    wait_for_diagnostics(self.diagnostics, 'broken.png')
-                    answer = rospy.ServiceProxy('/kept/add', SetTarget)(
-                        'other', [image_message(OTHER, now())], 0.3, 'shelf')
-                    self.assertTrue(answer.success, answer.message)
+                    change('add', SetTarget, 'other', [other], 0.3, 'shelf')
+                    self.assertIn('width: 0.3', listed())
+                    self.assertEqual(len(os.listdir(images)), 1)
+                self.assertIn('id: broken', listed())
+                self.assertIn('id: mine', listed())
+                if start == 1:
+                    # Images that are not used any more are deleted, but not those of the user.
+                    change('replace', SetTarget, 'other', [third, other], 0.4, '')
+                    self.assertEqual(len(os.listdir(images)), 2)
+                    for name in ('other', 'mine', 'broken'):
+                        change('remove', RemoveTarget, name)
+                        self.assertNotIn('id: ' + name, listed())
+                    self.assertEqual(os.listdir(images), [])
+                    self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
+                    change('add', SetTarget, 'broken', [third], 0.0, '')
             finally:
                 node.terminate()
                 node.wait(30)
-        with open(os.path.join(self.folder.name, 'kept.yaml')) as file:
-            self.assertIn('width: 0.3', file.read())
+        self.assertEqual(listed().count('id: broken'), 1)
+        wait_until(lambda: [m for m in log.messages() if 'it stays in ' + kept in m.msg], 'the log says it')
+
+    def test_forgets_what_it_followed_when_no_subscriber_is_left(self):
+        answer = self.replace('poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf
+        self.assertTrue(answer.success, answer.message)
+        self.info.publish(information())
+        picture = rendered(K)
+        self.send_until(picture, lambda m: m.detections and m.detections[0].age > 2 and m.detections[0].has_pose,
+                        'it is followed')
+        self.detections.close()
+        self.info.unregister()
+        cls = type(self)
+        try:
+            self.camera.wait_for_no_subscriber()
+        finally:
+            cls.detections = Recorder('/camera/targets/detections', TargetDetections)
+            cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
+        self.camera.wait_for_subscriber()
+        message = self.send(picture)
+        self.assertEqual((message.detections[0].age, message.no_pose), (1, 'no camera_info on /camera/camera_info'))
 
 
 if __name__ == '__main__':
