@@ -65,7 +65,7 @@ TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat grey = greyImage(image);
   sequence_.next(image->header.stamp, grey.size(), finder_);
   const TargetFrame& frame = finder_.find(grey);
-  const TargetDetectionsPtr message = toMessage(image->header, frame);
+  TargetDetectionsPtr message = toMessage(image->header, frame);
   addPoses(frame, grey.size(), info_ ? &*info_ : nullptr, info_topic_, pixels_, pose_, *message);
   ++frames_;
   found_ += message->detections.size();
