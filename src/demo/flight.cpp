@@ -15,12 +15,6 @@ using util::kPi;
 
 constexpr double kDegree = kPi / 180.0;
 
-Eigen::Matrix3d intrinsics() {
-  Eigen::Matrix3d k;
-  k << kFocalLength, 0, 0.5 * (kImageWidth - 1), 0, kFocalLength, 0.5 * (kImageHeight - 1), 0, 0, 1;
-  return k;
-}
-
 /// Point of the map below the camera, px: a long loop around the middle of the map.
 Eigen::Vector2d groundTrack(double t) {
   const double turn = 0.42 * t;
@@ -68,6 +62,12 @@ FlightPose poseAt(double seconds, const Manner& manner) {
   const Eigen::Vector3d middle(0.5 * kMapSize, 0.5 * kMapSize, 0.0);
   return {mirror.asDiagonal() * pose.rotation.transpose(),
           kMetre * mirror.asDiagonal() * (pose.position - middle)};
+}
+
+Eigen::Matrix3d intrinsics() {
+  Eigen::Matrix3d k;
+  k << kFocalLength, 0, 0.5 * (kImageWidth - 1), 0, kFocalLength, 0.5 * (kImageHeight - 1), 0, 0, 1;
+  return k;
 }
 
 Eigen::Matrix3d imageFromMap(double seconds, const Manner& manner) {

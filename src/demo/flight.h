@@ -25,6 +25,9 @@ struct FlightPose {
 };
 FlightPose poseAt(double seconds, const Manner& manner);
 
+/// K of the camera, px.
+Eigen::Matrix3d intrinsics();
+
 /// The homography map pixels -> image pixels of the camera `seconds` into the flight: a pinhole
 /// above the plane of the map that moves, turns, rises, sinks and tilts smoothly.
 Eigen::Matrix3d imageFromMap(double seconds, const Manner& manner = {});

@@ -11,6 +11,7 @@
 #include <Eigen/LU>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <opencv2/core/utility.hpp>
 #include <string>
@@ -24,6 +25,7 @@
 #include "demo/flight.h"
 #include "demo/map.h"
 #include "demo/motion_messages.h"
+#include "demo/signs.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -77,53 +79,58 @@ HomographyStamped truth(int frame, const Manner& manner) {
   return message;
 }
 
-void writeFrame(const cv::Mat& picture, int frame, int frames, std::uint64_t seed,
-                const Manner& manner, rosbag::Bag& bag) {
+/// What the camera flies over, and how.
+struct Scene {
+  cv::Mat map;
+  std::vector<Sign> signs;  ///< on the map
+  int frames = 0;
+  std::uint64_t seed = 1;
+  Manner manner;
+};
+
+void writeFrame(const cv::Mat& picture, int frame, const Scene& scene, rosbag::Bag& bag) {
+  const Manner& manner = scene.manner;
   const ros::Time stamp = headerOf(frame).stamp;
   bag.write("/camera/camera_info", stamp, cameraInfo(frame));
   if (frame > 0) bag.write("/camera/ground_truth/homography", stamp, truth(frame, manner));
   std_msgs::String segment;
-  segment.data = toString(segmentOf(frame, frames));
+  segment.data = toString(segmentOf(frame, scene.frames));
   bag.write("/camera/segment", stamp, segment);
-  writeMotion(headerOf(frame), frame / kFrameRate, seed, manner, bag);
+  writeMotion(headerOf(frame), frame / kFrameRate, scene.seed, manner, bag);
+  if (!scene.signs.empty()) {
+    bag.write("/camera/ground_truth/targets", stamp,
+              truthOf(scene.signs, headerOf(frame), imageFromMap(frame / kFrameRate, manner)));
+  }
   bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
 }
 
-void writeFrames(const cv::Mat& map, int frames, std::uint64_t seed, const Manner& manner,
-                 rosbag::Bag& bag) {
+void writeFrames(const Scene& scene, rosbag::Bag& bag) {
   const bool show_progress = isatty(STDERR_FILENO) != 0;
   constexpr int kBatch = 16;  // frames drawn in parallel
   std::vector<cv::Mat> pictures(kBatch);
-  for (int first = 0; first < frames && !tools::interrupted(); first += kBatch) {
-    const int count = std::min(kBatch, frames - first);
+  for (int first = 0; first < scene.frames && !tools::interrupted(); first += kBatch) {
+    const int count = std::min(kBatch, scene.frames - first);
     cv::parallel_for_(cv::Range(0, count), [&](const cv::Range& range) {
       for (int i = range.start; i < range.end; ++i) {
-        pictures[static_cast<std::size_t>(i)] = takePicture(map, first + i, frames, seed, manner);
+        pictures[static_cast<std::size_t>(i)] =
+            takePicture(scene.map, first + i, scene.frames, scene.seed, scene.manner);
       }
     });
     for (int i = 0; i < count; ++i) {
-      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, frames, seed, manner, bag);
+      writeFrame(pictures[static_cast<std::size_t>(i)], first + i, scene, bag);
     }
-    if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, frames);
+    if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, scene.frames);
   }
   if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
-/// A picture of the ground below the camera halfway: a flat target to find.
-void writeTarget(const std::string& path, const cv::Mat& map, int frames, const Manner& manner,
-                 bool force) {
-  const int halfway = frames / 2;
-  tools::writeImage(path, render(map, imageFromMap(halfway / kFrameRate, manner)), force);
-}
-
-void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint64_t seed,
-              const Manner& manner, bool force) {
+void writeBag(const std::string& path, const Scene& scene, bool force) {
   tools::OutputFile file(path, force);
   // Its destructor closes it and throws if the disk is full, which would end the program; the
   // object then lives until the process ends.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
   try {
-    writeFrames(map, frames, seed, manner, *bag);
+    writeFrames(scene, *bag);
     bag->close();
   } catch (const rosbag::BagException& error) {
     static_cast<void>(bag.release());
@@ -135,7 +142,7 @@ void writeBag(const std::string& path, const cv::Mat& map, int frames, std::uint
 int run(int argc, char** argv) {
   std::string path;
   double seconds = 10.0;
-  std::uint64_t seed = 1;
+  Scene scene;
   CLI::App app(
       "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
       "/camera/camera_info, the true homography from each frame to the next on "
@@ -149,31 +156,38 @@ int run(int argc, char** argv) {
   app.add_option("--seconds", seconds, "length of the flight")
       ->check(tools::numberIn({0.2, 600.0}))
       ->capture_default_str();
-  app.add_option("--seed", seed, "seed of the map and the noise")->capture_default_str();
-  Manner manner;
-  app.add_option("--shake", manner.shake, "shake of the camera, root mean square [px]")
+  app.add_option("--seed", scene.seed, "seed of the map and the noise")->capture_default_str();
+  app.add_option("--shake", scene.manner.shake, "shake of the camera, root mean square [px]")
       ->check(tools::numberIn({0.0, 50.0}))
       ->capture_default_str();
-  app.add_option("--tilt", manner.tilt,
+  app.add_option("--tilt", scene.manner.tilt,
                  "largest pitch of the camera; the largest roll is 0.8 of it [degrees]")
       ->check(tools::numberIn({0.0, 25.0}))
       ->capture_default_str();
-  std::string target;
-  app.add_option("--target", target,
-                 "also write the view halfway (the frame in the middle) as an image, "
-                 "for use as a reference_image");
+  std::string targets;
+  app.add_option("--targets", targets,
+                 "draw three signs on the ground, one of them twice, and write their pictures and "
+                 "their list, targets.yaml, into this folder; /camera/ground_truth/targets has "
+                 "where they are, and their poses")
+      ->type_name("FOLDER");
   bool force = false;
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   tools::OutputPlan plan(force);
   plan.write(path);
-  plan.writeImage(target);
+  if (!targets.empty()) {
+    scene.signs = drawSigns();
+    std::error_code failed;  // the plan says what cannot be written
+    std::filesystem::create_directories(targets, failed);
+    for (const std::string& file : filesOf(scene.signs, targets)) plan.write(file);
+  }
   tools::stopWhenInterrupted();
-  const int frames = static_cast<int>(std::lround(seconds * kFrameRate));
-  const cv::Mat map = drawMap(seed);
-  if (!target.empty()) writeTarget(target, map, frames, manner, force);
-  writeBag(path, map, frames, seed, manner, force);
+  scene.frames = static_cast<int>(std::lround(seconds * kFrameRate));
+  scene.map = drawMap(scene.seed);
+  paintOnto(scene.signs, scene.map);
+  if (!targets.empty()) writeSigns(scene.signs, targets, force);
+  writeBag(path, scene, force);
   return tools::interrupted() ? tools::kExitInterrupted : tools::kExitDone;
 }
 

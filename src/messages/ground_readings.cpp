@@ -11,6 +11,7 @@
 
 #include "core/motion/rows.h"
 #include "core/util/constants.h"
+#include "messages/pose_message.h"
 
 namespace ktgp_orb {
 namespace {
@@ -322,39 +323,13 @@ std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& c
   return config.base_frame.empty() ? image.frame_id + "_level" : config.base_frame;
 }
 
-Pose3 poseOf(const geometry_msgs::Pose& pose) {
-  const Eigen::Quaterniond turn(pose.orientation.w, pose.orientation.x, pose.orientation.y,
-                                pose.orientation.z);
-  if (!(std::abs(turn.norm() - 1.0) < 0.01)) {
-    throw std::invalid_argument("the orientation has a length of " + std::to_string(turn.norm()) +
-                                "; expected a quaternion of length 1");
-  }
-  Pose3 result = Pose3::Identity();
-  result.linear() = turn.normalized().toRotationMatrix();
-  result.translation() << pose.position.x, pose.position.y, pose.position.z;
-  return result;
-}
-
-Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose) {
-  return Eigen::Map<const RowMajor6>(pose.covariance.data());
-}
-
 nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
                               const GroundMotionConfig& config) {
   nav_msgs::Odometry message;
   message.header = image;
   message.header.frame_id = config.odom_frame;
   message.child_frame_id = baseFrame(image, config);
-  const Eigen::Vector3d position = estimate.base_to_odometry.translation();
-  const Eigen::Quaterniond rotation(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
-  message.pose.pose.position.x = position.x();
-  message.pose.pose.position.y = position.y();
-  message.pose.pose.position.z = position.z();
-  message.pose.pose.orientation.x = rotation.x();
-  message.pose.pose.orientation.y = rotation.y();
-  message.pose.pose.orientation.z = rotation.z();
-  message.pose.pose.orientation.w = rotation.w();
-  Eigen::Map<RowMajor6>(message.pose.covariance.data()) = estimate.pose_covariance;
+  message.pose = toMessage(estimate.base_to_odometry, estimate.pose_covariance);
   if (estimate.hasTwist()) {
     message.twist = twistOf(estimate, image, config).twist;
   } else {

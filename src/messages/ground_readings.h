@@ -1,6 +1,5 @@
 #pragma once
 
-#include <geometry_msgs/PoseWithCovariance.h>
 #include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <ktgp_orb/GroundMotionConfig.h>
 #include <ktgp_orb/HomographyStamped.h>
@@ -87,8 +86,6 @@ nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::He
 geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate,
                                                   const std_msgs::Header& image,
                                                   const GroundMotionConfig& config);
-Pose3 poseOf(const geometry_msgs::Pose& pose);
-Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose);
 /// The base frame of the messages: `base_frame`, or that of the camera.
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
 

@@ -21,11 +21,6 @@ struct FrameMessages {
   HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
   MatchStatisticsPtr statistics;
   sensor_msgs::ImagePtr overlay;  ///< null unless wanted
-  /// The reference came through the camera's lens; false: from a file or a topic.
-  bool reference_of_camera = true;
-  /// The alignment of the frame, even if it did not improve the homography; valid until the next
-  /// frame. May be null.
-  const AlignmentResult* alignment = nullptr;
 };
 
 /// All except the overlay; `header`: of the target image. Statistics that only the caller knows

@@ -46,8 +46,6 @@ FrameMessages MessageMatcher::process(const std_msgs::Header& header, const Fram
   last_header_ = header;
   FrameMessages messages = toMessages(header, *last_);
   messages.statistics->configuration = configuration_.number;
-  messages.alignment = &last_->match.alignment;
-  messages.reference_of_camera = !last_->reference || last_->reference != configured_reference_;
   return messages;
 }
 

@@ -5,6 +5,8 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
+#include "messages/pose_message.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -36,20 +38,6 @@ TargetDetection messageOf(const DetectedTarget& target) {
   return message;
 }
 
-void setPose(const PlanarPose& pose, TargetDetection& message) {
-  const Eigen::Quaterniond rotation(pose.target_to_camera.linear());
-  const Eigen::Vector3d position = pose.target_to_camera.translation();
-  message.has_pose = 1;
-  message.pose.pose.position.x = position.x();
-  message.pose.pose.position.y = position.y();
-  message.pose.pose.position.z = position.z();
-  message.pose.pose.orientation.x = rotation.x();
-  message.pose.pose.orientation.y = rotation.y();
-  message.pose.pose.orientation.z = rotation.z();
-  message.pose.pose.orientation.w = rotation.w();
-  Eigen::Map<RowMajor<6>>(message.pose.covariance.data()) = pose.covariance;
-}
-
 /// Throws std::invalid_argument with the reason if there is no camera for the pixels.
 PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
                      const std::string& info_topic, Pixels pixels) {
@@ -62,7 +50,8 @@ PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
 }
 
 bool wantsPose(const TargetDetection& message) {
-  return message.status == MatchStatus::STATUS_OK && message.width > 0.0;
+  const bool wanted = message.width > 0.0 || !message.frame.empty();
+  return message.status == MatchStatus::STATUS_OK && wanted;
 }
 
 }  // namespace
@@ -94,6 +83,12 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
                     target.width);
 }
 
+void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
+  if (stamp < stamp_ || image != size_) finder.restart();
+  stamp_ = stamp;
+  size_ = image;
+}
+
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame) {
   auto message = boost::make_shared<TargetDetections>();
   message->header = header;
@@ -113,19 +108,23 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
               TargetDetections& message) {
   std::optional<PixelCamera> camera;
   for (std::size_t i = 0; i < message.detections.size(); ++i) {
-    if (!wantsPose(message.detections[i])) continue;
+    TargetDetection& detection = message.detections[i];
+    if (!wantsPose(detection)) continue;
     try {
+      if (detection.width <= 0.0) {
+        throw std::invalid_argument("the width of " + detection.id + ", which has the frame " +
+                                    detection.frame + ", is not known");
+      }
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
       const auto found = pose.find(frame.detections[i], *camera);
-      if (found) {
-        setPose(*found, message.detections[i]);
-      } else {
-        message.no_pose = "the homography of " + message.detections[i].id +
-                          " is not the view of a target in front of the camera";
+      if (!found) {
+        throw std::invalid_argument("the homography of " + detection.id +
+                                    " is not the view of a target in front of the camera");
       }
+      detection.has_pose = 1;
+      detection.pose = toMessage(found->target_to_camera, found->covariance);
     } catch (const std::invalid_argument& error) {
       message.no_pose = error.what();
-      return;
     }
   }
 }
@@ -134,15 +133,9 @@ std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections
   std::vector<geometry_msgs::TransformStamped> transforms;
   for (const TargetDetection& target : message.detections) {
     if (target.has_pose == 0 || target.frame.empty()) continue;
-    geometry_msgs::TransformStamped transform;
-    transform.header = message.header;
-    transform.child_frame_id = target.frame;
-    if (target.instance > 0) transform.child_frame_id += "_" + std::to_string(target.instance);
-    transform.transform.translation.x = target.pose.pose.position.x;
-    transform.transform.translation.y = target.pose.pose.position.y;
-    transform.transform.translation.z = target.pose.pose.position.z;
-    transform.transform.rotation = target.pose.pose.orientation;
-    transforms.push_back(transform);
+    std::string child = target.frame;
+    if (target.instance > 0) child += "_" + std::to_string(target.instance);
+    transforms.push_back(transformOf(message.header, child, target.pose.pose));
   }
   return transforms;
 }

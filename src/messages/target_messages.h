@@ -32,11 +32,23 @@ class DetectedPose {
   homography::HomographyRefiner refiner_;
 };
 
+/// Tells a TargetFinder to forget what it follows where a sequence of images ends: a looped bag, or
+/// another camera.
+class ImageSequence {
+ public:
+  /// To be called before each search.
+  void next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder);
+
+ private:
+  ros::Time stamp_;
+  cv::Size size_;
+};
+
 /// Without poses. `header`: of the image.
 TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame);
 
-/// Adds the poses of targets with a width. Where there are none, `no_pose` of the message says why.
-/// `info`: calibration of the images; null: none on `info_topic`.
+/// Adds the poses of targets with a width or a frame. Where there are none, `no_pose` of the
+/// message says why. `info`: calibration of the images; null: none on `info_topic`.
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, DetectedPose& pose,
               TargetDetections& message);

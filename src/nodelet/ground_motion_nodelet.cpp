@@ -14,6 +14,7 @@
 #include <deque>
 
 #include "messages/ground_readings.h"
+#include "messages/pose_message.h"
 #include "nodelet/callback_thread.h"
 #include "nodelet/ground_monitor.h"
 #include "nodelet/image_nodelet.h"
@@ -236,14 +237,8 @@ void GroundMotionNodelet::publish(const GroundEstimate& estimate, const std_msgs
         twistOf(estimate, image, config_)));
   }
   if (!config_.publish_tf) return;
-  geometry_msgs::TransformStamped transform;
-  transform.header = odometry->header;
-  transform.child_frame_id = odometry->child_frame_id;
-  transform.transform.translation.x = odometry->pose.pose.position.x;
-  transform.transform.translation.y = odometry->pose.pose.position.y;
-  transform.transform.translation.z = odometry->pose.pose.position.z;
-  transform.transform.rotation = odometry->pose.pose.orientation;
-  broadcaster_->sendTransform(transform);
+  broadcaster_->sendTransform(
+      transformOf(odometry->header, odometry->child_frame_id, odometry->pose.pose));
 }
 
 bool GroundMotionNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& response) {

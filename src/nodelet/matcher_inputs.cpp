@@ -23,13 +23,11 @@ void MatcherNodelet::subscribe() {
   listening_ = true;
   monitor_.setListening(true);
   subscribeCameraInfo();
-  target_.listen(true);
 }
 
 void MatcherNodelet::unsubscribe() {
   image_sub_.shutdown();
   camera_info_sub_.shutdown();
-  target_.listen(false);
   listening_ = false;
   newest_.clear();
   monitor_.setListening(false);
@@ -173,19 +171,8 @@ void MatcherNodelet::watchInput() {
 // answer.
 void MatcherNodelet::report() {
   monitor_.tick(clockStands(), clockIsMissing());
-  reportTarget();
   reportReference();
   diagnostics_->force_update();
-}
-
-// Reported only after a delay: a camera_info may arrive shortly after the first image.
-void MatcherNodelet::reportTarget() {
-  const std::string problem = target_.problem();
-  const bool lasts = !problem.empty() && problem == target_problem_;
-  if (lasts && !said_target_problem_) NODELET_WARN("%s", problem.c_str());
-  said_target_problem_ = lasts;
-  target_problem_ = problem;
-  monitor_.setTargetProblem(problem);
 }
 
 // A frame that ~set_reference took is lost when the process ends. The master stores that there was

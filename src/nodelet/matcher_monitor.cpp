@@ -88,11 +88,6 @@ void MatcherMonitor::setLensProblem(const std::string& problem) {
   lens_problem_ = problem;
 }
 
-void MatcherMonitor::setTargetProblem(const std::string& problem) {
-  const Lock lock(mutex_);
-  target_problem_ = problem;
-}
-
 void MatcherMonitor::setReferenceProblem(const std::string& problem) {
   const Lock lock(mutex_);
   reference_problem_ = problem;
@@ -261,7 +256,6 @@ std::string MatcherMonitor::matcherMessage(const Counts& counts, unsigned char& 
   level = DiagnosticStatus::WARN;
   if (!parameter_error_.empty()) return "parameters refused: " + parameter_error_;
   if (!lens_problem_.empty()) return lens_problem_;
-  if (!target_problem_.empty()) return target_problem_;
   if (!reference_problem_.empty()) return reference_problem_;
   // Every sequence begins with one frame without a reference.
   if (frames_without_reference_ > 1 && listening_ && !paused_) {

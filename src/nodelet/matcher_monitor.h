@@ -40,8 +40,6 @@ class MatcherMonitor {
   void setParameterError(const std::string& error);
   /// Why points are in raw pixels although rectified ones are wanted; empty: no problem.
   void setLensProblem(const std::string& problem);
-  /// Why the wanted outline or pose of the target is missing; empty: no problem.
-  void setTargetProblem(const std::string& problem);
   /// A problem with the reference that users should know; empty: none.
   void setReferenceProblem(const std::string& problem);
   /// That several nodes publish the images; empty: only one does.
@@ -110,7 +108,6 @@ class MatcherMonitor {
   std::string last_error_;  // of an image, as long as errors occur
   std::string parameter_error_;
   std::string lens_problem_;
-  std::string target_problem_;
   std::string reference_problem_;
   std::string mixture_;
   std::string input_trouble_;

@@ -61,7 +61,6 @@ void MatcherNodelet::stop() {
   reconfigure_server_.reset();
   disconnect();
   outputs_.shutdown();
-  target_.shutdown();
   diagnostics_.reset();
 }
 
@@ -97,7 +96,7 @@ void MatcherNodelet::start() {
        {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
     queue->start();
   }
-  connectionsChanged();  // also without a subscriber: for a transform, or if lazy is off
+  connectionsChanged();  // also without a subscriber, if lazy is off
   NODELET_INFO(
       "matches images on %s (transport %s)%s", image_topic_.c_str(),
       transport_hints_->getTransport().c_str(),
@@ -142,8 +141,6 @@ void MatcherNodelet::advertise() {
   advertiseOfFrames<HomographyStamped>(
       "accumulated_homography", [](const Frame& frame) { return frame.accumulated_homography; });
   advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
-  target_.advertise(outputs_, private_node_, camera_info_topic_);
-  frame_outputs_.emplace_back([this](const Frame& frame) { target_.publish(frame); });
   // The last one: it marks that all others were sent.
   advertiseOfFrames<MatchStatistics>("statistics",
                                      [](const Frame& frame) { return frame.statistics; });
@@ -189,8 +186,8 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
 
 void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   Configuration wanted = configurationFrom(config, 0);
-  const Pixels pixels = pixelsFrom(config.calibration, image_topic_);
-  if (config.rectify && pixels == Pixels::rectified) {
+  const bool are_rectified = pixelsFrom(config.calibration, image_topic_) == Pixels::rectified;
+  if (config.rectify && are_rectified) {
     throw std::invalid_argument("rectify is on, but the images on " + image_topic_ +
                                 " are rectified already (see the parameter calibration)");
   }
@@ -217,10 +214,9 @@ void MatcherNodelet::configureFrom(const KtgpConfig& config) {
   });
   {
     const Lock lock(connect_mutex_);
-    target_.configure(config, pixels);
     subscribeCameraInfo();
   }
-  connectionsChanged();  // a transform, which has no subscribers, may be wanted
+  connectionsChanged();  // lazy may have changed
 }
 
 // Only this function writes configuration_, in the first queue: callbacks of this queue may read it
@@ -234,7 +230,7 @@ void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
 }
 
 bool MatcherNodelet::isWanted() const {
-  return !lazy_ || outputs_.haveSubscribers() || target_.sendsTransform();
+  return !lazy_ || outputs_.haveSubscribers();
 }
 
 void MatcherNodelet::work() {

@@ -26,7 +26,6 @@
 #include "nodelet/matcher_monitor.h"
 #include "nodelet/newest_slot.h"
 #include "nodelet/sequence_numbers.h"
-#include "nodelet/target_publisher.h"
 
 namespace ktgp_orb {
 
@@ -75,7 +74,6 @@ class MatcherNodelet : public ImageNodelet {
   void referenceArrived(const sensor_msgs::ImageConstPtr& image);
   void watchInput();
   void report();
-  void reportTarget();
   void reportReference();
   void rereadReference(bool at_once);
 
@@ -131,7 +129,6 @@ class MatcherNodelet : public ImageNodelet {
   std::vector<std::function<void(const FrameMessages&)>>
       frame_outputs_;  // each publishes one topic
   image_transport::Publisher overlay_pub_;
-  TargetPublisher target_;
   std::vector<ros::ServiceServer> services_;
   ros::WallTimer watch_timer_;
   ros::WallTimer report_timer_;
@@ -166,8 +163,6 @@ class MatcherNodelet : public ImageNodelet {
   FileState file_seen_;   // at the last check
 
   // Used only in the slow queue
-  std::string target_problem_;  // at the last report
-  bool said_target_problem_ = false;
   bool remembers_reference_ = false;  // the master stores that ~set_reference took one
 
   // Shared with the worker

@@ -22,8 +22,10 @@ class TargetBook {
   void open(const std::string& targets, const std::string& file);
   bool isLoading() const { return !waiting_.empty(); }
   std::size_t waiting() const { return waiting_.size(); }
-  /// Returns why it was refused, or an empty text.
+  /// Returns why it was refused, or an empty text. In the kept list it stays all the same.
   std::string loadNext();
+  /// For the end of a sentence about it: where that list is; empty without one.
+  std::string whereKept() const;
 
   /// Whether one of the targets has a frame for tf.
   bool hasFrames() const;
@@ -37,12 +39,16 @@ class TargetBook {
  private:
   void set(const SetTarget::Request& request, bool replace);
   void keep(const Target& target);
+  std::vector<std::string> writeImages(const Target& target) const;
+  std::vector<TargetEntry> takeOut(const std::string& id);
   void write() const;
+  void deleteImages(const std::vector<TargetEntry>& of) const;
 
   TargetFinder& finder_;
   std::string file_;
   std::deque<TargetEntry> waiting_;
   std::vector<TargetEntry> entries_;  // those in use
+  std::vector<TargetEntry> refused_;
 };
 
 }  // namespace ktgp_orb

@@ -86,8 +86,7 @@ class TargetsNodelet : public ImageNodelet {
   DetectedPose pose_;
   sensor_msgs::CameraInfoConstPtr info_;
   boost::weak_ptr<const sensor_msgs::Image> last_image_;
-  ros::Time last_stamp_;
-  cv::Size last_size_;
+  ImageSequence sequence_;
   std::string said_;
 };
 
@@ -127,8 +126,8 @@ void TargetsNodelet::start() {
   // One by one, so that the nodelet can be unloaded at any time.
   load_ = node_.createWallTimer(ros::WallDuration(0.001),
                                 [this](const ros::WallTimerEvent&) { loadNext(); });
-  for (CallbackThread* queue : {&queue_, &slow_queue_}) queue->start();
   connectionsChanged();
+  for (CallbackThread* queue : {&queue_, &slow_queue_}) queue->start();
   NODELET_INFO("searches targets in images on %s (transport %s), calibration on %s",
                image_topic_.c_str(), transport_hints_->getTransport().c_str(),
                camera_info_topic_.c_str());
@@ -161,13 +160,13 @@ void TargetsNodelet::configure(TargetsConfig& config) {
 void TargetsNodelet::loadNext() {
   if (!book_.isLoading()) {
     load_.stop();
-    NODELET_INFO("%zu targets are known", finder_.ids().size());
+    NODELET_INFO("known targets: %zu", finder_.ids().size());
     return;
   }
   const std::string refused = book_.loadNext();
   if (!refused.empty()) {
     monitor_.targetRefused(refused);
-    NODELET_ERROR("a target is refused: %s", refused.c_str());
+    NODELET_ERROR("a target is refused: %s%s", refused.c_str(), book_.whereKept().c_str());
   }
   monitor_.setWaiting(book_.waiting());
   targetsChanged();
@@ -197,6 +196,8 @@ void TargetsNodelet::subscribe() {
 void TargetsNodelet::unsubscribe() {
   image_sub_.shutdown();
   info_sub_.shutdown();
+  info_.reset();
+  finder_.restart();
 }
 
 void TargetsNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
@@ -211,10 +212,7 @@ void TargetsNodelet::onImage(const sensor_msgs::ImageConstPtr& image) {
 
 void TargetsNodelet::search(const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat grey = greyImage(image);
-  // A looped bag, or another camera.
-  if (image->header.stamp < last_stamp_ || grey.size() != last_size_) finder_.restart();
-  last_stamp_ = image->header.stamp;
-  last_size_ = grey.size();
+  sequence_.next(image->header.stamp, grey.size(), finder_);
   const TargetFrame& frame = finder_.find(grey);
   const TargetDetectionsPtr message = toMessage(image->header, frame);
   addPoses(frame, grey.size(), info_.get(), camera_info_topic_, pixels_, pose_, *message);

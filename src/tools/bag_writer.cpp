@@ -33,7 +33,7 @@ std::string text(const ros::Time& time) {
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
                          bool force)
-    : bag_file_(bag, force), prefix_(prefix) {
+    : bag_file_(bag, force), prefix_(prefix + "/") {
   const bool to_file = !csv.empty() && !tools::isStandardOutput(csv);
   if (to_file) csv_file_.emplace(csv, force);
   try {
@@ -74,21 +74,27 @@ template <typename Message>
 void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, Message& message) {
   message.header.seq = sequence_[topic]++;  // like a publisher
   try {
-    bag_->write(prefix_ + "/" + topic, time, message);
+    bag_->write(topic, time, message);
   } catch (const rosbag::BagException& error) {
     tools::throwUnwritable(bag_file_, error.what());
   }
 }
 
 void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
-  if (messages.correspondences) writeMessage("correspondences", time, *messages.correspondences);
-  if (messages.homography) writeMessage("homography", time, *messages.homography);
+  if (messages.correspondences)
+    writeMessage(prefix_ + "correspondences", time, *messages.correspondences);
+  if (messages.homography) writeMessage(prefix_ + "homography", time, *messages.homography);
   if (messages.accumulated_homography) {
-    writeMessage("accumulated_homography", time, *messages.accumulated_homography);
+    writeMessage(prefix_ + "accumulated_homography", time, *messages.accumulated_homography);
   }
-  if (messages.overlay) writeMessage("matches_image", time, *messages.overlay);
-  writeMessage("statistics", time, *messages.statistics);
+  if (messages.overlay) writeMessage(prefix_ + "matches_image", time, *messages.overlay);
+  writeMessage(prefix_ + "statistics", time, *messages.statistics);
   if (csv_ != nullptr) writeLine(messages);
+}
+
+void MatchWriter::write(const std::string& topic, const TargetDetectionsPtr& detections,
+                        const ros::Time& time) {
+  if (detections) writeMessage(topic, time, *detections);
 }
 
 void MatchWriter::writeLine(const FrameMessages& messages) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <ktgp_orb/TargetDetections.h>
 #include <rosbag/bag.h>
 
 #include <fstream>
@@ -26,6 +27,9 @@ class MatchWriter {
   MatchWriter& operator=(const MatchWriter&) = delete;
 
   void write(const FrameMessages& messages, const ros::Time& time);
+  /// Null: nothing. `topic`: the whole name.
+  void write(const std::string& topic, const TargetDetectionsPtr& detections,
+             const ros::Time& time);
   /// A refused frame has a line only in the table.
   void writeRefused(const std_msgs::Header& header, const std::string& reason);
 
@@ -41,8 +45,8 @@ class MatchWriter {
   std::optional<tools::OutputFile> csv_file_;
   std::unique_ptr<rosbag::Bag> bag_;
   std::ofstream csv_text_;
-  std::ostream* csv_ = nullptr;  // null: no table
-  std::string prefix_;
+  std::ostream* csv_ = nullptr;                    // null: no table
+  std::string prefix_;                             // with a slash at its end
   std::map<std::string, std::uint32_t> sequence_;  // next header.seq of each topic
 };
 

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <thread>
 
+#include "tools/bag_targets.h"
 #include "tools/manifest.h"
 
 namespace ktgp_orb {
@@ -23,7 +24,14 @@ std::string describe(const CLI::App& app, const Parameters& parameters) {
   for (const ParameterRow& row : parameterRows()) {
     if (row.name != "threads") text += row.name + '=' + valueText(row, parameters) + '\n';
   }
-  return text + contentOf(parameters.reference_image) + contentOf(parameters.mask_image);
+  text += contentOf(parameters.reference_image) + contentOf(parameters.mask_image);
+  const CLI::Option* const targets = app.get_option("--targets");
+  if (targets->count() > 0) {
+    for (const std::string& file : filesOfTargets(targets->as<std::string>())) {
+      text += file + '\n' + contentOf(file);
+    }
+  }
+  return text;
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <iostream>
-#include <map>
 #include <opencv2/core/utility.hpp>
 #include <thread>
 #include <utility>
@@ -23,10 +22,12 @@
 #include "messages/rate_limiter.h"
 #include "tools/bag_motion.h"
 #include "tools/bag_pipeline.h"
+#include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
 #include "tools/batch.h"
 #include "tools/batch_options.h"
+#include "tools/idle_options.h"
 #include "tools/recording.h"
 #include "tools/view_options.h"
 
@@ -42,6 +43,7 @@ struct Arguments {
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
   MotionFile motion;
+  TargetsInput targets;
   bool force = false;
   bool measured_times = true;  ///< zero in a batch, whose files are the same on every machine
   BatchOptions batch;
@@ -68,8 +70,8 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
 }
 
 /// Namespace of the output: beside the image topic, as for the nodelet.
-std::string outputNames(const std::string& name, const std::string& topic) {
-  return name.empty() ? cameraOf(topic) + "/matcher" : name;
+std::string outputNames(const std::string& name, const std::string& topic, const char* nodelet) {
+  return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
 void eraseTimes(MatchStatistics& statistics) {
@@ -87,10 +89,12 @@ class Run {
       : source_(std::move(source)),
         matcher_(configuration),
         pipeline_(configuration, fixedReference(configuration), threads),
-        writer_(arguments.out, arguments.csv, outputNames(arguments.name, source_->topic()),
-                arguments.force),
+        writer_(arguments.out, arguments.csv,
+                outputNames(arguments.name, source_->topic(), "matcher"), arguments.force),
         views_(arguments.views, [&arguments] { return openInput(arguments); }),
         motion_(arguments.motion, arguments.in, source_->topic()),
+        targets_(arguments.targets, arguments.in, source_->topic()),
+        detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         progress_(source_->total()),
         measured_times_(arguments.measured_times) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -120,7 +124,7 @@ class Run {
   /// The reason for the first of them.
   const std::string& refusal() const { return refusal_; }
   const std::string& topic() const { return source_->topic(); }
-  std::string viewReport() const { return views_.report() + motion_.report(); }
+  std::string viewReport() const { return views_.report() + motion_.report() + targets_.report(); }
   std::string damage() const { return source_->damage(); }
 
  private:
@@ -165,6 +169,9 @@ class Run {
     views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
+    const TargetDetectionsPtr detections = targets_.find(recorded.image);
+    if (detections && !measured_times_) detections->milliseconds = 0.0;
+    writer_.write(detections_topic_, detections, recorded.received);
   }
 
   std::unique_ptr<ImageSource> source_;
@@ -173,6 +180,8 @@ class Run {
   MatchWriter writer_;
   BagViews views_;
   BagMotion motion_;
+  BagTargets targets_;
+  std::string detections_topic_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   bool measured_times_;
@@ -210,6 +219,7 @@ void checkFiles(Arguments& arguments) {
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
+  for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
   plan.write(arguments.out);
   plan.write(arguments.csv);
   plan.writeVideo(arguments.views.steady.video);
@@ -280,43 +290,6 @@ Outcome matchInto(Arguments arguments, const std::string& input, const std::stri
   return matchBag(arguments);
 }
 
-/// Options that would be accepted without effect.
-void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
-  const std::string pose = "ktgp_bag writes no pose; the node publishes it";
-  const std::string diagnostics = "it is for the diagnostics of the node";
-  std::map<std::string, std::string> idle{
-      {"target_width", pose},
-      {"target_frame", pose},
-      {"calibration", pose},
-      {"lazy", "ktgp_bag matches every image"},
-      {"min_input_rate", diagnostics},
-      {"max_drop_ratio", diagnostics},
-      {"max_lost_ratio", diagnostics},
-      {"max_latency", diagnostics},
-      {"min_ok_ratio", diagnostics},
-      {"error_factor", diagnostics},
-      {"max_pair_megapixels", "it is for the service match_pair of the node"}};
-  if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
-    idle["reference_image"] = "it is used only with --reference_mode fixed";
-  }
-  if (parameters.reference_mode != "keyframe") {
-    for (const char* name : {"keyframe_min_overlap", "keyframe_min_inliers"}) {
-      idle[name] = "it is used only with --reference_mode keyframe";
-    }
-  }
-  if (!parameters.overlay) idle["overlay_style"] = "it is used only with --overlay";
-  for (const auto& [name, reason] : idle) {
-    if (app.get_option("--" + name)->count() == 0) continue;
-    std::string text = "--" + name;
-    text.append(" has no effect: ").append(reason).append("; leave it out");
-    throw std::invalid_argument(text);
-  }
-  if (parameters.reference_mode == "fixed" && parameters.reference_image.empty()) {
-    throw std::invalid_argument(
-        "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
-  }
-}
-
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
@@ -342,6 +315,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addBatchOptions(app, arguments.batch);
   addViewOptions(app, arguments.views);
   addMotionArguments(app, arguments.motion);
+  addTargetsArguments(app, arguments.targets);
   tools::addCommonOptions(app, arguments.force);
   tools::addParameterOptions(app, arguments.parameters);
 }
@@ -384,6 +358,7 @@ int run(int argc, char** argv) {
   refuseIdleOptions(app, arguments.parameters);
   completeViewOptions(app, arguments.views, arguments.force);
   arguments.motion.force = arguments.force;
+  arguments.targets.calibration = arguments.parameters.calibration;
   if (!arguments.batch.list.empty()) return matchBatch(app, arguments);
   return matchBag(arguments).exit_code;
 }

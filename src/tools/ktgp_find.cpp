@@ -1,4 +1,5 @@
 // ktgp_find IMAGE TARGETS: finds many flat targets in an image.
+#include <algorithm>
 #include <cstdio>
 #include <iostream>
 
@@ -81,8 +82,9 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
 }
 
 void print(const TargetFrame& frame) {
-  std::printf("%zu targets known, %zu with a chance, %zu keypoints, %.1f ms\n", frame.search.known,
-              frame.search.candidates, frame.search.features, frame.search.milliseconds);
+  std::printf("known targets: %zu, with a chance: %zu, keypoints: %zu, %.1f ms\n",
+              frame.search.known, frame.search.candidates, frame.search.features,
+              frame.search.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
     std::printf("%s %d: %s, %zu inliers, corners", d.id.c_str(), d.instance, toString(d.status),
                 d.inliers);
@@ -143,7 +145,10 @@ int findTargets(int argc, char** argv) {
     drawTargets(image, frame.detections, canvas);
     writeImage(arguments.draw, canvas, arguments.force);
   }
-  return frame.detections.empty() ? kExitUnusedData : kExitDone;
+  const bool is_found =
+      std::any_of(frame.detections.begin(), frame.detections.end(),
+                  [](const DetectedTarget& target) { return target.status == Status::ok; });
+  return is_found ? kExitDone : kExitUnusedData;
 }
 
 }  // namespace

@@ -65,7 +65,6 @@ COMMANDS = {
     'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
     'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
     'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
-    'rostopic echo /camera/target/target_pose': Skipped('waits for images; the test "target" reads it'),
     'dev/check': IN_CI,
     'dev/check_arm64': TOO_LONG,
     'dev/check_arm64 --fast': TOO_LONG,
@@ -152,25 +151,26 @@ COMMANDS = {
               'takes matches on /camera/matcher/match'),
     'roslaunch ktgp_orb targets.launch targets:="$PWD/posters"':
         Until('mkdir -p posters && cp first.png posters/ && roslaunch ktgp_orb targets.launch '
-              'targets:="$PWD/posters"', '1 targets are known'),
+              'targets:="$PWD/posters"', 'known targets: 1'),
     'rostopic echo /camera/targets/detections': Skipped('waits for images; rostopic\'s own'),
     'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
         'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png, '
-    'target_width: 0.594, target_frame: poster}"':
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"':
         Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
-              'reference_image: $PWD/poster.png, target_width: 0.594, target_frame: poster}"', MATCHER),
-    'roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png':
-        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag target:=place.png',
-              'matches images on /camera/image_raw'),
+              'reference_image: $PWD/poster.png}"', MATCHER),
+    'roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml rviz:=true':
+        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml', 'known targets: 3'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
         Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
               'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
               'waits for /camera/matcher/match; no node publishes it'),
 
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --targets targets.yaml':
+        "echo '- {id: place, image: first.png}' > targets.yaml && "
+        'rosrun ktgp_orb ktgp_bag my.bag with_targets.bag --targets targets.yaml',
     'rosrun ktgp_orb ktgp_find photo.png posters':
         'mkdir -p posters && cp first.png posters/ && rosrun ktgp_orb ktgp_find second.png posters',
     'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':
@@ -194,8 +194,8 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv',
     'rosrun ktgp_orb make_demo_bag demo.bag':
         'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
-    'rosrun ktgp_orb make_demo_bag flight.bag --target place.png':
-        'rosrun ktgp_orb make_demo_bag flight.bag --target place.png --seconds 0.3',
+    'rosrun ktgp_orb make_demo_bag flight.bag --targets signs':
+        'rosrun ktgp_orb make_demo_bag flight.bag --targets signs --seconds 0.3',
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': 'rosrun ktgp_orb ktgp_evaluate_bag demo.bag',
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust':
         'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust',

@@ -34,15 +34,14 @@ def messages(path, topic):
         return [message for _, message, _ in bag.read_messages(topic)]
 
 
-def matrix(message):
-    return np.reshape(message.homography, (3, 3))
+def is_inside(target):
+    corners = np.reshape(target.corners, (4, 2))
+    return (corners >= 0).all() and (corners < (640, 480)).all()
 
 
-def corner_error(found, truth):
-    """Mean over the corners of the image, px."""
-    corners = np.array([[0, 0, 1], [639, 0, 1], [639, 479, 1], [0, 479, 1]], float).T
-    a, b = found @ corners, truth @ corners
-    return np.mean(np.linalg.norm(a[:2] / a[2] - b[:2] / b[2], axis=0))
+def corners_off(a, b):
+    """Root mean square over the corners, px."""
+    return np.sqrt(np.mean(np.sum(np.reshape(np.subtract(a.corners, b.corners), (4, 2)) ** 2, axis=1)))
 
 
 class DemoTest(unittest.TestCase):
@@ -64,7 +63,7 @@ class DemoTest(unittest.TestCase):
         result = self.demo('--seconds', str(FRAMES // 30), '--rate', '0.1', output)
         self.assertEqual(result.returncode, 0, result.stdout)
         self.assertEqual(sorted(os.listdir(output)),
-                         ['demo.bag', 'matches.mp4', 'mosaic.png', 'report.log', 'roslaunch.log',
+                         ['demo.bag', 'demo_targets', 'matches.mp4', 'mosaic.png', 'report.log', 'roslaunch.log',
                           'stabilized.mp4', 'stages.png', 'summary.txt'])
         for name in ('matches.mp4', 'stabilized.mp4'):
             self.assertIn(frames_of(os.path.join(output, name)), range(FRAMES - 2, FRAMES + 1), name)
@@ -80,26 +79,54 @@ class DemoTest(unittest.TestCase):
         self.assertLess(float(drift.group(1)), 2.0, 'noise on the range and the Imu')
         self.assertEqual(cv2.imread(os.path.join(output, 'stages.png')).shape[2], 3)
 
-    def test_the_target_of_the_demo_is_where_the_truth_says(self):
-        flight, target, out = [os.path.join(self.folder, name)
-                               for name in ('flight.bag', 'place.png', 'out.bag')]
+    def test_the_targets_of_the_demo_are_where_the_truth_says(self):
+        flight, places, out = [os.path.join(self.folder, name) for name in ('flight.bag', 'places', 'out.bag')]
         programs = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb')
-        subprocess.check_call([os.path.join(programs, 'make_demo_bag'), '--seconds',
-                               str(FRAMES // 30), '--target', target, flight])
-        subprocess.check_call([os.path.join(programs, 'ktgp_bag'), flight, out, '--reference_mode',
-                               'fixed', '--reference_image', target], stdout=subprocess.DEVNULL)
-        found = messages(out, '/camera/matcher/homography')
-        steps = [matrix(m) for m in messages(flight, '/camera/ground_truth/homography')]
-        self.assertEqual((len(found), len(steps)), (FRAMES, FRAMES - 1))
-        truth = [np.eye(3)]  # from the first frame
-        for step in steps:
-            truth.append(step @ truth[-1])
-        to_first = np.linalg.inv(truth[FRAMES // 2])
-        errors = [corner_error(matrix(m), h @ to_first) for m, h in zip(found, truth)
-                  if m.status == MatchStatus.STATUS_OK]
-        self.assertGreater(len(errors), 0.9 * FRAMES)
-        self.assertLess(np.median(errors), 0.5)
-        self.assertLess(np.max(errors), 5.0)
+        subprocess.check_call([os.path.join(programs, 'make_demo_bag'), '--seconds', '7', '--targets', places,
+                               flight])
+        self.assertEqual(sorted(os.listdir(places)), ['harbour.png', 'market.png', 'north.png', 'targets.yaml'])
+        subprocess.check_call([os.path.join(programs, 'ktgp_bag'), flight, out, '--targets',
+                               os.path.join(places, 'targets.yaml')], stdout=subprocess.DEVNULL)
+        shown, errors, far, numbers = {}, {}, [], {}
+        for found, truth in zip(messages(out, '/camera/targets/detections'),
+                                messages(flight, '/camera/ground_truth/targets')):
+            self.assertEqual(found.header.stamp, truth.header.stamp)
+            for place in truth.detections:
+                if is_inside(place):
+                    shown[place.id, place.instance] = shown.get((place.id, place.instance), 0) + 1
+            for target in found.detections:
+                self.assertEqual((target.status, target.has_pose), (MatchStatus.STATUS_OK, True))
+                place = min((p for p in truth.detections if p.id == target.id),
+                            key=lambda p: corners_off(target, p))
+                name = place.id, place.instance
+                numbers.setdefault(name, set()).add(target.instance)
+                if is_inside(place):
+                    errors.setdefault(name, []).append(corners_off(target, place))
+                    self.check_pose(target.pose.pose, place.pose.pose)
+                else:  # corners outside the image are less certain
+                    far.append(corners_off(target, place))
+        print('shown', shown, 'found', {name: len(e) for name, e in errors.items()})
+        everything = [error for each in errors.values() for error in each]
+        print('corners off by %.2f px (median), %.2f px; partly in view %.2f, %.2f px' %
+              (np.median(everything), np.max(everything), np.median(far), np.max(far)))
+        self.assertEqual(set(shown), {('north', 0), ('north', 1), ('harbour', 0), ('market', 0)})
+        self.assertGreaterEqual(len(everything), 0.97 * sum(shown.values()))
+        for name, count in shown.items():
+            self.assertGreater(count, 20)
+            self.assertGreaterEqual(len(errors[name]), 0.9 * count, name)
+        self.assertLess(np.median(everything), 0.15)
+        self.assertLess(np.max(everything), 1.0)
+        self.assertLess(np.max(far), 15.0, 'no wrong id')
+        self.assertEqual({name: len(of) for name, of in numbers.items()}, {name: 1 for name in shown})
+        self.assertNotEqual(numbers['north', 0], numbers['north', 1])
+
+    def check_pose(self, found, truth):
+        """Measured: off by 0.2 % of the distance and 0.6 degrees at most."""
+        a, b = [np.array([p.position.x, p.position.y, p.position.z]) for p in (found, truth)]
+        q, r = [np.array([p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w])
+                for p in (found, truth)]
+        self.assertLess(np.linalg.norm(a - b), 0.005 * b[2])
+        self.assertLess(np.degrees(2 * np.arccos(min(1.0, abs(q @ r)))), 1.5)
 
     def test_the_flight_tilts_as_asked(self):
         program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'make_demo_bag')

@@ -63,6 +63,17 @@ def check_each(cases, check):
         raise AssertionError('\n'.join(failures))
 
 
+def wait_for_diagnostics(recorder, words, meanwhile=lambda: None):
+    """Waits until a new message of the recorder of /diagnostics has a summary with these words."""
+    seen = len(recorder.messages())
+
+    def said():
+        meanwhile()
+        return any(words in status.message for array in recorder.messages()[seen:]
+                   for status in array.status)
+    wait_until(said, 'diagnostics say "%s"' % words)
+
+
 def warm_up(camera, recorder):
     """Sends frames until the recorder has a message: then every nodelet of the chain is connected.
     (The nodelets of a manager share their connections, so the connections do not tell.)"""

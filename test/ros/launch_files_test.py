@@ -120,20 +120,18 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertLessEqual(set(self.parameters_of(launch)), STATIC_PARAMETERS, launch)
             self.assertLessEqual(set(got), set(values) | STATIC_PARAMETERS, launch)
 
-    def test_the_demo_looks_for_a_target_where_it_is_given_one(self):
+    def test_the_demo_looks_for_targets_where_it_is_given_some(self):
         def parameters(*arguments):
             path = os.path.join(PACKAGE, 'launch', 'demo.launch')
             config = load_config_default([(path, ['bag:=' + self.bag.name] + list(arguments))], None,
                                          verbose=False, assign_machines=False)
             return {key: param.value for key, param in config.params.items()
-                    if key.startswith('/camera/target/')}
+                    if key.startswith('/camera/targets/')}
         self.assertEqual(parameters(), {})
-        given = parameters('target:=/a/p"i\\c t\'ure')
-        self.assertEqual(given['/camera/target/reference_image'], '/a/p"i\\c t\'ure')
+        for name in ('/a/l"i\\s t\'.yaml', '/12'):
+            self.assertEqual(parameters('targets:=' + name)['/camera/targets/targets'], name)
         os.environ['PWD'] = os.getcwd()
-        self.assertEqual(parameters('target:=b.png')['/camera/target/reference_image'],
-                         os.getcwd() + '/b.png')
-        self.assertEqual(given['/camera/target/reference_mode'], 'fixed')
+        self.assertEqual(parameters('targets:=b.yaml')['/camera/targets/targets'], os.getcwd() + '/b.yaml')
 
     def test_every_other_argument_of_the_matcher_reaches_it_through_each_file(self):
         given = {'namespace': 'front', 'name': 'eyes', 'transport': 'compressed', 'queue_size': '7',

@@ -11,6 +11,7 @@ import unittest
 
 import cv2
 import numpy as np
+import poster
 import rosgraph
 import rospy
 import rostest
@@ -19,8 +20,8 @@ from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, no_delay, texture, translation,
-                          view, wait_for_matcher, wait_until)
+from ktgp_testing import (TIMEOUT, Camera, Recorder, check_each, image_message, no_delay, texture,
+                          translation, view, wait_for_diagnostics, wait_for_matcher, wait_until)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -44,6 +45,12 @@ def deep_masks():
 
 
 DEEP_MASKS = deep_masks()
+# camera_info of poster.rendered(K, BARREL), and the camera of its rectified pixels
+RECTIFIED = {
+    'distortion': (poster.information(distortion=poster.BARREL, p=poster.WIDE_P), poster.WIDE_P),
+    'binning': (poster.information(distortion=poster.BARREL, **poster.BINNED), poster.K),
+    'roi': (poster.information(poster.SENSOR, poster.BARREL, **poster.ROI), poster.K),
+}
 
 
 class InputsTest(unittest.TestCase):
@@ -247,6 +254,56 @@ class InputsTest(unittest.TestCase):
         statistics = self.send(view(100, 100, 320, 240))
         self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
         self.wait_for_diagnostics('rectify is on, but points are in raw pixels: no camera_info')
+
+    def test_rectify_whatever_the_calibration(self):
+        """A poster as the reference: its corners are where the rectified camera would see them."""
+        corners = np.array([[0, 0, 1], [399, 0, 1], [399, 299, 1], [0, 299, 1]], float).T
+        metres = np.array([[1, 0, -199.5], [0, 1, -149.5], [0, 0, 400 / poster.WIDTH]])
+        plane = np.column_stack([poster.ROTATION[:, 0], poster.ROTATION[:, 1], poster.POSITION])
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        file = os.path.join(folder.name, 'poster.png')
+        cv2.imwrite(file, poster.POSTER)
+        self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': file,
+                                          'gms_scale': True, 'rectify': True})
+
+        def check(name):
+            info, camera = RECTIFIED[name]
+            picture = image_message(poster.rendered(poster.K, poster.BARREL), rospy.Time(1))
+            truth = camera @ plane @ metres @ corners
+
+            def error():
+                picture.header.stamp = info.header.stamp = self.camera.next_stamp()
+                self.info.publish(info)
+                found = self.homographies.wait_for(self.camera.send(picture))
+                if found.status != OK or not found.rectified:
+                    return np.inf
+                at = np.reshape(found.homography, (3, 3)) @ corners
+                return np.abs(at[:2] / at[2] - truth[:2] / truth[2]).max()
+            wait_until(lambda: error() < 1.5, 'the corners are right')
+            print('%s: corners off by %.2f px' % (name, error()))
+            self.assertLess(error(), 1.5)
+        check_each(RECTIFIED, check)
+
+    def test_rectify_says_what_is_wrong_with_a_calibration(self):
+        self.client.update_configuration({'rectify': True})
+
+        def check(name):
+            info, words = poster.REFUSED[name]
+
+            def send():
+                info.header.stamp = self.camera.next_stamp()
+                self.info.publish(info)
+                stamp = self.camera.send(image_message(view(100, 100), info.header.stamp))
+                return self.homographies.wait_for(stamp).rectified
+            wait_for_diagnostics(self.diagnostics, words, send)
+            self.assertFalse(send())
+        check_each(poster.REFUSED, check)
+
+    def test_rectifying_what_is_rectified_is_refused(self):
+        answer = self.client.update_configuration({'calibration': 'rectified', 'rectify': True})
+        self.addCleanup(self.client.update_configuration, {'calibration': 'by_name'})
+        self.assertFalse(answer['rectify'])
 
     def test_a_reference_from_a_topic(self):
         self.client.update_configuration({'reference_mode': 'fixed', 'gms_scale': True})

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, translation, view,
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, translation, view,
                           wait_for_matcher, wait_until)
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -204,6 +204,19 @@ class ReferenceTest(unittest.TestCase):
     def test_a_missing_image_file_is_refused(self):
         answer = self.client.update_configuration({'reference_image': '/no/such/image.png'})
         self.assertEqual(answer['reference_image'], '')
+
+    def test_an_image_file_that_changes_is_read_again(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, 'changing.png')
+            cv2.imwrite(path, texture(HEIGHT, WIDTH, seed=9))
+            self.client.update_configuration({'reference_mode': 'fixed', 'reference_image': path})
+            self.assertNotEqual(self.send(200).status, OK)
+            cv2.imwrite(path, view(210, 100))
+            wait_until(lambda: self.send(200).status == OK, 'the file is read again')
+            cv2.imwrite(path, texture(HEIGHT, WIDTH, seed=9))
+            self.call('reset')
+            wait_until(lambda: self.send(200).status != OK, '~reset reads it again')
+            self.client.update_configuration(DEFAULTS)
 
     def test_pause_and_resume(self):
         before = self.pan(2)[-1]

@@ -15,8 +15,9 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
-from robot_pose_test import BARREL, CHI_SQUARE, K, POSITION, POSTER, ROTATION, information, rendered
+from ktgp_testing import Camera, Recorder, image_message, texture, wait_for_diagnostics, wait_until
+from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -26,20 +27,6 @@ OTHER = texture(300, 400, seed=11)
 
 def now():
     return rospy.Time(1)
-
-
-def pose_errors(detection):
-    """m, rad, squared deviations."""
-    p, q = detection.pose.pose.position, detection.pose.pose.orientation
-    matrix = np.array([
-        [1 - 2 * (q.y ** 2 + q.z ** 2), 2 * (q.x * q.y - q.z * q.w), 2 * (q.x * q.z + q.y * q.w)],
-        [2 * (q.x * q.y + q.z * q.w), 1 - 2 * (q.x ** 2 + q.z ** 2), 2 * (q.y * q.z - q.x * q.w)],
-        [2 * (q.x * q.z - q.y * q.w), 2 * (q.y * q.z + q.x * q.w), 1 - 2 * (q.x ** 2 + q.y ** 2)]])
-    moved = np.array([p.x, p.y, p.z]) - POSITION
-    turned = cv2.Rodrigues(matrix @ ROTATION.T)[0].ravel()
-    error = np.concatenate([moved, turned])
-    covariance = np.reshape(detection.pose.covariance, (6, 6))
-    return np.linalg.norm(moved), np.linalg.norm(turned), error @ np.linalg.solve(covariance, error)
 
 
 class TargetsTest(unittest.TestCase):
@@ -81,29 +68,20 @@ class TargetsTest(unittest.TestCase):
         wait_until(holds, what)
         return answers[-1]
 
-    def diagnosed(self, words, meanwhile):
-        seen = len(self.diagnostics.messages())
-
-        def said():
-            meanwhile()
-            return any(words in s.message for array in self.diagnostics.messages()[seen:]
-                       for s in array.status)
-        wait_until(said, 'diagnostics say "%s"' % words)
-
     def test_pose_is_right_with_its_covariance(self):
         for distortion in ((0.0,) * 5, BARREL):
             picture = rendered(K, distortion)
             self.info.publish(information(distortion=distortion))
             message = self.send_until(
                 picture, lambda m: m.detections and m.detections[0].has_pose
-                and pose_errors(m.detections[0])[0] < 0.004, 'the pose is right')
+                and pose_errors(m.detections[0].pose)[0] < 0.004, 'the pose is right')
             detection, = message.detections
             self.assertEqual((detection.id, detection.instance, detection.status, detection.frame),
                              ('poster', 0, MatchStatus.STATUS_OK, 'poster'))
             self.assertEqual((message.known, message.no_pose), (1, ''))
-            metres, radians, deviations = pose_errors(detection)
+            metres, degrees, deviations = pose_errors(detection.pose)
             print('%.2f mm, %.3f degrees, %.1f squared deviations'
-                  % (1e3 * metres, np.degrees(radians), deviations))
+                  % (1e3 * metres, degrees, deviations))
             self.assertLess(deviations, 2 * CHI_SQUARE)
 
     def test_tf_markers_and_picture(self):
@@ -132,8 +110,9 @@ class TargetsTest(unittest.TestCase):
         self.info.publish(information(k=0 * K, p=0 * K))
         message = self.send_until(picture, lambda m: 'not calibrated' in m.no_pose, 'the reason comes')
         self.assertFalse(message.detections[0].has_pose)
-        self.diagnosed('a target has no pose: /camera/camera_info cannot be used: the camera is not',
-                       lambda: self.send(picture))
+        wait_for_diagnostics(
+            self.diagnostics, 'a target has no pose: /camera/camera_info cannot be used: the camera is not',
+            lambda: self.send(picture))
         self.info.publish(information())
         self.send_until(picture, lambda m: m.detections[0].has_pose, 'the pose comes')
 
@@ -142,7 +121,7 @@ class TargetsTest(unittest.TestCase):
         answer = self.detect(request, information())
         self.assertTrue(answer.success, answer.message)
         detection, = answer.detections.detections
-        self.assertLess(pose_errors(detection)[0], 0.002)
+        self.assertLess(pose_errors(detection.pose)[0], 0.002)
         self.assertEqual(answer.detections.header.stamp, rospy.Time(7))
         answer = self.detect(request, CameraInfo())
         self.assertFalse(answer.detections.detections[0].has_pose)
@@ -181,10 +160,12 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.send(half).detections)
         broken = image_message(half, self.camera.next_stamp())
         broken.data = broken.data[:100]
-        self.diagnosed('images are refused', lambda: self.camera.send(broken))
+        wait_for_diagnostics(self.diagnostics, 'images are refused', lambda: self.camera.send(broken))
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
+        log = Recorder('/rosout', Log)
+        self.addCleanup(log.close)
         posters = os.path.join(self.folder.name, 'posters')
         os.mkdir(posters)
         cv2.imwrite(os.path.join(posters, 'mine.png'), POSTER)
@@ -193,28 +174,69 @@ class TargetsTest(unittest.TestCase):
         rospy.set_param('/kept/targets', posters)
         rospy.set_param('/kept/file', os.path.join(self.folder.name, 'kept.yaml'))
 
+        kept, images = [os.path.join(self.folder.name, name) for name in ('kept.yaml', 'kept.yaml_images')]
+
         def ids():
             rospy.wait_for_service('/kept/detect', 60)
             answer = rospy.ServiceProxy('/kept/detect', DetectTargets)(
                 image_message(rendered(K), now()), CameraInfo())
             return answer.detections.known, [d.id for d in answer.detections.detections]
-        def knows(expected):
-            wait_until(lambda: ids() == expected, 'it knows %s' % (expected,))
+
+        def change(service, kind, *arguments):
+            answer = rospy.ServiceProxy('/kept/' + service, kind)(*arguments)
+            self.assertTrue(answer.success, answer.message)
+
+        def listed():
+            with open(kept) as file:
+                return file.read()
+        other, third = [image_message(picture, now()) for picture in (OTHER, texture(300, 400, seed=12))]
         for start in range(2):
             node = subprocess.Popen(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets',
                                      '__name:=kept'])
             try:
-                knows((1 + start, ['mine']))
+                wait_until(lambda: ids() == (1 + start, ['mine']), 'it knows mine')
+                # One that is refused stays in the list: its image may come back.
+                wait_for_diagnostics(self.diagnostics, 'broken.png')
                 if start == 0:
-                    self.diagnosed('broken.png', lambda: None)
-                    answer = rospy.ServiceProxy('/kept/add', SetTarget)(
-                        'other', [image_message(OTHER, now())], 0.3, 'shelf')
-                    self.assertTrue(answer.success, answer.message)
+                    change('add', SetTarget, 'other', [other], 0.3, 'shelf')
+                    self.assertIn('width: 0.3', listed())
+                    self.assertEqual(len(os.listdir(images)), 1)
+                self.assertIn('id: broken', listed())
+                self.assertIn('id: mine', listed())
+                if start == 1:
+                    # Images that are not used any more are deleted, but not those of the user.
+                    change('replace', SetTarget, 'other', [third, other], 0.4, '')
+                    self.assertEqual(len(os.listdir(images)), 2)
+                    for name in ('other', 'mine', 'broken'):
+                        change('remove', RemoveTarget, name)
+                        self.assertNotIn('id: ' + name, listed())
+                    self.assertEqual(os.listdir(images), [])
+                    self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
+                    change('add', SetTarget, 'broken', [third], 0.0, '')
             finally:
                 node.terminate()
                 node.wait(30)
-        with open(os.path.join(self.folder.name, 'kept.yaml')) as file:
-            self.assertIn('width: 0.3', file.read())
+        self.assertEqual(listed().count('id: broken'), 1)
+        wait_until(lambda: [m for m in log.messages() if 'it stays in ' + kept in m.msg], 'the log says it')
+
+    def test_forgets_what_it_followed_when_no_subscriber_is_left(self):
+        answer = self.replace('poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf
+        self.assertTrue(answer.success, answer.message)
+        self.info.publish(information())
+        picture = rendered(K)
+        self.send_until(picture, lambda m: m.detections and m.detections[0].age > 2 and m.detections[0].has_pose,
+                        'it is followed')
+        self.detections.close()
+        self.info.unregister()
+        cls = type(self)
+        try:
+            self.camera.wait_for_no_subscriber()
+        finally:
+            cls.detections = Recorder('/camera/targets/detections', TargetDetections)
+            cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
+        self.camera.wait_for_subscriber()
+        message = self.send(picture)
+        self.assertEqual((message.detections[0].age, message.no_pose), (1, 'no camera_info on /camera/camera_info'))
 
 
 if __name__ == '__main__':

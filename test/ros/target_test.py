@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The pose of a flat target for a camera that looks at it straight and moves sideways."""
+"""A flat target in front of a camera that looks at it straight and moves sideways: corners, pose and transform."""
 
 import sys
 import unittest
@@ -7,27 +7,25 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import PolygonStamped, PoseWithCovarianceStamped
-from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
+from ktgp_orb.msg import TargetDetections
+from ktgp_orb.srv import SetTarget
+from ktgp_testing import Camera, Recorder, image_message, view, wait_for_diagnostics, wait_until
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import CameraInfo
-from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
-METRE = 0.64 / 640  # m a px of the reference
+METRE = 0.64 / 640  # m a px of the target
 FOCAL = 500.0  # px
 
 
 class TargetTest(unittest.TestCase):
-    def test_outline_pose_and_transform(self):
+    def test_corners_pose_and_transform(self):
         camera = Camera()
         info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=10, latch=True)
-        outlines = Recorder('/camera/matcher/target_outline', PolygonStamped)
-        poses = Recorder('/camera/matcher/target_pose', PoseWithCovarianceStamped)
+        detections = Recorder('/camera/targets/detections', TargetDetections)
         transforms = Recorder('/tf', TFMessage)
-        wait_until(lambda: outlines.publishers() and poses.publishers() and
-                   transforms.publishers(), 'it runs')
+        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        wait_until(lambda: detections.publishers() and transforms.publishers(), 'it runs')
         camera.wait_for_subscriber()
         calibration = CameraInfo(width=640, height=480)
         # P belongs to the rectified image, which is not used here: K counts.
@@ -35,28 +33,37 @@ class TargetTest(unittest.TestCase):
         calibration.P = [3 * FOCAL, 0, 100, 0, 0, 3 * FOCAL, 100, 0, 0, 0, 1, 0]
         info.publish(calibration)
 
-        rospy.wait_for_service('/camera/matcher/set_reference', 120.0)
-        self.assertTrue(rospy.ServiceProxy('/camera/matcher/set_reference', Trigger)().success)
-        reference = camera.send(image_message(view(400, 300), camera.next_stamp()))
-        self.assertEqual(len(outlines.wait_for(reference).polygon.points), 4)
+        def target(service, width):
+            rospy.wait_for_service('/camera/targets/' + service, 120.0)
+            answer = rospy.ServiceProxy('/camera/targets/' + service, SetTarget)(
+                'board', [image_message(view(400, 300), rospy.Time(1))], width, 'target')
+            self.assertTrue(answer.success, answer.message)
 
-        def pose_of(x, y):
+        def send(picture):
+            return detections.wait_for(camera.send(image_message(picture, camera.next_stamp())))
+
+        # A frame for tf is of no use without a width.
+        target('add', 0.0)
+        message = send(view(430, 280))
+        self.assertFalse(message.detections[0].has_pose)
+        self.assertEqual(message.no_pose, 'the width of board, which has the frame target, is not known')
+        wait_for_diagnostics(diagnostics, 'a target has no pose: the width of board', lambda: send(view(430, 280)))
+        target('replace', 0.64)
+
+        def board():
             """Sends until the calibration is in."""
             while True:
-                stamp = camera.send(image_message(view(x, y), camera.next_stamp()))
-                outlines.wait_for(stamp)
-                if poses.messages():
-                    return stamp, poses.wait_for(stamp)
+                message = send(view(430, 280))
+                if message.detections[0].has_pose:
+                    return message.header.stamp, message.detections[0]
 
-        stamp, message = pose_of(430, 280)
-        corners = [(p.x, p.y) for p in outlines.wait_for(stamp).polygon.points]
-        np.testing.assert_allclose(corners, [(-30, 20), (609, 20), (609, 499), (-30, 499)],
-                                   atol=0.3)
-        position = message.pose.pose.position
+        stamp, found = board()
+        np.testing.assert_allclose(found.corners, [-30, 20, 609, 20, 609, 499, -30, 499], atol=0.3)
+        position = found.pose.pose.position
         np.testing.assert_allclose([position.x, position.y, position.z],
                                    [-30 * METRE, 20 * METRE, FOCAL * METRE], atol=0.003)
-        self.assertGreater(abs(message.pose.pose.orientation.w), 0.9999)
-        covariance = np.array(message.pose.covariance).reshape(6, 6)
+        self.assertGreater(abs(found.pose.pose.orientation.w), 0.9999)
+        covariance = np.array(found.pose.covariance).reshape(6, 6)
         self.assertGreater(np.linalg.eigvalsh(covariance).min(), 0.0)
         self.assertLess(np.sqrt(covariance.diagonal().max()), 0.01)
 
@@ -75,25 +82,10 @@ class TargetTest(unittest.TestCase):
         calibration.K = [2 * FOCAL, 0, 319.5, 0, 2 * FOCAL, 239.5, 0, 0, 1]
         calibration.P = [0.0] * 12
         info.publish(calibration)
-        wait_until(lambda: abs(pose_of(430, 280)[1].pose.pose.position.z -
-                               2 * FOCAL * METRE) < 0.006, 'K counts where P is zero')
+        wait_until(lambda: abs(board()[1].pose.pose.position.z - 2 * FOCAL * METRE) < 0.006,
+                   'K counts where P is zero')
 
-        lost = camera.send(image_message(np.full((480, 640), 90, np.uint8), camera.next_stamp()))
-        self.assertEqual(len(outlines.wait_for(lost).polygon.points), 0)
-
-        # A reference that changes with every frame is not a target.
-        statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        wait_until(statistics.publishers, 'the statistics are connected')
-        Client('/camera/matcher', timeout=TIMEOUT).update_configuration(
-            {'reference_mode': 'previous'})
-        stamps = []
-
-        def reference_is_the_frame_before():
-            stamps.append(camera.send(image_message(view(430, 280), camera.next_stamp())))
-            return statistics.wait_for(stamps[-1]).reference_stamp in stamps
-        for _ in range(3):
-            wait_until(reference_is_the_frame_before, 'the mode is previous')
-        self.assertIsNone(outlines.with_stamp(stamps[-2]))
+        self.assertFalse(send(np.full((480, 640), 90, np.uint8)).detections)
 
 
 if __name__ == '__main__':

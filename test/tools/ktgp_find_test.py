@@ -51,11 +51,33 @@ class KtgpFind(ToolCase):
         for reason in ("broken.png: cannot be read", "shows the same as target \"copy\"",
                        "too little texture"):
             self.assertIn(reason, run.stderr)
-        self.assertIn("3 targets known", run.stdout)
+        self.assertIn("known targets: 3, with a chance: ", run.stdout)
 
     def test_nothing_found_is_exit_code_1(self):
         write_pgm(self.folder / "other.pgm", picture(9), 0, 0)
         self.assertEqual(self.find("other.pgm", "posters").returncode, 1)
+
+    def test_only_doubtful_targets_are_nothing_found(self):
+        """Two pictures with the same logo: where they have the same support, neither is there."""
+        def write(path, logo, width, height, left, top):
+            rows = [bytearray([128] * width) for _ in range(height)]
+            for y in range(80):
+                rows[top + y][left:left + 80] = logo[y][:80]
+            path.write_bytes(b"P5\n%d %d\n255\n" % (width, height) + b"".join(map(bytes, rows)))
+        (self.folder / "logos").mkdir()
+        doubtful = 0
+        for seed in range(40):
+            logo = picture(seed)
+            write(self.folder / "logos" / "a.pgm", logo, 240, 240, 20, 20)
+            write(self.folder / "logos" / "b.pgm", logo, 360, 360, 20, 20)
+            write(self.folder / "scene.pgm", logo, 640, 480, 250, 200)
+            run = self.find("scene.pgm", "logos", "--json", "out.json")
+            states = {found["status"] for found in self.detections()}
+            self.assertEqual(run.returncode, 0 if "ok" in states else 1, (seed, states))
+            doubtful += states == {"model_rejected"}
+            if doubtful:
+                break
+        self.assertTrue(doubtful, "no scene of this kind")
 
     def test_unusable_lists_are_refused_with_the_reason(self):
         (self.folder / "empty").mkdir()

@@ -322,8 +322,7 @@ class BagOutput(OutputCase):
 
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
-                (("--target_width", "1"), "writes no pose"), (("--target_frame", "x"), "writes no pose"),
-                (("--calibration", "raw"), "writes no pose"), (("--lazy", "false"), "every image"),
+                (("--calibration", "raw"), "--targets"), (("--lazy", "false"), "every image"),
                 (("--max_lost_ratio", "0.5"), "diagnostics"),
                 (("--max_pair_megapixels", "9"), "match_pair"),
                 (("--max_latency", "1"), "diagnostics"), (("--reference_image", "a.pgm"), "fixed"),
@@ -332,7 +331,7 @@ class BagOutput(OutputCase):
             self.refused("ktgp_bag", self.bag, "out.bag", *arguments, words=reason)
         self.refused("ktgp_bag", self.bag, "out.bag", "--reference_mode", "fixed",
                      words="there is no reference")
-        (self.folder / "node.yaml").write_text("target_width: 1.0\nmax_latency: 1.0\n")
+        (self.folder / "node.yaml").write_text("lazy: false\nmax_latency: 1.0\n")
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
         self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
 

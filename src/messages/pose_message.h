@@ -1,0 +1,26 @@
+#pragma once
+
+#include <geometry_msgs/Pose.h>
+#include <geometry_msgs/PoseWithCovariance.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <std_msgs/Header.h>
+
+#include <string>
+
+#include "ktgp_orb/planar_pose.h"
+
+namespace ktgp_orb {
+
+/// Poses as messages, and back.
+geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6& covariance);
+
+/// For tf: the frame of the header -> `child`.
+geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
+                                            const std::string& child,
+                                            const geometry_msgs::Pose& pose);
+
+/// Throws std::invalid_argument for an orientation that is none.
+Pose3 poseOf(const geometry_msgs::Pose& pose);
+Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose);
+
+}  // namespace ktgp_orb

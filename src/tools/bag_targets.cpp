@@ -1,0 +1,91 @@
+#include "tools/bag_targets.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+
+#include "bag/reader.h"
+#include "bag/video.h"
+#include "cli/files.h"
+#include "messages/image_conversion.h"
+#include "parameters/target_list.h"
+
+namespace ktgp_orb {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Empty: the recording has none.
+std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
+                                                    const std::string& image_topic) {
+  if (kindOf(recording) != InputKind::bag) return std::nullopt;
+  try {
+    return readCameraInfo(recording, image_topic);
+  } catch (const UnusableBag&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace
+
+void addTargetsArguments(CLI::App& app, TargetsInput& targets) {
+  app.add_option("--targets", targets.path,
+                 "also find flat targets: a folder with an image of each, or a YAML list; the "
+                 "topic targets/detections of the output has where they are, and their poses")
+      ->type_name("FILE")
+      ->group("Flat targets (see doc/targets.md)");
+}
+
+std::vector<std::string> filesOfTargets(const std::string& path) {
+  std::vector<std::string> files;
+  if (path.empty()) return files;
+  if (!fs::is_directory(path)) files.push_back(path);
+  for (const TargetEntry& entry : readTargetList(path)) {
+    files.insert(files.end(), entry.files.begin(), entry.files.end());
+  }
+  return files;
+}
+
+BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
+                       const std::string& image_topic)
+    : input_(input), info_topic_(cameraOf(image_topic) + "/camera_info") {
+  if (input_.path.empty()) return;
+  const auto refused = addTargets(readTargetList(input_.path), tools::readGrey, finder_);
+  for (const std::string& reason : refused) std::cerr << "ktgp_bag: " << reason << '\n';
+  refused_ = refused.size();
+  if (finder_.ids().empty()) {
+    throw tools::FileError(input_.path, "holds no target that can be used");
+  }
+  pixels_ = pixelsFrom(input_.calibration, image_topic);
+  info_ = cameraInfoOf(recording, image_topic);
+}
+
+TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
+  if (input_.path.empty()) return nullptr;
+  const cv::Mat grey = greyImage(image);
+  sequence_.next(image->header.stamp, grey.size(), finder_);
+  const TargetFrame& frame = finder_.find(grey);
+  TargetDetectionsPtr message = toMessage(image->header, frame);
+  addPoses(frame, grey.size(), info_ ? &*info_ : nullptr, info_topic_, pixels_, pose_, *message);
+  ++frames_;
+  found_ += message->detections.size();
+  if (!message->detections.empty()) ++seen_;
+  poses_ += static_cast<std::size_t>(
+      std::count_if(message->detections.begin(), message->detections.end(),
+                    [](const TargetDetection& detection) { return detection.has_pose != 0; }));
+  if (no_pose_.empty()) no_pose_ = message->no_pose;
+  return message;
+}
+
+std::string BagTargets::report() const {
+  if (input_.path.empty()) return "";
+  std::string text = input_.path + ": " + std::to_string(found_) + " detections in " +
+                     std::to_string(seen_) + " of " + std::to_string(frames_) + " images, " +
+                     std::to_string(poses_) +
+                     " of them with a pose; known targets: " + std::to_string(finder_.ids().size());
+  if (refused_ > 0) text += ", refused: " + std::to_string(refused_);
+  if (!no_pose_.empty()) text += "; first reason for no pose: " + no_pose_;
+  return text + '\n';
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <ktgp_orb/TargetDetections.h>
+#include <sensor_msgs/Image.h>
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/target_finder.h"
+#include "messages/target_messages.h"
+
+namespace ktgp_orb {
+
+/// What to search in the images; empty path: nothing.
+struct TargetsInput {
+  std::string path;                     ///< folder of images, or YAML list
+  std::string calibration = "by_name";  ///< kind of the images
+};
+
+void addTargetsArguments(CLI::App& app, TargetsInput& targets);
+
+/// The files that a folder or list of targets consists of. Throws std::invalid_argument for one
+/// that cannot be used.
+std::vector<std::string> filesOfTargets(const std::string& path);
+
+/// Finds flat targets in the images of a bag as the nodelet does, but searches all of them in every
+/// image.
+class BagTargets {
+ public:
+  /// Does nothing for an empty path. Names every target that is refused, with the reason, on the
+  /// standard error. Throws std::invalid_argument for a list that cannot be used, and FileError if
+  /// no target of it can.
+  BagTargets(const TargetsInput& input, const std::string& recording,
+             const std::string& image_topic);
+
+  /// What the nodelet's ~detections has; null if nothing was wanted. Throws RefusedImage.
+  TargetDetectionsPtr find(const sensor_msgs::ImageConstPtr& image);
+  /// The outcome in a line for users; empty if nothing was wanted.
+  std::string report() const;
+
+ private:
+  TargetsInput input_;
+  TargetFinder finder_;
+  ImageSequence sequence_;
+  DetectedPose pose_;
+  std::optional<sensor_msgs::CameraInfo> info_;
+  std::string info_topic_;
+  Pixels pixels_ = Pixels::raw;
+  std::size_t refused_ = 0;
+  std::size_t frames_ = 0;
+  std::size_t seen_ = 0;  // frames with a target
+  std::size_t found_ = 0;
+  std::size_t poses_ = 0;
+  std::string no_pose_;  // the first reason
+};
+
+}  // namespace ktgp_orb

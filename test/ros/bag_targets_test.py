@@ -1,0 +1,157 @@
+#!/usr/bin/python3
+"""ktgp_bag --targets: a poster in a recording, against the truth and against ktgp_find; what is refused."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import cv2
+import numpy as np
+import rosbag
+import rospy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import image_message, texture
+from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
+
+POSITIONS = [POSITION + (0.02 * i, 0.01 * i, 0.05 * i) for i in range(5)]
+FRAMES = [rendered(K, position=position) for position in POSITIONS]
+DETECTIONS = '/camera/targets/detections'
+LIST = '- {id: mine, image: poster.png, width: 1.0, frame: mine}\n- {image: other.png}\n'
+
+
+class BagTargetsTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+        cv2.imwrite(self.file('poster.png'), POSTER)
+        cv2.imwrite(self.file('other.png'), texture(300, 400, seed=11))
+        self.write('targets.yaml', LIST)
+
+    def file(self, name):
+        return os.path.join(self.folder, name)
+
+    def write(self, name, text):
+        with open(self.file(name), 'w') as file:
+            file.write(text)
+
+    def write_bag(self, calibrated=True):
+        with rosbag.Bag(self.file('in.bag'), 'w') as bag:
+            for i, picture in enumerate(FRAMES):
+                stamp = rospy.Time.from_sec(1000 + i / 30.0)
+                bag.write('/camera/image_raw', image_message(picture, stamp), stamp)
+                if calibrated:
+                    bag.write('/camera/camera_info', information(), stamp)
+
+    def run_bag(self, *arguments):
+        return subprocess.run([os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--targets', 'targets.yaml'] +
+                              list(arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.folder,
+                              universal_newlines=True)
+
+    def detections(self, topic=DETECTIONS, bag='out.bag'):
+        with rosbag.Bag(self.file(bag)) as opened:
+            return [message for _, message, _ in opened.read_messages(topic)]
+
+    def test_finds_the_poster_in_every_image(self):
+        self.write_bag()
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 2\n',
+                      run.stderr)
+        messages = self.detections()
+        self.assertEqual(len(messages), len(FRAMES))
+        for i, (message, position) in enumerate(zip(messages, POSITIONS)):
+            self.assertEqual(message.header.stamp, rospy.Time.from_sec(1000 + i / 30.0))
+            self.assertEqual((message.known, message.frames_for_all, message.no_pose), (2, 1, ''))
+            found, = message.detections
+            self.assertEqual((found.id, found.instance, found.status, found.frame, found.age),
+                             ('mine', 0, MatchStatus.STATUS_OK, 'mine', i + 1))
+            metres, degrees, deviations = pose_errors(found.pose, position=position)
+            print('%.2f mm, %.3f degrees, %.1f squared deviations' % (1e3 * metres, degrees, deviations))
+            self.assertLess(metres, 0.002)
+            self.assertLess(degrees, 0.1)
+            self.assertLess(deviations, CHI_SQUARE)
+
+    def test_has_the_bits_of_ktgp_find(self):
+        self.write_bag()
+        self.assertEqual(self.run_bag('--name', '/mine').returncode, 0)
+        cv2.imwrite(self.file('frame.png'), FRAMES[0])
+        subprocess.check_call([os.environ['KTGP_ORB_FIND'], 'frame.png', 'targets.yaml', '--json', 'found.json'],
+                              cwd=self.folder, stdout=subprocess.DEVNULL)
+        with open(self.file('found.json')) as file:
+            expected, = json.load(file)['detections']
+        found, = self.detections('/mine/detections')[0].detections
+        self.assertEqual(list(found.homography), list(np.ravel(expected['homography'])))
+        self.assertEqual(list(found.corners), list(np.ravel(expected['corners'])))
+        self.assertEqual(list(found.corner_covariances), list(np.ravel(expected['corner_covariances'])))
+        self.assertEqual((found.inliers, found.log_false_alarms),
+                         (expected['inliers'], expected['log_false_alarms']))
+
+    def test_says_why_there_is_no_pose(self):
+        self.write_bag(calibrated=False)
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('0 of them with a pose', run.stderr)
+        self.assertIn('first reason for no pose: no camera_info on /camera/camera_info', run.stderr)
+        for message in self.detections():
+            self.assertEqual(message.no_pose, 'no camera_info on /camera/camera_info')
+            self.assertFalse(message.detections[0].has_pose)
+
+    def test_a_bad_target_is_named_and_the_others_are_found(self):
+        self.write_bag()
+        self.write('broken.png', 'no image')
+        self.write('targets.yaml', LIST + '- {image: broken.png}\n')
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('broken.png', run.stderr)
+        self.assertIn('known targets: 2, refused: 1', run.stderr)
+        self.assertEqual([d.id for m in self.detections() for d in m.detections], len(FRAMES) * ['mine'])
+
+    def refused(self, words, *arguments):
+        run = self.run_bag(*arguments)
+        self.assertEqual(run.returncode, 2, run.stderr)
+        self.assertIn(words, run.stderr)
+        self.assertFalse(os.path.exists(self.file('out.bag')))
+
+    def test_refuses_with_the_reason(self):
+        self.write_bag()
+        self.refused('is the input', '--csv', 'targets.yaml', '--force')
+        self.refused('is the input', '--csv', 'poster.png', '--force')
+        self.write('targets.yaml', '- {image: missing.png}\n')
+        self.refused('holds no target that can be used')
+        self.write('targets.yaml', 'no list')
+        self.refused('targets.yaml: is no list of targets')
+        os.remove(self.file('targets.yaml'))
+        self.refused('targets.yaml: is missing')
+        self.write('targets.yaml', LIST)
+        self.write('out.bag', 'mine')
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 2, run.stderr)
+        self.assertIn('--force', run.stderr)
+        with open(self.file('out.bag')) as file:
+            self.assertEqual(file.read(), 'mine')
+
+    def test_a_batch_is_done_again_when_a_target_changes(self):
+        self.write_bag()
+        self.write('list.txt', 'in.bag\n')
+        command = [os.environ['KTGP_ORB_BAG'], '--batch', 'list.txt', 'results', '--targets', 'targets.yaml']
+
+        def found():
+            run = subprocess.run(command, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                 universal_newlines=True)
+            self.assertEqual(run.returncode, 0, run.stderr)
+            messages = self.detections(bag='results/in.bag/matched.bag')
+            self.assertEqual({m.milliseconds for m in messages}, {0.0})
+            return sum(len(m.detections) for m in messages)
+        self.assertEqual(found(), len(FRAMES))
+        cv2.imwrite(self.file('poster.png'), texture(300, 400, seed=12))
+        self.assertEqual(found(), 0)
+
+
+if __name__ == '__main__':
+    unittest.main()
