@@ -457,8 +457,8 @@ TEST(GroundMotion, BeginsAnewAfterNumbersThatAreTooLarge) {
     GroundFrame frame = flight.next();
     if (i == 41) frame.covariance *= 1e306;
     const GroundEstimate& estimate = ground.add(frame);
-    if (i > 70) ASSERT_EQ(estimate.status, GroundStatus::ok) << i;
-    if (estimate.hasPose()) ASSERT_TRUE(estimate.pose_covariance.allFinite()) << i;
+    ASSERT_TRUE(i <= 70 || estimate.status == GroundStatus::ok) << i;
+    ASSERT_TRUE(!estimate.hasPose() || estimate.pose_covariance.allFinite()) << i;
   }
 }
 
