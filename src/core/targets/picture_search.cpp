@@ -65,10 +65,12 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 }
 
 bool PictureSearch::isExplained(const Seed& seed) const {
-  constexpr double kNear = 10.0;  // px
-  return std::any_of(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
-    return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) < kNear;
-  });
+  constexpr double kNear = 10.0;        // px
+  constexpr std::ptrdiff_t kTwice = 2;  // the first one may have grown from an unlucky pair
+  return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
+           return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
+                  kNear;
+         }) >= kTwice;
 }
 
 bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
@@ -152,16 +154,15 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
   return settle(picture, centre, map);
 }
 
-/// The whole picture.
+/// The whole picture. Parts that were out of reach so far may be farther off.
 bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
                            Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  constexpr int kLastRounds = 3;
-  for (int round = 0; round < kLastRounds; ++round) {
-    if (!matchNear(picture, map, centre, kEverywhere, kLastRadius)) return false;
-    if (round + 1 < kLastRounds && !refit(kLastRadius, map)) return false;
+  for (const float radius : {10.F, 6.F, kLastRadius}) {
+    if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
+    if (!refit(radius, map)) return false;
   }
-  return true;
+  return matchNear(picture, map, centre, kEverywhere, kLastRadius);
 }
 
 bool PictureSearch::refit(float radius, Eigen::Matrix3d& map) const {
