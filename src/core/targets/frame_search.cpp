@@ -3,7 +3,9 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cstring>
 #include <numeric>
+#include <utility>
 
 namespace ktgp_orb::targets {
 namespace {
@@ -74,19 +76,16 @@ void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) 
   }
   taken_.clear();
   FoundTarget result;
-  if (!searchOnce(target, whole_, result)) return;
-  found.push_back(result);
-  taken_.assign(features_->size(), 0);
-  for (int i = 1; i < options_.max_instances; ++i) {
-    take(found.back());
-    setRest();
-    if (!searchOnce(target, rest_, result)) return;
+  for (int i = 0; i < options_.max_instances && searchOnce(target, result); ++i) {
     found.push_back(result);
+    if (i == 0) taken_.assign(features_->size(), 0);
+    take(result);
   }
 }
 
-/// The first picture in which the target is found.
-bool FrameSearch::searchOnce(StoredTarget& target, PictureSearch& search, FoundTarget& result) {
+/// The first picture in which the target is found, among the keypoints that are not taken.
+bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
+  bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
     TargetPicture& picture = store_.picture(number);
@@ -94,6 +93,8 @@ bool FrameSearch::searchOnce(StoredTarget& target, PictureSearch& search, FoundT
     seeds_.collect(pairs.data(), pairs.data() + pairs.size(), picture.frames, frames_, taken_,
                    kFewestVotes);
     if (seeds_.votes() == 0) continue;
+    if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
+    PictureSearch& search = taken_.empty() ? whole_ : rest_;
     if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) continue;
     search.align(picture, store_.pyramid(number, number_), *features_, result.found);
     result.target = &target;
@@ -156,8 +157,8 @@ void FrameSearch::setRest() {
   rest_features_.descriptors.create(static_cast<int>(rest_numbers_.size()), kDescriptorBytes,
                                     CV_8U);
   for (std::size_t i = 0; i < rest_numbers_.size(); ++i) {
-    features_->descriptors.row(rest_numbers_[i])
-        .copyTo(rest_features_.descriptors.row(static_cast<int>(i)));
+    std::memcpy(rest_features_.descriptors.ptr(static_cast<int>(i)),
+                features_->descriptors.ptr(rest_numbers_[i]), kDescriptorBytes);
   }
   rest_.setFrame(rest_features_, rest_numbers_, features_->images);
 }

@@ -53,7 +53,7 @@ class FrameSearch {
                   std::vector<FoundTarget>& found);
 
  private:
-  bool searchOnce(StoredTarget& target, PictureSearch& search, FoundTarget& result);
+  bool searchOnce(StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();
 
