@@ -184,7 +184,7 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
 bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
                            Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  for (const float radius : {kSettleRadius, 6.F, kLastRadius}) {
+  for (const float radius : {20.F, 12.F, 7.F, kLastRadius}) {
     if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
     if (!refit(radius, map)) return false;
   }
