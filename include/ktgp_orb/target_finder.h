@@ -45,7 +45,8 @@ struct TargetFinderOptions {
   /// predicted position, px, 0..1000. 0: it gets no second search.
   double search_radius = 48.0;
   /// Time for the targets that were not seen in the last frame, ms per frame; infinite: all that
-  /// have a chance are tried on every frame.
+  /// have a chance are tried on every frame. A part of the index and one target are always
+  /// searched. The extraction and the targets of the last frame come on top.
   double search_ms = std::numeric_limits<double>::infinity();
   int max_instances = 8;  ///< of one target in a frame, 1..1000
 };
@@ -54,8 +55,8 @@ struct TargetFinderOptions {
 struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
-  /// ok; or model_rejected: another target claims the same keypoints with more support, so that
-  /// only one of the two can be there.
+  /// ok; or model_rejected: another target claims the same keypoints or the same place with more
+  /// support, so that only one of the two can be there.
   Status status = Status::ok;
   std::size_t image = 0;  ///< the image of the target that was found
   cv::Size image_size;    ///< of that image, px
@@ -81,7 +82,8 @@ struct TargetSearch {
   std::size_t known = 0;       ///< targets
   std::size_t candidates = 0;  ///< targets with a chance: two keypoints or more that fit together
   std::size_t tried = 0;       ///< of these
-  /// Frames within which every candidate is tried, if it stays one: 1 if all were.
+  /// Frames within which all keypoints are looked up in the index and every candidate is tried, if
+  /// it stays one: 1 if this was done.
   std::size_t frames_for_all = 1;
   std::size_t features = 0;  ///< keypoints of the frame
   double extraction_milliseconds = 0.0;
@@ -99,16 +101,19 @@ struct TargetFrame {
 ///
 /// 1. The frame's features are extracted once.
 /// 2. An index of the descriptors of all targets (bits sampled at random in several tables; Indyk &
-///   Motwani, STOC 1998) gives for each keypoint of the frame the most similar ones.
-/// 3. A pair of keypoints predicts an affine map, since it has a direction and a size. The targets
-///   whose pairs agree with each other are candidates.
-/// 4. Each candidate is grown from its best pairs, judged by decoys (see HomographyGrowth), aligned
-///   to a fraction of a pixel, and searched again without the keypoints that it explains.
+///   Motwani, STOC 1998) gives for each keypoint of the frame the most similar ones. A pair of
+///   keypoints predicts an affine map, since it has a direction and a size. The targets whose pairs
+///   agree with each other are candidates.
+/// 3. Each candidate, and each target of the last frame, is matched with the frame by itself
+///   (multi-index hashing).
+/// 4. It is grown from its best pairs, judged by decoys (see HomographyGrowth), aligned to a
+///   fraction of a pixel, and searched again without the keypoints that it explains.
 ///
-/// The targets of the last frame come first, then the other candidates in order of their support,
-/// each second one in turn, until search_ms is over. What is tried depends on this time. What is
-/// found does not: a search gives the same bits whenever it is done. Only the second search near
-/// the predicted position (DetectedTarget::predicted) needs a detection in the frame before.
+/// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
+/// in the index, in turn, and how many candidates are tried: in order of their support, each second
+/// one in turn. What is tried depends on this time. What is found does not: a search gives the same
+/// bits whenever it is done. Only the second search near the predicted position
+/// (DetectedTarget::predicted) needs a detection in the frame before.
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {

@@ -194,14 +194,17 @@ TEST(TargetFinder, RefusesWhatCannotBeATarget) {
 
 TEST(TargetFinder, ManyTimesTheSamePictureIsOneTarget) {
   TargetFinder finder = finderOf(1);
+  constexpr int kCopies = 100;
   int refused = 0;
-  for (int i = 0; i < 20; ++i) {
+  for (int i = 0; i < kCopies; ++i) {
     Target copy = poster(0);
     copy.id = "copy" + std::to_string(i);
-    cv::resize(copy.images[0], copy.images[0], cv::Size(), 1.0 + 0.03 * i, 1.0 + 0.03 * i);
+    const double scale = 1.0 + 0.005 * i;
+    cv::resize(copy.images[0], copy.images[0], cv::Size(), scale, scale);
     refused += reasonOf(finder, copy).find("could not be told apart") != std::string::npos ? 1 : 0;
   }
-  EXPECT_EQ(refused, 20);
+  EXPECT_EQ(refused, kCopies);
+  EXPECT_EQ(finder.ids().size(), 1U);
   EXPECT_NE(detectionOf(finder.find(frameOf({shown(0, 320, 240)})), 0), nullptr);
 }
 
@@ -268,6 +271,35 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   EXPECT_EQ(seen, 2U);
 }
 
+TEST(TargetFinder, WhatIsFollowedDoesNotWaitForTheBudget) {
+  TargetFinder finder = finderOf(16);
+  const std::vector<Shown> truth{shown(4, 170, 240), shown(11, 470, 240)};
+  const cv::Mat image = frameOf(truth);
+  const std::vector<DetectedTarget> expected = finder.find(image).detections;
+  ASSERT_EQ(expected.size(), 2U);
+  finder.setSearch(0.0, 48.0);
+  for (int age = 2; age < 6; ++age) {
+    const TargetFrame& frame = finder.find(image);
+    ASSERT_EQ(frame.detections.size(), 2U);
+    for (std::size_t i = 0; i < 2; ++i) {
+      expectSame(frame.detections[i], expected[i]);
+      EXPECT_EQ(frame.detections[i].age, age);
+    }
+    EXPECT_GT(frame.search.frames_for_all, 5U);  // 256 of the 3000 keypoints on each frame
+  }
+}
+
+TEST(TargetFinder, OtherTargetsChangeNothing) {
+  TargetFinder few = finderOf(8);
+  TargetFinder many = finderOf(16);
+  const cv::Mat image = frameOf({shown(4, 170, 240), shown(6, 470, 240)});
+  const std::vector<DetectedTarget> expected = few.find(image).detections;
+  const TargetFrame& frame = many.find(image);
+  ASSERT_EQ(expected.size(), 2U);
+  ASSERT_EQ(frame.detections.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) expectSame(frame.detections[i], expected[i]);
+}
+
 TEST(TargetFinder, TheSameFramesGiveTheSameBits) {
   std::vector<DetectedTarget> first;
   for (int run = 0; run < 2; ++run) {
@@ -299,7 +331,11 @@ TEST(TargetFinder, TakesFramesOfAnotherSizeAndFeatures) {
   EXPECT_EQ(finder.find(image).detections.size(), 1U);
   cv::Mat larger;
   cv::copyMakeBorder(image, larger, 0, 100, 0, 200, cv::BORDER_CONSTANT, 80);
-  EXPECT_EQ(finder.find(larger).detections.size(), 1U);
+  for (const cv::Mat& frame : {larger, image, larger}) {
+    const TargetFrame& found = finder.find(frame);
+    ASSERT_EQ(found.detections.size(), 1U);
+    EXPECT_LT(errorOf(found.detections[0], truth), 0.5);
+  }
   Features features;
   OrbExtractor(finder.options().orb).extract(image, features);
   EXPECT_EQ(finder.find(features).detections.size(), 1U);

@@ -45,6 +45,13 @@ inline Bits bitsOf(const Features& features, std::size_t index) {
   return bits;
 }
 
+/// Number of bits set, using only instructions that every processor has.
+inline int countBits(std::uint32_t v) {
+  v -= (v >> 1) & 0x55555555U;
+  v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);
+  return static_cast<int>((((v + (v >> 4)) & 0x0f0f0f0fU) * 0x01010101U) >> 24);
+}
+
 /// Hamming distance, using only instructions that every processor has.
 inline int distance(const Bits& a, const Bits& b) {
   std::uint64_t bytes = 0;  // each byte counts at most four times eight

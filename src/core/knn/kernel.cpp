@@ -25,7 +25,7 @@ Row load(const std::uint8_t* row) {
 }
 
 /// Number of bits set in either byte: sums of neighbouring bits, then pairs, then nibbles.
-std::uint16_t countBits(std::uint16_t v) {
+std::uint16_t countBitsOfBytes(std::uint16_t v) {
   v = static_cast<std::uint16_t>(v - ((v >> 1) & 0x5555));
   v = static_cast<std::uint16_t>((v & 0x3333) + ((v >> 2) & 0x3333));
   return static_cast<std::uint16_t>((v + (v >> 4)) & 0x0f0f);
@@ -39,7 +39,7 @@ Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor
     const auto query = static_cast<std::uint16_t>(descriptor[b] * 0x0101);
     for (int i = 0; i < kLanes; ++i) {
       sum.lane[i] = static_cast<std::uint16_t>(
-          sum.lane[i] + countBits(static_cast<std::uint16_t>(row.lane[i] ^ query)));
+          sum.lane[i] + countBitsOfBytes(static_cast<std::uint16_t>(row.lane[i] ^ query)));
     }
   }
   return sum;

@@ -1,6 +1,9 @@
 #include "core/targets/conflicts.h"
 
 #include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -23,6 +26,26 @@ bool coversPicture(const FoundTarget& one, TargetStore& store) {
   return box.volume() > kShare * size.area();
 }
 
+std::vector<cv::Point2f> outlineOf(const FoundTarget& one, TargetStore& store) {
+  std::vector<cv::Point2f> outline;
+  for (const Eigen::Vector2d& p :
+       homography::imageCorners(store.picture(one.picture).image.size(), {})) {
+    const Eigen::Vector2d q = homography::project(one.found.estimate.homography, p);
+    outline.emplace_back(static_cast<float>(q.x()), static_cast<float>(q.y()));
+  }
+  return outline;
+}
+
+/// Whether both cover nearly the same part of the frame.
+bool areInOnePlace(const FoundTarget& one, const FoundTarget& other, TargetStore& store) {
+  constexpr double kShare = 0.5;
+  const std::vector<cv::Point2f> a = outlineOf(one, store);
+  const std::vector<cv::Point2f> b = outlineOf(other, store);
+  std::vector<cv::Point2f> common;
+  return cv::intersectConvexConvex(a, b, common) >
+         kShare * std::max(cv::contourArea(a), cv::contourArea(b));
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
@@ -35,10 +58,12 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
     for (std::size_t j = 0; j < found.size(); ++j) {
       const std::size_t count = found[j].found.keypoints.size();
       if (found[j].target == found[i].target || count > sorted.size()) continue;
-      if (static_cast<double>(shared(found[j], sorted)) < kMost * static_cast<double>(count)) {
-        continue;
+      const bool are_shared =
+          static_cast<double>(shared(found[j], sorted)) >= kMost * static_cast<double>(count);
+      if ((are_shared && !coversPicture(found[j], store)) ||
+          areInOnePlace(found[i], found[j], store)) {
+        is_doubtful[j] = 1;
       }
-      if (!coversPicture(found[j], store)) is_doubtful[j] = 1;
     }
   }
   return is_doubtful;

@@ -3,75 +3,101 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cstring>
+#include <numeric>
+#include <utility>
 
 namespace ktgp_orb::targets {
+namespace {
+
+// To be tried: among the pairs that stand out among those of all targets.
+constexpr std::int32_t kFewestIndexVotes = 2;
+// To be grown: among the target's own pairs, which are many.
+constexpr std::int32_t kFewestVotes = 5;
+
+}  // namespace
 
 void FrameSearch::setFrame(const Features& features, std::uint64_t number) {
   features_ = &features;
   number_ = number;
   whole_.setFrame(features, {}, features.images);
   frames_.clear();
+  bits_.clear();
   hits_.clear();
   for (std::size_t i = 0; i < features.size(); ++i) {
     frames_.push_back(growth::frameOf(features.keypoints[i]));
-    store_.index().search(growth::bitsOf(features, i), static_cast<std::uint32_t>(i), hits_);
+    bits_.push_back(growth::bitsOf(features, i));
   }
+  tables_.setFrame(bits_);
+  // Near the golden ratio, so that any part of the order is spread over all; without a common
+  // divisor, so that all have a turn.
+  step_ = std::max<std::size_t>(1, bits_.size() * 618 / 1000);
+  while (std::gcd(step_, bits_.size()) > 1) ++step_;
+}
+
+void FrameSearch::lookUp(std::size_t turn, std::size_t count) {
+  if (bits_.empty()) return;
+  queries_.clear();
+  for (std::size_t i = turn; i < turn + std::min(count, bits_.size()); ++i) {
+    queries_.push_back(static_cast<std::uint32_t>(i * step_ % bits_.size()));
+  }
+  store_.index().search(bits_, queries_, hits_);
+}
+
+/// The pictures of a target have consecutive numbers, so its hits are a run.
+const std::vector<Candidate>& FrameSearch::candidates() {
   std::sort(hits_.begin(), hits_.end(), [](const IndexHit& a, const IndexHit& b) {
     if (a.picture != b.picture) return a.picture < b.picture;
     if (a.distance != b.distance) return a.distance < b.distance;
     return a.query != b.query ? a.query < b.query : a.keypoint < b.keypoint;
   });
-  collectCandidates();
-}
-
-/// The pictures of a target have consecutive numbers, so its hits are a run.
-void FrameSearch::collectCandidates() {
   candidates_.clear();
   taken_.clear();
   for (std::size_t begin = 0, end = 0; begin < hits_.size(); begin = end) {
     const std::uint32_t picture = hits_[begin].picture;
     while (end < hits_.size() && hits_[end].picture == picture) ++end;
     seeds_.collect(&hits_[begin], hits_.data() + end, store_.picture(picture).frames, frames_,
-                   taken_);
+                   taken_, kFewestIndexVotes);
+    if (seeds_.votes() == 0) continue;
     StoredTarget& target = store_.owner(picture);
-    const bool is_same = !candidates_.empty() && candidates_.back().target == &target;
-    if (seeds_.votes() == 0) {
-      if (is_same) candidates_.back().end = end;
-    } else if (is_same) {
-      candidates_.back().end = end;
-      candidates_.back().votes = std::max(candidates_.back().votes, seeds_.votes());
-    } else {
-      candidates_.push_back({&target, seeds_.votes(), begin, end});
+    if (candidates_.empty() || candidates_.back().target != &target) {
+      candidates_.push_back({&target, 0});
     }
+    candidates_.back().votes = std::max(candidates_.back().votes, seeds_.votes());
   }
+  return candidates_;
 }
 
-void FrameSearch::search(const Candidate& candidate, std::vector<FoundTarget>& found) {
+void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
+  pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
+  for (std::size_t i = 0; i < target.pictures.size(); ++i) {
+    const std::uint32_t number = target.pictures[i];
+    tables_.match(number, store_.picture(number).frames, pairs_[i]);
+  }
   taken_.clear();
   FoundTarget result;
-  if (!searchOnce(candidate, whole_, result)) return;
-  found.push_back(result);
-  taken_.assign(features_->size(), 0);
-  for (int i = 1; i < options_.max_instances; ++i) {
-    take(found.back());
-    setRest();
-    if (!searchOnce(candidate, rest_, result)) return;
+  for (int i = 0; i < options_.max_instances && searchOnce(target, result); ++i) {
     found.push_back(result);
+    if (i == 0) taken_.assign(features_->size(), 0);
+    take(result);
   }
 }
 
-/// The first picture in which the target is found.
-bool FrameSearch::searchOnce(const Candidate& candidate, PictureSearch& search,
-                             FoundTarget& result) {
-  for (std::size_t begin = candidate.begin, end = begin; begin < candidate.end; begin = end) {
-    const std::uint32_t number = hits_[begin].picture;
-    while (end < candidate.end && hits_[end].picture == number) ++end;
+/// The first picture in which the target is found, among the keypoints that are not taken.
+bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
+  bool is_rest_set = false;
+  for (std::size_t i = 0; i < target.pictures.size(); ++i) {
+    const std::uint32_t number = target.pictures[i];
     TargetPicture& picture = store_.picture(number);
-    seeds_.collect(&hits_[begin], hits_.data() + end, picture.frames, frames_, taken_);
+    const std::vector<IndexHit>& pairs = pairs_[i];
+    seeds_.collect(pairs.data(), pairs.data() + pairs.size(), picture.frames, frames_, taken_,
+                   kFewestVotes);
     if (seeds_.votes() == 0) continue;
+    if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
+    PictureSearch& search = taken_.empty() ? whole_ : rest_;
     if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) continue;
     search.align(picture, store_.pyramid(number, number_), *features_, result.found);
-    result.target = candidate.target;
+    result.target = &target;
     result.picture = number;
     return true;
   }
@@ -131,8 +157,8 @@ void FrameSearch::setRest() {
   rest_features_.descriptors.create(static_cast<int>(rest_numbers_.size()), kDescriptorBytes,
                                     CV_8U);
   for (std::size_t i = 0; i < rest_numbers_.size(); ++i) {
-    features_->descriptors.row(rest_numbers_[i])
-        .copyTo(rest_features_.descriptors.row(static_cast<int>(i)));
+    std::memcpy(rest_features_.descriptors.ptr(static_cast<int>(i)),
+                features_->descriptors.ptr(rest_numbers_[i]), kDescriptorBytes);
   }
   rest_.setFrame(rest_features_, rest_numbers_, features_->images);
 }

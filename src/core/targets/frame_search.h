@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/growth/local_frame.h"
+#include "core/targets/frame_tables.h"
 #include "core/targets/picture_search.h"
 #include "core/targets/seeds.h"
 #include "core/targets/target_store.h"
@@ -14,8 +15,7 @@ namespace ktgp_orb::targets {
 /// A target that some pairs of keypoints speak for.
 struct Candidate {
   StoredTarget* target;
-  std::int32_t votes;      ///< of its best seed
-  std::size_t begin, end;  ///< its hits
+  std::int32_t votes;  ///< of its best seed
 };
 
 /// A target in the frame.
@@ -39,19 +39,21 @@ class FrameSearch {
   /// `number`: of the frame. `features` must live until the last search in this frame.
   void setFrame(const Features& features, std::uint64_t number);
 
-  /// In the order of the targets.
-  const std::vector<Candidate>& candidates() const { return candidates_; }
+  /// Looks keypoints up in the index of all targets: those from `turn` on of an order in which
+  /// neighbours are far apart, at most `count`.
+  void lookUp(std::size_t turn, std::size_t count);
+  /// The targets that the keypoints looked up speak for, in the order of the targets.
+  const std::vector<Candidate>& candidates();
 
-  /// Appends all instances of the candidate.
-  void search(const Candidate& candidate, std::vector<FoundTarget>& found);
+  /// Appends all instances of the target.
+  void search(StoredTarget& target, std::vector<FoundTarget>& found);
   /// Looks for one more instance near a prediction (picture's `image` -> frame, px), apart from
   /// those of this target in `found`; appends it.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
                   std::vector<FoundTarget>& found);
 
  private:
-  void collectCandidates();
-  bool searchOnce(const Candidate& candidate, PictureSearch& search, FoundTarget& result);
+  bool searchOnce(StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();
 
@@ -60,7 +62,12 @@ class FrameSearch {
   const Features* features_ = nullptr;
   std::uint64_t number_ = 0;
   std::vector<growth::LocalFrame> frames_;  // of the features
-  std::vector<IndexHit> hits_;              // sorted by picture
+  std::vector<growth::Bits> bits_;          // the same
+  FrameTables tables_;
+  std::size_t step_ = 1;  // from one keypoint to the next one that is looked up
+  std::vector<std::uint32_t> queries_;
+  std::vector<IndexHit> hits_;                // of the index, for all targets
+  std::vector<std::vector<IndexHit>> pairs_;  // of the pictures of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;
   PictureSearch whole_;  // all features

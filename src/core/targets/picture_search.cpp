@@ -14,6 +14,7 @@ namespace {
 constexpr int kPoints = 120;  // aligned at most
 
 constexpr float kFirstRadius = 15.F;  // px
+constexpr float kSettleRadius = 10.F;
 constexpr float kLastRadius = 4.F;
 constexpr float kRadiusFactor = 0.83F;  // per round
 constexpr double kFirstReach = 90.0;    // px of the picture
@@ -65,10 +66,12 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 }
 
 bool PictureSearch::isExplained(const Seed& seed) const {
-  constexpr double kNear = 10.0;  // px
-  return std::any_of(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
-    return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) < kNear;
-  });
+  constexpr double kNear = 10.0;        // px
+  constexpr std::ptrdiff_t kTwice = 2;  // the first one may have grown from an unlucky pair
+  return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
+           return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
+                  kNear;
+         }) >= kTwice;
 }
 
 bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
@@ -79,10 +82,31 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
     if (count == kMostSeeds) return false;
     if (isExplained(seed)) continue;
     ++count;
-    if (grow(picture, seed.from.cast<double>(), pictures, affineOf(seed, seeds), found))
+    const Eigen::Vector2d centre = seed.from.cast<double>();
+    const Eigen::Matrix3d affine = affineOf(seed, seeds);
+    Eigen::Matrix3d map = affine;
+    if (fitSeeds(seeds, map) && settle(picture, centre, map) &&
+        accept(picture, map, pictures, found)) {
       return true;
+    }
+    if (grow(picture, centre, pictures, affine, found)) return true;
   }
   return false;
+}
+
+/// Where many seeds agree, they give the homography at once, without growth from one of them.
+bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map) {
+  constexpr std::size_t kMany = 24;
+  for (const float radius : {kFirstRadius, 0.5F * kFirstRadius}) {
+    near_pairs_.clear();
+    for (const Seed& seed : seeds) {
+      const Eigen::Vector2d from = seed.from.cast<double>();
+      const Eigen::Vector2d to = seed.to.cast<double>();
+      if (homography::errorOf(map, from, to) < radius) near_pairs_.push_back({from, to});
+    }
+    if (near_pairs_.size() < kMany || !refit(radius, map)) return false;
+  }
+  return true;
 }
 
 /// Moves the prediction to where most keypoints within the radius are, then grows it.
@@ -143,7 +167,11 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
                            Eigen::Matrix3d& map) {
   double reach = kFirstReach;
   float radius = kFirstRadius;
-  for (int round = 0; round < kRounds; ++round) {
+  const cv::Size& size = picture.image.size();
+  const double all = Eigen::Vector2d(std::max(centre.x(), size.width - centre.x()),
+                                     std::max(centre.y(), size.height - centre.y()))
+                         .norm();
+  for (int round = 0; round < kRounds && (reach < all || radius > kSettleRadius); ++round) {
     if (!matchNear(picture, map, centre, reach, radius)) return false;
     if (exactPairs() < fewestExact(round) || !refit(radius, map)) return false;
     reach *= kReachFactor;
@@ -152,16 +180,15 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
   return settle(picture, centre, map);
 }
 
-/// The whole picture.
+/// The whole picture. Parts that were out of reach so far may be farther off.
 bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
                            Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  constexpr int kLastRounds = 3;
-  for (int round = 0; round < kLastRounds; ++round) {
-    if (!matchNear(picture, map, centre, kEverywhere, kLastRadius)) return false;
-    if (round + 1 < kLastRounds && !refit(kLastRadius, map)) return false;
+  for (const float radius : {20.F, 12.F, 7.F, kLastRadius}) {
+    if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
+    if (!refit(radius, map)) return false;
   }
-  return true;
+  return matchNear(picture, map, centre, kEverywhere, kLastRadius);
 }
 
 bool PictureSearch::refit(float radius, Eigen::Matrix3d& map) const {
@@ -186,7 +213,7 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundPicture& found) {
   if (!fit(picture, map, found)) return false;
-  const double tests = static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
+  const double tests = 2.0 * static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
   found.log_false_alarms =
       images_.empty() ? 0.0
                       : appearance_.logFalseAlarms(picture.image, found.estimate.homography,

@@ -54,6 +54,7 @@ class PictureSearch {
             Eigen::Matrix3d map, FoundPicture& found);
   bool matchNear(TargetPicture& picture, const Eigen::Matrix3d& map, const Eigen::Vector2d& centre,
                  double reach, float radius);
+  bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
   std::size_t exactPairs() const;
   bool expand(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);
   bool settle(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);

@@ -9,7 +9,6 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::int32_t kFewestVotes = 2;
 constexpr std::size_t kMost = 200;       // bounds the time; the most similar ones
 constexpr float kReach = 150.F;          // px of the picture
 constexpr float kApart = 8.F;            // px; nearer keypoints may show the same corner
@@ -38,19 +37,41 @@ Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
   return seed;
 }
 
-bool votesFor(const Seed& voter, const Seed& seed) {
-  const Eigen::Vector2f step = voter.from - seed.from;
-  const float squared = step.squaredNorm();
-  if (squared > kReach * kReach || squared < kApart * kApart) return false;
-  if (std::abs(voter.log_area - seed.log_area) > kLogArea) return false;
-  const Eigen::Vector2f there = seed.linear * step;
-  const float slack = kSlack + kRelativeSlack * there.norm();
-  const Eigen::Vector2f to = voter.to - seed.to;
-  if ((to - there).squaredNorm() > slack * slack || to.squaredNorm() < 0.25F * kApart * kApart) {
-    return false;
-  }
-  const float product = voter.linear.cwiseProduct(seed.linear).sum();
-  return product > kCosine * voter.linear.norm() * seed.linear.norm();
+/// What the votes depend on.
+struct Map {
+  float from_x, from_y, to_x, to_y, log_area;
+  float xx, xy, yx, yy;  // linear
+  float norm;            // of linear
+};
+
+Map mapOf(const Seed& seed) {
+  const Eigen::Matrix2f& m = seed.linear;
+  return {seed.from.x(), seed.from.y(), seed.to.x(), seed.to.y(), seed.log_area,
+          m(0, 0),       m(0, 1),       m(1, 0),     m(1, 1),     m.norm()};
+}
+
+/// Whether `voter` lies where the map of `seed` predicts, and has a similar map. Without branches,
+/// so that a loop over the voters becomes vector code.
+inline bool agrees(const Map& voter, const Map& seed) {
+  const float x = voter.from_x - seed.from_x;
+  const float y = voter.from_y - seed.from_y;
+  const float squared = x * x + y * y;
+  const float there_x = seed.xx * x + seed.xy * y;
+  const float there_y = seed.yx * x + seed.yy * y;
+  const float to_x = voter.to_x - seed.to_x;
+  const float to_y = voter.to_y - seed.to_y;
+  const float error_x = to_x - there_x;
+  const float error_y = to_y - there_y;
+  const float product =
+      voter.xx * seed.xx + voter.xy * seed.xy + voter.yx * seed.yx + voter.yy * seed.yy;
+  const float slack =
+      kSlack * kSlack + kRelativeSlack * kRelativeSlack * (there_x * there_x + there_y * there_y);
+  return static_cast<bool>(static_cast<int>(squared <= kReach * kReach) &
+                           static_cast<int>(squared >= kApart * kApart) &
+                           static_cast<int>(std::abs(voter.log_area - seed.log_area) <= kLogArea) &
+                           static_cast<int>(error_x * error_x + error_y * error_y <= slack) &
+                           static_cast<int>(to_x * to_x + to_y * to_y >= 0.25F * kApart * kApart) &
+                           static_cast<int>(product > kCosine * voter.norm * seed.norm));
 }
 
 }  // namespace
@@ -58,22 +79,37 @@ bool votesFor(const Seed& voter, const Seed& seed) {
 void Seeds::collect(const IndexHit* begin, const IndexHit* end,
                     const growth::ReferenceFrames& reference,
                     const std::vector<growth::LocalFrame>& frames,
-                    const std::vector<std::uint8_t>& taken) {
+                    const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes) {
   seeds_.clear();
   for (const IndexHit* hit = begin; hit != end && seeds_.size() < kMost; ++hit) {
     if (!taken.empty() && taken[hit->query] != 0) continue;
     seeds_.push_back(seedOf(*hit, reference, frames[hit->query]));
   }
-  vote();
+  vote(fewest_votes);
 }
 
-void Seeds::vote() {
-  for (std::size_t i = 0; i < seeds_.size(); ++i) {
-    for (std::size_t j = 0; j < seeds_.size(); ++j) {
-      if (i != j && votesFor(seeds_[j], seeds_[i])) ++seeds_[i].votes;
-    }
+void Seeds::vote(std::int32_t fewest_votes) {
+  columns_.resize(kColumns * seeds_.size());
+  const std::size_t n = seeds_.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const Map map = mapOf(seeds_[i]);
+    const float values[kColumns] = {map.from_x, map.from_y, map.to_x, map.to_y, map.log_area,
+                                    map.xx,     map.xy,     map.yx,   map.yy,   map.norm};
+    for (std::size_t c = 0; c < kColumns; ++c) columns_[c * n + i] = values[c];
   }
-  const auto is_alone = [](const Seed& seed) { return seed.votes < kFewestVotes; };
+  const float* column = columns_.data();
+  for (Seed& seed : seeds_) {
+    const Map map = mapOf(seed);
+    std::int32_t votes = 0;
+    for (std::size_t j = 0; j < n; ++j) {
+      const Map voter{column[j],         column[n + j],     column[2 * n + j], column[3 * n + j],
+                      column[4 * n + j], column[5 * n + j], column[6 * n + j], column[7 * n + j],
+                      column[8 * n + j], column[9 * n + j]};
+      votes += static_cast<std::int32_t>(agrees(voter, map));
+    }
+    seed.votes = votes;
+  }
+  const auto is_alone = [&](const Seed& seed) { return seed.votes < fewest_votes; };
   seeds_.erase(std::remove_if(seeds_.begin(), seeds_.end(), is_alone), seeds_.end());
   std::stable_sort(seeds_.begin(), seeds_.end(),
                    [](const Seed& a, const Seed& b) { return a.votes > b.votes; });
@@ -86,7 +122,7 @@ Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
   };
   std::vector<growth::PlacePair> near;
   for (const Seed& voter : seeds) {
-    if (votesFor(voter, seed)) near.push_back(place(voter));
+    if (agrees(mapOf(voter), mapOf(seed))) near.push_back(place(voter));
   }
   return growth::fitAffineNear(near, place(seed), seed.linear.cast<double>(), kOwnReach);
 }

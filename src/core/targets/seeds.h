@@ -28,17 +28,20 @@ class Seeds {
   /// non-zero `taken` are left out; empty: none.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
-               const std::vector<std::uint8_t>& taken);
+               const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
 
-  /// Those with two votes or more, the ones with most votes first.
+  /// Those with `fewest_votes` or more, the ones with most votes first.
   const std::vector<Seed>& best() const { return seeds_; }
   /// Votes of the best one; 0 if there is none.
   std::int32_t votes() const { return seeds_.empty() ? 0 : seeds_.front().votes; }
 
  private:
-  void vote();
+  void vote(std::int32_t fewest_votes);
+
+  static constexpr std::size_t kColumns = 10;
 
   std::vector<Seed> seeds_;
+  std::vector<float> columns_;  // what the votes depend on, one value of all seeds after the other
 };
 
 /// Picture to frame around the seed, fitted to those of `seeds` that vote for it.

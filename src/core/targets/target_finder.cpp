@@ -30,6 +30,19 @@ double millisecondsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
+/// Of time.
+class Budget {
+ public:
+  explicit Budget(double milliseconds) : milliseconds_(milliseconds) {}
+  bool isOver(double share = 1.0) const {
+    return std::isfinite(milliseconds_) && millisecondsSince(start_) >= share * milliseconds_;
+  }
+
+ private:
+  double milliseconds_;
+  Clock::time_point start_ = Clock::now();
+};
+
 void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("features of a target", options.features, 50, 5000);
   util::requireInRange("largest_side", options.largest_side, 64, 4000);
@@ -126,8 +139,9 @@ struct TargetFinder::Impl {
                         const StoredTarget* replaced);
   void add(const Target& target, StoredTarget* replaced);
   void searchFollowed();
-  void searchOthers(Clock::time_point start);
-  void tryCandidate(std::size_t index);
+  std::size_t lookUp(std::size_t count, const Budget& budget);
+  void searchOthers();
+  void tryTarget(StoredTarget& target);
   void searchMissing();
   void publish();
   const TargetFrame& find(const Features& given, Clock::time_point start);
@@ -141,10 +155,10 @@ struct TargetFinder::Impl {
   std::uint64_t frame_number = 0;
   Features features;
   std::vector<FoundTarget> found;
-  std::vector<std::size_t> others;   // candidates that were not seen in the last frame
-  std::vector<std::size_t> in_turn;  // the same
-  std::vector<std::uint8_t> is_tried;
-  std::vector<Track> track_of;  // of each one found
+  std::size_t turn = 0;            // where the next frame begins to look keypoints up
+  std::vector<Candidate> others;   // that were not seen in the last frame
+  std::vector<Candidate> in_turn;  // the same
+  std::vector<Track> track_of;     // of each one found
   TargetFrame answer;
 };
 
@@ -164,10 +178,11 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     check_extractor.extract(pictures[i].image, own);
     search.setFrame(own, frame_number);
+    search.lookUp(0, own.size());
     for (const Candidate& candidate : search.candidates()) {
       if (candidate.target == replaced) continue;
       same.clear();
-      search.search(candidate, same);
+      search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
         if (!coversAll(other, pictures[i].image.size(), store)) continue;
         throw std::invalid_argument("target \"" + id + "\": image " + std::to_string(i + 1) +
@@ -188,46 +203,54 @@ void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
   store.add(target, std::move(pictures));
 }
 
-void TargetFinder::Impl::tryCandidate(std::size_t index) {
-  if (std::exchange(is_tried[index], 1) != 0) return;
-  const Candidate& candidate = search.candidates()[index];
-  candidate.target->last_tried = frame_number;
+void TargetFinder::Impl::tryTarget(StoredTarget& target) {
+  target.last_tried = frame_number;
   ++answer.search.tried;
-  search.search(candidate, found);
+  search.search(target, found);
 }
 
 void TargetFinder::Impl::searchFollowed() {
-  others.clear();
-  for (std::size_t i = 0; i < search.candidates().size(); ++i) {
-    if (tracks.wasSeen(*search.candidates()[i].target)) {
-      tryCandidate(i);
-    } else {
-      others.push_back(i);
-    }
+  for (const auto& target : store.targets()) {
+    if (tracks.wasSeen(*target)) tryTarget(*target);
   }
+}
+
+/// Half of the time at most, since what is found must be tried as well; at least one part. Returns
+/// the number of frames that it takes for all keypoints.
+std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) {
+  constexpr std::size_t kPart = 256;
+  std::size_t done = 0;
+  while (done < count && (done == 0 || !budget.isOver(0.5))) {
+    search.lookUp(turn + done, kPart);
+    done += kPart;
+  }
+  turn = done < count ? (turn + done) % count : 0;
+  return done < count ? (count + done - 1) / done : 1;
 }
 
 /// By turns the one with most votes and the one that has waited longest; at least one of the
 /// latter.
-void TargetFinder::Impl::searchOthers(Clock::time_point start) {
-  const std::vector<Candidate>& candidates = search.candidates();
-  in_turn = others;
-  std::stable_sort(others.begin(), others.end(), [&](std::size_t a, std::size_t b) {
-    return candidates[a].votes > candidates[b].votes;
-  });
-  std::stable_sort(in_turn.begin(), in_turn.end(), [&](std::size_t a, std::size_t b) {
-    return candidates[a].target->last_tried < candidates[b].target->last_tried;
-  });
-  const bool is_bounded = std::isfinite(options.search_ms);
-  for (std::size_t i = 0; i < others.size(); ++i) {
-    if (is_bounded && i > 0 && millisecondsSince(start) >= options.search_ms) break;
-    tryCandidate(in_turn[i]);
-    if (is_bounded && millisecondsSince(start) >= options.search_ms) break;
-    tryCandidate(others[i]);
+void TargetFinder::Impl::searchOthers() {
+  const Budget budget(options.search_ms);
+  const std::size_t frames = lookUp(answer.search.features, budget);
+  others.clear();
+  for (const Candidate& candidate : search.candidates()) {
+    if (candidate.target->last_tried != frame_number) others.push_back(candidate);
   }
-  std::size_t left = 0;
-  for (const std::size_t i : others) left += is_tried[i] == 0 ? 1 : 0;
-  answer.search.frames_for_all = 1 + left;
+  answer.search.candidates = answer.search.tried + others.size();
+  in_turn = others;
+  std::stable_sort(others.begin(), others.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.votes > b.votes; });
+  std::stable_sort(in_turn.begin(), in_turn.end(), [](const Candidate& a, const Candidate& b) {
+    return a.target->last_tried < b.target->last_tried;
+  });
+  for (std::size_t i = 0; i < others.size() && (i == 0 || !budget.isOver()); ++i) {
+    for (const Candidate& candidate : {in_turn[i], others[i]}) {
+      const bool is_tried = candidate.target->last_tried == frame_number;
+      if (!is_tried && (i == 0 || !budget.isOver())) tryTarget(*candidate.target);
+    }
+  }
+  answer.search.frames_for_all = frames + answer.search.candidates - answer.search.tried;
 }
 
 void TargetFinder::Impl::searchMissing() {
@@ -261,11 +284,9 @@ const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_p
   found.clear();
   store.index().optimise();
   search.setFrame(given, frame_number);
-  answer.search.candidates = search.candidates().size();
-  is_tried.assign(search.candidates().size(), 0);
   tracks.beginFrame();
   searchFollowed();
-  searchOthers(Clock::now());
+  searchOthers();
   track_of.clear();
   tracks.assign(found, store, track_of);
   const auto count = static_cast<std::ptrdiff_t>(found.size());

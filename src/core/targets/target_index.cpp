@@ -12,12 +12,6 @@ constexpr int kMinKeyBits = 8;
 constexpr std::uint32_t kFullest = 48;
 constexpr int kMostOtherBits = 8;  // of the 32, that may differ
 
-int countBits(std::uint32_t v) {
-  v -= (v >> 1) & 0x55555555U;
-  v = (v & 0x33333333U) + ((v >> 2) & 0x33333333U);
-  return static_cast<int>((((v + (v >> 4)) & 0x0f0f0f0fU) * 0x01010101U) >> 24);
-}
-
 std::uint32_t otherBits(const growth::Bits& bits, int table) {
   return static_cast<std::uint32_t>(bits[static_cast<std::size_t>(table) % bits.size()] >> 16);
 }
@@ -115,43 +109,76 @@ void TargetIndex::build(Segment& segment) const {
   }
 }
 
-void TargetIndex::search(const growth::Bits& wanted, std::uint32_t query,
-                         std::vector<IndexHit>& hits) {
-  nearest_.clear();
-  for (const Segment& segment : segments_) searchSegment(segment, wanted, query);
-  hits.insert(hits.end(), nearest_.begin(), nearest_.end());
-}
-
-void TargetIndex::searchSegment(const Segment& segment, const growth::Bits& wanted,
-                                std::uint32_t query) {
-  for (int t = 0; t < kTables; ++t) {
-    const Table& table = segment.tables[t];
-    const std::uint32_t key = keyOf(wanted, t, segment.key_bits);
-    const std::uint32_t begin = table.start[key];
-    const std::uint32_t end = table.start[key + 1];
-    if (end - begin > kFullest) continue;
-    const std::uint32_t others = otherBits(wanted, t);
-    for (std::uint32_t i = begin; i < end; ++i) {
-      const Item& item = table.items[i];
-      if (countBits(item.some_bits ^ others) > kMostOtherBits) continue;
-      const Entry& entry = segment.entries[item.entry];
-      if (pictures_[entry.picture] == nullptr) continue;
-      const int distance = growth::distance(bitsOf(entry), wanted);
-      if (distance <= kMaxDistance) keep({entry.picture, entry.keypoint, query, distance});
+void TargetIndex::search(const std::vector<growth::Bits>& wanted,
+                         const std::vector<std::uint32_t>& queries, std::vector<IndexHit>& hits) {
+  for (std::size_t first = 0; first < queries.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, queries.size() - first);
+    for (std::size_t i = 0; i < count; ++i) nearest_[i].clear();
+    for (const Segment& segment : segments_) {
+      searchSegment(segment, wanted, &queries[first], count);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      hits.insert(hits.end(), nearest_[i].begin(), nearest_[i].end());
     }
   }
 }
 
+/// In steps, each of which fetches the memory that the next one needs.
+void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
+                                const std::uint32_t* queries, std::size_t count) {
+  keys_.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    for (int t = 0; t < kTables; ++t) {
+      keys_.push_back(keyOf(wanted[queries[i]], t, segment.key_bits));
+      __builtin_prefetch(&segment.tables[t].start[keys_.back()]);
+    }
+  }
+  runs_.clear();
+  for (std::size_t i = 0; i < keys_.size(); ++i) {
+    const Table& table = segment.tables[i % kTables];
+    Run run{table.start[keys_[i]], table.start[keys_[i] + 1]};
+    if (run.end - run.begin > kFullest) run.end = run.begin;
+    __builtin_prefetch(table.items.data() + run.begin);
+    runs_.push_back(run);
+  }
+  near_.clear();
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    const std::size_t place = i / kTables;
+    const Table& table = segment.tables[i % kTables];
+    const std::uint32_t others = otherBits(wanted[queries[place]], static_cast<int>(i % kTables));
+    for (std::uint32_t k = runs_[i].begin; k < runs_[i].end; ++k) {
+      const Item& item = table.items[k];
+      if (growth::countBits(item.some_bits ^ others) > kMostOtherBits) continue;
+      near_.push_back({item.entry, static_cast<std::uint32_t>(place), nullptr});
+      __builtin_prefetch(&segment.entries[item.entry]);
+    }
+  }
+  for (Near& near : near_) {
+    const Entry& entry = segment.entries[near.entry];
+    if (pictures_[entry.picture] == nullptr) continue;
+    near.bits = &bitsOf(entry);
+    __builtin_prefetch(near.bits);
+  }
+  for (const Near& near : near_) {
+    if (near.bits == nullptr) continue;
+    const std::uint32_t query = queries[near.place];
+    const int distance = growth::distance(*near.bits, wanted[query]);
+    if (distance > kMaxDistance) continue;
+    const Entry& entry = segment.entries[near.entry];
+    keep({entry.picture, entry.keypoint, query, distance}, nearest_[near.place]);
+  }
+}
+
 /// Keeps the nearest ones in order.
-void TargetIndex::keep(const IndexHit& hit) {
+void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const {
   const auto before = [](const IndexHit& a, const IndexHit& b) {
     if (a.distance != b.distance) return a.distance < b.distance;
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
-  const auto place = std::lower_bound(nearest_.begin(), nearest_.end(), hit, before);
-  if (place != nearest_.end() && !before(hit, *place)) return;  // found in another table
-  nearest_.insert(place, hit);
-  if (nearest_.size() > kNearest) nearest_.pop_back();
+  const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
+  if (place != nearest.end() && !before(hit, *place)) return;  // found in another table
+  nearest.insert(place, hit);
+  if (nearest.size() > kNearest) nearest.pop_back();
 }
 
 }  // namespace ktgp_orb::targets

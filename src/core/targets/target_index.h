@@ -31,9 +31,10 @@ class TargetIndex {
   /// many searches.
   void optimise();
 
-  /// Appends the nearest descriptors, at most kNearest, to `hits`; for equal distances those that
-  /// were added first.
-  void search(const growth::Bits& wanted, std::uint32_t query, std::vector<IndexHit>& hits);
+  /// Appends the nearest descriptors of each of the `queries`, which are numbers in `wanted`: at
+  /// most kNearest, for equal distances those that were added first.
+  void search(const std::vector<growth::Bits>& wanted, const std::vector<std::uint32_t>& queries,
+              std::vector<IndexHit>& hits);
 
   static constexpr int kMaxDistance = 64;
   static constexpr std::size_t kNearest = 8;
@@ -67,14 +68,29 @@ class TargetIndex {
   }
   void mergeFrom(std::size_t first);
   void build(Segment& segment) const;
-  void searchSegment(const Segment& segment, const growth::Bits& wanted, std::uint32_t query);
-  void keep(const IndexHit& hit);
+  void searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
+                     const std::uint32_t* queries, std::size_t count);
+  void keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const;
 
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
   std::vector<Segment> segments_;                           // the largest first
   std::size_t removed_ = 0;                                 // entries
   std::uint8_t places_[kTables][kMaxKeyBits];               // of the key's bits
-  std::vector<IndexHit> nearest_;
+  // Of a block of queries, which are searched together: the memory for one is fetched while others
+  // are worked on.
+  static constexpr std::size_t kBlock = 32;
+  struct Run {
+    std::uint32_t begin, end;  // items
+  };
+  struct Near {
+    std::uint32_t entry;
+    std::uint32_t place;  // of the query in the block
+    const growth::Bits* bits;
+  };
+  std::vector<std::uint32_t> keys_;
+  std::vector<Run> runs_;
+  std::vector<Near> near_;
+  std::vector<IndexHit> nearest_[kBlock];
 };
 
 }  // namespace ktgp_orb::targets
