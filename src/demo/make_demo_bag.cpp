@@ -40,7 +40,7 @@ std_msgs::Header headerOf(int frame) {
   return header;
 }
 
-sensor_msgs::Image toMessage(const cv::Mat& picture, int frame) {
+sensor_msgs::Image toImage(const cv::Mat& picture, int frame) {
   sensor_msgs::Image image;
   image.header = headerOf(frame);
   image.height = static_cast<std::uint32_t>(picture.rows);
@@ -101,7 +101,7 @@ void writeFrame(const cv::Mat& picture, int frame, const Scene& scene, rosbag::B
     bag.write("/camera/ground_truth/targets", stamp,
               truthOf(scene.signs, headerOf(frame), imageFromMap(frame / kFrameRate, manner)));
   }
-  bag.write("/camera/image_raw", stamp, toMessage(picture, frame));
+  bag.write("/camera/image_raw", stamp, toImage(picture, frame));
 }
 
 void writeFrames(const Scene& scene, rosbag::Bag& bag) {

@@ -8,10 +8,10 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kNeverCompared = std::numeric_limits<std::uint32_t>::max();
 // Fuller cells say little: many keypoints have these bits.
-constexpr std::uint32_t kFullest = 16;
-constexpr int kMostOtherBits = 9;  // of the 32, that may differ
+constexpr std::uint32_t kFullestBucket = 16;
+constexpr int kMostDifferentBits = 9;  // of the 32, that may differ
 
 std::uint32_t keyOf(const growth::Bits& bits, std::size_t table, int width) {
   return static_cast<std::uint32_t>(bits[table / 2] >> (32 * (table % 2))) & ((1U << width) - 1U);
@@ -46,7 +46,7 @@ void FrameTables::setFrame(const std::vector<growth::Bits>& bits) {
 
 void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& picture,
                         std::vector<IndexHit>& pairs) {
-  compared_.assign(bits_.size(), kNone);
+  compared_.assign(bits_.size(), kNeverCompared);
   nearest_.assign(bits_.size(), {});
   for (std::uint32_t keypoint = 0; keypoint < picture.bits().size(); ++keypoint) {
     compare(keypoint, picture);
@@ -71,11 +71,11 @@ void FrameTables::compare(std::uint32_t keypoint, const growth::ReferenceFrames&
     const std::uint32_t key = keyOf(bits, t, kKeyBits);
     const std::uint32_t begin = table.start[key];
     const std::uint32_t end = table.start[key + 1];
-    if (end - begin > kFullest) continue;
+    if (end - begin > kFullestBucket) continue;
     const std::uint32_t others = otherBits(bits, t);
     for (std::uint32_t i = begin; i < end; ++i) {
       const Item& item = table.items[i];
-      if (growth::countBits(item.some_bits ^ others) > kMostOtherBits) continue;
+      if (growth::countBits(item.some_bits ^ others) > kMostDifferentBits) continue;
       if (compared_[item.keypoint] == keypoint) continue;
       compared_[item.keypoint] = keypoint;
       const int distance = growth::distance(bits_[item.keypoint], bits);
