@@ -7,11 +7,6 @@ namespace ktgp_orb::util {
 
 SmallMatrix times(const SmallRef& a, const SmallRef& b) {
   return a * b;
-  SmallMatrix product = SmallMatrix::Zero(a.rows(), b.cols());
-  for (Eigen::Index j = 0; j < b.cols(); ++j) {
-    for (Eigen::Index k = 0; k < b.rows(); ++k) product.col(j) += b(k, j) * a.col(k);
-  }
-  return product;
 }
 
 SmallMatrix propagated(const SmallRef& slope, const SmallRef& covariance) {
