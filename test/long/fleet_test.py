@@ -73,8 +73,10 @@ class FleetTest(unittest.TestCase):
                        cwd=str(cls.folder), stderr=subprocess.DEVNULL)
 
     def files(self, folder):
-        return sorted(str(p.relative_to(self.folder / folder)) for p in (self.folder / folder).rglob('*')
-                      if p.is_file())
+        # os.walk, since folders of unfinished recordings disappear meanwhile: pathlib's rglob raises then.
+        top = self.folder / folder
+        return sorted(os.path.relpath(os.path.join(parent, name), str(top))
+                      for parent, _, names in os.walk(str(top)) for name in names)
 
     def finished(self, folder):
         return sum(name.endswith('manifest.json') and '.unfinished' not in name for name in self.files(folder))
