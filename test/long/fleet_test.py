@@ -81,6 +81,17 @@ class FleetTest(unittest.TestCase):
     def finished(self, folder):
         return sum(name.endswith('manifest.json') and '.unfinished' not in name for name in self.files(folder))
 
+    @staticmethod
+    def works_on(folder):
+        """Whether a process has the folder among its arguments."""
+        for process in pathlib.Path('/proc').glob('[0-9]*'):
+            try:
+                if folder.encode() in (process / 'cmdline').read_bytes().split(b'\0'):
+                    return True
+            except OSError:  # it ended meanwhile
+                pass
+        return False
+
     def check(self, folder):
         self.assertEqual(self.finished(folder), RECORDINGS)
         self.batch(folder)  # the summary
@@ -183,6 +194,8 @@ class FleetTest(unittest.TestCase):
         self.ask('scancel', job)
         self.daemon(*self.slurmd)
         self.wait_for(lambda: self.ask('squeue', '-h').stdout.strip() == '', 'the jobs are gone')
+        # Slurm forgets a job before its last process has ended, and that one still holds its recording.
+        self.wait_for(lambda: not self.works_on('by_slurm'), 'their processes are gone')
         left = self.finished('by_slurm')
         self.submit()
         self.wait_for(lambda: self.ask('squeue', '-h').stdout.strip() == '', 'the jobs are done')
