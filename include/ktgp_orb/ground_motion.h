@@ -83,6 +83,7 @@ enum class GroundStatus : std::uint8_t {
   no_normal = 6,        ///< the normal was not given, and the motion does not show it yet
   contradiction = 7,    ///< the homography contradicts earlier frames, and is not used
   stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
+  not_finite = 9,       ///< numbers too large to compute with: everything begins anew
 };
 
 /// The enumerator's own name, e.g. "no_height".

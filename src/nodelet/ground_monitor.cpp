@@ -52,6 +52,8 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
       return "the homography contradicts the height and the normal of earlier frames";
     case GroundStatus::stamp_went_back:
       return "the stamp went back: the odometry begins anew";
+    case GroundStatus::not_finite:
+      return "numbers too large to compute with: the odometry begins anew";
     case GroundStatus::ok:
     case GroundStatus::started:
     case GroundStatus::resumed:

@@ -274,6 +274,33 @@ TEST(GroundMotion, DerivativesAreThoseOfTheFunctions) {
             1e-7);
 }
 
+TEST(GroundMotion, TheRotationBetweenTwoDirectionsIsTheSmallest) {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  const auto direction = [&] {
+    return Eigen::Vector3d(normal(random), normal(random), normal(random)).normalized();
+  };
+  const auto check = [](const Eigen::Vector3d& from, const Eigen::Vector3d& to, double angle,
+                        double rounding) {
+    const Eigen::Matrix3d turn = motion::rotationBetween(from, to);
+    ASSERT_LT((turn.transpose() * turn - Eigen::Matrix3d::Identity()).norm(), 1e-14);
+    ASSERT_GT(turn.determinant(), 0.0);
+    ASSERT_LT((turn * from - to).norm(), rounding) << from.dot(to);
+    ASSERT_NEAR(motion::turnOf(turn).norm(), angle, 1e-7);
+  };
+  for (int i = 0; i < 1000; ++i) {
+    const Eigen::Vector3d from = direction();
+    const Eigen::Vector3d to = direction();
+    check(from, to, std::acos(from.dot(to)), 1e-12);
+    ASSERT_EQ(motion::rotationBetween(from, from), Eigen::Matrix3d::Identity());
+    for (double distance = 1e-17; distance < 1e-7; distance *= 10.0) {
+      const Eigen::Vector3d near = (from + distance * to).normalized();
+      check(from, near, (near - from).norm(), 1e-14);
+      check(from, -near, EIGEN_PI, 1e-7);
+    }
+  }
+}
+
 TEST(GroundMotion, PixelsAndImageUnitsHaveTheSameCovariance) {
   Flight flight(mounted(), 1e-4);
   flight.next();
@@ -453,13 +480,23 @@ TEST(GroundMotion, BeginsAnewAfterNumbersThatAreTooLarge) {
   flight.range_noise = 0.01;
   flight.tilt_noise = 0.5 * kDegree;
   GroundMotion ground(optionsWith(downward()));
+  GroundStatus last = GroundStatus::ok;
+  int losses = 0;
   for (int i = 0; i < 100; ++i) {
     GroundFrame frame = flight.next();
     if (i == 41) frame.covariance *= 1e306;
     const GroundEstimate& estimate = ground.add(frame);
+    if (estimate.status == GroundStatus::not_finite) ++losses;
+    if (last == GroundStatus::not_finite) {
+      EXPECT_EQ(estimate.status, GroundStatus::started);
+      EXPECT_LT(estimate.base_to_odometry.translation().head<2>().norm(), 1e-9);
+    }
+    last = estimate.status;
     ASSERT_TRUE(i <= 70 || estimate.status == GroundStatus::ok) << i;
     ASSERT_TRUE(!estimate.hasPose() || estimate.pose_covariance.allFinite()) << i;
   }
+  EXPECT_EQ(losses, 1);
+  EXPECT_STREQ(toString(GroundStatus::not_finite), "not_finite");
 }
 
 TEST(GroundMotion, PreciseImagesAgreeWithACoarselyKnownTilt) {

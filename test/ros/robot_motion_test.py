@@ -182,6 +182,16 @@ class MotionTest(unittest.TestCase):
         odometry = self.odometry['ground_motion'].wait_for(stamp).pose.pose.position
         self.assertLess(abs(odometry.x - 50.0) + abs(odometry.y), 0.01)
 
+    def test_3_too_large_numbers_are_named(self):
+        set_pose = rospy.ServiceProxy('/camera/ground_motion/set_pose', SetPose)
+        pose = PoseWithCovariance()
+        pose.pose.orientation.w = 1.0
+        pose.covariance = [1.7e308 if i in (0, 7, 35) else 0.0 for i in range(36)]  # x, y, yaw
+        self.twist_after('ground_motion')
+        self.assertTrue(set_pose(pose).success)
+        self.twist_after('ground_motion', 14)
+        self.said('nothing is published: numbers too large to compute with: the odometry begins anew')
+
     def test_4_bad_heights_are_named(self):
         self.twist_after('ground_motion')
         for height, words in ((0.0, 'is 0.000000 m; expected a number above 0'),

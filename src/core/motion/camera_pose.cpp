@@ -26,9 +26,11 @@ Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation) {
 Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const Eigen::Vector3d axis = from.cross(to);
   const double sine = axis.norm();
-  const double angle = std::atan2(sine, from.dot(to));
-  // Opposite directions: any axis across them will do.
-  return rotationAbout(angle * (sine > 0.0 ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
+  const double cosine = from.dot(to);
+  // Opposite directions: any axis across them will do, and the product is mostly rounding.
+  const double least = cosine < 0.0 ? 1e-8 : 0.0;
+  return rotationAbout(std::atan2(sine, cosine) *
+                       (sine > least ? Eigen::Vector3d(axis / sine) : from.unitOrthogonal()));
 }
 
 CameraPose moved(const CameraPose& pose, const Vector6& step) {

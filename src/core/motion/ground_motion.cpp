@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
+#include "core/motion/base_report.h"
 #include "core/motion/ground_filter.h"
 #include "core/motion/relief.h"
 #include "core/motion/twist_noise.h"
@@ -59,7 +60,6 @@ struct GroundMotion::Impl {
   void moveToDestination();
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void measureTwist(double seconds);
-  void report();
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
@@ -97,7 +97,9 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   if (!filter.isFinite()) forget();
   if (estimate.hasPose()) {
     last_stamp = frame.stamp;
-    report();
+    const motion::CameraMotion camera{filter.pose(), filter.covariance(), camera_twist,
+                                      camera_twist_covariance};
+    motion::reportBase(camera, origin, options, estimate);
   } else if (estimate.status == GroundStatus::no_normal) {
     last_stamp = frame.stamp;
   }
@@ -107,7 +109,7 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
 /// What cannot be computed with must not stay: the motion begins anew with the next frame.
 void GroundMotion::Impl::forget() {
   estimate = {};
-  estimate.status = GroundStatus::contradiction;
+  estimate.status = GroundStatus::not_finite;
   filter = {};
   twist_noise = {};
   relief = {};
@@ -334,37 +336,6 @@ void GroundMotion::Impl::measureTwist(double seconds) {
   const Matrix6 noise = propagated(slope, filter.noiseOfBoth());
   twist_noise.add(camera_twist, noise, seconds, filter.now().position.z());
   if (!relief.isSeen()) camera_twist_covariance -= noise - twist_noise.scaled(noise);
-}
-
-/// From the camera to the base.
-void GroundMotion::Impl::report() {
-  const CameraPose now = filter.pose();
-  const Pose3 base_to_camera = options.camera_to_base.inverse();
-  const Eigen::Vector3d lever = base_to_camera.translation();
-  const double scale_variance = options.scale_deviation * options.scale_deviation;
-  estimate.height = now.position.z();
-  estimate.base_to_odometry.linear() = now.axes * base_to_camera.linear();
-  estimate.base_to_odometry.translation() = now.position + now.axes * lever;
-  Matrix6 slope = Matrix6::Identity();
-  slope.topRightCorner<3, 3>() = -now.axes * motion::cross(lever);
-  slope.bottomRightCorner<3, 3>() = now.axes;
-  const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;
-  Matrix6 covariance = propagated(slope, filter.covariance());
-  covariance.topLeftCorner<3, 3>() += scale_variance * way * way.transpose();
-  estimate.pose_covariance = covariance;
-  if (!estimate.hasTwist()) return;
-
-  const Eigen::Matrix3d to_base = options.camera_to_base.linear();
-  slope.setZero();
-  slope.topLeftCorner<3, 3>() = to_base;
-  slope.topRightCorner<3, 3>() = -to_base * motion::cross(lever);
-  slope.bottomRightCorner<3, 3>() = to_base;
-  const Vector6 twist = slope * camera_twist;
-  covariance = propagated(slope, camera_twist_covariance);
-  covariance.topLeftCorner<3, 3>() +=
-      scale_variance * twist.head<3>() * twist.head<3>().transpose();
-  estimate.twist = twist;
-  estimate.twist_covariance = covariance;
 }
 
 GroundMotion::GroundMotion(const GroundMotionOptions& options) : impl_(std::make_unique<Impl>()) {

@@ -50,8 +50,9 @@ ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& c
     slope.col(i) =
         entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
   }
-  // Pictures without any noise, as of a simulation, claim more than the linearised filter can hold.
-  constexpr double kLeast = 1e-6;  // a two-thousandth of a pixel at a focal length of 500 px
+  // Pictures without noise, as of a simulation, have a deviation of nearly 0. The errors of the
+  // filter's linear steps are larger than that, and its covariance would become indefinite.
+  constexpr double kLeast = 1e-6;  // of the focal length: 0.0005 px where it is 500 px
   motion.covariance = slope * covariance * slope.transpose();
   motion.covariance.diagonal().array() += kLeast * kLeast;
   return motion;

@@ -18,7 +18,8 @@ struct ImageMotion {
   Matrix8 covariance = Matrix8::Zero();
 };
 
-/// From pixels, `camera`: K.
+/// From pixels, `camera`: K. A deviation of 1e-6 is added to that of each entry, so that none is 0
+/// for pictures without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                          const Eigen::Matrix3d& camera);
 

@@ -126,6 +126,8 @@ const char* toString(GroundStatus status) {
       return "contradiction";
     case GroundStatus::stamp_went_back:
       return "stamp_went_back";
+    case GroundStatus::not_finite:
+      return "not_finite";
   }
   return "unknown";
 }

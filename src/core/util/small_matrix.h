@@ -21,8 +21,8 @@ SmallMatrix inverseOf(const SmallRef& matrix);
 std::optional<SmallMatrix> whiteningOf(const SmallRef& covariance);
 
 struct LeastSquares {
-  SmallMatrix solution;  ///< x with the smallest |a x - b|, for each column of b
-  SmallMatrix rest;      ///< a x - b in orthogonal axes: |rest| = |a x - b|
+  SmallMatrix solution;  ///< x with the smallest |b - a x|, for each column of b
+  SmallMatrix rest;      ///< b - a x in orthogonal axes: |rest| = |b - a x|
 };
 /// a: more rows than columns.
 LeastSquares leastSquares(const SmallRef& a, const SmallRef& b);
