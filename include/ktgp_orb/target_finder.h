@@ -55,8 +55,8 @@ struct TargetFinderOptions {
 struct DetectedTarget {
   std::string id;
   int instance = 0;  ///< from 0; the same object keeps its number while it is followed
-  /// ok; or model_rejected: another target claims the same keypoints or the same place with more
-  /// support, so that only one of the two can be there.
+  /// ok; or model_rejected: another target has more support at the same place, or where a part of
+  /// this one was found, so that only one of the two can be there.
   Status status = Status::ok;
   std::size_t image = 0;  ///< the image of the target that was found
   cv::Size image_size;    ///< of that image, px
@@ -80,7 +80,7 @@ struct DetectedTarget {
 /// What was done on a frame.
 struct TargetSearch {
   std::size_t known = 0;       ///< targets
-  std::size_t candidates = 0;  ///< targets with a chance: two keypoints or more that fit together
+  std::size_t candidates = 0;  ///< targets with a chance: some keypoints that fit together
   std::size_t tried = 0;       ///< of these
   /// Frames within which all keypoints are looked up in the index and every candidate is tried, if
   /// it stays one: 1 if this was done.
@@ -106,8 +106,10 @@ struct TargetFrame {
 ///   agree with each other are candidates.
 /// 3. Each candidate, and each target of the last frame, is matched with the frame by itself
 ///   (multi-index hashing).
-/// 4. It is grown from its best pairs, judged by decoys (see HomographyGrowth), aligned to a
-///   fraction of a pixel, and searched again without the keypoints that it explains.
+/// 4. Its best pairs grow to a homography, by keypoints or by the grey values around a pair. The
+///   grey values of both images must confirm it or, where they do not tell, decoys of the keypoints
+///   (see HomographyGrowth). It is aligned to a fraction of a pixel, and the target is searched
+///   again in the other keypoints.
 ///
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
 /// in the index, in turn, and how many candidates are tried: in order of their support, each second

@@ -2,6 +2,7 @@
 
 #include <ktgp_orb/MatchStatus.h>
 
+#include <algorithm>
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
@@ -9,6 +10,8 @@
 
 namespace ktgp_orb {
 namespace {
+
+constexpr double kPatchSide = 15.0;  // px, about
 
 template <int Size>
 using RowMajor = Eigen::Matrix<double, Size, Size, Eigen::RowMajor>;
@@ -65,9 +68,21 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
       points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
     }
     camera.lens->rectify(points);
-    pairs_ = target.pairs;
+    // Patches of the alignment that overlap share their noise, so they count once.
+    const double apart = target.aligned ? kPatchSide : 0.0;
+    pairs_.clear();
+    std::vector<Eigen::Vector2d> kept;
+    kept.reserve(points.size());
     for (std::size_t i = 0; i < points.size(); ++i) {
-      pairs_.target[i] = Eigen::Vector2d(points[i].pt.x, points[i].pt.y);
+      const Eigen::Vector2d& here = target.pairs.target[i];
+      const auto is_near = [&](const Eigen::Vector2d& other) {
+        return (here - other).lpNorm<Eigen::Infinity>() < apart;
+      };
+      if (std::any_of(kept.begin(), kept.end(), is_near)) continue;
+      kept.push_back(here);
+      pairs_.reference.push_back(target.pairs.reference[i]);
+      pairs_.target.emplace_back(points[i].pt.x, points[i].pt.y);
+      pairs_.quality.push_back(target.pairs.quality[i]);
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
     if (result_.status != Status::ok) return std::nullopt;
@@ -89,11 +104,14 @@ void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFi
   size_ = image;
 }
 
-TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame) {
+TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
+                              const std::string& frame_prefix) {
   auto message = boost::make_shared<TargetDetections>();
   message->header = header;
   for (const DetectedTarget& target : frame.detections) {
     message->detections.push_back(messageOf(target));
+    std::string& name = message->detections.back().frame;
+    if (!name.empty()) name.insert(0, frame_prefix);
   }
   message->known = static_cast<std::uint32_t>(frame.search.known);
   message->candidates = static_cast<std::uint32_t>(frame.search.candidates);

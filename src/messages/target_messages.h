@@ -44,8 +44,9 @@ class ImageSequence {
   cv::Size size_;
 };
 
-/// Without poses. `header`: of the image.
-TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame);
+/// Without poses. `header`: of the image. `frame_prefix`: begins the names of the targets' frames.
+TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame& frame,
+                              const std::string& frame_prefix = "");
 
 /// Adds the poses of targets with a width or a frame. Where there are none, `no_pose` of the
 /// message says why. `info`: calibration of the images; null: none on `info_topic`.

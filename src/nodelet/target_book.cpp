@@ -13,7 +13,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Of the images that belong to a kept list.
+/// The folder for the images of a kept list.
 fs::path folderOf(const std::string& list) {
   return fs::absolute(list + "_images");
 }
@@ -30,22 +30,58 @@ Target targetOf(const SetTarget::Request& request) {
   return target;
 }
 
+/// The kept list before it replaces the old one.
+std::string nextOf(const std::string& list) {
+  return list + ".unfinished";
+}
+
+/// Takes the entries with this id out of the list and appends them to `taken`.
+template <typename Entries>
+void moveOut(const std::string& id, Entries& entries, std::vector<TargetEntry>& taken) {
+  const auto others = std::stable_partition(entries.begin(), entries.end(),
+                                            [&](const TargetEntry& one) { return one.id != id; });
+  taken.insert(taken.end(), others, entries.end());
+  entries.erase(others, entries.end());
+}
+
+template <typename Entries>
+bool areThere(const Entries& entries, const std::string& id) {
+  return std::any_of(entries.begin(), entries.end(),
+                     [&](const TargetEntry& one) { return one.id == id; });
+}
+
 }  // namespace
 
 void TargetBook::open(const std::string& targets, const std::string& file) {
   file_ = file;
   const bool was_kept = !file.empty() && fs::exists(file);
+  if (!file.empty() && !was_kept) {
+    std::error_code error;
+    fs::create_directories(folderOf(file), error);
+    if (error) throw std::invalid_argument(file + ": cannot be written: " + error.message());
+  }
+  if (fs::is_directory(file)) {
+    throw std::invalid_argument(file + ": is a folder; expected the name of a YAML list");
+  }
   const std::string& list = was_kept ? file : targets;
   if (list.empty()) return;
   const std::vector<TargetEntry> entries = readTargetList(list);
-  waiting_.assign(entries.begin(), entries.end());
+  lists_.waiting.assign(entries.begin(), entries.end());
+}
+
+std::vector<TargetEntry> TargetBook::Lists::takeOut(const std::string& id) {
+  std::vector<TargetEntry> taken;
+  moveOut(id, used, taken);
+  moveOut(id, refused, taken);
+  moveOut(id, waiting, taken);
+  return taken;
 }
 
 std::string TargetBook::loadNext() {
-  const TargetEntry entry = waiting_.front();
-  waiting_.pop_front();
+  const TargetEntry entry = lists_.waiting.front();
+  lists_.waiting.pop_front();
   const std::vector<std::string> refused = addTargets({entry}, readGrey, finder_);
-  (refused.empty() ? entries_ : refused_).push_back(entry);
+  (refused.empty() ? lists_.used : lists_.refused).push_back(entry);
   return refused.empty() ? "" : refused.front();
 }
 
@@ -54,50 +90,60 @@ std::string TargetBook::whereKept() const {
 }
 
 bool TargetBook::hasFrames() const {
-  return std::any_of(entries_.begin(), entries_.end(),
+  return std::any_of(lists_.used.begin(), lists_.used.end(),
                      [](const TargetEntry& entry) { return !entry.frame.empty(); });
 }
 
 void TargetBook::add(const SetTarget::Request& request) {
-  set(request, false);
+  if (areThere(lists_.waiting, request.id)) {
+    throw std::invalid_argument("target \"" + request.id +
+                                "\" exists already, and is still to be read; expected a new id");
+  }
+  set(request, [&](const Target& target) { finder_.add(target); });
 }
 
+/// A target that is still to be read, or was refused, is replaced, too.
 void TargetBook::replace(const SetTarget::Request& request) {
-  set(request, true);
+  const bool is_unused = !finder_.knows(request.id) && (areThere(lists_.waiting, request.id) ||
+                                                        areThere(lists_.refused, request.id));
+  set(request,
+      [&](const Target& target) { is_unused ? finder_.add(target) : finder_.replace(target); });
 }
 
-void TargetBook::set(const SetTarget::Request& request, bool replace) {
+/// Writes the files first: if the disk is full, nothing has changed.
+void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
   const Target target = targetOf(request);
-  if (replace) {
-    finder_.replace(target);
-  } else {
-    finder_.add(target);
+  TargetEntry entry{target.id, {}, target.width, target.frame};
+  Lists next = lists_;
+  const std::vector<TargetEntry> replaced = next.takeOut(target.id);
+  try {
+    writeImages(target, entry.files);
+    next.used.push_back(entry);
+    writeNext(next);
+    use(target);
+  } catch (...) {
+    discardNext();
+    deleteImages({entry});
+    throw;
   }
-  keep(target);
-}
-
-void TargetBook::remove(const std::string& id) {
-  const bool was_used = finder_.remove(id);
-  const std::vector<TargetEntry> removed = takeOut(id);
-  if (!was_used && removed.empty()) {
-    throw std::invalid_argument("target \"" + id + "\" does not exist");
-  }
-  write();
-  deleteImages(removed);
-}
-
-void TargetBook::keep(const Target& target) {
-  const TargetEntry entry{target.id, writeImages(target), target.width, target.frame};
-  const std::vector<TargetEntry> replaced = takeOut(target.id);
-  entries_.push_back(entry);
-  write();
+  adoptNext(std::move(next));
   deleteImages(replaced);
 }
 
-/// They get new names, so that those of an older list stay complete until it is replaced.
-std::vector<std::string> TargetBook::writeImages(const Target& target) const {
-  std::vector<std::string> files;
-  if (file_.empty()) return files;
+void TargetBook::remove(const std::string& id) {
+  Lists next = lists_;
+  const std::vector<TargetEntry> removed = next.takeOut(id);
+  if (removed.empty()) throw std::invalid_argument("target \"" + id + "\" does not exist");
+  writeNext(next);
+  finder_.remove(id);
+  adoptNext(std::move(next));
+  deleteImages(removed);
+}
+
+/// They get new names, so that those of the old list stay complete until it is replaced. Appends
+/// the name of each one before it is written.
+void TargetBook::writeImages(const Target& target, std::vector<std::string>& files) const {
+  if (file_.empty()) return;
   const fs::path folder = folderOf(file_);
   std::error_code none;
   fs::create_directories(folder, none);
@@ -107,36 +153,34 @@ std::vector<std::string> TargetBook::writeImages(const Target& target) const {
     do {
       name = folder / (std::to_string(number++) + ".png");
     } while (fs::exists(name, none));
-    if (!cv::imwrite(name.string(), image)) {
-      throw std::invalid_argument("target \"" + target.id + "\" is in use, but not kept: " +
-                                  name.string() + " cannot be written");
-    }
+    std::vector<std::uint8_t> bytes;
+    cv::imencode(".png", image, bytes);
     files.push_back(name.string());
+    writeFile(name.string(), std::string(bytes.begin(), bytes.end()));
   }
-  return files;
 }
 
-/// The entries with this id, in use or refused, which are no longer there.
-std::vector<TargetEntry> TargetBook::takeOut(const std::string& id) {
-  std::vector<TargetEntry> taken;
-  for (std::vector<TargetEntry>* entries : {&entries_, &refused_}) {
-    const auto others = std::stable_partition(entries->begin(), entries->end(),
-                                              [&](const TargetEntry& one) { return one.id != id; });
-    taken.insert(taken.end(), others, entries->end());
-    entries->erase(others, entries->end());
-  }
-  return taken;
-}
-
-void TargetBook::write() const {
+/// Writes the new list beside the old one.
+void TargetBook::writeNext(const Lists& lists) const {
   if (file_.empty()) return;
-  std::vector<TargetEntry> entries = entries_;
-  entries.insert(entries.end(), refused_.begin(), refused_.end());
-  entries.insert(entries.end(), waiting_.begin(), waiting_.end());
+  std::vector<TargetEntry> entries = lists.used;
+  entries.insert(entries.end(), lists.refused.begin(), lists.refused.end());
+  entries.insert(entries.end(), lists.waiting.begin(), lists.waiting.end());
   for (TargetEntry& entry : entries) {
     for (std::string& file : entry.files) file = fs::absolute(file).string();
   }
-  writeTargetList(file_, entries);
+  writeTargetList(nextOf(file_), entries);
+}
+
+/// The list that was written last replaces the old one.
+void TargetBook::adoptNext(Lists lists) {
+  lists_ = std::move(lists);
+  if (!file_.empty()) fs::rename(nextOf(file_), file_);
+}
+
+void TargetBook::discardNext() const {
+  std::error_code none;
+  if (!file_.empty()) fs::remove(nextOf(file_), none);
 }
 
 /// Only those in the folder of the list: the others are the user's.

@@ -3,6 +3,7 @@
 #include <ktgp_orb/SetTarget.h>
 
 #include <deque>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,38 +18,48 @@ class TargetBook {
  public:
   explicit TargetBook(TargetFinder& finder) : finder_(finder) {}
 
-  /// Reads the list: `file` if it exists, else `targets`; either may be empty. Throws
-  /// std::invalid_argument with the reason. Then loadNext() adds the targets one by one.
+  /// Reads the list: `file` if it exists, else `targets`; either may be empty. Then loadNext() adds
+  /// the targets one by one. Throws std::invalid_argument with the reason if the list cannot be
+  /// read, or the folder for a new `file` cannot be created.
   void open(const std::string& targets, const std::string& file);
-  bool isLoading() const { return !waiting_.empty(); }
-  std::size_t waiting() const { return waiting_.size(); }
-  /// Returns why it was refused, or an empty text. In the kept list it stays all the same.
+  bool isLoading() const { return !lists_.waiting.empty(); }
+  std::size_t waiting() const { return lists_.waiting.size(); }
+  /// Returns why the target was refused, or an empty text. A refused one stays in the kept list.
   std::string loadNext();
-  /// For the end of a sentence about it: where that list is; empty without one.
+  /// The end of a message about a refused target: that it stays in the kept list; empty without a
+  /// list.
   std::string whereKept() const;
 
   /// Whether one of the targets has a frame for tf.
   bool hasFrames() const;
 
   /// Throw std::invalid_argument or RefusedImage with the reason, without any change of the targets
-  /// in use.
+  /// and of the kept list.
   void add(const SetTarget::Request& request);
   void replace(const SetTarget::Request& request);
   void remove(const std::string& id);
 
  private:
-  void set(const SetTarget::Request& request, bool replace);
-  void keep(const Target& target);
-  std::vector<std::string> writeImages(const Target& target) const;
-  std::vector<TargetEntry> takeOut(const std::string& id);
-  void write() const;
+  struct Lists {
+    std::vector<TargetEntry> used;
+    std::vector<TargetEntry> refused;
+    std::deque<TargetEntry> waiting;  // to be read
+
+    /// Those with this id, which are no longer there.
+    std::vector<TargetEntry> takeOut(const std::string& id);
+  };
+  using UseTarget = std::function<void(const Target&)>;
+
+  void set(const SetTarget::Request& request, const UseTarget& use);
+  void writeImages(const Target& target, std::vector<std::string>& files) const;
+  void writeNext(const Lists& lists) const;
+  void adoptNext(Lists lists);
+  void discardNext() const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
   TargetFinder& finder_;
   std::string file_;
-  std::deque<TargetEntry> waiting_;
-  std::vector<TargetEntry> entries_;  // those in use
-  std::vector<TargetEntry> refused_;
+  Lists lists_;
 };
 
 }  // namespace ktgp_orb

@@ -214,7 +214,7 @@ void TargetsNodelet::search(const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat grey = greyImage(image);
   sequence_.next(image->header.stamp, grey.size(), finder_);
   const TargetFrame& frame = finder_.find(grey);
-  const TargetDetectionsPtr message = toMessage(image->header, frame);
+  const TargetDetectionsPtr message = toMessage(image->header, frame, config_.frame_prefix);
   addPoses(frame, grey.size(), info_.get(), camera_info_topic_, pixels_, pose_, *message);
   say(message->no_pose);
   publish(message, grey, frame);
@@ -239,7 +239,7 @@ void TargetsNodelet::publish(const TargetDetectionsPtr& message, const cv::Mat& 
   image_pub_.publish(overlay);
 }
 
-/// In the diagnostics as long as it lasts; in the log once.
+/// Logs once why poses are missing; the diagnostics say it as long as it lasts.
 void TargetsNodelet::say(const std::string& problem) {
   if (!problem.empty() && problem != said_) {
     NODELET_WARN("a target has no pose: %s", problem.c_str());
@@ -264,7 +264,7 @@ bool TargetsNodelet::detect(DetectTargets::Request& request, DetectTargets::Resp
     const auto image = boost::make_shared<sensor_msgs::Image>(request.image);
     const cv::Mat grey = greyImage(image);
     const TargetFrame& frame = finder_.findAlone(grey);
-    response.detections = *toMessage(image->header, frame);
+    response.detections = *toMessage(image->header, frame, config_.frame_prefix);
     const bool has_info = request.camera_info.width > 0;
     addPoses(frame, grey.size(), has_info ? &request.camera_info : nullptr, "the request", pixels_,
              pose_, response.detections);

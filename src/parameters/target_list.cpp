@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <stdexcept>
@@ -29,8 +31,9 @@ bool isImageName(const fs::path& file) {
 
 std::vector<TargetEntry> readFolder(const std::string& path) {
   std::vector<TargetEntry> entries;
+  std::error_code none;
   for (const fs::directory_entry& file : fs::directory_iterator(path)) {
-    if (!isImageName(file.path())) continue;
+    if (!isImageName(file.path()) || file.is_directory(none)) continue;
     entries.push_back({file.path().stem().string(), {file.path().string()}, 0.0, ""});
   }
   if (entries.empty()) refuse(path, "is a folder without images; expected one for each target");
@@ -106,14 +109,19 @@ void writeTargetList(const std::string& path, const std::vector<TargetEntry>& en
     out << YAML::EndMap;
   }
   out << YAML::EndSeq;
-  // Complete or not at all.
-  const std::string unfinished = path + ".unfinished";
-  std::ofstream file(unfinished);
-  file << out.c_str() << '\n';
+  writeFile(path, out.c_str() + std::string("\n"));
+}
+
+void writeFile(const std::string& path, const std::string& bytes) {
+  errno = 0;
+  std::ofstream file(path, std::ios::binary);
+  file << bytes;
   file.close();
-  std::error_code error;
-  if (file) fs::rename(unfinished, path, error);
-  if (!file || error) refuse(path, "cannot be written");
+  if (file) return;
+  const int reason = errno;
+  std::error_code none;
+  fs::remove(path, none);
+  refuse(path, std::string("cannot be written: ") + std::strerror(reason));
 }
 
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,

@@ -24,8 +24,12 @@ struct TargetEntry {
 /// std::invalid_argument, beginning with `path`, with the reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
-/// Writes such a list. Throws std::invalid_argument if it cannot be written.
+/// Writes such a list; throws as writeFile() does.
 void writeTargetList(const std::string& path, const std::vector<TargetEntry>& entries);
+
+/// Throws std::invalid_argument with the reason if it cannot be written as a whole; then there is
+/// no such file.
+void writeFile(const std::string& path, const std::string& bytes);
 
 /// Reads an image as 8-bit grey; throws a std::exception with the name and the reason.
 using ReadImage = std::function<cv::Mat(const std::string& file)>;

@@ -1,6 +1,7 @@
 #include "tools/bag_targets.h"
 
-#include <algorithm>
+#include <ktgp_orb/MatchStatus.h>
+
 #include <filesystem>
 #include <iostream>
 
@@ -15,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Empty: the recording has none.
+/// The calibration beside the images; empty if the recording has none.
 std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording,
                                                     const std::string& image_topic) {
   if (kindOf(recording) != InputKind::bag) return std::nullopt;
@@ -68,11 +69,14 @@ TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {
   TargetDetectionsPtr message = toMessage(image->header, frame);
   addPoses(frame, grey.size(), info_ ? &*info_ : nullptr, info_topic_, pixels_, pose_, *message);
   ++frames_;
-  found_ += message->detections.size();
-  if (!message->detections.empty()) ++seen_;
-  poses_ += static_cast<std::size_t>(
-      std::count_if(message->detections.begin(), message->detections.end(),
-                    [](const TargetDetection& detection) { return detection.has_pose != 0; }));
+  std::size_t found = 0;
+  for (const TargetDetection& detection : message->detections) {
+    if (detection.status != MatchStatus::STATUS_OK) continue;
+    ++found;
+    if (detection.has_pose != 0) ++poses_;
+  }
+  found_ += found;
+  if (found > 0) ++seen_;
   if (no_pose_.empty()) no_pose_ = message->no_pose;
   return message;
 }

@@ -40,16 +40,18 @@ class BagTargetsTest(unittest.TestCase):
         with open(self.file(name), 'w') as file:
             file.write(text)
 
-    def write_bag(self, calibrated=True):
+    def write_bag(self, frames=FRAMES, info=information(), seconds=None):
+        """seconds: stamps of the images, if not 33 ms apart."""
         with rosbag.Bag(self.file('in.bag'), 'w') as bag:
-            for i, picture in enumerate(FRAMES):
-                stamp = rospy.Time.from_sec(1000 + i / 30.0)
-                bag.write('/camera/image_raw', image_message(picture, stamp), stamp)
-                if calibrated:
-                    bag.write('/camera/camera_info', information(), stamp)
+            for i, picture in enumerate(frames):
+                arrival = rospy.Time.from_sec(1000 + i / 30.0)
+                stamp = rospy.Time.from_sec(seconds[i]) if seconds else arrival
+                bag.write('/camera/image_raw', image_message(picture, stamp), arrival)
+                if info:
+                    bag.write('/camera/camera_info', info, arrival)
 
-    def run_bag(self, *arguments):
-        return subprocess.run([os.environ['KTGP_ORB_BAG'], 'in.bag', 'out.bag', '--targets', 'targets.yaml'] +
+    def run_bag(self, *arguments, recording='in.bag'):
+        return subprocess.run([os.environ['KTGP_ORB_BAG'], recording, 'out.bag', '--targets', 'targets.yaml'] +
                               list(arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.folder,
                               universal_newlines=True)
 
@@ -77,6 +79,35 @@ class BagTargetsTest(unittest.TestCase):
             self.assertLess(degrees, 0.1)
             self.assertLess(deviations, CHI_SQUARE)
 
+    def test_counts_no_detection_that_is_rejected(self):
+        self.write_bag()
+        twin = np.hstack([POSTER[:, :130], texture(300, 270, seed=12)])  # a third of it is that of the poster
+        cv2.imwrite(self.file('twin.png'), twin)
+        self.write('targets.yaml', LIST + '- {id: twin, image: twin.png, width: 1.0}\n')
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        rejected = [d for m in self.detections() for d in m.detections if d.status != MatchStatus.STATUS_OK]
+        self.assertGreater(len(rejected), 0)
+        self.assertEqual({d.id for d in rejected}, {'twin'})
+        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 3\n',
+                      run.stderr)
+
+    def test_images_without_a_target_count_and_a_loop_begins_anew(self):
+        blank = np.full_like(FRAMES[0], 90)
+        self.write_bag([FRAMES[0], FRAMES[1], FRAMES[0], blank], seconds=(1000.0, 1000.1, 900.0, 900.1))
+        run = self.run_bag()
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('3 detections in 3 of 4 images, 3 of them with a pose', run.stderr)
+        self.assertEqual([[d.age for d in m.detections] for m in self.detections()], [[1], [2], [1], []])
+
+    def test_takes_the_calibration_of_the_images(self):
+        self.write_bag(info=information(k=np.diag([1.2, 1.2, 1.0]) @ K, p=K))
+        for kind, is_right in (('raw', False), ('rectified', True)):
+            run = self.run_bag('--calibration', kind, '--force')
+            self.assertEqual(run.returncode, 0, run.stderr)
+            metres = pose_errors(self.detections()[0].detections[0].pose, position=POSITIONS[0])[0]
+            self.assertEqual(metres < 0.002, is_right, kind)
+
     def test_has_the_bits_of_ktgp_find(self):
         self.write_bag()
         self.assertEqual(self.run_bag('--name', '/mine').returncode, 0)
@@ -93,7 +124,7 @@ class BagTargetsTest(unittest.TestCase):
                          (expected['inliers'], expected['log_false_alarms']))
 
     def test_says_why_there_is_no_pose(self):
-        self.write_bag(calibrated=False)
+        self.write_bag(info=None)
         run = self.run_bag()
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn('0 of them with a pose', run.stderr)
@@ -101,6 +132,14 @@ class BagTargetsTest(unittest.TestCase):
         for message in self.detections():
             self.assertEqual(message.no_pose, 'no camera_info on /camera/camera_info')
             self.assertFalse(message.detections[0].has_pose)
+
+    def test_images_in_files_have_no_calibration(self):
+        for i, picture in enumerate(FRAMES):
+            cv2.imwrite(self.file('frame%d.png' % i), picture)
+        run = self.run_bag(recording='frame*.png')
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('5 detections in 5 of 5 images, 0 of them with a pose', run.stderr)
+        self.assertIn('first reason for no pose: no camera_info', run.stderr)
 
     def test_a_bad_target_is_named_and_the_others_are_found(self):
         self.write_bag()

@@ -53,6 +53,15 @@ class KtgpFind(ToolCase):
             self.assertIn(reason, run.stderr)
         self.assertIn("known targets: 3, with a chance: ", run.stdout)
 
+    def test_other_files_and_folders_do_not_count(self):
+        (self.folder / "posters" / "notes.txt").write_text("not an image")
+        (self.folder / "posters" / "old").mkdir()
+        write_pgm(self.folder / "posters" / "old" / "poster9.pgm", picture(9), 20, 20)
+        (self.folder / "posters" / "old.png").mkdir()
+        run = self.find("scene.pgm", "posters")
+        self.assertEqual((run.returncode, run.stderr), (0, ""))
+        self.assertIn("known targets: 3, with a chance: ", run.stdout)
+
     def test_nothing_found_is_exit_code_1(self):
         write_pgm(self.folder / "other.pgm", picture(9), 0, 0)
         self.assertEqual(self.find("other.pgm", "posters").returncode, 1)

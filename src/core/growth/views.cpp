@@ -46,15 +46,21 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   view.to_view = toView(image.size(), angle, tilt, size);
   const Eigen::Matrix<double, 2, 3> turn = toView(image.size(), angle, 1.0, turned_size);
   cv::Mat turned, squeezed;
-  cv::warpAffine(image, turned, matrixOf(turn), turned_size, cv::INTER_LINEAR,
-                 cv::BORDER_REPLICATE);
-  cv::GaussianBlur(turned, turned, cv::Size(0, 1), kBlur * std::sqrt(tilt * tilt - 1.0), 1e-6,
+  if (angle == 0.0) {
+    turned = image;
+  } else {
+    cv::warpAffine(image, turned, matrixOf(turn), turned_size, cv::INTER_LINEAR,
+                   cv::BORDER_REPLICATE);
+  }
+  cv::Mat blurred;
+  cv::GaussianBlur(turned, blurred, cv::Size(0, 1), kBlur * std::sqrt(tilt * tilt - 1.0), 1e-6,
                    cv::BORDER_REPLICATE);
   // From the rotated image to the view: compressed about the middle.
   Eigen::Matrix<double, 2, 3> squeeze;
   squeeze << 1.0 / tilt, 0.0, 0.5 * (size.width - 1) - 0.5 * (turned_size.width - 1) / tilt,  //
       0.0, 1.0, 0.5 * (size.height - 1) - 0.5 * (turned_size.height - 1);
-  cv::warpAffine(turned, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR, cv::BORDER_REPLICATE);
+  cv::warpAffine(blurred, squeezed, matrixOf(squeeze), size, cv::INTER_LINEAR,
+                 cv::BORDER_REPLICATE);
 
   // Keypoints only inside the image, not in its extended border.
   cv::Mat mask = cv::Mat::zeros(size, CV_8U);

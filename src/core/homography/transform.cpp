@@ -66,6 +66,17 @@ bool keepsPlaneInView(const Eigen::Matrix3d& homography,
   return homography.determinant() > 0.0 && nearest > kClear * farthest;
 }
 
+Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to) {
+  const double x = static_cast<double>(to.width) / from.width;
+  const double y = static_cast<double>(to.height) / from.height;
+  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
+  map(0, 0) = x;
+  map(1, 1) = y;
+  map(0, 2) = 0.5 * x - 0.5;
+  map(1, 2) = 0.5 * y - 0.5;
+  return map;
+}
+
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   const double w = size.width;
   const double h = size.height;

@@ -39,6 +39,9 @@ std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
 bool keepsPlaneInView(const Eigen::Matrix3d& homography,
                       const std::array<Eigen::Vector2d, 4>& corners);
 
+/// An image -> the same image resized, px; the centre of the first pixel is at 0, 0 in both.
+Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
+
 /// Share of an image of `size` that the same image warped by H covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
 

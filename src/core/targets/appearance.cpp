@@ -30,6 +30,18 @@ int blocksAlong(double length) {
   return std::clamp(static_cast<int>(length / kSide), 3, kMostBlocks);
 }
 
+/// Sixteen sums, one per column, which become vector code: a single sum must keep its order.
+float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
+  constexpr int kColumns = 16;
+  float sums[kColumns] = {};
+  for (int i = 0; i < kSide * kSide; i += kColumns) {
+    for (int k = 0; k < kColumns; ++k) sums[k] += a[i + k] * b[i + k];
+  }
+  float total = 0.F;
+  for (const float sum : sums) total += sum;
+  return total;
+}
+
 cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
   return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)};
 }
@@ -48,20 +60,12 @@ void Appearance::sample(const cv::Mat& picture, const Eigen::Matrix3d& homograph
   const cv::Size size(columns_ * kSide, rows_ * kSide);
   cv::resize(picture, picture_, size, 0, 0, cv::INTER_AREA);
 
-  Eigen::Matrix3d to_picture = Eigen::Matrix3d::Identity();
-  to_picture(0, 0) = static_cast<double>(picture.cols) / size.width;
-  to_picture(1, 1) = static_cast<double>(picture.rows) / size.height;
-  to_picture(0, 2) = 0.5 * to_picture(0, 0) - 0.5;
-  to_picture(1, 2) = 0.5 * to_picture(1, 1) - 0.5;
+  const Eigen::Matrix3d to_picture = homography::resizing(size, picture.size());
   const double shrink = std::min(across / size.width, down / size.height);
   const auto finest = static_cast<std::size_t>(
       std::max(0.0, std::floor(std::log(std::max(shrink, 1.0)) / std::log(scale_factor))));
   const cv::Mat& level = pyramid[std::min(finest, pyramid.size() - 1)];
-  Eigen::Matrix3d to_level = Eigen::Matrix3d::Identity();
-  to_level(0, 0) = static_cast<double>(level.cols) / pyramid[0].cols;
-  to_level(1, 1) = static_cast<double>(level.rows) / pyramid[0].rows;
-  to_level(0, 2) = 0.5 * to_level(0, 0) - 0.5;
-  to_level(1, 2) = 0.5 * to_level(1, 1) - 0.5;
+  const Eigen::Matrix3d to_level = homography::resizing(pyramid[0].size(), level.size());
   cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture), size,
                       cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, 0);
 }
@@ -134,9 +138,7 @@ double Appearance::logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d&
           if (!a.has_texture || !b.is_seen) continue;
           pairs += 1.0;
           if (!b.has_texture) continue;
-          float product = 0.F;
-          for (int i = 0; i < kSide * kSide; ++i) product += a.values[i] * b.values[i];
-          if (product > kAlike) here += 1.0;
+          if (productOf(a.values, b.values) > kAlike) here += 1.0;
         }
       }
       if (dx == 0 && dy == 0) {

@@ -8,26 +8,34 @@
 namespace ktgp_orb::targets {
 namespace {
 
-/// Number of keypoints that both explain. `sorted`: of the other one.
-std::size_t shared(const FoundTarget& one, const std::vector<std::int32_t>& sorted) {
-  std::size_t count = 0;
-  for (const std::int32_t keypoint : one.found.keypoints) {
-    count += std::binary_search(sorted.begin(), sorted.end(), keypoint) ? 1 : 0;
-  }
-  return count;
+using Outline = std::vector<cv::Point2f>;
+
+/// Of the pairs it was found by, how many lie within the outline.
+std::size_t countInside(const FoundTarget& one, const Outline& outline) {
+  const std::vector<Eigen::Vector2d>& points = one.found.pairs.target;
+  return static_cast<std::size_t>(
+      std::count_if(points.begin(), points.end(), [&](const Eigen::Vector2d& p) {
+        const cv::Point2f point(static_cast<float>(p.x()), static_cast<float>(p.y()));
+        return cv::pointPolygonTest(outline, point, false) >= 0.0;
+      }));
 }
 
-/// Whether the points that it was found by reach over most of the picture.
-bool coversPicture(const FoundTarget& one, TargetStore& store) {
-  constexpr double kShare = 0.4;  // of the area
-  const cv::Size size = store.picture(one.picture).image.size();
+/// Of the box around the points, px².
+double areaOf(const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
-  for (const Eigen::Vector2d& p : one.found.pairs.reference) box.extend(p);
-  return box.volume() > kShare * size.area();
+  for (const Eigen::Vector2d& p : points) box.extend(p);
+  return box.volume();
 }
 
-std::vector<cv::Point2f> outlineOf(const FoundTarget& one, TargetStore& store) {
-  std::vector<cv::Point2f> outline;
+/// Whether the points by which it was found are spread over most of its picture.
+bool coversPicture(const FoundTarget& one, TargetStore& store) {
+  constexpr double kShare = 0.6;  // of the area
+  return areaOf(one.found.pairs.reference) >
+         kShare * store.picture(one.picture).image.size().area();
+}
+
+Outline outlineOf(const FoundTarget& one, TargetStore& store) {
+  Outline outline;
   for (const Eigen::Vector2d& p :
        homography::imageCorners(store.picture(one.picture).image.size(), {})) {
     const Eigen::Vector2d q = homography::project(one.found.estimate.homography, p);
@@ -36,34 +44,48 @@ std::vector<cv::Point2f> outlineOf(const FoundTarget& one, TargetStore& store) {
   return outline;
 }
 
+/// Whether chance explains `one` clearly less. Where only a part that both have is seen, both have
+/// nearly the same support, and it could be either.
+bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
+  constexpr double kRatio = 0.8;
+  return other.found.log_false_alarms > kRatio * one.found.log_false_alarms;
+}
+
 /// Whether both cover nearly the same part of the frame.
-bool areInOnePlace(const FoundTarget& one, const FoundTarget& other, TargetStore& store) {
+bool areInOnePlace(const Outline& a, const Outline& b) {
   constexpr double kShare = 0.5;
-  const std::vector<cv::Point2f> a = outlineOf(one, store);
-  const std::vector<cv::Point2f> b = outlineOf(other, store);
-  std::vector<cv::Point2f> common;
+  Outline common;
   return cv::intersectConvexConvex(a, b, common) >
          kShare * std::max(cv::contourArea(a), cv::contourArea(b));
 }
 
 }  // namespace
 
+bool coversTexture(const FoundTarget& one, TargetStore& store) {
+  constexpr double kShare = 0.6;  // of the area
+  const TargetPicture& picture = store.picture(one.picture);
+  Eigen::AlignedBox2d all;
+  for (std::size_t i = 0; i < picture.own; ++i) {
+    const growth::LocalFrame& keypoint = picture.frames.frames()[i];
+    all.extend(Eigen::Vector2d(keypoint.x, keypoint.y));
+  }
+  return areaOf(one.found.pairs.reference) > kShare * all.volume();
+}
+
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
   constexpr double kMost = 0.7;
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
-  std::vector<std::int32_t> sorted;
+  std::vector<Outline> outlines;
+  outlines.reserve(found.size());
+  for (const FoundTarget& one : found) outlines.push_back(outlineOf(one, store));
   for (std::size_t i = 0; i < found.size(); ++i) {
-    sorted = found[i].found.keypoints;
-    std::sort(sorted.begin(), sorted.end());
     for (std::size_t j = 0; j < found.size(); ++j) {
-      const std::size_t count = found[j].found.keypoints.size();
-      if (found[j].target == found[i].target || count > sorted.size()) continue;
-      const bool are_shared =
-          static_cast<double>(shared(found[j], sorted)) >= kMost * static_cast<double>(count);
-      if ((are_shared && !coversPicture(found[j], store)) ||
-          areInOnePlace(found[i], found[j], store)) {
-        is_doubtful[j] = 1;
-      }
+      if (found[j].target == found[i].target) continue;
+      if (isClearlyBetter(found[j], found[i])) continue;
+      const double inside = static_cast<double>(countInside(found[j], outlines[i]));
+      const bool is_part = inside >= kMost * static_cast<double>(found[j].found.pairs.size()) &&
+                           !coversPicture(found[j], store);
+      if (is_part || areInOnePlace(outlines[i], outlines[j])) is_doubtful[j] = 1;
     }
   }
   return is_doubtful;

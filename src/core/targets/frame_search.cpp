@@ -10,16 +10,19 @@
 namespace ktgp_orb::targets {
 namespace {
 
-// To be tried: among the pairs that stand out among those of all targets.
+// Votes that a target needs to be tried. The index returns only the most similar keypoints of all
+// targets, so each target has few wrong pairs.
 constexpr std::int32_t kFewestIndexVotes = 2;
-// To be grown: among the target's own pairs, which are many.
-constexpr std::int32_t kFewestVotes = 5;
+// Votes that a seed needs to be grown. Here each keypoint of the frame gets the most similar one
+// of this target, so there are many wrong pairs.
+constexpr std::int32_t kFewestVotes = 4;
+// The same for another instance of a target that was found: most frames have one only.
+constexpr std::int32_t kFewestVotesOfOthers = 8;
 
 }  // namespace
 
-void FrameSearch::setFrame(const Features& features, std::uint64_t number) {
+void FrameSearch::setFrame(const Features& features) {
   features_ = &features;
-  number_ = number;
   whole_.setFrame(features, {}, features.images);
   frames_.clear();
   bits_.clear();
@@ -29,8 +32,10 @@ void FrameSearch::setFrame(const Features& features, std::uint64_t number) {
     bits_.push_back(growth::bitsOf(features, i));
   }
   tables_.setFrame(bits_);
-  // Near the golden ratio, so that any part of the order is spread over all; without a common
-  // divisor, so that all have a turn.
+  is_thorough_set_ = false;
+  // The next keypoint to be looked up is this many numbers further. With about 0.618 of their
+  // number, those of one call are evenly spread. Without a common divisor, every keypoint is
+  // reached.
   step_ = std::max<std::size_t>(1, bits_.size() * 618 / 1000);
   while (std::gcd(step_, bits_.size()) > 1) ++step_;
 }
@@ -68,22 +73,32 @@ const std::vector<Candidate>& FrameSearch::candidates() {
   return candidates_;
 }
 
+/// Most targets are found by the pairs that take little time.
 void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
+  if (searchWith(tables_, target, found)) return;
+  if (!std::exchange(is_thorough_set_, true)) thorough_tables_.setFrame(bits_);
+  searchWith(thorough_tables_, target, found);
+}
+
+bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
+                             std::vector<FoundTarget>& found) {
   pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
-    tables_.match(number, store_.picture(number).frames, pairs_[i]);
+    tables.match(number, store_.picture(number).frames, pairs_[i]);
   }
   taken_.clear();
   FoundTarget result;
-  for (int i = 0; i < options_.max_instances && searchOnce(target, result); ++i) {
+  int count = 0;
+  for (; count < options_.max_instances && searchOnce(target, result); ++count) {
     found.push_back(result);
-    if (i == 0) taken_.assign(features_->size(), 0);
+    if (count == 0) taken_.assign(features_->size(), 0);
     take(result);
   }
+  return count > 0;
 }
 
-/// The first picture in which the target is found, among the keypoints that are not taken.
+/// Searches the pictures of the target in the keypoints that are not taken, until one is found.
 bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
   bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
@@ -91,12 +106,13 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
     TargetPicture& picture = store_.picture(number);
     const std::vector<IndexHit>& pairs = pairs_[i];
     seeds_.collect(pairs.data(), pairs.data() + pairs.size(), picture.frames, frames_, taken_,
-                   kFewestVotes);
+                   taken_.empty() ? kFewestVotes : kFewestVotesOfOthers);
     if (seeds_.votes() == 0) continue;
     if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
     PictureSearch& search = taken_.empty() ? whole_ : rest_;
     if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) continue;
-    search.align(picture, store_.pyramid(number, number_), *features_, result.found);
+    search.align(picture, result.found);
+    if (!PictureSearch::isDetermined(picture, result.found)) continue;
     result.target = &target;
     result.picture = number;
     return true;
@@ -121,14 +137,16 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
                              store_.pictureCount(), result.found)) {
     return;
   }
-  search.align(picture, store_.pyramid(number, number_), *features_, result.found);
+  search.align(picture, result.found);
+  if (!PictureSearch::isDetermined(picture, result.found)) return;
   result.target = &target;
   result.picture = number;
   result.predicted = true;
   found.push_back(std::move(result));
 }
 
-/// The keypoints that it explains, and all others within its outline.
+/// Marks the keypoints that agree with this instance, and all others within its outline: the next
+/// instance is searched without them.
 void FrameSearch::take(const FoundTarget& target) {
   const Eigen::Matrix3d& map = target.found.estimate.homography;
   const Eigen::Matrix3d back = map.inverse();
@@ -143,7 +161,7 @@ void FrameSearch::take(const FoundTarget& target) {
   for (const std::int32_t i : target.found.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
 }
 
-/// The features that are not taken.
+/// Gives `rest_` the features that are not taken.
 void FrameSearch::setRest() {
   rest_numbers_.clear();
   rest_features_.keypoints.clear();

@@ -12,7 +12,7 @@
 
 namespace ktgp_orb::targets {
 
-/// A target that some pairs of keypoints speak for.
+/// A target that may be in the frame: some of its pairs of keypoints agree with each other.
 struct Candidate {
   StoredTarget* target;
   std::int32_t votes;  ///< of its best seed
@@ -26,23 +26,26 @@ struct FoundTarget {
   FoundPicture found;
 };
 
-/// Searches targets in one frame. What is found for a target depends on it and the frame alone.
-/// Keeps its buffers.
+/// Searches targets in one frame. What is found for a target depends only on this target and the
+/// frame. Keeps its buffers.
 class FrameSearch {
  public:
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)
       : options_(options),
         store_(store),
+        tables_(13),
+        thorough_tables_(11),
         whole_(options.orb.scale_factor),
         rest_(options.orb.scale_factor) {}
 
-  /// `number`: of the frame. `features` must live until the last search in this frame.
-  void setFrame(const Features& features, std::uint64_t number);
+  /// `features` must live until the last search in this frame.
+  void setFrame(const Features& features);
 
-  /// Looks keypoints up in the index of all targets: those from `turn` on of an order in which
-  /// neighbours are far apart, at most `count`.
+  /// Looks at most `count` keypoints up in the index of all targets, from number `turn` of a fixed
+  /// order on. Keypoints that follow each other in this order lie in different parts of the frame.
   void lookUp(std::size_t turn, std::size_t count);
-  /// The targets that the keypoints looked up speak for, in the order of the targets.
+  /// The targets that may be in the frame, according to the keypoints looked up so far; in the
+  /// order of their pictures' numbers.
   const std::vector<Candidate>& candidates();
 
   /// Appends all instances of the target.
@@ -53,6 +56,7 @@ class FrameSearch {
                   std::vector<FoundTarget>& found);
 
  private:
+  bool searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
   bool searchOnce(StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();
@@ -60,21 +64,22 @@ class FrameSearch {
   const TargetFinderOptions& options_;
   TargetStore& store_;
   const Features* features_ = nullptr;
-  std::uint64_t number_ = 0;
   std::vector<growth::LocalFrame> frames_;  // of the features
-  std::vector<growth::Bits> bits_;          // the same
+  std::vector<growth::Bits> bits_;          // descriptors of the features
   FrameTables tables_;
+  FrameTables thorough_tables_;  // set for the frame when they are needed
+  bool is_thorough_set_ = false;
   std::size_t step_ = 1;  // from one keypoint to the next one that is looked up
   std::vector<std::uint32_t> queries_;
-  std::vector<IndexHit> hits_;                // of the index, for all targets
-  std::vector<std::vector<IndexHit>> pairs_;  // of the pictures of one target
+  std::vector<IndexHit> hits_;                // what the index returned
+  std::vector<std::vector<IndexHit>> pairs_;  // for each picture of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;
-  PictureSearch whole_;  // all features
-  PictureSearch rest_;   // without those that are taken
-  std::vector<std::uint8_t> taken_;
+  PictureSearch whole_;              // searches all features
+  PictureSearch rest_;               // searches those that are not taken
+  std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
   Features rest_features_;
-  std::vector<std::int32_t> rest_numbers_;
+  std::vector<std::int32_t> rest_numbers_;  // of these in the whole frame
 };
 
 }  // namespace ktgp_orb::targets

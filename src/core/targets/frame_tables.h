@@ -9,16 +9,21 @@
 
 namespace ktgp_orb::targets {
 
-/// The descriptors of a frame, sorted by parts of them, so that those near a given one are found
-/// without comparing all (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012). Keeps its
-/// buffers.
+/// Finds the descriptors of a frame that are similar to a given one without a comparison with all:
+/// each of several tables sorts them by another part of their bits (multi-index hashing: Norouzi,
+/// Punjani & Fleet, CVPR 2012). Keeps its buffers.
 class FrameTables {
  public:
+  /// `key_bits`: 8..16, equal bits of descriptors that are compared. Fewer ones find more pairs and
+  /// take longer.
+  explicit FrameTables(int key_bits) : key_bits_(key_bits) {}
+
   void setFrame(const std::vector<growth::Bits>& bits);
 
-  /// For each keypoint of the frame the most similar one of the picture, if there is one: most of
-  /// them. Those that no keypoint elsewhere in the picture rivals come first. What is found depends
-  /// on this picture and the frame alone.
+  /// Pairs each keypoint of the frame with the most similar one of the picture, if one is similar
+  /// enough; a few are missed. Clear pairs come first: those where the second most similar keypoint
+  /// of the picture, at another place, is much less similar. The pairs depend only on this picture
+  /// and the frame.
   void match(std::uint32_t number, const growth::ReferenceFrames& picture,
              std::vector<IndexHit>& pairs);
 
@@ -26,17 +31,16 @@ class FrameTables {
 
  private:
   static constexpr std::size_t kTables = 8;  // one for each 32 bits
-  static constexpr int kKeyBits = 13;
 
   struct Item {
     std::uint32_t keypoint;
-    std::uint32_t some_bits;  // others than those of the key, to leave out most at once
+    std::uint32_t some_bits;  // not part of the key; enough to see that most items differ
   };
   struct Table {
     std::vector<std::uint32_t> start;  // of each key in the items, and the end
     std::vector<Item> items;
   };
-  /// Of the picture, for a keypoint of the frame.
+  /// The most similar keypoint of the picture, for one keypoint of the frame.
   struct Nearest {
     std::uint32_t keypoint = 0;
     int distance = kMaxDistance + 1;
@@ -47,11 +51,13 @@ class FrameTables {
   void keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
             Nearest& nearest) const;
 
+  int key_bits_;
   std::vector<growth::Bits> bits_;
   Table tables_[kTables];
   std::vector<std::uint32_t> key_of_;
-  std::vector<std::uint32_t> compared_;  // for each keypoint, the last one it was compared with
-  std::vector<Nearest> nearest_;         // for each keypoint
+  // For each keypoint of the frame:
+  std::vector<std::uint32_t> compared_;  // the last keypoint of the picture it was compared with
+  std::vector<Nearest> nearest_;
 };
 
 }  // namespace ktgp_orb::targets

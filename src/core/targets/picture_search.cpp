@@ -6,12 +6,11 @@
 #include <cmath>
 #include <limits>
 
+#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
 namespace {
-
-constexpr int kPoints = 120;  // aligned at most
 
 constexpr float kFirstRadius = 15.F;  // px
 constexpr float kSettleRadius = 10.F;
@@ -27,12 +26,6 @@ constexpr double kLogMaxFalseAlarms = -8.0;
 /// Wrong seeds, which take most of the time, seldom have so many.
 std::size_t fewestExact(int round) {
   return std::min<std::size_t>(3 + static_cast<std::size_t>(round), kFewestPairs);
-}
-
-AlignmentOptions alignmentOptions() {
-  AlignmentOptions options;
-  options.points = kPoints;
-  return options;
 }
 
 Eigen::Vector2d middleOf(const cv::Size& size) {
@@ -55,8 +48,7 @@ float medianOf(std::vector<float>& values) {
 
 }  // namespace
 
-PictureSearch::PictureSearch(double scale_factor)
-    : scale_factor_(scale_factor), alignment_(alignmentOptions()) {}
+PictureSearch::PictureSearch(double scale_factor) : scale_factor_(scale_factor) {}
 
 void PictureSearch::setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                              const std::vector<cv::Mat>& images) {
@@ -90,6 +82,7 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
       return true;
     }
     if (grow(picture, centre, pictures, affine, found)) return true;
+    if (growByImages(picture, centre, pictures, affine, found)) return true;
   }
   return false;
 }
@@ -184,7 +177,7 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
 bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
                            Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  for (const float radius : {20.F, 12.F, 7.F, kLastRadius}) {
+  for (const float radius : {16.F, 8.F, kLastRadius}) {
     if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
     if (!refit(radius, map)) return false;
   }
@@ -208,17 +201,32 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
   return accept(picture, map, pictures, found);
 }
 
+/// From the patches around the seed to the whole picture; for pictures that have few keypoints, or
+/// few that are found again in this view.
+bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
+                                 std::size_t pictures, const Eigen::Matrix3d& map,
+                                 FoundPicture& found) {
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  if (images_.empty() || !aligner_.grow(picture.image, images_, centre, map, found.estimate)) {
+    return false;
+  }
+  if (!homography::keepsPlaneInView(found.estimate.homography,
+                                    homography::imageCorners(picture.image.size(), {}))) {
+    return false;
+  }
+  if (!matchNear(picture, found.estimate.homography, centre, kEverywhere, kLastRadius))
+    return false;
+  takePairs(found);
+  return isSeen(picture, pictures, found);
+}
+
 /// Fits the homography to what the grower has just found, and judges it: by the images or, where
 /// these do not tell, by decoys of the keypoints.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundPicture& found) {
   if (!fit(picture, map, found)) return false;
-  const double tests = 2.0 * static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
-  found.log_false_alarms =
-      images_.empty() ? 0.0
-                      : appearance_.logFalseAlarms(picture.image, found.estimate.homography,
-                                                   images_, scale_factor_, tests);
-  if (found.log_false_alarms < kLogMaxFalseAlarms) return true;
+  if (isSeen(picture, pictures, found)) return true;
+  if (!final_.trusted) return false;
   // A copy beside this one is no period of the picture.
   const float longest_period = 0.6F * extentOf(map, picture.image.size());
   const growth::Judgement judgement = verdict_.judge(predictions_, picture.frames, kFirstRadius,
@@ -227,9 +235,40 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   return found.log_false_alarms < kLogMaxFalseAlarms;
 }
 
+/// Whether the images say so.
+bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
+                           FoundPicture& found) {
+  const double tests = 2.0 * static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
+  found.log_false_alarms =
+      images_.empty() ? 0.0
+                      : appearance_.logFalseAlarms(picture.image, found.estimate.homography,
+                                                   images_, scale_factor_, tests);
+  return found.log_false_alarms < kLogMaxFalseAlarms;
+}
+
 /// The homography of maximum likelihood. False if it is not a view of the whole picture.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
                         FoundPicture& found) {
+  takePairs(found);
+  const cv::Size size = picture.image.size();
+  found.estimate = {};
+  found.estimate.homography = map / map(2, 2);
+  homography::EvidenceOptions evidence;
+  evidence.max_error = growth::Verdict::kRadius;
+  evidence.by_cell = true;
+  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
+    return false;
+  }
+  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
+  dropOutliers(found);
+  return found.pairs.size() >= kFewestPairs &&
+         homography::keepsPlaneInView(found.estimate.homography,
+                                      homography::imageCorners(size, {}));
+}
+
+/// Those of the last matchNear().
+void PictureSearch::takePairs(FoundPicture& found) const {
+  found.aligned = false;
   found.pairs.clear();
   found.keypoints.clear();
   for (std::size_t i = 0; i < near_pairs_.size(); ++i) {
@@ -240,20 +279,6 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
     found.keypoints.push_back(numbers_.empty() ? keypoint
                                                : numbers_[static_cast<std::size_t>(keypoint)]);
   }
-  const cv::Size size = picture.image.size();
-  found.estimate = {};
-  found.estimate.homography = map / map(2, 2);
-  found.aligned = false;
-  homography::EvidenceOptions evidence;
-  evidence.max_error = growth::Verdict::kRadius;
-  evidence.by_cell = true;
-  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
-    return false;
-  }
-  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
-  if (!final_.trusted) return false;
-  dropOutliers(found);
-  return true;
 }
 
 void PictureSearch::dropOutliers(FoundPicture& found) {
@@ -271,37 +296,50 @@ void PictureSearch::dropOutliers(FoundPicture& found) {
   found.keypoints.resize(kept);
 }
 
-void PictureSearch::align(const TargetPicture& picture, const std::vector<cv::Mat>& pyramid,
-                          const Features& frame, FoundPicture& found) {
-  if (frame.images.empty()) return;
-  const cv::Size size = picture.image.size();
-  points_.image_size = size;
-  points_.images = pyramid;
-  points_.keypoints.clear();
-  matches_.clear();
-  for (std::size_t i = 0; i < found.pairs.size(); ++i) {
-    const Eigen::Vector2d& p = found.pairs.reference[i];
-    Correspondence match;
-    match.reference_index = static_cast<std::int32_t>(points_.keypoints.size());
-    match.target_index = found.keypoints[i];
-    matches_.push_back(match);
-    points_.keypoints.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
+void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
+  if (images_.empty()) return;
+  if (alignFrom(found.estimate, picture, found)) return;
+  // Keypoints in a small part of the picture do not determine the rest of it.
+  const Eigen::Matrix3d& map = found.estimate.homography;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& p : found.pairs.reference) centre += p;
+  centre /= static_cast<double>(found.pairs.size());
+  Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
+  affine.topLeftCorner<2, 2>() = homography::jacobianByPoint(map, centre);
+  affine.topRightCorner<2, 1>() =
+      homography::project(map, centre) - affine.topLeftCorner<2, 2>() * centre;
+  UncertainHomography grown;
+  if (aligner_.grow(picture.image, images_, centre, affine, grown)) {
+    alignFrom(grown, picture, found);
   }
-  alignment_.align(points_, frame, matches_, found.estimate, aligned_);
-  if (aligned_.status != AlignmentStatus::ok) return;
-  const UncertainHomography candidate{aligned_.homography, aligned_.covariance,
-                                      aligned_.shared_covariance, aligned_.plane_deviation};
-  finaliser_.finalise(candidate, found.pairs, size, growth::Verdict::kRadius, final_);
-  if (!final_.trusted) return;
-  found.estimate = candidate;
+}
+
+bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPicture& found) {
+  constexpr double kMostDeviation = 5.0;  // px, of a corner, in the image where it is smaller
+  const homography::CornerDeviation deviation =
+      homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
+                                  homography::imageCorners(picture.image.size(), {}));
+  return std::min(deviation.target, deviation.reference) < kMostDeviation;
+}
+
+bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
+                              FoundPicture& found) {
+  aligned_ = start;
+  if (!aligner_.align(picture.image, images_, aligned_, aligned_pairs_) ||
+      !homography::keepsPlaneInView(aligned_.homography,
+                                    homography::imageCorners(picture.image.size(), {}))) {
+    return false;
+  }
+  // Most keypoints must still agree.
+  const std::size_t before = found.pairs.size();
+  finaliser_.finalise(aligned_, found.pairs, picture.image.size(), growth::Verdict::kRadius,
+                      final_);
+  if (2 * final_.inliers < before) return false;
+  found.estimate = aligned_;
   found.aligned = true;
   dropOutliers(found);
-  found.pairs.clear();
-  for (const AlignedPoint& point : aligned_.points) {
-    found.pairs.reference.push_back(point.reference);
-    found.pairs.target.push_back(point.target);
-    found.pairs.quality.push_back(0.5);  // all are equally good
-  }
+  std::swap(found.pairs, aligned_pairs_);
+  return true;
 }
 
 }  // namespace ktgp_orb::targets

@@ -9,9 +9,9 @@
 #include "core/growth/verdict.h"
 #include "core/homography/estimate.h"
 #include "core/targets/appearance.h"
+#include "core/targets/picture_aligner.h"
 #include "core/targets/seeds.h"
 #include "core/targets/target_picture.h"
-#include "ktgp_orb/alignment.h"
 #include "ktgp_orb/features.h"
 
 namespace ktgp_orb::targets {
@@ -43,15 +43,18 @@ class PictureSearch {
   /// `prediction`: right within about `radius` px.
   bool fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction, float radius,
                       std::size_t pictures, FoundPicture& found);
-  /// Corrects the homography by the images. `pyramid`: of the picture. `frame`: the whole frame.
-  void align(const TargetPicture& picture, const std::vector<cv::Mat>& pyramid,
-             const Features& frame, FoundPicture& found);
+  /// Corrects the homography by the images.
+  void align(const TargetPicture& picture, FoundPicture& found);
+  /// False where so little of the picture is in view that its corners could be anywhere.
+  static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
 
   static constexpr int kMostSeeds = 8;
 
  private:
   bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
             Eigen::Matrix3d map, FoundPicture& found);
+  bool growByImages(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
+                    const Eigen::Matrix3d& map, FoundPicture& found);
   bool matchNear(TargetPicture& picture, const Eigen::Matrix3d& map, const Eigen::Vector2d& centre,
                  double reach, float radius);
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
@@ -61,6 +64,11 @@ class PictureSearch {
   bool refit(float radius, Eigen::Matrix3d& map) const;
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
               FoundPicture& found);
+  /// Corrects `start` by the images. True: `found` has the result.
+  bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
+                 FoundPicture& found);
+  bool isSeen(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
+  void takePairs(FoundPicture& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundPicture& found);
   bool isExplained(const Seed& seed) const;
   /// Those that do not agree with the homography last finalised.
@@ -75,10 +83,9 @@ class PictureSearch {
   homography::HomographyRefiner refiner_;
   homography::Finaliser finaliser_;
   homography::FinalHomography final_;
-  Alignment alignment_;
-  AlignmentResult aligned_;
-  Features points_;  // of the picture, for the alignment
-  std::vector<Correspondence> matches_;
+  PictureAligner aligner_;
+  UncertainHomography aligned_;
+  PointPairs aligned_pairs_;
   std::vector<Eigen::Matrix3d> tried_;
   std::vector<growth::Prediction> predictions_;
   std::vector<growth::LocalMatch> near_;

@@ -9,7 +9,7 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::size_t kMost = 200;       // bounds the time; the most similar ones
+constexpr std::size_t kMost = 300;       // pairs; the first ones are used, to limit the time
 constexpr float kReach = 150.F;          // px of the picture
 constexpr float kApart = 8.F;            // px; nearer keypoints may show the same corner
 constexpr float kCosine = 0.85F;         // between the maps
@@ -22,7 +22,8 @@ Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
   const growth::LocalFrame& from = reference.frames()[hit.keypoint];
   const Eigen::Matrix2f to_view = reference.fromView(hit.keypoint).inverse().cast<float>();
   const float area = std::abs(to_view.determinant());
-  // In the view, the pair is a similarity: its direction and size there.
+  // From the view to the frame the map is a similarity, which the directions and sizes of the two
+  // keypoints give.
   const Eigen::Vector2f d = (to_view * Eigen::Vector2f(from.dx, from.dy)).normalized();
   const float scale = std::exp(to.log_size - from.log_size) / std::sqrt(area);
   const float c = scale * (d.x() * to.dx + d.y() * to.dy);

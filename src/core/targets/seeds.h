@@ -20,12 +20,13 @@ struct Seed {
   std::uint32_t query;  ///< keypoint of the frame
 };
 
-/// Pairs of keypoints, one picture's or more, as affine maps. A pair gets a vote from each near
-/// pair that lies where its map predicts and has a similar map. Keeps its buffers.
+/// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map. It gets
+/// a vote from each other pair that is near, lies where this map predicts, and has a similar map.
+/// Keeps its buffers.
 class Seeds {
  public:
-  /// `hits`: pairs with the picture of `reference`. `frames`: the frame's keypoints. Those with a
-  /// non-zero `taken` are left out; empty: none.
+  /// From `begin` to `end`: pairs with the picture of `reference`. `frames`: the keypoints of the
+  /// frame. Those whose `taken` is not zero are left out; empty: none is.
   void collect(const IndexHit* begin, const IndexHit* end, const growth::ReferenceFrames& reference,
                const std::vector<growth::LocalFrame>& frames,
                const std::vector<std::uint8_t>& taken, std::int32_t fewest_votes);
@@ -41,10 +42,11 @@ class Seeds {
   static constexpr std::size_t kColumns = 10;
 
   std::vector<Seed> seeds_;
-  std::vector<float> columns_;  // what the votes depend on, one value of all seeds after the other
+  std::vector<float> columns_;  // what the votes depend on: each value, for all seeds
 };
 
-/// Picture to frame around the seed, fitted to those of `seeds` that vote for it.
+/// The affine map from picture to frame around the seed, fitted to those of `seeds` that vote for
+/// it.
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds);
 
 }  // namespace ktgp_orb::targets

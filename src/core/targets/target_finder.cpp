@@ -30,10 +30,11 @@ double millisecondsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-/// Of time.
+/// A span of time that begins now.
 class Budget {
  public:
   explicit Budget(double milliseconds) : milliseconds_(milliseconds) {}
+  /// Whether this share of it has passed.
   bool isOver(double share = 1.0) const {
     return std::isfinite(milliseconds_) && millisecondsSince(start_) >= share * milliseconds_;
   }
@@ -55,7 +56,7 @@ void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("max_instances", options.max_instances, 1, 1000);
 }
 
-/// In px of the given image.
+/// The same homography for the image as it was given, before it was made smaller.
 UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHomography& found) {
   UncertainHomography to_stored;
   to_stored.homography = targets::toStored(picture);
@@ -76,9 +77,10 @@ void setCorners(DetectedTarget& detection) {
 }
 
 /// Whether the target and an image of `size`, in which it was found, show nearly the same part of
-/// the scene.
-bool coversAll(const FoundTarget& found, const cv::Size& size, targets::TargetStore& store) {
+/// the scene, and not only have a part in common.
+bool showsTheSame(const FoundTarget& found, const cv::Size& size, targets::TargetStore& store) {
   constexpr double kShare = 0.6;
+  if (!targets::coversTexture(found, store)) return false;
   const auto outline = [](const std::array<Eigen::Vector2d, 4>& corners) {
     std::vector<cv::Point2f> points;
     points.reserve(corners.size());
@@ -156,9 +158,9 @@ struct TargetFinder::Impl {
   Features features;
   std::vector<FoundTarget> found;
   std::size_t turn = 0;            // where the next frame begins to look keypoints up
-  std::vector<Candidate> others;   // that were not seen in the last frame
-  std::vector<Candidate> in_turn;  // the same
-  std::vector<Track> track_of;     // of each one found
+  std::vector<Candidate> others;   // not seen in the last frame; those with most votes first
+  std::vector<Candidate> in_turn;  // the same; those that have waited longest first
+  std::vector<Track> track_of;     // for each one in `found`
   TargetFrame answer;
 };
 
@@ -168,23 +170,24 @@ OrbOptions TargetFinder::Impl::checkOptions(const TargetFinderOptions& options) 
   return orb;
 }
 
-/// Searches the known targets in the new pictures. A target that covers only a part of the new
-/// picture, such as a logo, is no other name for it.
+/// Searches the known targets in the new pictures, and throws if one shows the same. One that
+/// covers only a part of the new picture, such as a logo, does not.
 void TargetFinder::Impl::requireDifferent(const std::string& id,
                                           const std::vector<TargetPicture>& pictures,
                                           const StoredTarget* replaced) {
+  constexpr std::int32_t kFewestVotes = 5;  // one that shows the same has many more
   Features own;
   std::vector<FoundTarget> same;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     check_extractor.extract(pictures[i].image, own);
-    search.setFrame(own, frame_number);
+    search.setFrame(own);
     search.lookUp(0, own.size());
     for (const Candidate& candidate : search.candidates()) {
-      if (candidate.target == replaced) continue;
+      if (candidate.target == replaced || candidate.votes < kFewestVotes) continue;
       same.clear();
       search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
-        if (!coversAll(other, pictures[i].image.size(), store)) continue;
+        if (!showsTheSame(other, pictures[i].image.size(), store)) continue;
         throw std::invalid_argument("target \"" + id + "\": image " + std::to_string(i + 1) +
                                     " shows the same as target \"" + candidate.target->id +
                                     "\"; they could not be told apart");
@@ -194,8 +197,10 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
 }
 
 void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
-  std::vector<TargetPicture> pictures = store.prepare(target);
+  // The views take most of the time; what is refused does without them.
+  std::vector<TargetPicture> pictures = store.prepare(target, 1);
   requireDifferent(target.id, pictures, replaced);
+  if (options.views > 1) pictures = store.prepare(target, options.views);
   if (replaced != nullptr) {
     tracks.forget(*replaced);
     store.remove(*replaced);
@@ -215,8 +220,9 @@ void TargetFinder::Impl::searchFollowed() {
   }
 }
 
-/// Half of the time at most, since what is found must be tried as well; at least one part. Returns
-/// the number of frames that it takes for all keypoints.
+/// Looks up one part of the keypoints after the other until half of the time has passed; the other
+/// half is for the candidates. At least one part is looked up, and the next frame goes on behind
+/// the last one. Returns within how many frames all keypoints are looked up at this rate.
 std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) {
   constexpr std::size_t kPart = 256;
   std::size_t done = 0;
@@ -228,8 +234,9 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) 
   return done < count ? (count + done - 1) / done : 1;
 }
 
-/// By turns the one with most votes and the one that has waited longest; at least one of the
-/// latter.
+/// Tries the candidates that were not seen in the last frame until the time has passed: first the
+/// one that has waited longest, then the one with most votes, and so on. The first one is always
+/// tried.
 void TargetFinder::Impl::searchOthers() {
   const Budget budget(options.search_ms);
   const std::size_t frames = lookUp(answer.search.features, budget);
@@ -283,7 +290,7 @@ const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_p
   answer.search.extraction_milliseconds = millisecondsSince(start);
   found.clear();
   store.index().optimise();
-  search.setFrame(given, frame_number);
+  search.setFrame(given);
   tracks.beginFrame();
   searchFollowed();
   searchOthers();
@@ -294,7 +301,6 @@ const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_p
   tracks.assign({found.begin() + count, found.end()}, store, track_of);
   publish();
   tracks.endFrame();
-  store.releasePyramids(frame_number);
   answer.search.milliseconds = millisecondsSince(start);
   return answer;
 }

@@ -1,6 +1,7 @@
 #include "core/targets/target_index.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/util/random.h"
 
@@ -8,9 +9,9 @@ namespace ktgp_orb::targets {
 namespace {
 
 constexpr int kMinKeyBits = 8;
-// Fuller cells say little: many pictures have these bits.
+// Cells with more items are skipped: many pictures have these bits, so they say little.
 constexpr std::uint32_t kFullest = 48;
-constexpr int kMostOtherBits = 8;  // of the 32, that may differ
+constexpr int kMostOtherBits = 8;  // of the 32 bits that are not part of the key, may differ
 
 std::uint32_t otherBits(const growth::Bits& bits, int table) {
   return static_cast<std::uint32_t>(bits[static_cast<std::size_t>(table) % bits.size()] >> 16);
@@ -39,11 +40,17 @@ std::uint32_t TargetIndex::keyOf(const growth::Bits& bits, int table, int key_bi
 }
 
 void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bits) {
-  if (pictures_.size() <= picture) pictures_.resize(picture + 1, nullptr);
+  if (pictures_.size() <= picture) {
+    pictures_.resize(picture + 1, nullptr);
+    is_used_.resize(picture + 1, 0);
+  }
   pictures_[picture] = &bits;
+  is_used_[picture] = 1;
+  is_changing_ = true;
   Segment fresh;
   for (std::uint32_t i = 0; i < bits.size(); ++i) fresh.entries.push_back({picture, i});
-  // As when counting in binary: each descriptor is sorted in a few times only.
+  // Segments that are not larger are merged with the new one, as a binary counter carries. So each
+  // descriptor is sorted only a few times.
   std::size_t first = segments_.size();
   std::size_t size = fresh.entries.size();
   while (first > 0 && segments_[first - 1].entries.size() <= size) {
@@ -56,14 +63,18 @@ void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bi
 void TargetIndex::remove(std::uint32_t picture) {
   removed_ += pictures_[picture]->size();
   pictures_[picture] = nullptr;
+  is_changing_ = true;
 }
 
 void TargetIndex::optimise() {
   constexpr std::size_t kOneIn = 8;
+  const bool was_changing = std::exchange(is_changing_, false);
   if (segments_.empty()) return;
+  const std::size_t largest = segments_[0].entries.size();
   std::size_t others = removed_;
   for (std::size_t i = 1; i < segments_.size(); ++i) others += segments_[i].entries.size();
-  if (kOneIn * others > segments_[0].entries.size()) mergeFrom(0);
+  // Targets that change all the time do not make it grow, either.
+  if (removed_ > largest || (kOneIn * others > largest && !was_changing)) mergeFrom(0);
 }
 
 /// The segments from `first` on become one, in which all entries are sorted by picture.
@@ -75,7 +86,11 @@ void TargetIndex::mergeFrom(std::size_t first) {
     }
   }
   segments_.resize(first);
-  if (first == 0) removed_ = 0;
+  if (first == 0) {
+    removed_ = 0;
+    for (std::size_t i = 0; i < pictures_.size(); ++i)
+      is_used_[i] = pictures_[i] != nullptr ? 1 : 0;
+  }
   build(merged);
   segments_.push_back(std::move(merged));
 }
@@ -101,8 +116,8 @@ void TargetIndex::build(Segment& segment) const {
       start = sum;
     }
     table.items.resize(key_of.size());
-    for (std::size_t e = key_of.size();
-         e-- > 0;) {  // backwards, so that each start moves to its place
+    // As in FrameTables: the ends of the cells become their beginnings.
+    for (std::size_t e = key_of.size(); e-- > 0;) {
       table.items[--table.start[key_of[e]]] = {static_cast<std::uint32_t>(e),
                                                otherBits(bitsOf(segment.entries[e]), t)};
     }
@@ -123,7 +138,7 @@ void TargetIndex::search(const std::vector<growth::Bits>& wanted,
   }
 }
 
-/// In steps, each of which fetches the memory that the next one needs.
+/// Works in steps; each one fetches the memory that the next one needs.
 void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                                 const std::uint32_t* queries, std::size_t count) {
   keys_.clear();
@@ -169,14 +184,14 @@ void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth
   }
 }
 
-/// Keeps the nearest ones in order.
+/// Inserts the hit among the nearest ones, which are kept in order.
 void TargetIndex::keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const {
   const auto before = [](const IndexHit& a, const IndexHit& b) {
     if (a.distance != b.distance) return a.distance < b.distance;
     return a.picture != b.picture ? a.picture < b.picture : a.keypoint < b.keypoint;
   };
   const auto place = std::lower_bound(nearest.begin(), nearest.end(), hit, before);
-  if (place != nearest.end() && !before(hit, *place)) return;  // found in another table
+  if (place != nearest.end() && !before(hit, *place)) return;  // it was found in another table, too
   nearest.insert(place, hit);
   if (nearest.size() > kNearest) nearest.pop_back();
 }

@@ -15,7 +15,7 @@ struct IndexHit {
   std::int32_t distance;   ///< Hamming
 };
 
-/// Finds the descriptors near a descriptor among those of all pictures, most of them, by
+/// Finds most of the descriptors of all pictures that are similar to a given one, by
 /// locality-sensitive hashing: each of several tables sorts the descriptors by some of their bits
 /// (Indyk & Motwani, STOC 1998). The bits are drawn once, from a fixed seed, so the same pictures
 /// give the same hits.
@@ -23,16 +23,20 @@ class TargetIndex {
  public:
   TargetIndex();
 
-  /// Adds a picture under a number that was never used. `bits` must stay where it is until the
-  /// picture is removed.
+  /// Whether a picture may be added under this number: nothing of an earlier one is left.
+  bool isFree(std::uint32_t picture) const {
+    return picture >= is_used_.size() || is_used_[picture] == 0;
+  }
+  /// Adds a picture under a free number. `bits` must stay where it is until the picture is removed.
   void add(std::uint32_t picture, const std::vector<growth::Bits>& bits);
   void remove(std::uint32_t picture);
-  /// Sorts all descriptors into one set of tables, if the last changes were large. Call it before
-  /// many searches.
+  /// Sorts all descriptors into one set of tables if the last changes were large. This takes up to
+  /// a second for a thousand pictures, so it waits until there was no change since the last call.
+  /// Call it before each frame.
   void optimise();
 
-  /// Appends the nearest descriptors of each of the `queries`, which are numbers in `wanted`: at
-  /// most kNearest, for equal distances those that were added first.
+  /// Appends the most similar descriptors for each of `queries`, which are numbers in `wanted`: at
+  /// most kNearest, for equal distances those with the lower numbers.
   void search(const std::vector<growth::Bits>& wanted, const std::vector<std::uint32_t>& queries,
               std::vector<IndexHit>& hits);
 
@@ -49,13 +53,13 @@ class TargetIndex {
   };
   struct Item {
     std::uint32_t entry;
-    std::uint32_t some_bits;  // others than those of the key, to leave out most at once
+    std::uint32_t some_bits;  // not part of the key; enough to see that most items differ
   };
   struct Table {
     std::vector<std::uint32_t> start;  // of each key in items, and the end
     std::vector<Item> items;
   };
-  /// Tables of some of the pictures.
+  /// The tables for some of the pictures.
   struct Segment {
     int key_bits = 0;
     std::vector<Entry> entries;
@@ -73,18 +77,19 @@ class TargetIndex {
   void keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const;
 
   std::vector<const std::vector<growth::Bits>*> pictures_;  // null: removed
+  std::vector<std::uint8_t> is_used_;                       // for each number: entries may be left
   std::vector<Segment> segments_;                           // the largest first
   std::size_t removed_ = 0;                                 // entries
-  std::uint8_t places_[kTables][kMaxKeyBits];               // of the key's bits
-  // Of a block of queries, which are searched together: the memory for one is fetched while others
-  // are worked on.
+  bool is_changing_ = false;                                // since the last optimise()
+  std::uint8_t places_[kTables][kMaxKeyBits];  // in the descriptor, of the bits of the key
+  // Queries are searched in blocks: the memory for one is fetched during the work on the others.
   static constexpr std::size_t kBlock = 32;
   struct Run {
     std::uint32_t begin, end;  // items
   };
   struct Near {
     std::uint32_t entry;
-    std::uint32_t place;  // of the query in the block
+    std::uint32_t place;  // of the query, in the block
     const growth::Bits* bits;
   };
   std::vector<std::uint32_t> keys_;

@@ -6,8 +6,7 @@
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
-#include "core/orb/kernels.h"
-#include "core/orb/pyramid.h"
+#include "core/homography/transform.h"
 #include "ktgp_orb/growth.h"
 
 namespace ktgp_orb::targets {
@@ -59,11 +58,8 @@ void addViews(const cv::Mat& image, double scale, const OrbOptions& orb, int vie
   cv::Mat small, padded;
   cv::resize(image, small, cv::Size(), scale, scale, cv::INTER_AREA);
   cv::copyMakeBorder(small, padded, kBorder, kBorder, kBorder, kBorder, cv::BORDER_REPLICATE);
-  Eigen::Matrix3d to_padded = Eigen::Matrix3d::Identity();
-  to_padded(0, 0) = static_cast<double>(small.cols) / image.cols;
-  to_padded(1, 1) = static_cast<double>(small.rows) / image.rows;
-  to_padded(0, 2) = 0.5 * to_padded(0, 0) - 0.5 + kBorder;
-  to_padded(1, 2) = 0.5 * to_padded(1, 1) - 0.5 + kBorder;
+  Eigen::Matrix3d to_padded = homography::resizing(image.size(), small.size());
+  to_padded.col(2) += Eigen::Vector3d(kBorder, kBorder, 0.0);
 
   ReferenceViews all = simulateViews(padded, orb, views);
   ReferenceView whole;
@@ -106,21 +102,7 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
 }
 
 Eigen::Matrix3d toStored(const TargetPicture& picture) {
-  const double x = static_cast<double>(picture.image.cols) / picture.full_size.width;
-  const double y = static_cast<double>(picture.image.rows) / picture.full_size.height;
-  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
-  map(0, 0) = x;
-  map(1, 1) = y;
-  map(0, 2) = 0.5 * x - 0.5;
-  map(1, 2) = 0.5 * y - 0.5;
-  return map;
-}
-
-void makePyramid(const cv::Mat& image, const OrbOptions& orb, std::vector<cv::Mat>& images) {
-  orb::OrbPyramid pyramid(orb.max_features, orb.scale_factor, orb.levels);
-  pyramid.setImage(image, {});
-  pyramid.shrink(orb::bestOrbKernels());
-  pyramid.handOut(false, images);
+  return homography::resizing(picture.full_size, picture.image.size());
 }
 
 }  // namespace ktgp_orb::targets

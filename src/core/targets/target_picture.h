@@ -25,7 +25,4 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
 /// Given image -> `picture.image`, px.
 Eigen::Matrix3d toStored(const TargetPicture& picture);
 
-/// The image and its pyramid, as the alignment needs them.
-void makePyramid(const cv::Mat& image, const OrbOptions& orb, std::vector<cv::Mat>& images);
-
 }  // namespace ktgp_orb::targets

@@ -7,7 +7,7 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::size_t kFewestKeypoints = 40;  // of an image itself; the search needs twelve matches
+constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
   throw std::invalid_argument("target \"" + id + "\": " + reason);
@@ -15,7 +15,7 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image itself; the search 
 
 }  // namespace
 
-std::vector<TargetPicture> TargetStore::prepare(const Target& target) const {
+std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
   if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +
@@ -29,7 +29,7 @@ std::vector<TargetPicture> TargetStore::prepare(const Target& target) const {
     if (image.empty()) refuse(target.id, name + " is empty");
     if (image.type() != CV_8UC1) refuse(target.id, name + " is not 8-bit grey");
     pictures.push_back(
-        makePicture(image, options_.orb, options_.features, options_.largest_side, options_.views));
+        makePicture(image, options_.orb, options_.features, options_.largest_side, views));
     if (pictures.back().own < kFewestKeypoints) {
       refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
                             " keypoints; expected " + std::to_string(kFewestKeypoints) +
@@ -44,26 +44,30 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   stored->id = target.id;
   stored->width = target.width;
   stored->frame = target.frame;
+  std::uint32_t number = freeNumbers(pictures.size());
+  pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
   for (TargetPicture& picture : pictures) {
-    const auto number = static_cast<std::uint32_t>(pictures_.size());
-    Slot slot;
+    Slot& slot = pictures_[number];
     slot.picture = std::make_unique<TargetPicture>(std::move(picture));
     slot.owner = stored.get();
     index_.add(number, slot.picture->frames.bits());
-    pictures_.push_back(std::move(slot));
-    stored->pictures.push_back(number);
+    stored->pictures.push_back(number++);
     ++count_;
   }
   targets_.push_back(std::move(stored));
   return *targets_.back();
 }
 
+std::uint32_t TargetStore::freeNumbers(std::size_t count) const {
+  std::uint32_t number = 0;
+  for (std::size_t run = 0; run < count; ++number) run = index_.isFree(number) ? run + 1 : 0;
+  return number - static_cast<std::uint32_t>(count);
+}
+
 void TargetStore::remove(const StoredTarget& target) {
   for (const std::uint32_t number : target.pictures) {
     index_.remove(number);
     pictures_[number] = {};
-    with_pyramid_.erase(std::remove(with_pyramid_.begin(), with_pyramid_.end(), number),
-                        with_pyramid_.end());
     --count_;
   }
   const auto is_this = [&](const auto& stored) { return stored.get() == &target; };
@@ -75,28 +79,6 @@ StoredTarget* TargetStore::find(const std::string& id) {
     if (target->id == id) return target.get();
   }
   return nullptr;
-}
-
-const std::vector<cv::Mat>& TargetStore::pyramid(std::uint32_t number, std::uint64_t frame) {
-  Slot& slot = pictures_[number];
-  slot.last_used = frame;
-  if (slot.pyramid.empty()) {
-    makePyramid(slot.picture->image, options_.orb, slot.pyramid);
-    with_pyramid_.push_back(number);
-  }
-  return slot.pyramid;
-}
-
-void TargetStore::releasePyramids(std::uint64_t frame) {
-  constexpr std::uint64_t kFrames = 30;
-  const auto is_old = [&](std::uint32_t number) {
-    Slot& slot = pictures_[number];
-    if (slot.last_used + kFrames >= frame) return false;
-    slot.pyramid = {};
-    return true;
-  };
-  with_pyramid_.erase(std::remove_if(with_pyramid_.begin(), with_pyramid_.end(), is_old),
-                      with_pyramid_.end());
 }
 
 }  // namespace ktgp_orb::targets

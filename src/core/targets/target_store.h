@@ -25,9 +25,9 @@ class TargetStore {
  public:
   explicit TargetStore(const TargetFinderOptions& options) : options_(options) {}
 
-  /// The pictures of `target`, for add(). Throws std::invalid_argument with the reason if they
-  /// cannot be targets.
-  std::vector<TargetPicture> prepare(const Target& target) const;
+  /// The pictures of `target` with `views` each; those for add() have as many as the options say.
+  /// Throws std::invalid_argument with the reason if they cannot be targets.
+  std::vector<TargetPicture> prepare(const Target& target, int views) const;
   StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
   void remove(const StoredTarget& target);
 
@@ -39,22 +39,18 @@ class TargetStore {
   std::size_t pictureCount() const { return count_; }
   TargetIndex& index() { return index_; }
 
-  /// The picture's pyramid; kept while it is asked for every few frames.
-  const std::vector<cv::Mat>& pyramid(std::uint32_t number, std::uint64_t frame);
-  void releasePyramids(std::uint64_t frame);
-
  private:
+  /// The first of `count` free numbers in a row.
+  std::uint32_t freeNumbers(std::size_t count) const;
+
   struct Slot {
     std::unique_ptr<TargetPicture> picture;  // null: removed
     StoredTarget* owner = nullptr;
-    std::vector<cv::Mat> pyramid;
-    std::uint64_t last_used = 0;
   };
 
   const TargetFinderOptions& options_;
   std::vector<std::unique_ptr<StoredTarget>> targets_;
   std::vector<Slot> pictures_;
-  std::vector<std::uint32_t> with_pyramid_;
   std::size_t count_ = 0;
   TargetIndex index_;
 };

@@ -17,19 +17,19 @@ struct Track {
   int unseen = 0;  ///< frames since then
   Eigen::Matrix3d map = Eigen::Matrix3d::Identity();   ///< picture's `image` -> frame, px
   Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< of the picture in the frame, px
-  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< of this, px per frame
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< of the middle, px per frame
   double extent = 0.0;                                 ///< half of the longer side in the frame, px
   bool is_matched = false;                             ///< in this frame
 };
 
-/// Gives the instances of a target numbers that stay.
+/// Gives each instance of a target a number that stays while the instance is followed.
 class Tracks {
  public:
   /// Before a frame.
   void beginFrame();
-  /// The track of a detection: the nearest one of the same target, within its extent; or a new one
-  /// with the lowest free number. Call it for many detections at once: the nearest pairs count
-  /// first. Appends the tracks in their order.
+  /// Gives each detection the nearest track of the same target, if it is nearer than the extent;
+  /// otherwise a new track with the lowest free number. The nearest pairs come first, so give it
+  /// all detections at once. Appends the tracks in the order of `found`.
   void assign(const std::vector<FoundTarget>& found, TargetStore& store,
               std::vector<Track>& tracks);
   /// After a frame: forgets what was not seen for kMostUnseen frames.

@@ -1,0 +1,122 @@
+// The parts of the target finder by themselves: which targets are doubtful, and what is stored.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <string>
+#include <vector>
+
+#include "core/targets/conflicts.h"
+#include "core/targets/target_store.h"
+#include "target_world.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+const cv::Size kPoster(200, 150);
+
+TargetFinderOptions oneView() {
+  TargetFinderOptions options;
+  options.views = 1;
+  return options;
+}
+
+Target poster(int number, int images = 1) {
+  Target target;
+  target.id = "poster" + std::to_string(number);
+  for (int i = 0; i < images; ++i) {
+    target.images.push_back(
+        test::drawnPicture(kPoster, static_cast<std::uint64_t>(number + 100 * i)));
+  }
+  return target;
+}
+
+StoredTarget& add(TargetStore& store, const Target& target) {
+  return store.add(target, store.prepare(target, 1));
+}
+
+/// Two posters and how they were found in a frame.
+class Conflicts : public testing::Test {
+ protected:
+  /// The poster with its upper left corner at x, 100, found by the keypoints `first` ..., whose
+  /// points reach over `share` of its width.
+  FoundTarget found(StoredTarget& target, double x, int first, int keypoints, double share) const {
+    FoundTarget one;
+    one.target = &target;
+    one.picture = target.pictures[0];
+    one.found.estimate.homography << 1, 0, x, 0, 1, 100, 0, 0, 1;
+    one.found.log_false_alarms = -keypoints;
+    one.found.keypoints.resize(static_cast<std::size_t>(keypoints));
+    std::iota(one.found.keypoints.begin(), one.found.keypoints.end(), first);
+    one.found.pairs.reference = {{5.0, 5.0}, {share * kPoster.width, kPoster.height - 5.0}};
+    for (const Eigen::Vector2d& p : one.found.pairs.reference) {
+      one.found.pairs.target.emplace_back(p.x() + x, p.y() + 100.0);
+      one.found.pairs.quality.push_back(0.5);
+    }
+    return one;
+  }
+
+  const TargetFinderOptions options_ = oneView();
+  TargetStore store_{options_};
+  StoredTarget& a_ = add(store_, poster(1));
+  StoredTarget& b_ = add(store_, poster(2));
+  using Doubtful = std::vector<std::uint8_t>;
+};
+
+TEST_F(Conflicts, OfTwoInOnePlaceTheOneWithLessSupportIsDoubtful) {
+  // They have no keypoint in common, and each covers its picture.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(b_, 60, 100, 30, 0.9)}, store_),
+            (Doubtful{0, 1}));
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 30, 0.9), found(b_, 60, 100, 40, 0.9)}, store_),
+            (Doubtful{1, 0}));
+  // With the same support, it could be either.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 30, 0.9), found(b_, 60, 100, 30, 0.9)}, store_),
+            (Doubtful{1, 1}));
+  // More than half of the width further, they are two objects that overlap.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(b_, 160, 100, 30, 0.9)}, store_),
+            (Doubtful{0, 0}));
+}
+
+TEST_F(Conflicts, InstancesOfOneTargetMayOverlap) {
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(a_, 60, 100, 30, 0.9)}, store_),
+            (Doubtful{0, 0}));
+}
+
+TEST_F(Conflicts, APartInsideAnotherTargetIsNoTarget) {
+  // A part of the second one is seen, within the first one: they have this part in common.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(b_, 160, 100, 30, 0.2)}, store_),
+            (Doubtful{0, 1}));
+  // A target that is seen as a whole may lie on the other one.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(b_, 160, 100, 30, 0.9)}, store_),
+            (Doubtful{0, 0}));
+  // A part outside of the first one.
+  EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(b_, 250, 100, 30, 0.2)}, store_),
+            (Doubtful{0, 0}));
+}
+
+TEST(TargetStore, TargetsThatComeAndGoLeaveNothing) {
+  const TargetFinderOptions options = oneView();
+  TargetStore store(options);
+  add(store, poster(1));
+  std::uint32_t highest = 0;
+  for (int i = 0; i < 30; ++i) {
+    const StoredTarget& target = add(store, poster(2 + i % 3, 1 + i % 2));
+    highest = std::max(highest, target.pictures.back());
+    // The index has its descriptors under these numbers, and none of an earlier target.
+    std::vector<IndexHit> hits;
+    const std::vector<growth::Bits>& bits = store.picture(target.pictures.back()).frames.bits();
+    store.index().search(bits, {0, 1, 2}, hits);
+    const auto is_own = [&](const IndexHit& hit) {
+      return hit.picture == target.pictures.back() && hit.distance == 0;
+    };
+    EXPECT_GE(std::count_if(hits.begin(), hits.end(), is_own), 3);
+    for (const IndexHit& hit : hits) EXPECT_LE(hit.picture, target.pictures.back());
+    store.remove(target);
+    for (int frame = 0; frame < 2; ++frame) store.index().optimise();
+  }
+  EXPECT_EQ(highest, 2U);
+  EXPECT_EQ(store.pictureCount(), 1U);
+}
+
+}  // namespace
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,207 @@
+#!/usr/bin/python3
+"""The targets' node and its files: a disk that is full, folders that cannot be used, a start with many targets; and
+two robots that look for the same targets."""
+
+import contextlib
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import cv2
+import rospy
+import rostest
+from ktgp_orb.msg import TargetDetections
+from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
+from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
+from poster import K, POSITION, POSTER, information, rendered
+from sensor_msgs.msg import CameraInfo
+from tf2_msgs.msg import TFMessage
+
+LIMIT = 65536  # bytes of a file
+SMALL, LARGE = texture(150, 200, seed=21), texture(1200, 1600, seed=22)
+SERVICES = {'add': SetTarget, 'replace': SetTarget, 'remove': RemoveTarget, 'detect': DetectTargets}
+
+
+def limit_files():
+    """As on a full disk, a write beyond this fails."""
+    resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
+
+
+@contextlib.contextmanager
+def node(name, before=None, **parameters):
+    for key, value in parameters.items():
+        rospy.set_param(name + '/' + key, value)
+    namespace, _, own = name.rpartition('/')
+    # Without restore_signals, SIGXFSZ stays ignored.
+    process = subprocess.Popen(
+        ['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + own,
+         '__ns:=' + (namespace or '/'), 'image:=image_raw'], preexec_fn=before, restore_signals=False)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait(30)
+
+
+def call(name, service, *arguments):
+    rospy.wait_for_service(name + '/' + service, 60)
+    return rospy.ServiceProxy(name + '/' + service, SERVICES[service])(*arguments)
+
+
+def image(picture):
+    return image_message(picture, rospy.Time(1))
+
+
+class TargetsFilesTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def path(self, *names):
+        return os.path.join(self.folder, *names)
+
+    def contents(self):
+        """Of all files."""
+        found = {}
+        for folder, _, names in os.walk(self.folder):
+            for name in names:
+                with open(os.path.join(folder, name), 'rb') as file:
+                    found[os.path.join(folder, name)] = file.read()
+        return found
+
+    def test_a_full_disk_changes_nothing(self):
+        kept = self.path('kept.yaml')
+        # So long that the list does not fit, either, once the test adds the second one.
+        long_id = 'x' * (LIMIT - 2000)
+        cv2.imwrite(self.path('first.png'), POSTER)
+        cv2.imwrite(self.path('other.png'), SMALL)
+        with open(kept, 'w') as file:
+            file.write('- {id: first, image: first.png}\n- {id: other, image: other.png}\n')
+
+        def state():
+            answer = call('/full', 'detect', image(rendered(K)), CameraInfo()).detections
+            return answer.known, [d.id for d in answer.detections]
+
+        def refused(words, *arguments):
+            before = self.contents()
+            answer = call('/full', *arguments)
+            self.assertFalse(answer.success)
+            self.assertIn(words, answer.message)
+            self.assertIn('File too large', answer.message)
+            self.assertEqual(before, self.contents())
+        with node('/full', limit_files, file=kept):
+            wait_until(lambda: state() == (2, ['first']), 'both are read')
+            refused('.png: cannot be written', 'add', 'large', [image(texture(150, 200, seed=25)), image(LARGE)], 0.0, '')
+            refused('.png: cannot be written', 'replace', 'first', [image(LARGE)], 0.0, '')
+            refused('cannot be written', 'add', 2 * long_id, [image(texture(150, 200, seed=23))], 0.0, '')
+            self.assertEqual(state(), (2, ['first']))
+            answer = call('/full', 'replace', 'other', [image(texture(150, 200, seed=24))], 0.0, 'shelf')
+            self.assertTrue(answer.success, answer.message)
+            with open(kept) as file:
+                self.assertIn('frame: shelf', file.read())
+        # A list that is too long already: nothing can be removed, either.
+        with open(kept, 'w') as file:
+            for name, picture in ((2 * long_id, 'other'), ('first', 'first')):
+                file.write('- {id: %s, image: %s.png}\n' % (name, picture))
+        with node('/full', limit_files, file=kept):
+            wait_until(lambda: state() == (2, ['first']), 'both are read')
+            refused('cannot be written', 'remove', 'first')
+            self.assertEqual(state(), (2, ['first']))
+
+    def test_creates_the_folder_of_the_list_or_says_why_not(self):
+        with node('/new', file=self.path('a', 'b', 'kept.yaml')):
+            answer = call('/new', 'add', 'first', [image(POSTER)], 0.0, '')
+            self.assertTrue(answer.success, answer.message)
+            answer = call('/new', 'add', 'flat', [image(0 * POSTER + 90)], 0.0, '')
+            self.assertIn('too little texture', answer.message)
+            self.assertEqual(sorted(os.path.relpath(file, self.folder) for file in self.contents()),
+                             ['a/b/kept.yaml', 'a/b/kept.yaml_images/0.png'])
+        with open(self.path('file'), 'w'):
+            pass
+        rospy.set_param('/none/file', self.path('file', 'kept.yaml'))
+        run = subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=none'],
+                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
+        self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', run.stdout)
+        self.assertIn('Not a directory', run.stdout)
+
+    def test_answers_frames_and_services_while_it_reads_many_targets(self):
+        count = 150
+        os.mkdir(self.path('posters'))
+        for i in range(count):
+            cv2.imwrite(self.path('posters', '%03d.pgm' % i), texture(150, 200, seed=100 + i))
+        detections = Recorder('/many/camera/targets/detections', TargetDetections)
+        camera = Camera('/many/camera/image_raw')
+        known = []
+        picture = rendered(K)
+        with node('/many/camera/targets', targets=self.path('posters'), file=self.path('kept.yaml')):
+            camera.wait_for_subscriber()
+            # The last one is not read yet.
+            answer = call('/many/camera/targets', 'add', '149', [image(POSTER)], 0.0, '')
+            self.assertIn('exists already', answer.message)
+            answer = call('/many/camera/targets', 'replace', '149', [image(POSTER)], 1.0, '')
+            self.assertTrue(answer.success, answer.message)
+            answer = call('/many/camera/targets', 'remove', '148')
+            self.assertTrue(answer.success, answer.message)
+
+            def all_known():
+                stamp = camera.next_stamp()
+                camera.send(image_message(picture, stamp))
+                message = detections.wait_for(stamp)
+                known.append(message.known)
+                self.assertEqual([d.id for d in message.detections], ['149'])
+                return message.known >= count - 1
+            wait_until(all_known, 'all are known')
+        detections.close()
+        between = sum(1 < one < count - 1 for one in known)
+        print('%d frames were answered before all targets were known' % between)
+        self.assertGreater(between, 0)
+        self.assertEqual(known, sorted(known))
+        self.assertEqual(known[-1], count - 1)
+
+    def test_two_robots_look_for_the_same_targets(self):
+        """The second one gets every sixth image only: the poster moves by 46 px from one to the next."""
+        cv2.imwrite(self.path('poster.png'), POSTER)
+        with open(self.path('targets.yaml'), 'w') as file:
+            file.write('- {id: poster, image: poster.png, width: 1.0, frame: poster}\n')
+        robots = ('/one/camera', '/two/camera')
+        cameras = {robot: Camera(robot + '/image_raw') for robot in robots}
+        infos = {robot: rospy.Publisher(robot + '/camera_info', CameraInfo, queue_size=1, latch=True)
+                 for robot in robots}
+        detections = {robot: Recorder(robot + '/targets/detections', TargetDetections) for robot in robots}
+        transforms = Recorder('/tf', TFMessage)
+        with node('/one/camera/targets', targets=self.path('targets.yaml')), \
+                node('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='two/'):
+            for robot in robots:
+                infos[robot].publish(information())
+                cameras[robot].wait_for_subscriber()
+
+            def show(robot, step):
+                picture = rendered(K, position=POSITION + (-0.3 + 0.02 * step, 0.0, 0.0))
+                stamp = cameras[robot].next_stamp()
+                cameras[robot].send(image_message(picture, stamp))
+                return detections[robot].wait_for(stamp)
+
+            for robot, frame in zip(robots, ('poster', 'two/poster')):
+                wait_until(lambda robot=robot: [d for d in show(robot, 0).detections if d.has_pose], 'it has a pose')
+                detection, = show(robot, 0).detections
+                self.assertEqual(detection.frame, frame)
+            for robot, stride in zip(robots, (1, 6)):
+                ages = []
+                for step in range(5):
+                    detection, = show(robot, stride * step).detections
+                    self.assertEqual(detection.instance, 0)
+                    ages.append(detection.age)
+                self.assertEqual(ages, list(range(ages[0], ages[0] + 5)))
+            wait_until(lambda: {t.child_frame_id for m in transforms.messages() for t in m.transforms} ==
+                       {'poster', 'two/poster'}, 'each robot sends its own frame')
+        for recorder in (transforms, *detections.values()):
+            recorder.close()
+
+
+if __name__ == '__main__':
+    rospy.init_node('robot_targets_files_test')
+    rostest.rosrun('ktgp_orb', 'robot_targets_files', TargetsFilesTest, sys.argv)
