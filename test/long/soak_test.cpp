@@ -5,24 +5,20 @@
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <ktgp_orb/MatchStatus.h>
-#include <malloc.h>
-#include <netinet/in.h>
-#include <ros/xmlrpc_manager.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 
+#include "resources.h"
 #include "robot_testing.h"
 
 namespace ktgp_orb {
 namespace {
+
+using test::Held;
 
 int frames = 20000;
 constexpr int kCycle = 1000;  // frames per loading of the nodelet
@@ -36,58 +32,6 @@ constexpr int kThinned = 10;  // the second robot gets every tenth frame
 constexpr int kStay = 5;      // cycles per loading of the second robot
 
 const std::string kMatcher = "/one/camera/matcher/";
-
-/// The resources of the process.
-struct Held {
-  double megabytes = 0.0;
-  double heap = 0.0;  // MB in use
-  int descriptors = 0;
-  int threads = 0;
-};
-
-int entries(const char* folder) {
-  const auto all = std::filesystem::directory_iterator(folder);
-  return static_cast<int>(std::distance(begin(all), end(all)));
-}
-
-/// Both ends of a connection; 0 for an unknown one.
-int port(int descriptor, decltype(getpeername)* end) {
-  sockaddr_in address{};
-  socklen_t size = sizeof(address);
-  if (end(descriptor, reinterpret_cast<sockaddr*>(&address), &size) != 0) return 0;
-  return address.sin_family == AF_INET ? ntohs(address.sin_port) : 0;
-}
-
-/// Without connections of XML-RPC calls, to the master and from this process to itself: roscpp
-/// keeps as many as there were simultaneous calls, which depends on the load of the machine.
-int descriptors() {
-  const int master = static_cast<int>(ros::master::getPort());
-  const int own = ros::XMLRPCManager::instance()->getServerPort();
-  int count = 0;
-  for (const auto& entry : std::filesystem::directory_iterator("/proc/self/fd")) {
-    const int descriptor = std::stoi(entry.path().filename());
-    const int here = port(descriptor, getsockname), there = port(descriptor, getpeername);
-    count += here != own && there != own && there != master ? 1 : 0;
-  }
-  return count;
-}
-
-double heapInUse() {
-#if __GLIBC_PREREQ(2, 33)
-  const struct mallinfo2 info = mallinfo2();
-  return static_cast<double>(info.uordblks + info.hblkhd) / 1e6;
-#else
-  return 0.0;
-#endif
-}
-
-Held held() {
-  malloc_trim(0);  // freed memory is not growth
-  std::size_t size = 0, resident = 0;
-  std::ifstream("/proc/self/statm") >> size >> resident;
-  return {static_cast<double>(resident) * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6,
-          heapInUse(), descriptors(), entries("/proc/self/task")};
-}
 
 /// The stamp contains the number of the frame, so that the answer can be identified.
 ros::Time stampOf(int number) {
@@ -225,17 +169,10 @@ class Soak {
       if (done % (kStay * kCycle) == 0 && !load(loader, "two", other)) return false;
       ros::service::waitForService(kMatcher + "set_parameters");
       if (!reconfigure(5) || !cycle(feeder, other, done)) return false;
-      last = held();
+      last = test::held();
       megabytes_.push_back(last.megabytes);
       heap_.push_back(last.heap);
-      if (warm) {  // ROS's own threads close connections later
-        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-        while ((last.descriptors > warm->descriptors || last.threads > warm->threads) &&
-               std::chrono::steady_clock::now() < end) {
-          std::this_thread::sleep_for(std::chrono::milliseconds(20));
-          last = held();
-        }
-      }
+      if (warm) last = test::heldAtRest(*warm);
       if (!warm && done + kCycle >= std::min(frames / 4, 20 * kCycle)) warm = last;
       if ((done + kCycle) % report_every == 0) {
         const auto now = std::chrono::steady_clock::now();
@@ -252,8 +189,8 @@ class Soak {
         "thinned topic\n",
         tally_.loads, tally_.changes, tally_.viewers, tally_.pairs, tally_.pauses, tally_.resets,
         tally_.sizes, tally_.infos, tally_.ok, tally_.thinned);
-    const double growth = median(megabytes_, 3) - median(megabytes_, 1);
-    const double heap = median(heap_, 3) - median(heap_, 1);
+    const double growth = test::growth(megabytes_);
+    const double heap = test::growth(heap_);
     std::printf(
         "from the second quarter to the last (medians) %+.3f MB in use (limit %+.1f), %+.1f MB of "
         "the process (limit %+.1f); since the first %+d files, %+d threads\n",
@@ -352,16 +289,6 @@ class Soak {
     info.D = {-0.05, 0.01, 0.0, 0.0, 0.0};
     info.K = {300.0, 0.0, image->width / 2.0, 0.0, 300.0, image->height / 2.0, 0.0, 0.0, 1.0};
     return info;
-  }
-
-  /// Over a quarter of the run, 0 to 3.
-  static double median(const std::vector<double>& values, std::size_t quarter) {
-    const auto at = [&](std::size_t q) {
-      return values.begin() + static_cast<std::ptrdiff_t>(q * values.size() / 4);
-    };
-    std::vector<double> part(at(quarter), at(quarter + 1));
-    std::sort(part.begin(), part.end());
-    return part.at(part.size() / 2);
   }
 
   bool pair(const test::View& view, int number) {
