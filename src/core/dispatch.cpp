@@ -12,6 +12,7 @@
 #if KTGP_ORB_HAS_VECTORS
 #include "core/alignment/patch-inl.h"
 #include "core/gms/sum-inl.h"
+#include "core/growth/alike-inl.h"
 #include "core/knn/near-inl.h"
 #include "core/knn/scan-inl.h"
 #include "core/orb/blur-inl.h"
@@ -19,6 +20,7 @@
 #include "core/orb/patch-inl.h"
 #include "core/orb/resize-inl.h"
 #include "core/orb/teblid-inl.h"
+#include "core/targets/votes-inl.h"
 #endif
 
 HWY_BEFORE_NAMESPACE();
@@ -35,12 +37,14 @@ Kernels makeKernels() {
   Kernels set{
       {name, on_patches::warp, on_patches::prepare, on_patches::smooth, on_patches::compare},
       {name, gms::HWY_NAMESPACE::sumOfStep},
+      {name, growth::HWY_NAMESPACE::findAlike},
       {name, on_descriptors::kLanes, on_descriptors::scan<false>, on_descriptors::scan<true>},
       {name, on_descriptors::near::search<false>, on_descriptors::near::search<true>},
       {name, on_pixels::resizeRow, on_pixels::mixRows, on_pixels::fastScores,
        on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
        on_pixels::blurAcrossRows, on_pixels::describe},
-      {name, on_pixels::describeInside}};
+      {name, on_pixels::describeInside},
+      {name, targets::HWY_NAMESPACE::votesFor}};
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
   if (util::hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
@@ -53,10 +57,12 @@ Kernels makeKernels() {
 #else
   return {alignment::portableAlignmentKernels(),
           gms::portableGmsKernels(),
+          growth::portableAlikeKernel(),
           knn::portableKnnKernel(),
           knn::portableNearKernel(),
           orb::portableOrbKernels(),
-          orb::portableTeblidKernel()};
+          orb::portableTeblidKernel(),
+          targets::portableVoteKernel()};
 #endif
 }
 
@@ -92,6 +98,10 @@ const gms::GmsKernels& gms::bestGmsKernels() {
   return bestKernels().gms;
 }
 
+const growth::AlikeKernel& growth::bestAlikeKernel() {
+  return bestKernels().alike;
+}
+
 const knn::KnnKernel& knn::bestKnnKernel() {
   return bestKernels().knn;
 }
@@ -106,6 +116,10 @@ const orb::OrbKernels& orb::bestOrbKernels() {
 
 const orb::TeblidKernel& orb::bestTeblidKernel() {
   return bestKernels().teblid;
+}
+
+const targets::VoteKernel& targets::bestVoteKernel() {
+  return bestKernels().votes;
 }
 
 }  // namespace ktgp_orb

@@ -2,10 +2,12 @@
 
 #include "core/alignment/kernels.h"
 #include "core/gms/kernels.h"
+#include "core/growth/alike_kernel.h"
 #include "core/knn/kernel.h"
 #include "core/knn/near_kernel.h"
 #include "core/orb/kernels.h"
 #include "core/orb/teblid_kernel.h"
+#include "core/targets/vote_kernel.h"
 
 namespace ktgp_orb {
 
@@ -14,10 +16,12 @@ namespace ktgp_orb {
 struct Kernels {
   alignment::AlignmentKernels alignment;
   gms::GmsKernels gms;
+  growth::AlikeKernel alike;
   knn::KnnKernel knn;
   knn::NearKernel near;
   orb::OrbKernels orb;
   orb::TeblidKernel teblid;
+  targets::VoteKernel votes;
 };
 
 }  // namespace ktgp_orb

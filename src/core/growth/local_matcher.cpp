@@ -30,6 +30,20 @@ void LocalMatcher::setTarget(const Features& target) {
     bits_[i] = bitsOf(target, index);
     position_[index] = static_cast<std::uint32_t>(i);
   }
+  const std::size_t pitch = target.size() + kReadBeyond;
+  columns_.assign(5 * pitch, 0.F);
+  for (std::size_t i = 0; i < target.size(); ++i) {
+    const LocalFrame& frame = frames_[i];
+    const float values[] = {frame.x, frame.y, frame.dx, frame.dy, frame.log_size};
+    for (std::size_t c = 0; c < 5; ++c) columns_[c * pitch + i] = values[c];
+  }
+  alike_.resize(target.size());
+}
+
+KeypointColumns LocalMatcher::columns() const {
+  const std::size_t pitch = frames_.size() + kReadBeyond;
+  const float* x = columns_.data();
+  return {x, x + pitch, x + 2 * pitch, x + 3 * pitch, x + 4 * pitch};
 }
 
 std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
@@ -38,6 +52,7 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
   matches.clear();
   best_reference_.assign(frames_.size(), kNoKey);
   const float squared_radius = radius * radius;
+  const KeypointColumns keypoints = columns();
   std::size_t near = 0;
   candidates_ = 0;
   for (const Prediction& prediction : predictions) {
@@ -49,35 +64,30 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
     bool is_near = false;
     std::int64_t best = kNoKey;
     std::uint32_t best_place = 0;
-    float best_error = 0.F;
+    const AlikeQuery query{x, y, wanted.dx, wanted.dy, wanted.log_size, squared_radius};
+    std::size_t count = 0;
     cells_.visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t i = begin; i < end; ++i) {
-        const LocalFrame& frame = frames_[i];
-        const float ex = frame.x - x;
-        const float ey = frame.y - y;
-        const float squared = ex * ex + ey * ey;
-        // One rarely taken branch is faster than four unpredictable ones.
-        const bool is_inside = squared <= squared_radius;
-        const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kCosine;
-        const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kLogScale;
-        is_near |= is_inside;
-        if (!(is_inside & turns_alike & scales_alike)) continue;
-        const int d = distance(bits, bits_[i]);
-        if (d > kMaxDistance) continue;
-        ++candidates_;
-        const std::int64_t here = key(d, cells_.order()[i]);
-        if (here < best) {
-          best = here;
-          best_place = i;
-          best_error = squared;
-        }
-        best_reference_[i] = std::min(best_reference_[i], key(d, index));
-      }
+      count += kernel_->find(keypoints, begin, end, query, alike_.data() + count, is_near);
     });
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::uint32_t i = alike_[k];
+      const int d = distance(bits, bits_[i]);
+      if (d > kMaxDistance) continue;
+      ++candidates_;
+      const std::int64_t here = key(d, cells_.order()[i]);
+      if (here < best) {
+        best = here;
+        best_place = i;
+      }
+      best_reference_[i] = std::min(best_reference_[i], key(d, index));
+    }
     near += is_near ? 1 : 0;
     if (best == kNoKey) continue;
+    const float error_x = frames_[best_place].x - x;
+    const float error_y = frames_[best_place].y - y;
     matches.push_back({index, static_cast<std::int32_t>(best_place),
-                       static_cast<std::int32_t>(best >> 32), best_error});
+                       static_cast<std::int32_t>(best >> 32),
+                       error_x * error_x + error_y * error_y});
   }
   const auto is_one_way = [&](const LocalMatch& m) {
     return static_cast<std::int32_t>(best_reference_[static_cast<std::size_t>(m.target)] &

@@ -6,6 +6,7 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/growth/alike_kernel.h"
 #include "core/growth/local_frame.h"
 #include "core/util/cell_grid.h"
 #include "ktgp_orb/features.h"
@@ -47,8 +48,8 @@ class LocalMatcher {
     cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
       for (std::uint32_t i = begin; i < end; ++i) {
         const LocalFrame& frame = frames_[i];
-        const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kCosine;
-        const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kLogScale;
+        const bool turns_alike = frame.dx * wanted.dx + frame.dy * wanted.dy >= kAlikeCosine;
+        const bool scales_alike = std::abs(frame.log_size - wanted.log_size) <= kAlikeLogScale;
         if (turns_alike & scales_alike) visit(frame.x - wanted.x, frame.y - wanted.y, bits_[i]);
       }
     });
@@ -64,17 +65,20 @@ class LocalMatcher {
   const cv::Size& imageSize() const { return image_size_; }
 
  private:
-  static constexpr float kCell = 8.F;            // px
-  static constexpr float kCosine = 0.825336F;    // of 0.6 rad
-  static constexpr float kLogScale = 0.587787F;  // of 1.8
+  static constexpr float kCell = 8.F;  // px
 
+  KeypointColumns columns() const;
+
+  const AlikeKernel* kernel_ = &bestAlikeKernel();
   util::CellGrid cells_;
   cv::Size image_size_;
   // Cell by cell.
   std::vector<LocalFrame> frames_;
+  std::vector<float> columns_;  // the same, for the kernel: x of all, y of all ...
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;       // of each keypoint among them
   std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction
+  std::vector<std::uint32_t> alike_;
   std::size_t candidates_ = 0;
 };
 

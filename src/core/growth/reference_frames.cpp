@@ -25,6 +25,7 @@ void ReferenceFrames::set(const Features& reference, const ReferenceViews* views
   views_.clear();
   frames_.clear();
   bits_.clear();
+  view_of_.clear();
   std::size_t count = reference.size();
   if (views != nullptr) {
     for (const ReferenceView& view : *views) count += view.features.size();
@@ -47,12 +48,8 @@ void ReferenceFrames::add(const Features& features, const Eigen::Matrix<double, 
     frames_.push_back(mapped(frame, place.cast<float>(), jacobian, log_scale));
     bits_.push_back(bitsOf(features, i));
   }
-  views_.push_back({begin, frames_.size(), from_view});
-}
-
-const Eigen::Matrix2d& ReferenceFrames::fromView(std::size_t keypoint) const {
-  const auto is_beyond = [](std::size_t i, const View& view) { return i < view.end; };
-  return std::upper_bound(views_.begin(), views_.end(), keypoint, is_beyond)->from_view;
+  view_of_.resize(frames_.size(), static_cast<std::uint16_t>(views_.size()));
+  views_.push_back({begin, frames_.size(), from_view, to_view.leftCols<2>().cast<float>()});
 }
 
 bool ReferenceFrames::chooseViews(const Eigen::Matrix2d& jacobian) {

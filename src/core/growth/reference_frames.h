@@ -29,13 +29,16 @@ class ReferenceFrames {
 
   const std::vector<LocalFrame>& frames() const { return frames_; }
   const std::vector<Bits>& bits() const { return bits_; }
-  /// px of the view of that keypoint to px of the reference, without the shift.
-  const Eigen::Matrix2d& fromView(std::size_t keypoint) const;
+  /// px of the reference to px of the view of that keypoint, without the shift.
+  const Eigen::Matrix2f& toView(std::size_t keypoint) const {
+    return views_[view_of_[keypoint]].to_view;
+  }
 
  private:
   struct View {
     std::size_t begin, end;     // its keypoints
     Eigen::Matrix2d from_view;  // px of the view to px of the reference, without the shift
+    Eigen::Matrix2f to_view;    // the inverse
   };
 
   void add(const Features& features, const Eigen::Matrix<double, 2, 3>& to_view);
@@ -44,6 +47,7 @@ class ReferenceFrames {
   std::vector<View> views_;
   std::vector<double> squeeze_;  // tilt from each view
   std::vector<std::uint8_t> chosen_;
+  std::vector<std::uint16_t> view_of_;  // of each keypoint
   std::vector<LocalFrame> frames_;
   std::vector<Bits> bits_;
 };

@@ -7,6 +7,7 @@
 #include "core/growth/local_frame.h"
 #include "core/growth/reference_frames.h"
 #include "core/targets/target_index.h"
+#include "core/targets/vote_kernel.h"
 
 namespace ktgp_orb::targets {
 
@@ -39,10 +40,10 @@ class Seeds {
  private:
   void vote(std::int32_t fewest_votes);
 
-  static constexpr std::size_t kColumns = 10;
-
+  const VoteKernel* kernel_ = &bestVoteKernel();
   std::vector<Seed> seeds_;
-  std::vector<float> columns_;  // what the votes depend on: each value, for all seeds
+  std::vector<SeedMap> maps_;   // of the seeds
+  std::vector<float> columns_;  // the same, for the kernel: the first value of all, and so on
 };
 
 /// The affine map from picture to frame around the seed, fitted to those of `seeds` that vote for

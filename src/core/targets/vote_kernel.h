@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+namespace ktgp_orb::targets {
+
+/// A pair of keypoints and the map that it predicts, as far as the votes depend on it.
+struct SeedMap {
+  float from_x, from_y;  ///< px of the picture
+  float to_x, to_y;      ///< px of the frame
+  float log_area;        ///< by which the map scales areas, natural logarithm
+  float xx, xy, yx, yy;  ///< its linear part, row by row
+  float norm;            ///< of the linear part
+};
+constexpr std::size_t kSeedMapValues = 10;
+/// Entries past the last seed that the kernels may read.
+constexpr std::size_t kReadBeyond = 16;
+
+constexpr float kVoteReach = 150.F;          ///< px of the picture
+constexpr float kVoteApart = 8.F;            ///< px; nearer keypoints may show the same corner
+constexpr float kVoteCosine = 0.85F;         ///< between the maps
+constexpr float kVoteLogArea = 0.94F;        ///< a factor of 1.6 in length
+constexpr float kVoteSlack = 4.F;            ///< px of the frame
+constexpr float kVoteRelativeSlack = 0.25F;  ///< of the distance there
+
+/// Whether `voter` is near, lies where the map of `seed` predicts, and has a similar map.
+inline bool agrees(const SeedMap& voter, const SeedMap& seed) {
+  const float x = voter.from_x - seed.from_x;
+  const float y = voter.from_y - seed.from_y;
+  const float squared = x * x + y * y;
+  if (squared > kVoteReach * kVoteReach || squared < kVoteApart * kVoteApart) return false;
+  if (std::abs(voter.log_area - seed.log_area) > kVoteLogArea) return false;
+  const float to_x = voter.to_x - seed.to_x;
+  const float to_y = voter.to_y - seed.to_y;
+  if (to_x * to_x + to_y * to_y < 0.25F * kVoteApart * kVoteApart) return false;
+  const float there_x = seed.xx * x + seed.xy * y;
+  const float there_y = seed.yx * x + seed.yy * y;
+  const float error_x = to_x - there_x;
+  const float error_y = to_y - there_y;
+  const float slack = kVoteSlack * kVoteSlack + kVoteRelativeSlack * kVoteRelativeSlack *
+                                                    (there_x * there_x + there_y * there_y);
+  if (error_x * error_x + error_y * error_y > slack) return false;
+  const float product =
+      voter.xx * seed.xx + voter.xy * seed.xy + voter.yx * seed.yx + voter.yy * seed.yy;
+  return product > kVoteCosine * voter.norm * seed.norm;
+}
+
+/// The inner loop of Seeds, one per instruction set; all give the same numbers.
+struct VoteKernel {
+  const char* name;  ///< instruction set, e.g. "AVX2"
+
+  /// How many of `count` voters agree with the seed. `columns`: the first value of SeedMap of all
+  /// voters, `pitch` floats later the second one of all, and so on.
+  std::int32_t (*votes)(const float* columns, std::size_t pitch, std::size_t count,
+                        const SeedMap& seed);
+};
+
+/// Plain C++, the reference for the others.
+const VoteKernel& portableVoteKernel();
+/// The fastest one that this build and this processor support.
+const VoteKernel& bestVoteKernel();
+
+}  // namespace ktgp_orb::targets
