@@ -44,9 +44,10 @@ struct TargetFinderOptions {
   /// How far a target that was seen in the last frame, and was not found otherwise, may be from its
   /// predicted position, px, 0..1000. 0: it gets no second search.
   double search_radius = 48.0;
-  /// Time for the targets that were not seen in the last frame, ms per frame; infinite: all that
-  /// have a chance are tried on every frame. A part of the index and one target are always
-  /// searched. The extraction and the targets of the last frame come on top.
+  /// Time for the targets that were not seen in the last frame, ms per frame; a tenth of it while
+  /// other targets are followed. Infinite: all that have a chance are tried on every frame. A part
+  /// of the index and one target are always searched. The extraction and the targets of the last
+  /// frame come on top.
   double search_ms = std::numeric_limits<double>::infinity();
   int max_instances = 8;  ///< of one target in a frame, 1..1000
 };
@@ -106,7 +107,7 @@ struct TargetFrame {
 ///   agree with each other are candidates.
 /// 3. Each candidate, and each target of the last frame, is matched with the frame by itself
 ///   (multi-index hashing).
-/// 4. Its best pairs grow to a homography, by keypoints or by the grey values around a pair. The
+/// 4. The best pairs grow to a homography, by keypoints or by the grey values around a pair. The
 ///   grey values of both images must confirm it or, where they do not tell, decoys of the keypoints
 ///   (see HomographyGrowth). It is aligned to a fraction of a pixel, and the target is searched
 ///   again in the other keypoints.

@@ -77,6 +77,19 @@ TEST_F(Conflicts, OfTwoInOnePlaceTheOneWithLessSupportIsDoubtful) {
             (Doubtful{0, 0}));
 }
 
+TEST_F(Conflicts, WhatAgreesLessThanTheTargetAroundItIsDoubtful) {
+  // Two parts of one house: the windows of the second one are also within the first one.
+  FoundTarget around = found(a_, 50, 0, 40, 0.9);
+  FoundTarget inside = found(b_, 160, 100, 30, 0.9);
+  around.found.agreement = 0.9;
+  inside.found.agreement = 0.6;
+  // It reaches beyond the first one, but no point that agrees lies there.
+  for (Eigen::Vector2d& p : inside.found.pairs.target) p.x() = std::min(p.x(), 240.0);
+  EXPECT_EQ(conflicts({around, inside}, store_), (Doubtful{0, 1}));
+  inside.found.agreement = 0.8;  // a target that lies on the first one
+  EXPECT_EQ(conflicts({around, inside}, store_), (Doubtful{0, 0}));
+}
+
 TEST_F(Conflicts, InstancesOfOneTargetMayOverlap) {
   EXPECT_EQ(conflicts({found(a_, 50, 0, 40, 0.9), found(a_, 60, 100, 30, 0.9)}, store_),
             (Doubtful{0, 0}));
@@ -100,7 +113,8 @@ TEST(TargetStore, TargetsThatComeAndGoLeaveNothing) {
   add(store, poster(1));
   std::uint32_t highest = 0;
   for (int i = 0; i < 30; ++i) {
-    const StoredTarget& target = add(store, poster(2 + i % 3, 1 + i % 2));
+    const Target new_one = poster(2 + i % 3, 1 + i % 2);
+    const StoredTarget& target = add(store, new_one);
     highest = std::max(highest, target.pictures.back());
     // The index has its descriptors under these numbers, and none of an earlier target.
     std::vector<IndexHit> hits;

@@ -49,18 +49,19 @@ cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
 }  // namespace
 
 /// Both on one canvas, no finer than the picture is seen in the frame.
-void Appearance::sample(const cv::Mat& picture, const Eigen::Matrix3d& homography,
+void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
                         const std::vector<cv::Mat>& pyramid, double scale_factor) {
-  const Eigen::Vector2d middle(0.5 * (picture.cols - 1), 0.5 * (picture.rows - 1));
+  const cv::Size& whole = picture.image.size();
+  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
   const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
-  const double across = jacobian.col(0).norm() * picture.cols;
-  const double down = jacobian.col(1).norm() * picture.rows;
+  const double across = jacobian.col(0).norm() * whole.width;
+  const double down = jacobian.col(1).norm() * whole.height;
   columns_ = blocksAlong(across);
   rows_ = blocksAlong(down);
   const cv::Size size(columns_ * kSide, rows_ * kSide);
-  cv::resize(picture, picture_, size, 0, 0, cv::INTER_AREA);
+  shrink(picture, size, picture_);
 
-  const Eigen::Matrix3d to_picture = homography::resizing(size, picture.size());
+  const Eigen::Matrix3d to_picture = homography::resizing(size, whole);
   const double shrink = std::min(across / size.width, down / size.height);
   const auto finest = static_cast<std::size_t>(
       std::max(0.0, std::floor(std::log(std::max(shrink, 1.0)) / std::log(scale_factor))));
@@ -114,9 +115,10 @@ void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& pic
   }
 }
 
-double Appearance::logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d& homography,
-                                  const std::vector<cv::Mat>& pyramid, double scale_factor,
-                                  double tests) {
+Appearance::Similarity Appearance::compare(const TargetPicture& picture,
+                                           const Eigen::Matrix3d& homography,
+                                           const std::vector<cv::Mat>& pyramid, double scale_factor,
+                                           double tests) {
   constexpr float kPictureDeviation = 6.F;  // grey values
   constexpr float kFrameDeviation = 3.F;
   constexpr double kAboveLargest = 1.5;
@@ -125,7 +127,7 @@ double Appearance::logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d&
   sample(picture, homography, pyramid, scale_factor);
   cut(picture_, kPictureDeviation, of_picture_);
   cut(frame_, kFrameDeviation, of_frame_);
-  markSeen(homography, picture.size(), pyramid[0].size());
+  markSeen(homography, picture.image.size(), pyramid[0].size());
 
   double own_hits = 0.0, own_count = 0.0, hits = 1.0, count = 1.0, largest = 0.0;
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
@@ -152,9 +154,10 @@ double Appearance::logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d&
     }
   }
   if (own_hits < kFewest || own_hits < std::max(kLeastShare, kAboveLargest * largest) * own_count) {
-    return std::numeric_limits<double>::infinity();
+    return {std::numeric_limits<double>::infinity(), 0.0};
   }
-  return std::log10(tests) + logTail(own_hits, own_count, std::min(hits / count, 0.999));
+  const double chance = std::min(hits / count, 0.999);
+  return {std::log10(tests) + logTail(own_hits, own_count, chance), own_hits / own_count};
 }
 
 }  // namespace ktgp_orb::targets

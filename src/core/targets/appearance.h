@@ -4,6 +4,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
+#include "core/targets/target_picture.h"
+
 namespace ktgp_orb::targets {
 
 /// Compares a picture with the frame under a homography, block by block, by the correlation of grey
@@ -12,10 +14,16 @@ namespace ktgp_orb::targets {
 /// evidence. Keeps its buffers.
 class Appearance {
  public:
-  /// log10 of the expected number of pictures that look as similar by chance, among `tests` tested
-  /// ones. `pyramid`: of the frame, neighbouring levels differ by `scale_factor`.
-  double logFalseAlarms(const cv::Mat& picture, const Eigen::Matrix3d& homography,
-                        const std::vector<cv::Mat>& pyramid, double scale_factor, double tests);
+  struct Similarity {
+    /// log10 of the expected number of pictures that look as similar by chance.
+    double log_false_alarms = 0.0;
+    double agreement = 0.0;  ///< share of the blocks in view that look alike, 0..1
+  };
+
+  /// `pyramid`: of the frame, neighbouring levels differ by `scale_factor`. `tests`: how many
+  /// pictures and homographies are compared in all.
+  Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+                     const std::vector<cv::Mat>& pyramid, double scale_factor, double tests);
 
  private:
   struct Block {
@@ -23,7 +31,7 @@ class Appearance {
     bool is_seen = true;  // in the frame
     float values[64];     // mean 0, length 1
   };
-  void sample(const cv::Mat& picture, const Eigen::Matrix3d& homography,
+  void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
               const std::vector<cv::Mat>& pyramid, double scale_factor);
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;
   void markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture, const cv::Size& frame);

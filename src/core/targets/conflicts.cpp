@@ -34,14 +34,17 @@ bool coversPicture(const FoundTarget& one, TargetStore& store) {
          kShare * store.picture(one.picture).image.size().area();
 }
 
-Outline outlineOf(const FoundTarget& one, TargetStore& store) {
+Outline outlineOf(const cv::Size& image, const Eigen::Matrix3d& homography) {
   Outline outline;
-  for (const Eigen::Vector2d& p :
-       homography::imageCorners(store.picture(one.picture).image.size(), {})) {
-    const Eigen::Vector2d q = homography::project(one.found.estimate.homography, p);
+  for (const Eigen::Vector2d& p : homography::imageCorners(image, {})) {
+    const Eigen::Vector2d q = homography::project(homography, p);
     outline.emplace_back(static_cast<float>(q.x()), static_cast<float>(q.y()));
   }
   return outline;
+}
+
+Outline outlineOf(const FoundTarget& one, TargetStore& store) {
+  return outlineOf(store.picture(one.picture).image.size(), one.found.estimate.homography);
 }
 
 /// Whether chance explains `one` clearly less. Where only a part that both have is seen, both have
@@ -51,16 +54,14 @@ bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   return other.found.log_false_alarms > kRatio * one.found.log_false_alarms;
 }
 
-/// Whether both cover nearly the same part of the frame.
-bool areInOnePlace(const Outline& a, const Outline& b) {
-  constexpr double kShare = 0.5;
-  Outline common;
-  return cv::intersectConvexConvex(a, b, common) >
-         kShare * std::max(cv::contourArea(a), cv::contourArea(b));
+/// Whether it looks less like its picture than `around` does, although light and blur are the same.
+bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
+  constexpr double kRatio = 0.8;
+  return one.found.agreement < kRatio * around.found.agreement;
 }
 
-}  // namespace
-
+/// Whether the points by which it was found are spread over most of the part of its picture that
+/// has keypoints.
 bool coversTexture(const FoundTarget& one, TargetStore& store) {
   constexpr double kShare = 0.6;  // of the area
   const TargetPicture& picture = store.picture(one.picture);
@@ -72,8 +73,18 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
   return areaOf(one.found.pairs.reference) > kShare * all.volume();
 }
 
+/// Whether they have more than `share` of the larger one in common.
+bool areInOnePlace(const Outline& a, const Outline& b, double share) {
+  Outline common;
+  return cv::intersectConvexConvex(a, b, common) >
+         share * std::max(cv::contourArea(a), cv::contourArea(b));
+}
+
+}  // namespace
+
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
-  constexpr double kMost = 0.7;
+  constexpr double kMost = 0.7;       // of the points, within the other one
+  constexpr double kSamePlace = 0.5;  // of the area
   std::vector<std::uint8_t> is_doubtful(found.size(), 0);
   std::vector<Outline> outlines;
   outlines.reserve(found.size());
@@ -84,11 +95,18 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
       if (isClearlyBetter(found[j], found[i])) continue;
       const double inside = static_cast<double>(countInside(found[j], outlines[i]));
       const bool is_part = inside >= kMost * static_cast<double>(found[j].found.pairs.size()) &&
-                           !coversPicture(found[j], store);
-      if (is_part || areInOnePlace(outlines[i], outlines[j])) is_doubtful[j] = 1;
+                           (!coversPicture(found[j], store) || agreesLess(found[j], found[i]));
+      if (is_part || areInOnePlace(outlines[i], outlines[j], kSamePlace)) is_doubtful[j] = 1;
     }
   }
   return is_doubtful;
+}
+
+bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store) {
+  constexpr double kShare = 0.6;
+  return coversTexture(found, store) &&
+         areInOnePlace(outlineOf(found, store), outlineOf(size, Eigen::Matrix3d::Identity()),
+                       kShare);
 }
 
 }  // namespace ktgp_orb::targets

@@ -15,9 +15,13 @@ namespace {
 constexpr std::int32_t kFewestIndexVotes = 2;
 // Votes that a seed needs to be grown. Here each keypoint of the frame gets the most similar one
 // of this target, so there are many wrong pairs.
-constexpr std::int32_t kFewestVotes = 4;
+constexpr std::int32_t kFewestVotes = 5;
 // The same for another instance of a target that was found: most frames have one only.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
+
+// With the thorough tables: votes of the best seed before, and seeds that are grown.
+constexpr std::int32_t kFewestThoroughVotes = 8;
+constexpr int kMostThoroughSeeds = 2;
 
 }  // namespace
 
@@ -73,14 +77,16 @@ const std::vector<Candidate>& FrameSearch::candidates() {
   return candidates_;
 }
 
-/// Most targets are found by the pairs that take little time.
+/// Most targets are found by the pairs that take little time. If few of these agree with each
+/// other, more pairs seldom help.
 void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
-  if (searchWith(tables_, target, found)) return;
+  if (searchWith(tables_, PictureSearch::kMostSeeds, target, found)) return;
+  if (most_votes_ < kFewestThoroughVotes) return;
   if (!std::exchange(is_thorough_set_, true)) thorough_tables_.setFrame(bits_);
-  searchWith(thorough_tables_, target, found);
+  searchWith(thorough_tables_, kMostThoroughSeeds, target, found);
 }
 
-bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
+bool FrameSearch::searchWith(FrameTables& tables, int most_seeds, StoredTarget& target,
                              std::vector<FoundTarget>& found) {
   pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
@@ -88,9 +94,10 @@ bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
     tables.match(number, store_.picture(number).frames, pairs_[i]);
   }
   taken_.clear();
+  most_votes_ = 0;
   FoundTarget result;
   int count = 0;
-  for (; count < options_.max_instances && searchOnce(target, result); ++count) {
+  for (; count < options_.max_instances && searchOnce(most_seeds, target, result); ++count) {
     found.push_back(result);
     if (count == 0) taken_.assign(features_->size(), 0);
     take(result);
@@ -99,7 +106,7 @@ bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
 }
 
 /// Searches the pictures of the target in the keypoints that are not taken, until one is found.
-bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
+bool FrameSearch::searchOnce(int most_seeds, StoredTarget& target, FoundTarget& result) {
   bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
@@ -108,9 +115,13 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
     seeds_.collect(pairs.data(), pairs.data() + pairs.size(), picture.frames, frames_, taken_,
                    taken_.empty() ? kFewestVotes : kFewestVotesOfOthers);
     if (seeds_.votes() == 0) continue;
+    most_votes_ = std::max(most_votes_, seeds_.votes());
     if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
     PictureSearch& search = taken_.empty() ? whole_ : rest_;
-    if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) continue;
+    if (!search.fromSeeds(picture, seeds_.best(), most_seeds, store_.pictureCount(),
+                          result.found)) {
+      continue;
+    }
     search.align(picture, result.found);
     if (!PictureSearch::isDetermined(picture, result.found)) continue;
     result.target = &target;

@@ -33,8 +33,8 @@ class FrameSearch {
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)
       : options_(options),
         store_(store),
-        tables_(13),
-        thorough_tables_(11),
+        tables_(kKeyBits),
+        thorough_tables_(kThoroughKeyBits),
         whole_(options.orb.scale_factor),
         rest_(options.orb.scale_factor) {}
 
@@ -56,8 +56,12 @@ class FrameSearch {
                   std::vector<FoundTarget>& found);
 
  private:
-  bool searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
-  bool searchOnce(StoredTarget& target, FoundTarget& result);
+  static constexpr int kKeyBits = 13;
+  static constexpr int kThoroughKeyBits = 11;  // four times as many comparisons
+
+  bool searchWith(FrameTables& tables, int most_seeds, StoredTarget& target,
+                  std::vector<FoundTarget>& found);
+  bool searchOnce(int most_seeds, StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();
 
@@ -75,6 +79,7 @@ class FrameSearch {
   std::vector<std::vector<IndexHit>> pairs_;  // for each picture of one target
   std::vector<Candidate> candidates_;
   Seeds seeds_;
+  std::int32_t most_votes_ = 0;      // of a seed, in the last searchWith()
   PictureSearch whole_;              // searches all features
   PictureSearch rest_;               // searches those that are not taken
   std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found

@@ -2,13 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr std::uint32_t kNeverCompared = std::numeric_limits<std::uint32_t>::max();
 // Cells with more items are skipped: many keypoints have these bits, so they say little.
 constexpr std::uint32_t kFullestCell = 32;
 constexpr int kMostDifferentBits = 10;  // of the 32 bits that are not part of the key
@@ -47,11 +45,9 @@ void FrameTables::setFrame(const std::vector<growth::Bits>& bits) {
 
 void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& picture,
                         std::vector<IndexHit>& pairs) {
-  compared_.assign(bits_.size(), kNeverCompared);
   nearest_.assign(bits_.size(), {});
-  for (std::uint32_t keypoint = 0; keypoint < picture.bits().size(); ++keypoint) {
-    compare(keypoint, picture);
-  }
+  // One table after the other: one fits into the processor's first cache.
+  for (std::size_t table = 0; table < kTables; ++table) compare(table, picture);
   pairs.clear();
   for (std::uint32_t query = 0; query < nearest_.size(); ++query) {
     const Nearest& nearest = nearest_[query];
@@ -64,23 +60,49 @@ void FrameTables::match(std::uint32_t number, const growth::ReferenceFrames& pic
   });
 }
 
-/// Compares a keypoint of the picture with those of the frame that have a part in common with it.
-void FrameTables::compare(std::uint32_t keypoint, const growth::ReferenceFrames& picture) {
-  const growth::Bits& bits = picture.bits()[keypoint];
-  for (std::size_t t = 0; t < kTables; ++t) {
-    const Table& table = tables_[t];
-    const std::uint32_t key = keyOf(bits, t, key_bits_);
-    const std::uint32_t begin = table.start[key];
-    const std::uint32_t end = table.start[key + 1];
-    if (end - begin > kFullestCell) continue;
-    const std::uint32_t others = otherBits(bits, t);
-    for (std::uint32_t i = begin; i < end; ++i) {
+/// Compares the keypoints of the picture with those of the frame that have the same key in one
+/// table.
+void FrameTables::compare(std::size_t table, const growth::ReferenceFrames& picture) {
+  findRuns(table, picture.bits());
+  findSimilar(table, picture.bits());
+  for (std::size_t i = 0; i < similar_count_; ++i) {
+    const Pair& pair = similar_[i];
+    const int distance = growth::distance(bits_[pair.of_frame], picture.bits()[pair.of_picture]);
+    keep(pair.of_picture, distance, picture, nearest_[pair.of_frame]);
+  }
+}
+
+/// Most cells are empty, but which ones is random. So all are written, without a branch, and those
+/// that do not count are overwritten.
+void FrameTables::findRuns(std::size_t number, const std::vector<growth::Bits>& bits) {
+  const Table& table = tables_[number];
+  runs_.resize(bits.size() + 1);
+  run_count_ = 0;
+  item_count_ = 0;
+  for (std::uint32_t keypoint = 0; keypoint < bits.size(); ++keypoint) {
+    const std::uint32_t key = keyOf(bits[keypoint], number, key_bits_);
+    const Run run{keypoint, table.start[key], table.start[key + 1]};
+    const std::uint32_t length = run.end - run.begin;
+    const bool is_used = length <= kFullestCell;
+    runs_[run_count_] = run;
+    run_count_ += static_cast<std::size_t>(is_used && length > 0);
+    item_count_ += is_used ? length : 0;
+  }
+}
+
+/// Most items differ in the bits that the table keeps; again without a branch.
+void FrameTables::findSimilar(std::size_t number, const std::vector<growth::Bits>& bits) {
+  const Table& table = tables_[number];
+  similar_.resize(item_count_ + 1);
+  similar_count_ = 0;
+  for (std::size_t r = 0; r < run_count_; ++r) {
+    const Run& run = runs_[r];
+    const std::uint32_t others = otherBits(bits[run.keypoint], number);
+    for (std::uint32_t i = run.begin; i < run.end; ++i) {
       const Item& item = table.items[i];
-      if (growth::countBits(item.some_bits ^ others) > kMostDifferentBits) continue;
-      if (compared_[item.keypoint] == keypoint) continue;
-      compared_[item.keypoint] = keypoint;
-      const int distance = growth::distance(bits_[item.keypoint], bits);
-      keep(keypoint, distance, picture, nearest_[item.keypoint]);
+      similar_[similar_count_] = {run.keypoint, item.keypoint};
+      similar_count_ += static_cast<std::size_t>(growth::countBits(item.some_bits ^ others) <=
+                                                 kMostDifferentBits);
     }
   }
 }

@@ -47,7 +47,18 @@ class FrameTables {
     int elsewhere = kMaxDistance + 1;  // distance of the nearest keypoint at another place
   };
 
-  void compare(std::uint32_t keypoint, const growth::ReferenceFrames& picture);
+  /// A keypoint of the picture and the items of the frame that have the same key.
+  struct Run {
+    std::uint32_t keypoint, begin, end;
+  };
+
+  struct Pair {
+    std::uint32_t of_picture, of_frame;  // keypoints
+  };
+
+  void compare(std::size_t table, const growth::ReferenceFrames& picture);
+  void findRuns(std::size_t table, const std::vector<growth::Bits>& bits);
+  void findSimilar(std::size_t table, const std::vector<growth::Bits>& bits);
   void keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
             Nearest& nearest) const;
 
@@ -55,9 +66,10 @@ class FrameTables {
   std::vector<growth::Bits> bits_;
   Table tables_[kTables];
   std::vector<std::uint32_t> key_of_;
-  // For each keypoint of the frame:
-  std::vector<std::uint32_t> compared_;  // the last keypoint of the picture it was compared with
-  std::vector<Nearest> nearest_;
+  std::vector<Run> runs_;      // the first run_count_ of them
+  std::vector<Pair> similar_;  // the first similar_count_; these are compared in all bits
+  std::size_t run_count_ = 0, item_count_ = 0, similar_count_ = 0;
+  std::vector<Nearest> nearest_;  // for each keypoint of the frame
 };
 
 }  // namespace ktgp_orb::targets

@@ -26,30 +26,31 @@ UncertainHomography exact(const Eigen::Matrix3d& homography) {
 
 PictureAligner::PictureAligner() : aligner_(alignment::bestAlignmentKernels()), small_(1) {}
 
-void PictureAligner::shrink(const cv::Mat& picture, const Eigen::Matrix3d& homography) {
-  const Eigen::Vector2d middle(0.5 * (picture.cols - 1), 0.5 * (picture.rows - 1));
+void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matrix3d& homography) {
+  const cv::Size whole = picture.image.size();
+  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
   const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
   const auto side = [](double stretch, int length) {
     return std::max(1, cvRound(std::min(1.0, stretch) * length));
   };
-  const cv::Size size(side(jacobian.col(0).norm(), picture.cols),
-                      side(jacobian.col(1).norm(), picture.rows));
+  const cv::Size size(side(jacobian.col(0).norm(), whole.width),
+                      side(jacobian.col(1).norm(), whole.height));
   cv::Mat small;
-  cv::resize(picture, small, size, 0, 0, cv::INTER_AREA);
+  shrink(picture, size, small);
   cv::copyMakeBorder(small, small_[0], kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
   size_ = size;
 }
 
-bool PictureAligner::grow(const cv::Mat& picture, const std::vector<cv::Mat>& frame,
+bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
                           const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
                           UncertainHomography& estimate) {
   constexpr double kFirstReach = 24.0;  // px of the small picture
   constexpr double kReachFactor = 1.4;
   constexpr std::size_t kFewestForHomography = 40;
   constexpr double kScale = 1.0;  // px
-  shrink(picture, map);
+  setPicture(picture, map);
   aligner_.setImages(small_, frame);
-  const Eigen::Matrix3d to_small = homography::resizing(picture.size(), size_);
+  const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
   const Eigen::Vector2d from = homography::project(to_small, centre);
   const double all = std::hypot(size_.width, size_.height);
   Eigen::Matrix3d of_small = map * to_small.inverse();
@@ -70,11 +71,11 @@ bool PictureAligner::grow(const cv::Mat& picture, const std::vector<cv::Mat>& fr
   return true;
 }
 
-bool PictureAligner::align(const cv::Mat& picture, const std::vector<cv::Mat>& frame,
+bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
                            UncertainHomography& estimate, PointPairs& pairs) {
-  shrink(picture, estimate.homography);
+  setPicture(picture, estimate.homography);
   aligner_.setImages(small_, frame);
-  const Eigen::Matrix3d to_small = homography::resizing(picture.size(), size_);
+  const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
   const Eigen::Matrix3d to_picture = to_small.inverse();
   UncertainHomography of_small = exact(estimate.homography * to_picture);
   of_small.homography /= of_small.homography(2, 2);

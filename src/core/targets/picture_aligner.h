@@ -7,6 +7,7 @@
 #include "core/alignment/patch_aligner.h"
 #include "core/growth/map_fit.h"
 #include "core/homography/estimate.h"
+#include "core/targets/target_picture.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::targets {
@@ -22,18 +23,18 @@ class PictureAligner {
   /// Grows the homography of the whole picture from a map that is right near one position.
   /// `centre`: that position, px of the picture. `map`: picture -> frame, affine. True: `estimate`
   /// is the homography. False: the images do not agree there, or too little of them.
-  bool grow(const cv::Mat& picture, const std::vector<cv::Mat>& frame,
+  bool grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
             const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
             UncertainHomography& estimate);
 
   /// `frame`: its pyramid, not empty. `estimate`: picture -> frame, px; right within about 4 px.
   /// True: `estimate` is corrected, and `pairs` are what it was fitted to. False: both are
   /// unchanged, since too few patches were found again, or they do not agree on a homography.
-  bool align(const cv::Mat& picture, const std::vector<cv::Mat>& frame,
+  bool align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
              UncertainHomography& estimate, PointPairs& pairs);
 
  private:
-  void shrink(const cv::Mat& picture, const Eigen::Matrix3d& homography);
+  void setPicture(const TargetPicture& picture, const Eigen::Matrix3d& homography);
   bool alignNear(const Eigen::Vector2d& centre, double reach, double step,
                  const Eigen::Matrix3d& map);
   double nearOf(const Eigen::Matrix3d& homography);

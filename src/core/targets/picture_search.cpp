@@ -12,7 +12,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr float kFirstRadius = 15.F;  // px
+constexpr float kFirstRadius = 16.F;     // px
+constexpr float kRadiusAfterFit = 11.F;  // to many seeds
 constexpr float kSettleRadius = 10.F;
 constexpr float kLastRadius = 4.F;
 constexpr float kRadiusFactor = 0.83F;  // per round
@@ -66,18 +67,18 @@ bool PictureSearch::isExplained(const Seed& seed) const {
          }) >= kTwice;
 }
 
-bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
+bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, int most,
                               std::size_t pictures, FoundPicture& found) {
   tried_.clear();
   int count = 0;
   for (const Seed& seed : seeds) {
-    if (count == kMostSeeds) return false;
+    if (count == most) return false;
     if (isExplained(seed)) continue;
     ++count;
     const Eigen::Vector2d centre = seed.from.cast<double>();
     const Eigen::Matrix3d affine = affineOf(seed, seeds);
     Eigen::Matrix3d map = affine;
-    if (fitSeeds(seeds, map) && settle(picture, centre, map) &&
+    if (fitSeeds(seeds, map) && settle(picture, centre, kRadiusAfterFit, map) &&
         accept(picture, map, pictures, found)) {
       return true;
     }
@@ -170,14 +171,14 @@ bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre
     reach *= kReachFactor;
     radius = std::max(kLastRadius, radius * kRadiusFactor);
   }
-  return settle(picture, centre, map);
+  return settle(picture, centre, kFirstRadius, map);
 }
 
-/// The whole picture. Parts that were out of reach so far may be farther off.
-bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre,
+/// The whole picture. Parts that were out of reach so far may be off by `radius` px.
+bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
                            Eigen::Matrix3d& map) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  for (const float radius : {16.F, 8.F, kLastRadius}) {
+  for (; radius >= kLastRadius; radius *= 0.5F) {
     if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
     if (!refit(radius, map)) return false;
   }
@@ -207,7 +208,7 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundPicture& found) {
   constexpr double kEverywhere = std::numeric_limits<float>::max();
-  if (images_.empty() || !aligner_.grow(picture.image, images_, centre, map, found.estimate)) {
+  if (images_.empty() || !aligner_.grow(picture, images_, centre, map, found.estimate)) {
     return false;
   }
   if (!homography::keepsPlaneInView(found.estimate.homography,
@@ -239,10 +240,13 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
 bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
                            FoundPicture& found) {
   const double tests = 2.0 * static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
-  found.log_false_alarms =
-      images_.empty() ? 0.0
-                      : appearance_.logFalseAlarms(picture.image, found.estimate.homography,
-                                                   images_, scale_factor_, tests);
+  Appearance::Similarity similarity;
+  if (!images_.empty()) {
+    similarity =
+        appearance_.compare(picture, found.estimate.homography, images_, scale_factor_, tests);
+  }
+  found.log_false_alarms = similarity.log_false_alarms;
+  found.agreement = similarity.agreement;
   return found.log_false_alarms < kLogMaxFalseAlarms;
 }
 
@@ -309,7 +313,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
   affine.topRightCorner<2, 1>() =
       homography::project(map, centre) - affine.topLeftCorner<2, 2>() * centre;
   UncertainHomography grown;
-  if (aligner_.grow(picture.image, images_, centre, affine, grown)) {
+  if (aligner_.grow(picture, images_, centre, affine, grown)) {
     alignFrom(grown, picture, found);
   }
 }
@@ -325,7 +329,7 @@ bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPictur
 bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
                               FoundPicture& found) {
   aligned_ = start;
-  if (!aligner_.align(picture.image, images_, aligned_, aligned_pairs_) ||
+  if (!aligner_.align(picture, images_, aligned_, aligned_pairs_) ||
       !homography::keepsPlaneInView(aligned_.homography,
                                     homography::imageCorners(picture.image.size(), {}))) {
     return false;

@@ -23,6 +23,7 @@ struct FoundPicture {
   PointPairs pairs;                     ///< what it was fitted to; px of `image` and of the frame
   std::vector<std::int32_t> keypoints;  ///< of the frame that agree with it, by number
   double log_false_alarms = 0.0;
+  double agreement = 0.0;  ///< share of the picture in view that looks alike; 0: not known
 };
 
 /// Searches one picture in a frame, from seeds or from a predicted homography. Keeps its buffers.
@@ -36,10 +37,10 @@ class PictureSearch {
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                 const std::vector<cv::Mat>& images);
 
-  /// The best tested seeds first, until one grows to a homography that chance does not explain.
-  /// `pictures`: known, which chance has as many opportunities.
-  bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
-                 FoundPicture& found);
+  /// The best seeds first, at most `most`, until one grows to a homography that chance does not
+  /// explain. `pictures`: known, which chance has as many opportunities.
+  bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, int most,
+                 std::size_t pictures, FoundPicture& found);
   /// `prediction`: right within about `radius` px.
   bool fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction, float radius,
                       std::size_t pictures, FoundPicture& found);
@@ -48,7 +49,8 @@ class PictureSearch {
   /// False where so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
 
-  static constexpr int kMostSeeds = 8;
+  /// If any seed is right, the first one nearly always is.
+  static constexpr int kMostSeeds = 4;
 
  private:
   bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
@@ -60,7 +62,8 @@ class PictureSearch {
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
   std::size_t exactPairs() const;
   bool expand(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);
-  bool settle(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);
+  bool settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
+              Eigen::Matrix3d& map);
   bool refit(float radius, Eigen::Matrix3d& map) const;
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
               FoundPicture& found);

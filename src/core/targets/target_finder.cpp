@@ -76,30 +76,6 @@ void setCorners(DetectedTarget& detection) {
   }
 }
 
-/// Whether the target and an image of `size`, in which it was found, show nearly the same part of
-/// the scene, and not only have a part in common.
-bool showsTheSame(const FoundTarget& found, const cv::Size& size, targets::TargetStore& store) {
-  constexpr double kShare = 0.6;
-  if (!targets::coversTexture(found, store)) return false;
-  const auto outline = [](const std::array<Eigen::Vector2d, 4>& corners) {
-    std::vector<cv::Point2f> points;
-    points.reserve(corners.size());
-    for (const Eigen::Vector2d& p : corners) {
-      points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
-    }
-    return points;
-  };
-  auto corners = homography::imageCorners(store.picture(found.picture).image.size(), {});
-  const std::vector<cv::Point2f> own = outline(homography::imageCorners(size, {}));
-  for (Eigen::Vector2d& corner : corners) {
-    corner = homography::project(found.found.estimate.homography, corner);
-  }
-  const std::vector<cv::Point2f> other = outline(corners);
-  std::vector<cv::Point2f> common;
-  const double area = cv::intersectConvexConvex(own, other, common);
-  return area > kShare * std::max(cv::contourArea(own), cv::contourArea(other));
-}
-
 DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
                            targets::TargetStore& store) {
   const TargetPicture& picture = store.picture(found.picture);
@@ -142,6 +118,7 @@ struct TargetFinder::Impl {
   void add(const Target& target, StoredTarget* replaced);
   void searchFollowed();
   std::size_t lookUp(std::size_t count, const Budget& budget);
+  double timeForOthers() const;
   void searchOthers();
   void tryTarget(StoredTarget& target);
   void searchMissing();
@@ -187,7 +164,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
       same.clear();
       search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
-        if (!showsTheSame(other, pictures[i].image.size(), store)) continue;
+        if (!targets::showsTheSame(other, pictures[i].image.size(), store)) continue;
         throw std::invalid_argument("target \"" + id + "\": image " + std::to_string(i + 1) +
                                     " shows the same as target \"" + candidate.target->id +
                                     "\"; they could not be told apart");
@@ -224,7 +201,7 @@ void TargetFinder::Impl::searchFollowed() {
 /// half is for the candidates. At least one part is looked up, and the next frame goes on behind
 /// the last one. Returns within how many frames all keypoints are looked up at this rate.
 std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) {
-  constexpr std::size_t kPart = 256;
+  constexpr std::size_t kPart = 128;
   std::size_t done = 0;
   while (done < count && (done == 0 || !budget.isOver(0.5))) {
     search.lookUp(turn + done, kPart);
@@ -234,11 +211,18 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) 
   return done < count ? (count + done - 1) / done : 1;
 }
 
+/// Less while something is followed, so that a robot that tracks known targets has time for other
+/// work.
+double TargetFinder::Impl::timeForOthers() const {
+  constexpr double kShareWhileFollowing = 0.1;
+  return (found.empty() ? 1.0 : kShareWhileFollowing) * options.search_ms;
+}
+
 /// Tries the candidates that were not seen in the last frame until the time has passed: first the
 /// one that has waited longest, then the one with most votes, and so on. The first one is always
 /// tried.
 void TargetFinder::Impl::searchOthers() {
-  const Budget budget(options.search_ms);
+  const Budget budget(timeForOthers());
   const std::size_t frames = lookUp(answer.search.features, budget);
   others.clear();
   for (const Candidate& candidate : search.candidates()) {

@@ -18,7 +18,7 @@ constexpr int kBorder = 48;  // px
 // border the frame shows something else.
 constexpr double kInside = 0.35;
 
-cv::Mat shrunk(const cv::Mat& image, int largest_side, double& scale) {
+cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   scale = std::min(1.0, largest_side / static_cast<double>(std::max(image.cols, image.rows)));
   if (scale == 1.0) return image.clone();
   const cv::Size size(std::max(1, cvRound(image.cols * scale)),
@@ -26,6 +26,18 @@ cv::Mat shrunk(const cv::Mat& image, int largest_side, double& scale) {
   cv::Mat small;
   cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
   return small;
+}
+
+/// So that a small copy of the image takes little time.
+void addHalves(TargetPicture& picture) {
+  constexpr int kLeastSide = 64;  // px
+  cv::Mat last = picture.image;
+  while (std::min(last.cols, last.rows) >= kLeastSide) {
+    cv::Mat half;
+    cv::resize(last, half, last.size() / 2, 0, 0, cv::INTER_AREA);
+    picture.halves.push_back(half);
+    last = half;
+  }
 }
 
 /// Keeps the keypoints of `view` whose patch is inside the target.
@@ -81,7 +93,8 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   if (image.type() != CV_8UC1) throw std::invalid_argument("the image is not 8-bit grey");
   TargetPicture picture;
   picture.full_size = image.size();
-  picture.image = shrunk(image, largest_side, picture.scale);
+  picture.image = limited(image, largest_side, picture.scale);
+  addHalves(picture);
   OrbOptions options = orb;
   options.images = ImageKeeping::none;
   options.distribution = KeypointDistribution::ranked;
@@ -99,6 +112,14 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   picture.own = own.size();
   picture.frames.set(own, &made);
   return picture;
+}
+
+void shrink(const TargetPicture& picture, const cv::Size& size, cv::Mat& small) {
+  const cv::Mat* from = &picture.image;
+  for (const cv::Mat& half : picture.halves) {
+    if (half.cols >= size.width && half.rows >= size.height) from = &half;
+  }
+  cv::resize(*from, small, size, 0, 0, cv::INTER_AREA);
 }
 
 Eigen::Matrix3d toStored(const TargetPicture& picture) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "core/growth/reference_frames.h"
 #include "ktgp_orb/features.h"
@@ -10,9 +11,10 @@ namespace ktgp_orb::targets {
 
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
-  cv::Mat image;       ///< 8-bit grey, at most the largest side
-  cv::Size full_size;  ///< of the given image, px
-  double scale = 1.0;  ///< of `image` to the given image
+  cv::Mat image;                ///< 8-bit grey, at most the largest side
+  std::vector<cv::Mat> halves;  ///< of `image`: half of its sides, a quarter ...
+  cv::Size full_size;           ///< of the given image, px
+  double scale = 1.0;           ///< of `image` to the given image
   growth::ReferenceFrames frames;
   std::size_t own = 0;  ///< keypoints of the image itself; those of its views follow
 };
@@ -21,6 +23,9 @@ struct TargetPicture {
 /// TargetFinderOptions. Throws std::invalid_argument for an image of another type.
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
+
+/// `picture.image` with a size that is not larger, by averaging.
+void shrink(const TargetPicture& picture, const cv::Size& size, cv::Mat& small);
 
 /// Given image -> `picture.image`, px.
 Eigen::Matrix3d toStored(const TargetPicture& picture);
