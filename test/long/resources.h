@@ -17,8 +17,15 @@
 #include <thread>
 #include <vector>
 
+#include "robot_testing.h"
+
 /// What a process holds, for long runs in which it must not grow.
 namespace ktgp_orb::test {
+
+/// The argument --frames of the program; at least `fewest`, 20 000 without.
+inline int soakFrames(int argc, char** argv, int fewest) {
+  return std::max(fewest, static_cast<int>(argument(argc, argv, "frames", 20000)));
+}
 
 /// The resources of the process.
 struct Held {

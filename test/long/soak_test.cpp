@@ -314,8 +314,6 @@ TEST(Soak, NothingGrows) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::frames =
-      std::max(4 * ktgp_orb::kCycle,
-               static_cast<int>(ktgp_orb::test::argument(argc, argv, "frames", 20000)));
+  ktgp_orb::frames = ktgp_orb::test::soakFrames(argc, argv, 4 * ktgp_orb::kCycle);
   return ktgp_orb::test::runTests(argc, argv, "soak_test");
 }

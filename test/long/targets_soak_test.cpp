@@ -149,7 +149,7 @@ class Soak {
   TargetDetectionsConstPtr show(const TargetScene& scene) {
     const ros::Time stamp = stampOf(number_++);
     const auto begin = std::chrono::steady_clock::now();
-    images_.publish(test::messageOf(scene.image, stamp));
+    images_.publish(test::imageMessage(scene.image, stamp));
     const auto end = begin + std::chrono::duration<double>(test::kTimeout);
     while (!newest_ || newest_->header.stamp != stamp) {
       queue_.callAvailable(ros::WallDuration(0.05));
@@ -258,7 +258,7 @@ class Soak {
     SetTarget call;
     call.request.id = id;
     for (const int picture : pictures) {
-      call.request.images.push_back(*test::messageOf(test::picture(picture), ros::Time(1)));
+      call.request.images.push_back(*test::imageMessage(test::picture(picture), ros::Time(1)));
     }
     if (random_.uniform(0, 2) == 0) {
       call.request.width = 0.3;
@@ -285,7 +285,8 @@ class Soak {
     ++tally_.refused;
     SetTarget call;
     call.request.id = "bad";
-    call.request.images = {*test::messageOf(test::picture(known_.drawFree(random_)), ros::Time(1))};
+    call.request.images = {
+        *test::imageMessage(test::picture(known_.drawFree(random_)), ros::Time(1))};
     std::string service = "add", words;
     switch (kind % 7) {
       case 0:
@@ -298,11 +299,11 @@ class Soak {
         break;
       case 2:
         call.request.images = {
-            *test::messageOf(cv::Mat(test::kPictureSize, CV_8U, cv::Scalar(90)), ros::Time(1))};
+            *test::imageMessage(cv::Mat(test::kPictureSize, CV_8U, cv::Scalar(90)), ros::Time(1))};
         words = "too little texture";
         break;
       case 3:
-        call.request.images = {*test::messageOf(
+        call.request.images = {*test::imageMessage(
             test::picture(known_.targets().at(known_.drawId(random_)).front()), ros::Time(1))};
         words = "shows the same as";
         break;
@@ -334,7 +335,7 @@ class Soak {
   bool detectAlone(const TargetScene& scene) {
     ++tally_.alone;
     DetectTargets call;
-    call.request.image = *test::messageOf(scene.image, ros::Time(1));
+    call.request.image = *test::imageMessage(scene.image, ros::Time(1));
     if (!ros::service::call(kTargets + "detect", call)) return false;
     EXPECT_TRUE(call.response.success) << call.response.message;
     return check(scene, call.response.detections);
@@ -451,8 +452,6 @@ TEST(TargetsSoak, NothingGrowsAndNoTargetIsWrong) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::frames =
-      std::max(4 * ktgp_orb::kCycle,
-               static_cast<int>(ktgp_orb::test::argument(argc, argv, "frames", 20000)));
+  ktgp_orb::frames = ktgp_orb::test::soakFrames(argc, argv, 4 * ktgp_orb::kCycle);
   return ktgp_orb::test::runTests(argc, argv, "targets_soak_test");
 }

@@ -1,10 +1,6 @@
 #pragma once
 
-#include <sensor_msgs/Image.h>
-#include <sensor_msgs/image_encodings.h>
-
 #include <algorithm>
-#include <boost/make_shared.hpp>
 #include <map>
 #include <opencv2/imgproc.hpp>
 #include <set>
@@ -56,18 +52,6 @@ inline TargetScene sceneOf(int number, const cv::Size& size) {
   }
   canvas.convertTo(scene.image, CV_8U);
   return scene;
-}
-
-inline sensor_msgs::ImagePtr messageOf(const cv::Mat& image, const ros::Time& stamp) {
-  auto message = boost::make_shared<sensor_msgs::Image>();
-  message->header.stamp = stamp;
-  message->header.frame_id = "camera";
-  message->encoding = sensor_msgs::image_encodings::MONO8;
-  message->width = static_cast<std::uint32_t>(image.cols);
-  message->height = static_cast<std::uint32_t>(image.rows);
-  message->step = message->width;
-  message->data.assign(image.datastart, image.dataend);
-  return message;
 }
 
 /// Which targets are known, with the numbers of their pictures. No picture belongs to two.

@@ -2,8 +2,10 @@
 
 import os
 import socket
+import tempfile
 import threading
 import time
+import unittest
 
 import numpy as np
 import rospy
@@ -101,6 +103,18 @@ def no_delay(publisher):
     """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
     return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
             for connection in publisher.impl.connections}
+
+
+class FolderCase(unittest.TestCase):
+    """With a folder that is deleted after each test."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def path(self, *names):
+        return os.path.join(self.folder, *names)
 
 
 class Recorder:

@@ -10,7 +10,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import unittest
 
 import cv2
@@ -19,7 +18,7 @@ import rosbag
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from ktgp_testing import image_message, view
+from ktgp_testing import FolderCase, image_message, view
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
 SIZE = 320, 240
@@ -32,15 +31,7 @@ def pictures(count, x=100):
             for i in range(count)]
 
 
-class RecordingCase(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-
-    def path(self, *names):
-        return os.path.join(self.folder, *names)
-
+class RecordingCase(FolderCase):
     def write_bag(self, name, count=8, x=100):
         os.makedirs(os.path.dirname(self.path(name)), exist_ok=True)
         with rosbag.Bag(self.path(name), 'w') as bag:

@@ -7,15 +7,13 @@ import os
 import resource
 import subprocess
 import sys
-import tempfile
-import unittest
 
 import cv2
 import rospy
 import rostest
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
+from ktgp_testing import Camera, FolderCase, Recorder, image_message, texture, wait_until
 from poster import K, POSITION, POSTER, information, rendered
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -55,15 +53,7 @@ def image(picture):
     return image_message(picture, rospy.Time(1))
 
 
-class TargetsFilesTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-
-    def path(self, *names):
-        return os.path.join(self.folder, *names)
-
+class TargetsFilesTest(FolderCase):
     def contents(self):
         """Of all files."""
         found = {}

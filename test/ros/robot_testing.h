@@ -51,6 +51,20 @@ inline cv::Mat texture(const cv::Size& size) {
   return picture;
 }
 
+/// A grey image as a camera sends it.
+inline sensor_msgs::ImagePtr imageMessage(const cv::Mat& image, const ros::Time& stamp) {
+  auto message = boost::make_shared<sensor_msgs::Image>();
+  message->header.stamp = stamp;
+  message->header.frame_id = "camera";
+  message->encoding = sensor_msgs::image_encodings::MONO8;
+  message->width = static_cast<std::uint32_t>(image.cols);
+  message->height = static_cast<std::uint32_t>(image.rows);
+  message->step = message->width;
+  message->data.resize(image.total());
+  image.copyTo(cv::Mat(image.size(), CV_8U, message->data.data()));
+  return message;
+}
+
 /// The view of a camera that moves back and forth over the texture, 5 px right and 3 px down per
 /// frame.
 class View {
@@ -60,17 +74,8 @@ class View {
 
   sensor_msgs::ImagePtr image(int number, const ros::Time& stamp) const {
     const int step = std::abs(number % 80 - 40);
-    const cv::Mat pixels = texture_(cv::Rect({5 * step, 3 * step}, size_));
-    auto message = boost::make_shared<sensor_msgs::Image>();
+    auto message = imageMessage(texture_(cv::Rect({5 * step, 3 * step}, size_)), stamp);
     message->header.seq = static_cast<std::uint32_t>(number);
-    message->header.stamp = stamp;
-    message->header.frame_id = "camera";
-    message->encoding = sensor_msgs::image_encodings::MONO8;
-    message->width = static_cast<std::uint32_t>(size_.width);
-    message->height = static_cast<std::uint32_t>(size_.height);
-    message->step = message->width;
-    message->data.resize(static_cast<std::size_t>(size_.area()));
-    pixels.copyTo(cv::Mat(size_, CV_8U, message->data.data()));
     return message;
   }
 
