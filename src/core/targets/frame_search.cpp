@@ -19,9 +19,8 @@ constexpr std::int32_t kFewestVotes = 5;
 // The same for another instance of a target that was found: most frames have one only.
 constexpr std::int32_t kFewestVotesOfOthers = 8;
 
-// With the thorough tables: votes of the best seed before, and seeds that are grown.
+// Votes of the best seed before the thorough tables are used.
 constexpr std::int32_t kFewestThoroughVotes = 8;
-constexpr int kMostThoroughSeeds = 2;
 
 }  // namespace
 
@@ -80,13 +79,13 @@ const std::vector<Candidate>& FrameSearch::candidates() {
 /// Most targets are found by the pairs that take little time. If few of these agree with each
 /// other, more pairs seldom help.
 void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
-  if (searchWith(tables_, PictureSearch::kMostSeeds, target, found)) return;
+  if (searchWith(tables_, target, found)) return;
   if (most_votes_ < kFewestThoroughVotes) return;
   if (!std::exchange(is_thorough_set_, true)) thorough_tables_.setFrame(bits_);
-  searchWith(thorough_tables_, kMostThoroughSeeds, target, found);
+  searchWith(thorough_tables_, target, found);
 }
 
-bool FrameSearch::searchWith(FrameTables& tables, int most_seeds, StoredTarget& target,
+bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
                              std::vector<FoundTarget>& found) {
   pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
@@ -97,7 +96,7 @@ bool FrameSearch::searchWith(FrameTables& tables, int most_seeds, StoredTarget& 
   most_votes_ = 0;
   FoundTarget result;
   int count = 0;
-  for (; count < options_.max_instances && searchOnce(most_seeds, target, result); ++count) {
+  for (; count < options_.max_instances && searchOnce(target, result); ++count) {
     found.push_back(result);
     if (count == 0) taken_.assign(features_->size(), 0);
     take(result);
@@ -106,7 +105,7 @@ bool FrameSearch::searchWith(FrameTables& tables, int most_seeds, StoredTarget& 
 }
 
 /// Searches the pictures of the target in the keypoints that are not taken, until one is found.
-bool FrameSearch::searchOnce(int most_seeds, StoredTarget& target, FoundTarget& result) {
+bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
   bool is_rest_set = false;
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
@@ -118,8 +117,7 @@ bool FrameSearch::searchOnce(int most_seeds, StoredTarget& target, FoundTarget& 
     most_votes_ = std::max(most_votes_, seeds_.votes());
     if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
     PictureSearch& search = taken_.empty() ? whole_ : rest_;
-    if (!search.fromSeeds(picture, seeds_.best(), most_seeds, store_.pictureCount(),
-                          result.found)) {
+    if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) {
       continue;
     }
     search.align(picture, result.found);

@@ -59,9 +59,8 @@ class FrameSearch {
   static constexpr int kKeyBits = 13;
   static constexpr int kThoroughKeyBits = 11;  // four times as many comparisons
 
-  bool searchWith(FrameTables& tables, int most_seeds, StoredTarget& target,
-                  std::vector<FoundTarget>& found);
-  bool searchOnce(int most_seeds, StoredTarget& target, FoundTarget& result);
+  bool searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
+  bool searchOnce(StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();
 

@@ -67,12 +67,12 @@ bool PictureSearch::isExplained(const Seed& seed) const {
          }) >= kTwice;
 }
 
-bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, int most,
+bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
                               std::size_t pictures, FoundPicture& found) {
   tried_.clear();
   int count = 0;
   for (const Seed& seed : seeds) {
-    if (count == most) return false;
+    if (count == kMostSeeds) return false;
     if (isExplained(seed)) continue;
     ++count;
     const Eigen::Vector2d centre = seed.from.cast<double>();

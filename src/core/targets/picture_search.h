@@ -37,10 +37,10 @@ class PictureSearch {
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
                 const std::vector<cv::Mat>& images);
 
-  /// The best seeds first, at most `most`, until one grows to a homography that chance does not
+  /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
   /// explain. `pictures`: known, which chance has as many opportunities.
-  bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, int most,
-                 std::size_t pictures, FoundPicture& found);
+  bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
+                 FoundPicture& found);
   /// `prediction`: right within about `radius` px.
   bool fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction, float radius,
                       std::size_t pictures, FoundPicture& found);
@@ -49,8 +49,7 @@ class PictureSearch {
   /// False where so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
 
-  /// If any seed is right, the first one nearly always is.
-  static constexpr int kMostSeeds = 4;
+  static constexpr int kMostSeeds = 8;
 
  private:
   bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
