@@ -52,6 +52,19 @@ PixelCamera cameraOf(const cv::Size& image, const sensor_msgs::CameraInfo* info,
   }
 }
 
+/// The numbers of points that are `apart` px or more from each other, in x or in y.
+std::vector<std::size_t> chooseApart(const std::vector<Eigen::Vector2d>& points, double apart) {
+  std::vector<std::size_t> chosen;
+  chosen.reserve(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto is_near = [&](std::size_t other) {
+      return (points[i] - points[other]).lpNorm<Eigen::Infinity>() < apart;
+    };
+    if (std::none_of(chosen.begin(), chosen.end(), is_near)) chosen.push_back(i);
+  }
+  return chosen;
+}
+
 bool wantsPose(const TargetDetection& message) {
   const bool wanted = message.width > 0.0 || !message.frame.empty();
   return message.status == MatchStatus::STATUS_OK && wanted;
@@ -71,15 +84,7 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
     // Patches of the alignment that overlap share their noise, so they count once.
     const double apart = target.aligned ? kPatchSide : 0.0;
     pairs_.clear();
-    std::vector<Eigen::Vector2d> kept;
-    kept.reserve(points.size());
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const Eigen::Vector2d& here = target.pairs.target[i];
-      const auto is_near = [&](const Eigen::Vector2d& other) {
-        return (here - other).lpNorm<Eigen::Infinity>() < apart;
-      };
-      if (std::any_of(kept.begin(), kept.end(), is_near)) continue;
-      kept.push_back(here);
+    for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
       pairs_.reference.push_back(target.pairs.reference[i]);
       pairs_.target.emplace_back(points[i].pt.x, points[i].pt.y);
       pairs_.quality.push_back(target.pairs.quality[i]);

@@ -62,9 +62,9 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
   shrink(picture, size, picture_);
 
   const Eigen::Matrix3d to_picture = homography::resizing(size, whole);
-  const double shrink = std::min(across / size.width, down / size.height);
+  const double finer = std::min(across / size.width, down / size.height);  // than the canvas
   const auto finest = static_cast<std::size_t>(
-      std::max(0.0, std::floor(std::log(std::max(shrink, 1.0)) / std::log(scale_factor))));
+      std::max(0.0, std::floor(std::log(std::max(finer, 1.0)) / std::log(scale_factor))));
   const cv::Mat& level = pyramid[std::min(finest, pyramid.size() - 1)];
   const Eigen::Matrix3d to_level = homography::resizing(pyramid[0].size(), level.size());
   cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture), size,

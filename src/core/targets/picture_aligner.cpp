@@ -35,9 +35,8 @@ void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matri
   };
   const cv::Size size(side(jacobian.col(0).norm(), whole.width),
                       side(jacobian.col(1).norm(), whole.height));
-  cv::Mat small;
-  shrink(picture, size, small);
-  cv::copyMakeBorder(small, small_[0], kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
+  shrink(picture, size, shrunk_);
+  cv::copyMakeBorder(shrunk_, small_[0], kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
   size_ = size;
 }
 

@@ -43,7 +43,8 @@ class PictureAligner {
 
   alignment::PatchAligner aligner_;
   homography::HomographyRefiner refiner_;
-  std::vector<cv::Mat> small_;  // the picture as small as in the frame, with a border; one level
+  cv::Mat shrunk_;              // the picture as small as in the frame
+  std::vector<cv::Mat> small_;  // the same with a border; one level
   cv::Size size_;               // of it, without the border
   std::vector<Eigen::Vector2d> reference_, target_;
   std::vector<growth::PlacePair> pairs_;

@@ -13,7 +13,7 @@ namespace ktgp_orb::targets {
 namespace {
 
 constexpr float kFirstRadius = 16.F;     // px
-constexpr float kRadiusAfterFit = 11.F;  // to many seeds
+constexpr float kRadiusAfterFit = 11.F;  // a fit to many seeds predicts better
 constexpr float kSettleRadius = 10.F;
 constexpr float kLastRadius = 4.F;
 constexpr float kRadiusFactor = 0.83F;  // per round
@@ -231,7 +231,7 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   // A copy beside this one is no period of the picture.
   const float longest_period = 0.6F * extentOf(map, picture.image.size());
   const growth::Judgement judgement = verdict_.judge(predictions_, picture.frames, kFirstRadius,
-                                                     kMostSeeds, matcher_, longest_period);
+                                                     kAllSeeds, matcher_, longest_period);
   found.log_false_alarms = judgement.log_false_alarms + std::log10(static_cast<double>(pictures));
   return found.log_false_alarms < kLogMaxFalseAlarms;
 }
@@ -239,7 +239,7 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
 /// Whether the images say so.
 bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
                            FoundPicture& found) {
-  const double tests = 2.0 * static_cast<double>(kMostSeeds) * static_cast<double>(pictures);
+  const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
   Appearance::Similarity similarity;
   if (!images_.empty()) {
     similarity =

@@ -23,7 +23,8 @@ struct FoundPicture {
   PointPairs pairs;                     ///< what it was fitted to; px of `image` and of the frame
   std::vector<std::int32_t> keypoints;  ///< of the frame that agree with it, by number
   double log_false_alarms = 0.0;
-  double agreement = 0.0;  ///< share of the picture in view that looks alike; 0: not known
+  double agreement =
+      0.0;  ///< share of the part in view that looks alike; 0: the images do not tell
 };
 
 /// Searches one picture in a frame, from seeds or from a predicted homography. Keeps its buffers.
@@ -50,6 +51,10 @@ class PictureSearch {
   static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
 
   static constexpr int kMostSeeds = 8;
+  /// What is tried for one picture in a frame, at most; chance has so many opportunities. Seeds
+  /// come from two kinds of tables, and each one can give three homographies.
+  static constexpr int kAllSeeds = 2 * kMostSeeds;
+  static constexpr int kAllHomographies = 3 * kAllSeeds;
 
  private:
   bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,

@@ -28,7 +28,7 @@ cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   return small;
 }
 
-/// So that a small copy of the image takes little time.
+/// A small copy of the image is made from one of these, which takes less time.
 void addHalves(TargetPicture& picture) {
   constexpr int kLeastSide = 64;  // px
   cv::Mat last = picture.image;

@@ -24,7 +24,7 @@ struct TargetPicture {
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 
-/// `picture.image` with a size that is not larger, by averaging.
+/// `picture.image` with another size; a smaller one by averaging.
 void shrink(const TargetPicture& picture, const cv::Size& size, cv::Mat& small);
 
 /// Given image -> `picture.image`, px.
