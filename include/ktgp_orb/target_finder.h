@@ -29,10 +29,12 @@ struct Target {
 
 struct TargetFinderOptions {
   /// For the frames and the targets. By default more keypoints than usual, and in every part of the
-  /// frame: a target may be small.
+  /// frame: a target may be small. Also more pyramid levels (targets use five of them): a target
+  /// may be three times as large as in its image.
   OrbOptions orb = [] {
     OrbOptions options;
-    options.max_features = 3000;
+    options.max_features = 3300;
+    options.levels = 10;
     options.distribution = KeypointDistribution::uniform;
     return options;
   }();

@@ -337,6 +337,30 @@ TEST(TargetFinder, SteepTargetsGrowFromTheGreyValues) {
   EXPECT_GE(found, 5);
 }
 
+/// Only the corners of the target are in the frame. Their keypoints alone would be enough evidence.
+TEST(TargetFinder, WhatLooksDifferentInMostPartsIsNotFound) {
+  TargetFinder finder;
+  Target target;
+  target.id = "poster";
+  target.images = {test::drawnPicture({360, 270}, 9)};
+  finder.add(target);
+  cv::Mat whole;
+  cv::resize(target.images[0], whole, cv::Size(576, 432));
+  const auto detectionsWith = [&](int width, int height) {
+    cv::Mat frame = test::drawnPicture(kFrame, 905);
+    for (const int x : {0, whole.cols - width}) {
+      for (const int y : {0, whole.rows - height}) {
+        const cv::Rect corner(x, y, width, height);
+        whole(corner).copyTo(frame(corner + cv::Point(20, 20)));
+      }
+    }
+    finder.restart();
+    return finder.find(frame).detections.size();
+  };
+  EXPECT_EQ(detectionsWith(138, 103), 0U);  // 23 % of its area
+  EXPECT_EQ(detectionsWith(195, 146), 1U);  // 46 %
+}
+
 TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   TargetFinderOptions options;
   TargetFinder all = finderOf(16, options);

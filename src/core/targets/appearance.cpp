@@ -59,7 +59,7 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
   columns_ = blocksAlong(across);
   rows_ = blocksAlong(down);
   const cv::Size size(columns_ * kSide, rows_ * kSide);
-  shrink(picture, size, picture_);
+  shrink(picture, size, cv::INTER_LINEAR, picture_);
 
   const Eigen::Matrix3d to_picture = homography::resizing(size, whole);
   const double finer = std::min(across / size.width, down / size.height);  // than the canvas
@@ -123,6 +123,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr float kFrameDeviation = 3.F;
   constexpr double kAboveLargest = 1.5;
   constexpr double kFewest = 6.0;
+  constexpr double kFewestToDiffer = 12.0;
   constexpr double kLeastShare = 0.3;  // of the blocks in view; the others may be hidden
   sample(picture, homography, pyramid, scale_factor);
   cut(picture_, kPictureDeviation, of_picture_);
@@ -153,11 +154,17 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
       if (pairs >= kFewest) largest = std::max(largest, here / pairs);
     }
   }
-  if (own_hits < kFewest || own_hits < std::max(kLeastShare, kAboveLargest * largest) * own_count) {
-    return {std::numeric_limits<double>::infinity(), 0.0};
+  Similarity similarity;
+  similarity.agreement = own_hits / std::max(own_count, 1.0);
+  similarity.differs = own_count >= kFewestToDiffer && similarity.agreement < kLeastShare;
+  const double least_share = std::max(kLeastShare, kAboveLargest * largest);
+  if (own_hits < kFewest || similarity.agreement < least_share) {
+    similarity.log_false_alarms = std::numeric_limits<double>::infinity();
+    return similarity;
   }
   const double chance = std::min(hits / count, 0.999);
-  return {std::log10(tests) + logTail(own_hits, own_count, chance), own_hits / own_count};
+  similarity.log_false_alarms = std::log10(tests) + logTail(own_hits, own_count, chance);
+  return similarity;
 }
 
 }  // namespace ktgp_orb::targets

@@ -122,6 +122,7 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
     }
     search.align(picture, result.found);
     if (!PictureSearch::isDetermined(picture, result.found)) continue;
+    if (!search.confirm(picture, store_.pictureCount(), result.found)) continue;
     result.target = &target;
     result.picture = number;
     return true;
@@ -148,6 +149,7 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
   }
   search.align(picture, result.found);
   if (!PictureSearch::isDetermined(picture, result.found)) return;
+  if (!search.confirm(picture, store_.pictureCount(), result.found)) return;
   result.target = &target;
   result.picture = number;
   result.predicted = true;

@@ -35,7 +35,7 @@ void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matri
   };
   const cv::Size size(side(jacobian.col(0).norm(), whole.width),
                       side(jacobian.col(1).norm(), whole.height));
-  shrink(picture, size, shrunk_);
+  shrink(picture, size, cv::INTER_AREA, shrunk_);
   cv::copyMakeBorder(shrunk_, small_[0], kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
   size_ = size;
 }

@@ -12,8 +12,8 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr float kFirstRadius = 16.F;     // px
-constexpr float kRadiusAfterFit = 11.F;  // a fit to many seeds predicts better
+constexpr float kFirstRadius = 16.F;    // px
+constexpr float kRadiusAfterFit = 7.F;  // a fit to many seeds predicts better
 constexpr float kSettleRadius = 10.F;
 constexpr float kLastRadius = 4.F;
 constexpr float kRadiusFactor = 0.83F;  // per round
@@ -236,18 +236,30 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   return found.log_false_alarms < kLogMaxFalseAlarms;
 }
 
+Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, std::size_t pictures,
+                                                 const FoundPicture& found) {
+  const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
+  if (images_.empty()) return {};
+  return appearance_.compare(picture, found.estimate.homography, images_, scale_factor_, tests);
+}
+
 /// Whether the images say so.
 bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
                            FoundPicture& found) {
-  const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
-  Appearance::Similarity similarity;
-  if (!images_.empty()) {
-    similarity =
-        appearance_.compare(picture, found.estimate.homography, images_, scale_factor_, tests);
-  }
-  found.log_false_alarms = similarity.log_false_alarms;
-  found.agreement = similarity.agreement;
+  const Appearance::Similarity seen = similarity(picture, pictures, found);
+  found.log_false_alarms = seen.log_false_alarms;
+  found.agreement = seen.agreement;
   return found.log_false_alarms < kLogMaxFalseAlarms;
+}
+
+bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
+                            FoundPicture& found) {
+  constexpr double kMuch = 0.6;
+  if (found.agreement >= kMuch) return true;
+  const Appearance::Similarity seen = similarity(picture, pictures, found);
+  found.log_false_alarms = std::min(found.log_false_alarms, seen.log_false_alarms);
+  found.agreement = seen.agreement;
+  return !seen.differs;
 }
 
 /// The homography of maximum likelihood. False if it is not a view of the whole picture.

@@ -47,6 +47,9 @@ class PictureSearch {
                       std::size_t pictures, FoundPicture& found);
   /// Corrects the homography by the images.
   void align(const TargetPicture& picture, FoundPicture& found);
+  /// Compares the images again if they agreed little before the alignment. False if most of what is
+  /// in view looks different.
+  bool confirm(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
   /// False where so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
 
@@ -74,6 +77,8 @@ class PictureSearch {
   /// Corrects `start` by the images. True: `found` has the result.
   bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
                  FoundPicture& found);
+  Appearance::Similarity similarity(const TargetPicture& picture, std::size_t pictures,
+                                    const FoundPicture& found);
   bool isSeen(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
   void takePairs(FoundPicture& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundPicture& found);

@@ -17,6 +17,9 @@ constexpr int kBorder = 48;  // px
 // Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
 // border the frame shows something else.
 constexpr double kInside = 0.35;
+// Of the pyramids of the image and of its half. Together they reach a fifth of its size, and each
+// level has enough keypoints.
+constexpr int kLevels = 5;
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   scale = std::min(1.0, largest_side / static_cast<double>(std::max(image.cols, image.rows)));
@@ -98,6 +101,7 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   OrbOptions options = orb;
   options.images = ImageKeeping::none;
   options.distribution = KeypointDistribution::ranked;
+  options.levels = std::min(orb.levels, kLevels);
   ReferenceViews made;
   options.max_features = features;
   addViews(picture.image, 1.0, options, views, made);
@@ -114,12 +118,13 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   return picture;
 }
 
-void shrink(const TargetPicture& picture, const cv::Size& size, cv::Mat& small) {
+void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
+            cv::Mat& small) {
   const cv::Mat* from = &picture.image;
   for (const cv::Mat& half : picture.halves) {
     if (half.cols >= size.width && half.rows >= size.height) from = &half;
   }
-  cv::resize(*from, small, size, 0, 0, cv::INTER_AREA);
+  cv::resize(*from, small, size, 0, 0, method);
 }
 
 Eigen::Matrix3d toStored(const TargetPicture& picture) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "core/growth/reference_frames.h"
@@ -24,8 +25,10 @@ struct TargetPicture {
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 
-/// `picture.image` with another size; a smaller one by averaging.
-void shrink(const TargetPicture& picture, const cv::Size& size, cv::Mat& small);
+/// `picture.image` with another size. `method`: cv::INTER_AREA moves nothing; cv::INTER_LINEAR
+/// takes less time.
+void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
+            cv::Mat& small);
 
 /// Given image -> `picture.image`, px.
 Eigen::Matrix3d toStored(const TargetPicture& picture);
