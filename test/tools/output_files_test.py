@@ -15,6 +15,11 @@ TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
 
+def setUpModule():
+    # nohup, for example, ignores it, and programs inherit that.
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 def small_files(limit):
     """For preexec_fn: writing a file beyond this size fails, as on a full disk."""
     def apply():
