@@ -20,6 +20,7 @@ Parameters parametersFrom(const KtgpConfig& config) {
 #define KTGP_STRING(name, value, text) p.name = config.name;
 #define KTGP_CHOICE(name, value, text, choices) p.name = config.name;
 #include "parameters/table.def"
+#include "parameters/table_end.def"
   return p;
 }
 

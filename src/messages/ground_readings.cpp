@@ -85,6 +85,7 @@ GroundMotionConfig groundMotionDefaults() {
 #define KTGP_STRING(name, value, text) config.name = value;
 #define KTGP_CHOICE(name, value, text, choices) config.name = value;
 #include "parameters/ground_motion.def"
+#include "parameters/table_end.def"
   return config;
 }
 

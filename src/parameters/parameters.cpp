@@ -34,12 +34,7 @@ std::vector<ParameterRow> readTable() {
 #define KTGP_CHOICE(name, value, text, choices) \
   rows.push_back({group, #name, &Parameters::name, text, "", {}, namesOfChoices(choices)});
 #include "parameters/table.def"
-#undef KTGP_GROUP
-#undef KTGP_BOOL
-#undef KTGP_INT
-#undef KTGP_DOUBLE
-#undef KTGP_STRING
-#undef KTGP_CHOICE
+#include "parameters/table_end.def"
   return rows;
 }
 
@@ -60,6 +55,7 @@ Ranges readRanges(const std::string& nodelet) {
   } else {
 #include "parameters/mosaic.def"
   }
+#include "parameters/table_end.def"
   return ranges;
 }
 

@@ -16,12 +16,7 @@ struct Parameters {
 #define KTGP_STRING(name, value, text) std::string name = value;
 #define KTGP_CHOICE(name, value, text, choices) std::string name = value;
 #include "parameters/table.def"
-#undef KTGP_GROUP
-#undef KTGP_BOOL
-#undef KTGP_INT
-#undef KTGP_DOUBLE
-#undef KTGP_STRING
-#undef KTGP_CHOICE
+#include "parameters/table_end.def"
 };
 
 /// Allowed values of a number, both ends included.
