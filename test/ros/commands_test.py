@@ -51,6 +51,7 @@ SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
 FLEET = Skipped('needs several machines; the long test "fleet" runs the scripts')
 SMALL = ' --features 300 --repeat 1'
+SIFT = 'SIFT,' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''  # its estimator needs it
 
 COMMANDS = {
     'git clone <this repository> ktgp_orb && cd ktgp_orb': Skipped('this is such a clone'),
@@ -129,8 +130,8 @@ COMMANDS = {
     'catkin_make -j4 run_tests': WORKSPACE,
     'catkin_test_results build/test_results': WORKSPACE,
     'rostest test/ros/robot_overload.test seconds:=120': TOO_LONG,
-    'cmake -DKTGP_ORB_CORE_ONLY=ON': 'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only',
-
+    'cmake -DKTGP_ORB_CORE_ONLY=ON':
+        'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only ${KTGP_ORB_CMAKE_OPTIONS:-}',
     'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
         Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
     'roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video':
@@ -203,7 +204,7 @@ COMMANDS = {
     'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large oxford/leuven oxford/bikes oxford/boat '
     '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW':
         'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large sets/leuven --warp-pairs 2 '
-        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW' + SMALL,
+        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,%sAKAZE,FLOW' % SIFT + SMALL,
     'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
     '--methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID':
         'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID' +
