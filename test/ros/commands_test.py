@@ -51,7 +51,7 @@ SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
 FLEET = Skipped('needs several machines; the long test "fleet" runs the scripts')
 SMALL = ' --features 300 --repeat 1'
-PEERS = 'SIFT,AKAZE,' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''  # their estimator
+PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''  # their estimator
 
 COMMANDS = {
     'git clone <this repository> ktgp_orb && cd ktgp_orb': Skipped('this is such a clone'),
@@ -204,7 +204,7 @@ COMMANDS = {
     'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large oxford/leuven oxford/bikes oxford/boat '
     '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW':
         'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large sets/leuven --warp-pairs 2 '
-        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,%sFLOW' % PEERS + SMALL,
+        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID' + PEERS + SMALL,
     'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
     '--methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID':
         'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID' +
