@@ -15,8 +15,8 @@ namespace ktgp_orb::test {
 /// dispatch is restricted to it.
 template <typename Visit>
 void forEachInstructionSet(const Visit& visit) {
-  // An older compiler (GCC 10) has no code for the newest sets; dispatch to one of these would take
-  // the slowest.
+  // Only sets for which this compiler makes code: GCC 10 does not know the newest ones. If dispatch
+  // is restricted to one of these, it calls the code of the oldest set.
   std::int64_t left = hwy::SupportedTargets() & HWY_TARGETS;
   while (left != 0) {
     const std::int64_t target = left & -left;

@@ -161,7 +161,7 @@ TEST(SequenceSearch, AllocatesNothingInAThousandFrames) {
         matcher.match(views[static_cast<std::size_t>(at)], 0.1 * n);
       }
     };
-    run(350);  // until the views and the jumps repeat themselves
+    run(350);  // 14 views, a jump each 50 frames: they repeat after 350
     const test::AllocationCounter counter;
     run(1000);
     EXPECT_EQ(counter.count(), 0u) << "mode " << static_cast<int>(mode);

@@ -29,7 +29,7 @@ class OneInstructionSet {
   static const std::vector<std::int64_t>& each() {
     static const std::vector<std::int64_t> all = [] {
       std::vector<std::int64_t> targets;
-      for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
+      for (std::int64_t left = hwy::SupportedTargets() & HWY_TARGETS; left != 0; left &= left - 1) {
         targets.push_back(left & -left);
       }
       return targets;

@@ -51,7 +51,8 @@ SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
 FLEET = Skipped('needs several machines; the long test "fleet" runs the scripts')
 SMALL = ' --features 300 --repeat 1'
-PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''  # their estimator
+# The estimator of these methods needs OpenCV 4.6.
+PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''
 
 COMMANDS = {
     'git clone <this repository> ktgp_orb && cd ktgp_orb': Skipped('this is such a clone'),

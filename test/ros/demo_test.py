@@ -152,6 +152,21 @@ class DemoTest(unittest.TestCase):
         self.assertEqual(result.returncode, 2)
         self.assertIn('--no-such-option', result.stdout)
 
+    def test_a_failed_build_is_shown_on_a_terminal_and_in_a_file(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with open(os.path.join(folder, 'CMakeLists.txt'), 'w') as file:
+                file.write('cmake_minimum_required(VERSION 3.10)\nproject(broken NONE)\n'
+                           'add_custom_target(broken COMMAND no_such_program)\n')
+            script = ('set -euo pipefail; source "%s/scripts/environment"; cmake -S . -B build; '
+                      'build build broken; echo it is built' % PACKAGE)
+            for command in (['bash', '-c', script], ['script', '-qec', script, '/dev/null']):
+                result = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                        stderr=subprocess.STDOUT, universal_newlines=True, timeout=TIMEOUT,
+                                        env=dict(os.environ, SHELL='/bin/bash'))
+                self.assertEqual(result.returncode, 1, result.stdout)
+                self.assertRegex(result.stdout, 'no_such_program.*not found|No such file', command[0])
+                self.assertNotIn('it is built', result.stdout)
+
 
 if __name__ == '__main__':
     unittest.main()

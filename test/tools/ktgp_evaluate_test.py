@@ -2,6 +2,7 @@
 import csv
 import json
 import os
+import re
 import shutil
 import unittest
 
@@ -40,7 +41,7 @@ class KtgpEvaluate(ToolCase):
 
     def rows(self, *arguments):
         run = self.evaluate(*arguments, "--csv", "out.csv")
-        if "is not available in this OpenCV" in run.stderr:
+        if re.search(r"is not available in this OpenCV \(4\.[0-5]\.", run.stderr):
             self.skipTest(run.stderr.strip())
         with open(self.folder / "out.csv", newline="", encoding="utf-8") as file:
             return run, list(csv.DictReader(file))
