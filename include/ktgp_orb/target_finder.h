@@ -43,6 +43,12 @@ struct TargetFinderOptions {
   /// Images that each image of a target is searched as: 1: itself, at full and at half size; 5:
   /// also four views of it with a tilt of 2, at both sizes.
   int views = 5;
+  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. Below 80 px
+  /// the frame is made twice as large before the extraction, if it then has at most 2500 px: about
+  /// half of the targets of this size are found by default. This takes a multiple of the time, so
+  /// it is done while nothing is followed, or something small, or something was lost, and in each
+  /// eighth frame.
+  double smallest_side = 45.0;
   /// How far a target that was seen in the last frame, and was not found otherwise, may be from its
   /// predicted position, px, 0..1000. 0: it gets no second search.
   double search_radius = 48.0;

@@ -14,6 +14,7 @@
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
+#include "evaluation/target_frames.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -59,6 +60,7 @@ struct Arguments {
   double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
+  std::string targets;
   bool force = false;
   PipelineOptions pipeline;
 };
@@ -202,6 +204,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
+  app.add_option("--targets", arguments.targets,
+                 "search the targets of FOLDER/labels.json in its photographs and videos, and print "
+                 "how many are found; see doc/targets.md")
+      ->type_name("FOLDER");
   app.add_option("--bag", arguments.bag)->group("");  // hidden; has a program of its own
   addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline);
@@ -254,6 +260,15 @@ int evaluateImageSets(const Arguments& arguments) {
   return dataset.problems.empty() ? kExitDone : kExitUnusedData;
 }
 
+int evaluateTargets(const std::string& folder) {
+  const LabelledTargets searched = searchLabelled(folder, {});
+  std::fputs(toTable(searched).c_str(), stdout);
+  for (const std::string& problem : searched.problems) {
+    std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
+  }
+  return searched.problems.empty() ? kExitDone : kExitUnusedData;
+}
+
 int evaluate(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(kDescription);
@@ -272,6 +287,10 @@ int evaluate(int argc, char** argv) {
   if (!arguments.bag.empty()) {
     throw std::invalid_argument("--bag is a program of its own; expected ktgp_evaluate_bag " +
                                 arguments.bag);
+  }
+  if (!arguments.targets.empty()) {
+    exitWhenInterrupted();
+    return evaluateTargets(arguments.targets);
   }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
   OutputPlan plan(arguments.force);

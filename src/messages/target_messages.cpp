@@ -72,8 +72,7 @@ bool wantsPose(const TargetDetection& message) {
 
 }  // namespace
 
-std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
-                                             const PixelCamera& camera) {
+PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera) {
   UncertainHomography found = target.homography;
   if (camera.lens) {
     std::vector<cv::KeyPoint> points;
@@ -90,7 +89,7 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
       pairs_.quality.push_back(target.pairs.quality[i]);
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
-    if (result_.status != Status::ok) return std::nullopt;
+    if (result_.status != Status::ok) return {{}, "its pairs do not agree without the distortion"};
     found = {result_.homography, result_.covariance, result_.shared_covariance,
              result_.plane_deviation};
     if (target.aligned) {
@@ -99,8 +98,8 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
       refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
     }
   }
-  return planarPose(found.homography, found.covariance, camera.camera, target.image_size,
-                    target.width);
+  return planarPoses(found.homography, found.covariance, camera.camera, target.image_size,
+                     target.width);
 }
 
 void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
@@ -139,13 +138,18 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
                                     detection.frame + ", is not known");
       }
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
-      const auto found = pose.find(frame.detections[i], *camera);
-      if (!found) {
-        throw std::invalid_argument("the homography of " + detection.id +
-                                    " is not the view of a target in front of the camera");
+      const PlanarPoses found = pose.find(frame.detections[i], *camera);
+      if (found.poses.empty()) throw std::invalid_argument(detection.id + ": " + found.problem);
+      const PlanarPose& best = found.poses.front();
+      if (!best.covariance.allFinite()) {
+        throw std::invalid_argument(detection.id + ": the homography has no covariance");
       }
       detection.has_pose = 1;
-      detection.pose = toMessage(found->target_to_camera, found->covariance);
+      detection.pose = toMessage(best.target_to_camera, best.covariance);
+      detection.pose_share = best.share;
+      if (found.poses.size() < 2) continue;
+      const PlanarPose& other = found.poses.back();
+      detection.other_pose = toMessage(other.target_to_camera, other.covariance);
     } catch (const std::invalid_argument& error) {
       message.no_pose = error.what();
     }

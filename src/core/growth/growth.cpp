@@ -76,7 +76,7 @@ struct HomographyGrowth::Impl {
   GrowthOptions options;
   growth::ReferenceFrames reference;
   growth::LocalMatcher matcher;
-  growth::Grower grower;
+  growth::Grower grower{growth::kScenePlan};
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::Finaliser finaliser;
@@ -183,7 +183,7 @@ void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d&
 void HomographyGrowth::Impl::tryStart(const GrowthStart& start, GrowthResult& result) {
   const bool in_sight = start.homography.row(2).dot(start.centre.homogeneous()) > 0.0;
   Eigen::Matrix3d map = in_sight ? start.homography : Eigen::Matrix3d(-start.homography);
-  if (grower.settle(start.centre, reference, matcher, map)) judge(map, result);
+  if (grower.settle(start.centre, growth::kScenePlan.settle_radius, reference, matcher, map)) judge(map, result);
 }
 
 /// Judges `map`, which the grower has just left.
@@ -191,7 +191,7 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   tried.push_back(map);
   ++result.judged;
   const growth::Judgement judgement = verdict.judge(
-      grower.predictions(), reference, growth::Grower::kFirstRadius, options.seeds, matcher);
+      grower.predictions(), reference, growth::kScenePlan.first_radius, options.seeds, matcher);
   if (grown_count == grown.size()) grown.emplace_back();
   Grown& kept = grown[grown_count++];
   kept.map = map;

@@ -50,10 +50,10 @@ class FrameSearch {
 
   /// Appends all instances of the target.
   void search(StoredTarget& target, std::vector<FoundTarget>& found);
-  /// Looks for one more instance near a prediction (picture's `image` -> frame, px), apart from
-  /// those of this target in `found`; appends it.
+  /// Looks for one more instance within `radius` px of a prediction (picture's `image` -> frame,
+  /// px), by the images alone, apart from those of this target in `found`; appends it.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
-                  std::vector<FoundTarget>& found);
+                  double radius, std::vector<FoundTarget>& found);
 
  private:
   static constexpr int kKeyBits = 13;

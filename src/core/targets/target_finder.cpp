@@ -12,6 +12,7 @@
 #include "core/homography/transform.h"
 #include "core/targets/conflicts.h"
 #include "core/targets/frame_search.h"
+#include "core/targets/searched_frame.h"
 #include "core/targets/target_store.h"
 #include "core/targets/tracks.h"
 #include "core/util/options_check.h"
@@ -21,6 +22,7 @@ namespace {
 
 using targets::Candidate;
 using targets::FoundTarget;
+using targets::SearchedFrame;
 using targets::StoredTarget;
 using targets::TargetPicture;
 using targets::Track;
@@ -50,19 +52,26 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
+  util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
   util::requireInRange("search_radius", options.search_radius, 0.0, 1000.0);
   util::requireInRange("search_ms", options.search_ms, 0.0,
                        std::numeric_limits<double>::infinity());
   util::requireInRange("max_instances", options.max_instances, 1, 1000);
 }
 
-/// The same homography for the image as it was given, before it was made smaller.
-UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHomography& found) {
-  UncertainHomography to_stored;
-  to_stored.homography = targets::toStored(picture);
-  UncertainHomography full = homography::chained(found, to_stored);
-  full.plane_deviation = found.plane_deviation;
-  return full;
+UncertainHomography exact(const Eigen::Matrix3d& homography) {
+  UncertainHomography result;
+  result.homography = homography;
+  return result;
+}
+
+/// The same homography for the images as they were given, before they were resized.
+UncertainHomography ofGivenImages(const TargetPicture& picture, const UncertainHomography& found,
+                                  const SearchedFrame& frame) {
+  UncertainHomography given = homography::chained(
+      exact(frame.toFrame()), homography::chained(found, exact(targets::toStored(picture))));
+  given.plane_deviation = found.plane_deviation / frame.scale();
+  return given;
 }
 
 void setCorners(DetectedTarget& detection) {
@@ -76,7 +85,7 @@ void setCorners(DetectedTarget& detection) {
   }
 }
 
-DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
+DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const SearchedFrame& frame,
                            targets::TargetStore& store) {
   const TargetPicture& picture = store.picture(found.picture);
   const StoredTarget& target = *found.target;
@@ -88,7 +97,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  detection.homography = ofFullImage(picture, found.found.estimate);
+  detection.homography = ofGivenImages(picture, found.found.estimate, frame);
   detection.aligned = found.found.aligned;
   detection.inliers = found.found.keypoints.size();
   detection.log_false_alarms = found.found.log_false_alarms;
@@ -96,6 +105,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
   detection.pairs = found.found.pairs;
   const Eigen::Matrix3d to_full = targets::toStored(picture).inverse();
   for (Eigen::Vector2d& p : detection.pairs.reference) p = homography::project(to_full, p);
+  for (Eigen::Vector2d& p : detection.pairs.target) p = homography::project(frame.toFrame(), p);
   setCorners(detection);
   return detection;
 }
@@ -105,7 +115,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
-        extractor(o.orb),
+        frame(o),
         check_extractor(checkOptions(o)),
         store(options),
         search(options, store) {
@@ -121,18 +131,20 @@ struct TargetFinder::Impl {
   double timeForOthers() const;
   void searchOthers();
   void tryTarget(StoredTarget& target);
+  bool wantsSmall() const;
   void searchMissing();
+  void refine(FoundTarget& one);
   void publish();
-  const TargetFrame& find(const Features& given, Clock::time_point start);
+  const TargetFrame& find(Clock::time_point start);
 
   TargetFinderOptions options;
-  OrbExtractor extractor;
+  SearchedFrame frame;
   OrbExtractor check_extractor;
   targets::TargetStore store;
   targets::FrameSearch search;
   targets::Tracks tracks;
   std::uint64_t frame_number = 0;
-  Features features;
+  targets::PictureAligner aligner;
   std::vector<FoundTarget> found;
   std::size_t turn = 0;            // where the next frame begins to look keypoints up
   std::vector<Candidate> others;   // not seen in the last frame; those with most votes first
@@ -248,7 +260,8 @@ void TargetFinder::Impl::searchMissing() {
   if (options.search_radius == 0.0) return;
   for (const Track& track : tracks.missing()) {
     StoredTarget* target = store.find(track.target->id);
-    search.searchNear(*target, track.picture, targets::predicted(track), found);
+    search.searchNear(*target, track.picture, targets::predicted(track),
+                      frame.scale() * options.search_radius, found);
   }
 }
 
@@ -256,7 +269,7 @@ void TargetFinder::Impl::publish() {
   answer.detections.clear();
   const std::vector<std::uint8_t> is_doubtful = targets::conflicts(found, store);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    DetectedTarget detection = detectionOf(found[i], track_of[i], store);
+    DetectedTarget detection = detectionOf(found[i], track_of[i], frame, store);
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
@@ -266,8 +279,36 @@ void TargetFinder::Impl::publish() {
             });
 }
 
-const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_point start) {
-  ++frame_number;
+/// Whether the frame is made larger, so that small targets are found: while nothing is followed, or
+/// something small, or something was lost, and in each eighth frame for what is new. So a robot
+/// that tracks large targets has time for other work.
+bool TargetFinder::Impl::wantsSmall() const {
+  constexpr std::uint64_t kEach = 8;
+  if (options.smallest_side >= SearchedFrame::kSmallSide) return false;
+  return frame_number % kEach == 0 || tracks.needsLargerFrame(SearchedFrame::kSmallSide);
+}
+
+/// Corrects the homography by the pixels of the frame itself, where these are finer than those that
+/// were searched, and coarser than the picture's.
+void TargetFinder::Impl::refine(FoundTarget& one) {
+  constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
+  if (frame.own().empty() || !(frame.scale() < 1.0)) return;
+  const TargetPicture& picture = store.picture(one.picture);
+  UncertainHomography estimate = homography::chained(exact(frame.toFrame()), one.found.estimate);
+  const Eigen::Vector2d middle(0.5 * picture.image.cols, 0.5 * picture.image.rows);
+  const Eigen::Matrix2d stretch = homography::jacobianByPoint(estimate.homography, middle);
+  if (stretch.determinant() > kMostStretch * kMostStretch) return;
+  PointPairs pairs;
+  if (!aligner.align(picture, frame.own(), estimate, pairs)) return;
+  const Eigen::Matrix3d to_searched = frame.toFrame().inverse();
+  one.found.estimate = homography::chained(exact(to_searched), estimate);
+  for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);
+  one.found.pairs = std::move(pairs);
+}
+
+const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
+  const Features& given = frame.features();
+  tracks.setScale(frame.scale());
   answer.search = {};
   answer.search.known = store.targets().size();
   answer.search.features = given.size();
@@ -282,6 +323,7 @@ const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_p
   tracks.assign(found, store, track_of);
   const auto count = static_cast<std::ptrdiff_t>(found.size());
   searchMissing();
+  for (FoundTarget& one : found) refine(one);
   tracks.assign({found.begin() + count, found.end()}, store, track_of);
   publish();
   tracks.endFrame();
@@ -342,8 +384,9 @@ bool TargetFinder::knows(const std::string& id) const {
 
 const TargetFrame& TargetFinder::find(const cv::Mat& image) {
   const Clock::time_point start = Clock::now();
-  impl_->extractor.extract(image, impl_->features);
-  return impl_->find(impl_->features, start);
+  ++impl_->frame_number;
+  impl_->frame.set(image, impl_->wantsSmall());
+  return impl_->find(start);
 }
 
 const TargetFrame& TargetFinder::find(const Features& features) {
@@ -353,7 +396,9 @@ const TargetFrame& TargetFinder::find(const Features& features) {
                                 " descriptors; expected " +
                                 toString(impl_->options.orb.descriptor));
   }
-  return impl_->find(features, Clock::now());
+  ++impl_->frame_number;
+  impl_->frame.set(features);
+  return impl_->find(Clock::now());
 }
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
