@@ -27,6 +27,7 @@ if(KTGP_ORB_EXTRAS)
     src/motion/validity.cpp
     src/targets/drawing.cpp
     src/stabilization/stabilizer.cpp
+    src/targets/ambiguity.cpp
     src/targets/appearance.cpp
     src/targets/conflicts.cpp
     src/targets/frame_search.cpp

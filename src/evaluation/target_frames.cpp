@@ -60,7 +60,8 @@ std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searc
       Label label{
           searched.rows.size(), idOf(name.substr(0, blank)), pointsOf(entry.at("target")), {}};
       if (entry.contains("image")) label.in_frame[0] = pointsOf(entry["image"]);
-      for (const auto& [number, points] : entry.value("frames", json::object()).items()) {
+      const json frames = entry.value("frames", json::object());
+      for (const auto& [number, points] : frames.items()) {
         label.in_frame[std::stoul(number)] = pointsOf(points);
       }
       for (const auto& [number, points] : label.in_frame) {

@@ -38,6 +38,7 @@ TargetDetection messageOf(const DetectedTarget& target) {
   message.predicted = target.predicted;
   message.width = target.width;
   message.frame = target.frame;
+  message.ambiguity = target.ambiguity;
   return message;
 }
 
@@ -122,6 +123,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
   message->tried = static_cast<std::uint32_t>(frame.search.tried);
   message->frames_for_all = static_cast<std::uint32_t>(frame.search.frames_for_all);
   message->milliseconds = frame.search.milliseconds;
+  message->at_limit = frame.search.at_limit;
   return message;
 }
 
@@ -133,6 +135,10 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
     TargetDetection& detection = message.detections[i];
     if (!wantsPose(detection)) continue;
     try {
+      if (detection.frame == message.header.frame_id && !detection.frame.empty()) {
+        throw std::invalid_argument("the frame of " + detection.id + ", " + detection.frame +
+                                    ", is the camera's; expected one of its own");
+      }
       if (detection.width <= 0.0) {
         throw std::invalid_argument("the width of " + detection.id + ", which has the frame " +
                                     detection.frame + ", is not known");
@@ -159,7 +165,8 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message) {
   std::vector<geometry_msgs::TransformStamped> transforms;
   for (const TargetDetection& target : message.detections) {
-    if (target.has_pose == 0 || target.frame.empty()) continue;
+    // Of several poses, tf could only have one, and nobody would know.
+    if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     std::string child = target.frame;
     if (target.instance > 0) child += "_" + std::to_string(target.instance);
     transforms.push_back(transformOf(message.header, child, target.pose.pose));

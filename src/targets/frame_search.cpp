@@ -80,15 +80,15 @@ const std::vector<Candidate>& FrameSearch::candidates() {
 
 /// Most targets are found by the pairs that take little time. If few of these agree with each
 /// other, more pairs seldom help.
-void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
-  if (searchWith(tables_, target, found)) return;
-  if (most_votes_ < kFewestThoroughVotes) return;
+int FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
+  const int count = searchWith(tables_, target, found);
+  if (count > 0 || most_votes_ < kFewestThoroughVotes) return count;
   if (!std::exchange(is_thorough_set_, true)) thorough_tables_.setFrame(bits_);
-  searchWith(thorough_tables_, target, found);
+  return searchWith(thorough_tables_, target, found);
 }
 
-bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
-                             std::vector<FoundTarget>& found) {
+int FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
+                            std::vector<FoundTarget>& found) {
   pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
@@ -103,7 +103,7 @@ bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
     if (count == 0) taken_.assign(features_->size(), 0);
     take(result);
   }
-  return count > 0;
+  return count;
 }
 
 /// Searches the pictures of the target in the keypoints that are not taken, until one is found.

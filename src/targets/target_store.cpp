@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "targets/ambiguity.h"
+
 namespace ktgp_orb::targets {
 namespace {
 
@@ -44,6 +46,9 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   stored->id = target.id;
   stored->width = target.width;
   stored->frame = target.frame;
+  for (const TargetPicture& picture : pictures) {
+    if (stored->ambiguity.empty()) stored->ambiguity = ambiguityOf(picture);
+  }
   std::uint32_t number = freeNumbers(pictures.size());
   pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
   for (TargetPicture& picture : pictures) {
