@@ -519,7 +519,7 @@ TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
 
 // For errors of any correlation the covariance of the product is never too small.
 TEST(HomographyChain, SharedErrorsOfAnyKindAreCovered) {
-  UncertainHomography first, second;
+  UncertainHomography first{Eigen::Matrix3d::Identity()}, second = first;
   first.shared_covariance(2, 2) = 4.0;
   second.shared_covariance(2, 2) = 1.0;
   second.shared_covariance(5, 5) = 9.0;
