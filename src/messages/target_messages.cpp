@@ -91,8 +91,7 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
     if (result_.status != Status::ok) return {{}, "its pairs do not agree without the distortion"};
-    found = {result_.homography, result_.covariance, result_.shared_covariance,
-             result_.plane_deviation};
+    found = result_.answer;
     if (target.aligned) {
       const auto evidence =
           homography::evidenceOfPatches(prosac_.options().max_error, target.image_size);

@@ -64,17 +64,11 @@ void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("max_instances", options.max_instances, 1, 1000);
 }
 
-UncertainHomography exact(const Eigen::Matrix3d& homography) {
-  UncertainHomography result;
-  result.homography = homography;
-  return result;
-}
-
 /// The same homography for the images as they were given, before they were resized.
 UncertainHomography ofGivenImages(const TargetPicture& picture, const UncertainHomography& found,
                                   const SearchedFrame& frame) {
   UncertainHomography given = homography::chained(
-      exact(frame.toFrame()), homography::chained(found, exact(targets::toStored(picture))));
+      {frame.toFrame()}, homography::chained(found, {targets::toStored(picture)}));
   given.plane_deviation = found.plane_deviation / frame.scale();
   return given;
 }
@@ -348,14 +342,14 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
   if (frame.own().empty() || !(frame.scale() < 1.0)) return;
   const TargetPicture& picture = store.picture(one.picture);
-  UncertainHomography estimate = homography::chained(exact(frame.toFrame()), one.found.estimate);
+  UncertainHomography estimate = homography::chained({frame.toFrame()}, one.found.estimate);
   const Eigen::Vector2d middle(0.5 * picture.image.cols, 0.5 * picture.image.rows);
   const Eigen::Matrix2d stretch = homography::jacobianByPoint(estimate.homography, middle);
   if (stretch.determinant() > kMostStretch * kMostStretch) return;
   PointPairs pairs;
   if (!aligner.align(picture, frame.own(), estimate, pairs)) return;
   const Eigen::Matrix3d to_searched = frame.toFrame().inverse();
-  one.found.estimate = homography::chained(exact(to_searched), estimate);
+  one.found.estimate = homography::chained({to_searched}, estimate);
   for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);
   one.found.pairs = std::move(pairs);
 }
