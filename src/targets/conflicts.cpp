@@ -47,11 +47,16 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.found.estimate.homography);
 }
 
-/// Whether chance explains `one` clearly less. Where only a part that both have is seen, both have
-/// nearly the same support, and it could be either.
+/// How little chance explains it: minus log10 of the false alarms that were to be expected.
+double significanceOf(const FoundTarget& one) {
+  return -one.found.log_false_alarms;
+}
+
+/// Where only a part that both have is seen, both have nearly the same support, and it could be
+/// either.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
-  return other.found.log_false_alarms > kRatio * one.found.log_false_alarms;
+  return significanceOf(other) < kRatio * significanceOf(one);
 }
 
 /// Whether it looks less like its picture than `around` does, although light and blur are the same.

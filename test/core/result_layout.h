@@ -97,6 +97,7 @@ constexpr LayoutEntry kLayout[] = {
     KTGP_ORB_TYPE(OrbOptions),
     KTGP_ORB_TYPE(PlanarPose),
     KTGP_ORB_MEMBER(PlanarPose, covariance),
+    KTGP_ORB_TYPE(PlanarPoses),
     KTGP_ORB_TYPE(PointPairs),
     KTGP_ORB_MEMBER(PointPairs, noise),
     KTGP_ORB_TYPE(ProsacDiagnostics),

@@ -27,9 +27,10 @@ bool refit(const std::vector<PlacePair>& pairs, float radius, Eigen::Matrix3d& m
 
 bool Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
                     float radius, ReferenceFrames& reference, LocalMatcher& matcher) {
+  matches_.clear();
+  pairs_.clear();
   if (!reference.predict(map, centre, reach, matcher.imageSize(), predictions_)) return false;
   matcher.match(predictions_, reference.bits(), {}, radius, matches_);
-  pairs_.clear();
   for (const LocalMatch& m : matches_) {
     const LocalFrame& from = reference.frames()[static_cast<std::size_t>(m.reference)];
     const LocalFrame& to = matcher.frame(m.target);
