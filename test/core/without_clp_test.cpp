@@ -10,11 +10,6 @@
 #include "tools/view_options.h"
 
 namespace ktgp_orb {
-
-bool hasSteadyPath() {  // as in steady_path.cpp
-  return stabilization::hasLinearProgram();
-}
-
 namespace {
 
 /// The message of the error for these arguments of ktgp_bag; empty if there is none.
