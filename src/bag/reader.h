@@ -7,16 +7,11 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
 
-namespace ktgp_orb {
+#include "bag/messages.h"
 
-/// A bag that cannot be used at all; what() gives the reason.
-class UnusableBag : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
+namespace ktgp_orb {
 
 /// A recorded image.
 struct RecordedImage {
@@ -50,10 +45,6 @@ struct BagSelection {
 /// Throws UnusableBag for a file that is not a bag, for a bag without images on the topic or in the
 /// time, and if no topic is given and there is not exactly one; the message names the image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
-
-/// Problems of a bag; empty for an intact one, which librosbag can read. Reads the whole bag.
-/// Throws UnusableBag for a file that is not a bag.
-std::string damageOf(const std::string& path);
 
 /// Namespace of the camera of the image topic, also for topics of the compressed transport.
 std::string cameraOf(std::string image_topic);

@@ -15,13 +15,14 @@
 namespace ktgp_orb::tools {
 namespace {
 
-bool always(const ParameterRow& /*row*/) {
-  return true;
+/// Not those of the node's services, subscribers and diagnostics.
+bool decidesARecording(const ParameterRow& row) {
+  return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
 
 bool decidesAPair(const ParameterRow& row) {
-  static const std::set<std::string> elsewhere{"stream_images", "stream_reference", "warnings"};
-  return elsewhere.count(row.group) == 0 && row.name.rfind("overlay", 0) != 0 &&
+  return decidesARecording(row) && row.group != "stream_images" &&
+         row.group != "stream_reference" && row.name.rfind("overlay", 0) != 0 &&
          row.name != "max_rate";
 }
 
@@ -136,7 +137,8 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
 }  // namespace
 
 void addParameterOptions(CLI::App& app, Parameters& parameters) {
-  addOptions(app, always, parameters, [&](const Parameters& given) { parameters = given; });
+  addOptions(app, decidesARecording, parameters,
+             [&](const Parameters& given) { parameters = given; });
 }
 
 void addPipelineOptions(CLI::App& app, PipelineOptions& options) {

@@ -66,11 +66,12 @@ int evaluateBag(const Arguments& arguments) {
   SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
                               arguments.drift_window);
   ProgressBar progress(0);
-  readBag(arguments.bag, arguments.topic, arguments.truth_topic,
-          [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
-            evaluator.addFrame(stamp, image, truth);
-            progress.advance("frames of " + arguments.bag);
-          });
+  const std::string damage =
+      readBag(arguments.bag, arguments.topic, arguments.truth_topic,
+              [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
+                evaluator.addFrame(stamp, image, truth);
+                progress.advance("frames of " + arguments.bag);
+              });
   const SequenceScore score = evaluator.score();
   if (!isStandardOutput(arguments.json)) printSequence(score);
   if (!arguments.json.empty()) {
@@ -81,7 +82,9 @@ int evaluateBag(const Arguments& arguments) {
                              {"options", toJson(arguments.pipeline)}};
     writeText(arguments.json, textOf(out, 1), arguments.force);
   }
-  return kExitDone;
+  if (damage.empty()) return kExitDone;
+  std::fprintf(stderr, "ktgp_evaluate_bag: %s: %s\n", arguments.bag.c_str(), damage.c_str());
+  return kExitUnusedData;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {

@@ -1,12 +1,11 @@
 #include "tools/bag_motion.h"
 
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <cstdio>
+#include <set>
 
 #include "bag/reader.h"
 #include "cli/output_file.h"
@@ -91,25 +90,21 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
 }
 
 void BagMotion::readMessages(const std::string& path) {
-  try {
-    rosbag::Bag bag(path);
-    rosbag::View view(bag, rosbag::TopicQuery(std::vector<std::string>{
-                               options_.range_topic, options_.imu_topic, "/tf", "/tf_static"}));
-    for (const rosbag::MessageInstance& instance : view) {
-      if (const auto range = instance.instantiate<sensor_msgs::Range>()) {
-        ranges_.push_back(*range);
-      } else if (const auto imu = instance.instantiate<sensor_msgs::Imu>()) {
-        imus_.push_back(*imu);
-      } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
-        const bool is_static = instance.getTopic() == "/tf_static";
-        for (const auto& each : tf->transforms) {
-          if (is_static) tf_.setTransform(each, "bag", true);
-          if (!is_static) transforms_.push_back(each);
-        }
+  const std::set<std::string> wanted{options_.range_topic, options_.imu_topic, "/tf", "/tf_static"};
+  BagMessages messages(path);
+  messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
+  while (const auto message = messages.next()) {
+    if (const auto range = message->as<sensor_msgs::Range>()) {
+      ranges_.push_back(*range);
+    } else if (const auto imu = message->as<sensor_msgs::Imu>()) {
+      imus_.push_back(*imu);
+    } else if (const auto tf = message->as<tf2_msgs::TFMessage>()) {
+      const bool is_static = message->topic() == "/tf_static";
+      for (const auto& each : tf->transforms) {
+        if (is_static) tf_.setTransform(each, "bag", true);
+        if (!is_static) transforms_.push_back(each);
       }
     }
-  } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(path + ": --motion cannot read it: " + error.what());
   }
 }
 

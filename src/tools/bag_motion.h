@@ -26,8 +26,7 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing for an empty name. Throws std::runtime_error for a bag that librosbag cannot read
-  /// and for one without a calibration.
+  /// Does nothing for an empty name. Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic);
 
   void add(const HomographyStamped& homography, const cv::Size& image);

@@ -4,6 +4,7 @@
 #include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <iostream>
 #include <opencv2/core/utility.hpp>
 #include <thread>
@@ -25,10 +26,6 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
-#include "tools/batch.h"
-#include "tools/batch_options.h"
-#include "tools/idle_options.h"
-#include "tools/recording.h"
 #include "tools/view_options.h"
 
 namespace ktgp_orb {
@@ -45,8 +42,7 @@ struct Arguments {
   MotionFile motion;
   TargetsInput targets;
   bool force = false;
-  bool measured_times = true;  ///< zero in a batch, whose files are the same on every machine
-  BatchOptions batch;
+  bool skip_finished = false;
   Parameters parameters;
 };
 
@@ -74,13 +70,6 @@ std::string outputNames(const std::string& name, const std::string& topic, const
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
-void eraseTimes(MatchStatistics& statistics) {
-  for (StageStatistics& stage : statistics.stages) stage.milliseconds = 0.0;
-  statistics.extraction_milliseconds = 0.0;
-  statistics.total_milliseconds = 0.0;
-  statistics.latency_milliseconds = 0.0;
-}
-
 /// The sequential part of the work, frame by frame.
 class Run {
  public:
@@ -96,7 +85,7 @@ class Run {
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         progress_(source_->total()),
-        measured_times_(arguments.measured_times) {
+        discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
   }
 
@@ -110,9 +99,10 @@ class Run {
       if (pipeline_.full()) finishOldest();
     }
     while (!waiting_.empty()) finishOldest();
-    writer_.close();
+    if (tools::interrupted() && discards_interrupted_) return tools::kExitInterrupted;
     views_.close();
     motion_.close();
+    writer_.close();  // last: where OUT.bag has its name, the other files have theirs
     if (tools::interrupted()) return tools::kExitInterrupted;
     return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
   }
@@ -162,7 +152,6 @@ class Run {
     if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
-    if (!measured_times_) eraseTimes(*messages.statistics);
     writer_.write(messages, recorded.received);
     ++matched_;
     found_ += messages.homography->status == MatchStatus::STATUS_OK ? 1 : 0;
@@ -170,7 +159,6 @@ class Run {
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
     const TargetDetectionsPtr detections = targets_.find(recorded.image);
-    if (detections && !measured_times_) detections->milliseconds = 0.0;
     writer_.write(detections_topic_, detections, recorded.received);
   }
 
@@ -184,7 +172,7 @@ class Run {
   std::string detections_topic_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
-  bool measured_times_;
+  bool discards_interrupted_;
   std::size_t matched_ = 0;
   std::size_t found_ = 0;
   std::uint64_t skipped_ = 0;
@@ -239,7 +227,7 @@ double pictureRate(const Arguments& arguments) {
   return rate > 0.0 ? rate : arguments.views.steady.rate;
 }
 
-Outcome matchBag(Arguments& arguments) {
+int matchBag(Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
@@ -255,46 +243,26 @@ Outcome matchBag(Arguments& arguments) {
       configurationFor(arguments.parameters, arguments.in, source->topic());
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
-  Outcome outcome{code, run.matched(), run.refused(), run.skipped(), run.found()};
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
             << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
             << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
             << run.viewReport();
   if (run.refused() > 0) {
-    outcome.reason = std::to_string(run.refused()) +
-                     " images could not be used, the first because: " + run.refusal();
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << outcome.reason << '\n';
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
+              << " images could not be used, the first because: " << run.refusal() << '\n';
   }
   if (!run.damage().empty()) {
-    outcome.reason += (outcome.reason.empty() ? "" : "; ") + run.damage();
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
               << "matched; 'rosbag reindex' may repair a bag.\n";
   }
-  return outcome;
-}
-
-/// One recording of a batch: the names of the files are below its folder.
-Outcome matchInto(Arguments arguments, const std::string& input, const std::string& folder) {
-  arguments.in = input;
-  arguments.out = folder + "/matched.bag";
-  for (std::string* file :
-       {&arguments.csv, &arguments.views.steady.video, &arguments.views.steady.warps,
-        &arguments.views.mosaic, &arguments.views.mosaic_poses, &arguments.motion.path}) {
-    if (!file->empty()) file->insert(0, folder + "/");
-  }
-  arguments.measured_times = false;
-  if (arguments.parameters.threads == 0) {
-    arguments.parameters.threads =
-        std::max(1, threadsFrom(arguments.parameters) / arguments.batch.jobs);
-  }
-  return matchBag(arguments);
+  return code;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
-      ->configurable(false);
-  app.add_option("OUT.bag", arguments.out, "bag to write")->configurable(false);
+      ->required();
+  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
   app.add_option("--topic", arguments.selection.topic,
                  "image topic in a bag, raw or compressed; not needed if there is only one");
   app.add_option("--start", arguments.selection.start,
@@ -312,7 +280,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
-  addBatchOptions(app, arguments.batch);
+  app.add_flag("--skip_finished", arguments.skip_finished,
+               "for one command per recording, run again until all are done (see doc/fleet.md): if "
+               "OUT.bag exists, do nothing; an interrupted run leaves no files");
   addViewOptions(app, arguments.views);
   addMotionArguments(app, arguments.motion);
   addTargetsArguments(app, arguments.targets);
@@ -320,26 +290,29 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   tools::addParameterOptions(app, arguments.parameters);
 }
 
-void refuseMissingNames(const Arguments& arguments) {
-  if (!arguments.batch.list.empty()) {
-    if (arguments.in.empty() || !arguments.out.empty()) {
-      throw std::invalid_argument("--batch needs one name, that of the output folder");
-    }
-    return;
+/// Throws std::invalid_argument for options that would be accepted without effect.
+void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
+  const bool keyframe = parameters.reference_mode == "keyframe";
+  const bool fixed = parameters.reference_mode == "fixed";
+  const bool posed = app.count("--targets") + app.count("--motion") > 0;
+  const struct {
+    const char* option;
+    bool used;
+    const char* condition;
+  } options[] = {{"--reference_image", fixed, "--reference_mode fixed"},
+                 {"--keyframe_min_overlap", keyframe, "--reference_mode keyframe"},
+                 {"--keyframe_min_inliers", keyframe, "--reference_mode keyframe"},
+                 {"--calibration", posed, "--targets or --motion"},
+                 {"--overlay_style", parameters.overlay, "--overlay"}};
+  for (const auto& [option, used, condition] : options) {
+    if (used || app.count(option) == 0) continue;
+    throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
+                                condition + "; leave it out");
   }
-  if (arguments.in.empty() || arguments.out.empty()) {
-    throw std::invalid_argument((arguments.in.empty() ? "IN and OUT.bag are" : "OUT.bag is") +
-                                std::string(" required; see --help"));
+  if (fixed && parameters.reference_image.empty()) {
+    throw std::invalid_argument(
+        "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
   }
-}
-
-int matchBatch(CLI::App& app, Arguments& arguments) {
-  tools::stopWhenInterrupted();
-  arguments.batch.folder = std::exchange(arguments.in, "");
-  completeBatchOptions(app, arguments.parameters, arguments.batch);
-  return runBatch(arguments.batch, [&](const std::string& input, const std::string& folder) {
-    return matchInto(arguments, input, folder);
-  });
 }
 
 int run(int argc, char** argv) {
@@ -354,13 +327,16 @@ int run(int argc, char** argv) {
                          "nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  refuseMissingNames(arguments);
   refuseIdleOptions(app, arguments.parameters);
   completeViewOptions(app, arguments.views, arguments.force);
   arguments.motion.force = arguments.force;
+  arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  if (!arguments.batch.list.empty()) return matchBatch(app, arguments);
-  return matchBag(arguments).exit_code;
+  if (arguments.skip_finished && std::filesystem::exists(arguments.out)) {
+    std::cerr << arguments.out << " is finished\n";
+    return tools::kExitDone;
+  }
+  return matchBag(arguments);
 }
 
 }  // namespace
