@@ -22,11 +22,11 @@ std::string joined(const std::set<std::string>& names) {
   return list.empty() ? "none" : list;
 }
 
-sensor_msgs::ImageConstPtr decoded(const sensor_msgs::CompressedImage& message) {
+RecordedImage decoded(const sensor_msgs::CompressedImage& message, const ros::Time& received) {
   try {
-    return cv_bridge::toCvCopy(message)->toImageMsg();
+    return {cv_bridge::toCvCopy(message)->toImageMsg(), received};
   } catch (const std::exception&) {  // cv_bridge::Exception, cv::Exception
-    return nullptr;
+    return {nullptr, received, "compressed image cannot be decoded"};
   }
 }
 
@@ -49,7 +49,7 @@ class BagImages : public ImageSource {
         return RecordedImage{image, message->received};
       }
       if (const auto compressed = message->as<sensor_msgs::CompressedImage>()) {
-        return RecordedImage{decoded(*compressed), message->received};
+        return decoded(*compressed, message->received);
       }
       messages_.reject("an image message at " + std::to_string(message->received.toSec()) +
                        " s is not an image message");

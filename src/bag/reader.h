@@ -15,8 +15,9 @@ namespace ktgp_orb {
 
 /// A recorded image.
 struct RecordedImage {
-  sensor_msgs::ImageConstPtr image;  ///< null where a compressed image cannot be decoded
+  sensor_msgs::ImageConstPtr image;  ///< null where it cannot be decoded
   ros::Time received;
+  std::string problem{};  ///< then: why
 };
 
 /// The images of one topic of a bag, in the order of their times.

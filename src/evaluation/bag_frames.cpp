@@ -5,7 +5,7 @@
 #include <map>
 
 #include "bag/reader.h"
-#include "cli/files.h"
+#include "files/input.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb::tools {
@@ -40,14 +40,15 @@ std::string readBag(const std::string& file, const std::string& topic,
     const auto images = openBag(file, {topic});
     ros::Time previous;
     while (const auto recorded = images->next()) {
-      if (!recorded->image) throw RefusedImage("compressed image cannot be decoded");
+      if (!recorded->image) throw RefusedImage(recorded->problem);
       const ros::Time& stamp = recorded->image->header.stamp;
       visit(stamp.toSec(), greyImage(recorded->image).clone(), truthOf(truth, previous, stamp));
       previous = stamp;
     }
     return images->damage();
   } catch (const RefusedImage& error) {
-    throw FileError(file, "has an image on " + topic + " that cannot be used: " + error.what());
+    throw files::FileError(file,
+                           "has an image on " + topic + " that cannot be used: " + error.what());
   }
 }
 

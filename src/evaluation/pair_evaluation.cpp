@@ -7,10 +7,10 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "cli/files.h"
 #include "core/homography/transform.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -141,17 +141,17 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;
   score.pair = pair;
   try {
-    cv::Mat reference = readGrey(pair.reference);
+    cv::Mat reference = files::readGrey(pair.reference);
     if (pair.warp) {
       const WarpedImages images = renderWarp(reference, *pair.warp);
       evaluateImages(images.reference, images.target, score);
     } else {
-      cv::Mat target = readGrey(pair.target);
+      cv::Mat target = files::readGrey(pair.target);
       const Eigen::Matrix3d of_reference = resize(size_, reference);
       resize(of_reference, resize(size_, target), score.pair);
       evaluateImages(reference, target, score);
     }
-  } catch (const FileError& error) {
+  } catch (const files::FileError& error) {
     score.problem = error.what();
     score.methods.clear();
   }

@@ -5,12 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <stdexcept>
+
+#include "files/input.h"
 
 namespace ktgp_orb {
 namespace {
@@ -97,7 +96,7 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
   return entries;
 }
 
-void writeTargetList(const std::string& path, const std::vector<TargetEntry>& entries) {
+std::string textOfTargetList(const std::vector<TargetEntry>& entries) {
   YAML::Emitter out;
   out.SetDoublePrecision(9);
   out << YAML::BeginSeq;
@@ -109,28 +108,15 @@ void writeTargetList(const std::string& path, const std::vector<TargetEntry>& en
     out << YAML::EndMap;
   }
   out << YAML::EndSeq;
-  writeFile(path, out.c_str() + std::string("\n"));
+  return out.c_str() + std::string("\n");
 }
 
-void writeFile(const std::string& path, const std::string& bytes) {
-  errno = 0;
-  std::ofstream file(path, std::ios::binary);
-  file << bytes;
-  file.close();
-  if (file) return;
-  const int reason = errno;
-  std::error_code none;
-  fs::remove(path, none);
-  refuse(path, std::string("cannot be written: ") + std::strerror(reason));
-}
-
-std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,
-                                    TargetFinder& finder) {
+std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder) {
   std::vector<std::string> refused;
   for (const TargetEntry& entry : entries) {
     try {
       Target target{entry.id, {}, entry.width, entry.frame};
-      for (const std::string& file : entry.files) target.images.push_back(read(file));
+      for (const std::string& file : entry.files) target.images.push_back(files::readGrey(file));
       finder.add(target);
     } catch (const std::exception& error) {
       refused.emplace_back(error.what());

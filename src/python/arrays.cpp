@@ -1,6 +1,7 @@
 #include "python/arrays.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -28,6 +29,7 @@ py::array bytesOf(const py::object& object, const std::string& name) {
   }
   for (py::ssize_t i = 0; i < array.ndim(); ++i) {
     if (array.shape(i) > kLargest) throw py::value_error(name + " is too large");
+    if (array.shape(i) == 0 && name != "descriptors") throw py::value_error(name + " is empty");
   }
   const py::ssize_t channels = array.ndim() == 3 ? array.shape(2) : 1;
   const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == channels &&
@@ -79,6 +81,23 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
     keypoints.emplace_back(row[0], row[1], row[2], row[3], row[4], static_cast<int>(row[5]));
   }
   return keypoints;
+}
+
+/// Keypoints that are not in the image, or not finite, would end in a homography that means
+/// nothing.
+void requireInside(const Features& features) {
+  const cv::Size& size = features.image_size;
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    const cv::KeyPoint& k = features.keypoints[i];
+    const bool inside = k.pt.x >= -0.5F && k.pt.x <= static_cast<float>(size.width) - 0.5F &&
+                        k.pt.y >= -0.5F && k.pt.y <= static_cast<float>(size.height) - 0.5F;
+    if (inside && std::isfinite(k.size) && std::isfinite(k.angle)) continue;
+    throw py::value_error("keypoint " + std::to_string(i) + " is at (" + std::to_string(k.pt.x) +
+                          ", " + std::to_string(k.pt.y) + "), size " + std::to_string(k.size) +
+                          ", angle " + std::to_string(k.angle) +
+                          "; expected finite numbers, and a position in the image of " +
+                          std::to_string(size.width) + "x" + std::to_string(size.height) + " px");
+  }
 }
 
 }  // namespace
@@ -153,6 +172,7 @@ Features featuresFrom(const py::object& keypoints, const py::object& descriptors
     throw py::value_error("descriptors has the shape " + shapeOf(bytes) + "; expected (N, 32)");
   }
   features.descriptors = matrixOf(bytes, CV_8UC1).clone();
+  requireInside(features);
   requireValid(features, "features");
   return features;
 }

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 Image = NDArray[np.uint8]
 
+__version__: str
+
 class Features:
     def __init__(self, keypoints: Union[NDArray[np.float32], List[Any]], descriptors: NDArray[np.uint8],
                  image_size: Tuple[int, int], descriptor: str = "orb") -> None: ...

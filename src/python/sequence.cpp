@@ -21,12 +21,13 @@ struct FrameMatch : Match {
 /// A sequence that several Python threads may call; one of them works at a time.
 class Sequence {
  public:
-  explicit Sequence(const SequenceOptions& options) : matcher_(options) {}
+  explicit Sequence(const Settings& settings)
+      : settings_(settings), matcher_(sequenceOptions(parametersFrom(settings, Scope::sequence))) {}
+  const Settings& settings() const { return settings_; }
 
   std::shared_ptr<FrameMatch> match(const py::object& image, double seconds) {
     const GreyImage grey = greyImage(image, "image");
-    const py::gil_scoped_release others_may_run;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const Shared::Use use(shared_);
     const SequenceMatch& found = matcher_.match(grey.pixels, seconds);
     static const Features none;
     const Features& reference = found.reference ? found.reference->features : none;
@@ -38,21 +39,21 @@ class Sequence {
 
   void setReference(const py::object& image) {
     const GreyImage grey = greyImage(image, "image");
-    const py::gil_scoped_release others_may_run;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const Shared::Use use(shared_);
     const FramePtr frame = matcher_.newFrame();
     grey.pixels.copyTo(frame->image);
     matcher_.setFixedReference(frame);
   }
 
   void restart() {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const Shared::Use use(shared_);
     matcher_.restart();
   }
 
  private:
+  Settings settings_;
   SequenceMatcher matcher_;
-  std::mutex mutex_;
+  Shared shared_;
 };
 
 }  // namespace
@@ -64,26 +65,36 @@ void defineSequence(py::module_& module) {
                     "Why the frame had no reference, e.g. \"first_frame\"; \"none\": it had one.")
       .def_readonly("accumulated", &FrameMatch::accumulated,
                     "(3, 3) float64: from the first frame of the unbroken sequence to this one, "
-                    "px; or None.");
-  py::class_<Sequence>(
+                    "px; or None.")
+      .def(py::pickle(
+          [](const FrameMatch& m) {
+            return py::make_tuple(stateOf(m), m.no_reference, m.accumulated);
+          },
+          [](const py::tuple& state) {
+            auto match = std::make_shared<FrameMatch>();
+            restore(state[0], *match);
+            match->no_reference = state[1].cast<std::string>();
+            match->accumulated = state[2].cast<std::optional<Eigen::Matrix3d>>();
+            return match;
+          }));
+  py::class_<Sequence> sequence(
       module, "Sequence",
-      "Matches the frames of a camera one after the other. Threads may share an object.")
-      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
-             return std::make_unique<Sequence>(
-                 sequenceOptions(parametersFrom(preset, changes, Scope::sequence)));
-           }),
-           py::arg("preset") = "video",
-           "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
-           "\"keyframe\",\n"
-           "\"fixed\"), max_reference_age, keyframe_min_overlap and keyframe_min_inliers. Raises "
-           "ValueError.")
+      "Matches the frames of a camera one after the other. Threads may share an object. A copy by "
+      "pickle begins anew.");
+  defineSettings(
+      sequence, "video",
+      "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
+      "\"keyframe\",\n"
+      "\"fixed\"), max_reference_age, keyframe_min_overlap and keyframe_min_inliers. Raises "
+      "ValueError.");
+  sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "
            "FrameMatch.\n"
            "Raises ValueError.")
       .def("set_reference", &Sequence::setReference, py::arg("image"),
            "The reference of mode \"fixed\".")
-      .def("restart", &Sequence::restart, py::call_guard<py::gil_scoped_release>(),
+      .def("restart", &Sequence::restart,
            "The next frame is the first of a new sequence; a fixed reference stays.");
 }
 

@@ -3,12 +3,12 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
-#include <cstdio>
 #include <set>
 
 #include "bag/reader.h"
-#include "cli/output_file.h"
+#include "files/csv.h"
+#include "files/output_file.h"
+#include "tools/view_text.h"
 
 namespace ktgp_orb {
 namespace {
@@ -18,29 +18,25 @@ constexpr const char* kHeader =
     "dev_x,dev_y,dev_z,dev_roll,dev_pitch,dev_yaw,"
     "dev_vx,dev_vy,dev_vz,dev_wx,dev_wy,dev_wz\n";
 
-void append(double value, std::string& row) {
-  char text[32];
-  std::snprintf(text, sizeof text, ",%.9g", value);
-  row += text;
-}
-
 /// Numbers that are not known are left empty.
 std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%u.%09u,%s", stamp.sec, stamp.nsec, toString(estimate.status));
-  std::string row = text;
-  if (!estimate.hasPose()) return row + std::string(25, ',') + '\n';
+  files::CsvRow row;
+  row.add(textOf(stamp)).add(toString(estimate.status));
+  if (!estimate.hasPose()) return row.skip(25).line();
+  const auto addEach = [&row](bool known, const auto& values) {
+    if (!known) row.skip(6);
+    for (int i = 0; known && i < 6; ++i) row.add(values(i));
+  };
   const Eigen::Vector3d position = estimate.base_to_odometry.translation();
   const Eigen::Quaterniond turn(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
-  for (int i = 0; i < 3; ++i) append(position(i), row);
-  for (const double each : {turn.x(), turn.y(), turn.z(), turn.w()}) append(each, row);
-  const bool moves = estimate.hasTwist();
-  if (!moves) row += std::string(6, ',');
-  for (int i = 0; moves && i < 6; ++i) append(estimate.twist(i), row);
-  for (int i = 0; i < 6; ++i) append(std::sqrt(estimate.pose_covariance(i, i)), row);
-  if (!moves) row += std::string(6, ',');
-  for (int i = 0; moves && i < 6; ++i) append(std::sqrt(estimate.twist_covariance(i, i)), row);
-  return row + '\n';
+  for (const double each :
+       {position.x(), position.y(), position.z(), turn.x(), turn.y(), turn.z(), turn.w()}) {
+    row.add(each);
+  }
+  addEach(estimate.hasTwist(), estimate.twist);
+  addEach(true, estimate.pose_covariance.diagonal().cwiseSqrt());
+  addEach(estimate.hasTwist(), estimate.twist_covariance.diagonal().cwiseSqrt());
+  return row.line();
 }
 
 template <typename Message>
@@ -137,7 +133,7 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
 }
 
 void BagMotion::close() {
-  if (!options_.path.empty()) tools::writeText(options_.path, kHeader + rows_, options_.force);
+  if (!options_.path.empty()) files::writeText(options_.path, kHeader + rows_, options_.force);
 }
 
 std::string BagMotion::report() const {

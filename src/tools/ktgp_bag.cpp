@@ -12,11 +12,11 @@
 
 #include "bag/reader.h"
 #include "bag/video.h"
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
+#include "files/input.h"
+#include "files/output_file.h"
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
@@ -48,7 +48,7 @@ struct Arguments {
 
 std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   constexpr double kUsualRate = 30.0;
-  if (kindOf(arguments.in) != InputKind::images) tools::requireRegularFile(arguments.in);
+  if (kindOf(arguments.in) != InputKind::images) files::requireRegularFile(arguments.in);
   switch (kindOf(arguments.in)) {
     case InputKind::video:
       return openVideo(arguments.in, arguments.selection, arguments.rate);
@@ -145,7 +145,7 @@ class Run {
   }
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
-    if (!recorded.image) throw RefusedImage("compressed image cannot be decoded");
+    if (!recorded.image) throw RefusedImage(recorded.problem);
     FramePipeline::Prepared prepared = pipeline_.pop();
     FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
                                               prepared.ahead ? &*prepared.ahead : nullptr);
@@ -203,7 +203,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
 }
 
 void checkFiles(Arguments& arguments) {
-  tools::OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
@@ -252,8 +252,9 @@ int matchBag(Arguments& arguments) {
               << " images could not be used, the first because: " << run.refusal() << '\n';
   }
   if (!run.damage().empty()) {
+    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
-              << "matched; 'rosbag reindex' may repair a bag.\n";
+              << "matched" << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
   }
   return code;
 }

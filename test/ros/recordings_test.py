@@ -73,6 +73,53 @@ class VideoTest(RecordingCase):
         self.assertEqual([m.status for m in messages], [1] + 11 * [0])
         self.assertGreater(messages[5].inliers, 50)
 
+    def film(self, name, *options, rate='30', seconds='2'):
+        subprocess.run(['ffmpeg', '-v', 'error', '-f', 'lavfi', '-i', 'testsrc=size=320x240:rate=%s:duration=%s' %
+                        (rate, seconds)] + list(options) + [self.path(name)], check=True)
+
+    def probed(self, name):
+        """The times of the images, from the first one on."""
+        run = subprocess.run(['ffprobe', '-v', 'error', '-select_streams', 'v', '-show_entries',
+                              'frame=best_effort_timestamp_time', '-of', 'csv=p=0', self.path(name)],
+                             stdout=subprocess.PIPE, check=True, universal_newlines=True)
+        times = np.array([float(line.strip(',')) for line in run.stdout.split()])
+        return times - times[0]
+
+    @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
+    def test_the_times_are_those_of_ffprobe(self):
+        h264 = ['-c:v', 'libx264']  # with B-frames
+        gap = ['-vf', "select='not(between(n,20,29))'", '-vsync', 'vfr']
+        self.film('b.mp4', *h264)
+        self.film('b.mkv', *h264)
+        self.film('plain.mp4', *h264, '-bf', '0')
+        self.film('three.mp4', *h264, seconds='0.1')
+        self.film('two.mp4', *h264, rate='0.2', seconds='10')
+        self.film('gap.mp4', *h264, *gap)
+        self.film('late.mkv', *h264, '-output_ts_offset', '100000')
+        self.film('late.ts', *h264, '-output_ts_offset', '10')
+        for name in ('b.mp4', 'b.mkv', 'plain.mp4', 'three.mp4', 'two.mp4', 'gap.mp4', 'late.mkv', 'late.ts'):
+            expected = self.probed(name)
+            run = self.run_program(name, 'out.bag', '--force')
+            self.assertEqual(run.returncode, 0, name + run.err)
+            found = [m.header.stamp.to_sec() for m in self.statistics('out.bag')]
+            np.testing.assert_allclose(found, expected, atol=2e-3, err_msg=name)
+            self.assertIn('%d images of' % len(expected), run.err)
+            run = self.run_program(name, 'out.bag', '--force', '--start', '0.99')
+            late = int((expected > 0.99).sum())
+            self.assertIn('%d images of' % late if late else 'no readable image in the selected time', run.err, name)
+
+    @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
+    def test_a_video_that_was_cut_off_is_called_so(self):
+        self.film('in.mkv', '-c:v', 'libx264')
+        with open(self.path('in.mkv'), 'rb') as file:
+            content = file.read()
+        with open(self.path('in.mkv'), 'wb') as file:
+            file.write(content[:len(content) // 2])
+        run = self.run_program('in.mkv', 'out.bag')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('the video is damaged or cut off', run.err)
+        self.assertNotIn('reindex', run.err)
+
     def test_the_rate_and_a_part_of_a_video(self):
         self.write_video('in.mp4')
         run = self.run_program('in.mp4', 'out.bag', '--rate', '10', '--start', '0.2', '--duration', '0.5')
@@ -112,12 +159,15 @@ class VideoTest(RecordingCase):
         run = self.run_program('images/*', 'out.bag')
         self.assertEqual(run.returncode, 1, run.err)
         self.assertIn('3 images of /camera/image_raw matched, 1 refused', run.err)
+        self.assertIn('the first because: images/2.png: cannot be read as an image', run.err)
 
     def test_what_cannot_be_read_is_said(self):
         with open(self.path('text.mp4'), 'w') as file:
             file.write('no video')
         os.mkfifo(self.path('pipe.mp4'))
         self.write_bag('in.bag')
+        run = self.run_program('text.mp4', 'out.bag')
+        self.assertEqual(len(run.err.splitlines()), 1, run.err)  # ours alone, not OpenCV's and FFmpeg's
         for arguments, expected in (
                 (['text.mp4'], 'neither a bag nor a video'), (['none.mp4'], 'is missing'),
                 (['pipe.mp4'], 'not a regular file'), (['none*.png'], 'nor one that fits it'),

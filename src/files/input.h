@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::files {
 
 /// A file that cannot be read, parsed or written. The message begins with its name.
 class FileError : public std::runtime_error {
@@ -24,7 +24,12 @@ class FullDisk : public FileError {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// The image as 8-bit grey; 16-bit images are stretched as in the nodelet. Throws FileError.
+/// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that
+/// this package reads passes through here. Throws FileError, also for other depths (float, 32
+/// bits), whose black and white nobody knows.
+cv::Mat readPicture(const std::string& file, int flags);
+
+/// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the
@@ -32,4 +37,4 @@ cv::Mat readGrey(const std::string& file);
 /// form an invertible matrix. The file may be a pipe.
 Eigen::Matrix3d readHomography(const std::string& file);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::files
