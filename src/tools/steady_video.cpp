@@ -9,11 +9,11 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/stabilization/steady_path.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
+#include "stabilization/steady_path.h"
 #include "tools/view_text.h"
 
 namespace ktgp_orb {
