@@ -112,8 +112,9 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// A flag may have a value after a blank, like other options: "--gms_rotation true".
-std::vector<std::string> withJoinedFlags(int argc, char** argv) {
+/// A flag may have a value after a blank, like other options: "--gms_rotation true"; and a value may
+/// be empty: "--motion_base_frame=", which CLI11 takes for an option without one.
+std::vector<std::string> completed(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
@@ -123,6 +124,8 @@ std::vector<std::string> withJoinedFlags(int argc, char** argv) {
         before.rfind("--", 0) == 0 ? findParameter(before.substr(2)) : nullptr;
     if (value && row != nullptr && isFlag(*row)) {
       joined.back() += "=" + word;
+    } else if (word.rfind("--", 0) == 0 && word.back() == '=') {
+      joined.insert(joined.end(), {word.substr(0, word.size() - 1), ""});
     } else {
       joined.push_back(word);
     }
@@ -185,7 +188,7 @@ CLI::Validator numberIn(const Limits& range) {
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   app.name(std::filesystem::path(argv[0]).filename().string());
   try {
-    std::vector<std::string> words = withJoinedFlags(argc, argv);
+    std::vector<std::string> words = completed(argc, argv);
     std::reverse(words.begin(), words.end());  // the order that CLI11 expects
     app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {

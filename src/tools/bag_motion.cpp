@@ -1,13 +1,18 @@
 #include "tools/bag_motion.h"
 
+#include <ktgp_orb/MatchStatus.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <set>
+#include <utility>
+#include <vector>
 
 #include "bag/reader.h"
 #include "files/csv.h"
 #include "files/output_file.h"
+#include "ktgp_orb/status.h"
 #include "tools/view_text.h"
 
 namespace ktgp_orb {
@@ -16,13 +21,15 @@ namespace {
 constexpr const char* kHeader =
     "stamp,status,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,"
     "dev_x,dev_y,dev_z,dev_roll,dev_pitch,dev_yaw,"
-    "dev_vx,dev_vy,dev_vz,dev_wx,dev_wy,dev_wz\n";
+    "dev_vx,dev_vy,dev_vz,dev_wx,dev_wy,dev_wz,reason\n";
 
-/// Numbers that are not known are left empty.
-std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
+/// Numbers that are not known are left empty. Without an estimate, the frame was refused.
+std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
+                  const std::string& reason) {
   files::CsvRow row;
-  row.add(textOf(stamp)).add(toString(estimate.status));
-  if (!estimate.hasPose()) return row.skip(25).line();
+  row.add(textOf(stamp)).add(known ? toString(known->status) : "refused");
+  if (!known || !known->hasPose()) return row.skip(25).add(reason).line();
+  const GroundEstimate& estimate = *known;
   const auto addEach = [&row](bool known, const auto& values) {
     if (!known) row.skip(6);
     for (int i = 0; known && i < 6; ++i) row.add(values(i));
@@ -36,7 +43,7 @@ std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
   addEach(estimate.hasTwist(), estimate.twist);
   addEach(true, estimate.pose_covariance.diagonal().cwiseSqrt());
   addEach(estimate.hasTwist(), estimate.twist_covariance.diagonal().cwiseSqrt());
-  return row.line();
+  return row.add(reason).line();
 }
 
 template <typename Message>
@@ -118,18 +125,23 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   if (options_.path.empty()) return;
   ++frames_;
   passOn(homography.header.stamp);
-  GroundEstimate estimate;
-  std::string problem;
+  std::optional<GroundEstimate> estimate;
+  std::string reason;
   try {
     motion_.setOptions(readings_.optionsFor(homography.header));
     estimate = motion_.add(readings_.frameOf(homography, image, info_, pixels_));
-    problem = !readings_.noHeight().empty() ? readings_.noHeight() : readings_.noNormal();
+    if (homography.status != MatchStatus::STATUS_OK) {
+      reason = toString(static_cast<Status>(homography.status));
+    } else {
+      reason = !readings_.noHeight().empty() ? readings_.noHeight() : readings_.noNormal();
+    }
   } catch (const std::invalid_argument& error) {
-    problem = error.what();
+    reason = error.what();
   }
-  if (first_problem_.empty()) first_problem_ = problem;
-  if (estimate.hasPose()) ++known_;
-  rows_ += rowOf(homography.header.stamp, estimate);
+  const bool is_known = estimate && estimate->hasPose();
+  if (is_known) ++known_;
+  if (!is_known) ++reasons_[reason.substr(0, reason.find_first_of("0123456789"))];
+  rows_ += rowOf(homography.header.stamp, estimate, reason);
 }
 
 void BagMotion::close() {
@@ -140,9 +152,18 @@ std::string BagMotion::report() const {
   if (options_.path.empty()) return "";
   std::string text = options_.path + ": motion of " + std::to_string(known_) + " of " +
                      std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
-                     ", normal from " + readings_.normalSource();
-  if (!first_problem_.empty()) text += "; first problem: " + first_problem_;
-  return text + '\n';
+                     ", normal from " + readings_.normalSource() + '\n';
+  std::vector<std::pair<std::size_t, std::string>> most;
+  for (const auto& [reason, count] : reasons_) most.emplace_back(count, reason);
+  std::sort(most.rbegin(), most.rend());
+  constexpr std::size_t kShown = 3;
+  most.resize(std::min(most.size(), kShown));
+  for (const auto& [count, reason] : most) {
+    text += "  " + std::to_string(count) +
+            " frames without: " + (reason.empty() ? "the motion does not show it yet" : reason) +
+            '\n';
+  }
+  return text;
 }
 
 }  // namespace ktgp_orb

@@ -104,7 +104,8 @@ class Run {
     motion_.close();
     writer_.close();  // last: where OUT.bag has its name, the other files have theirs
     if (tools::interrupted()) return tools::kExitInterrupted;
-    return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
+    const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
+    return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
   std::size_t matched() const { return matched_; }
