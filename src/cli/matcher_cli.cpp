@@ -112,8 +112,8 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// A flag may have a value after a blank, like other options: "--gms_rotation true"; and a value may
-/// be empty: "--motion_base_frame=", which CLI11 takes for an option without one.
+/// A flag may have a value after a blank, like other options: "--gms_rotation true"; and a value
+/// may be empty: "--motion_base_frame=", which CLI11 takes for an option without one.
 std::vector<std::string> completed(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
@@ -185,8 +185,28 @@ CLI::Validator numberIn(const Limits& range) {
   return CLI::Validator(check, "in " + range.text());
 }
 
+/// The parameters of the stages and of the stream are many, and few need them.
+void hideRareOptions(CLI::App& app) {
+  std::size_t hidden = 0;
+  for (CLI::Option* const option : app.get_options([](const CLI::Option* each) {
+         const std::string group = each->get_group();
+         return group.rfind("Parameters: ", 0) == 0 && group != "Parameters: method";
+       })) {
+    option->group("");
+    ++hidden;
+  }
+  if (hidden == 0) return;
+  app.footer("--help-all also describes " + std::to_string(hidden) +
+             " parameters (doc/parameters.md).\n\n" + app.get_footer());
+}
+
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   app.name(std::filesystem::path(argv[0]).filename().string());
+  app.set_help_flag("-h,--help,--help-all",
+                    "print this help, or the help for all options, and exit");
+  const bool shows_all = std::any_of(
+      argv, argv + argc, [](const char* word) { return std::string("--help-all") == word; });
+  if (!shows_all) hideRareOptions(app);
   try {
     std::vector<std::string> words = completed(argc, argv);
     std::reverse(words.begin(), words.end());  // the order that CLI11 expects

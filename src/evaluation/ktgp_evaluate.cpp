@@ -40,8 +40,10 @@ constexpr const char* kExamples =
     "  ktgp_evaluate --hpatches hpatches-sequences-release --jobs 4\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "\n"
-    "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
-    "is evaluated), 2 options, inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
+    "Exit code: 0 everything was evaluated, 1 a file was missing or broken or a method failed on "
+    "a\n"
+    "pair (it is named, the rest is evaluated), 2 options, inputs or outputs cannot be used, 130 "
+    "interrupted (Ctrl-C).";
 
 struct Arguments {
   std::vector<std::string> data;
@@ -232,6 +234,11 @@ int evaluateImageSets(const Arguments& arguments) {
   const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
   for (const PairScore& score : scores) {
     if (!score.problem.empty()) dataset.problems.push_back(score.problem);
+    for (const MethodScore& method : score.methods) {
+      if (method.problem.empty()) continue;
+      dataset.problems.push_back(score.pair.set + " " + score.pair.name + ": " + method.method +
+                                 " failed: " + method.problem);
+    }
   }
 
   const bool to_output =

@@ -141,7 +141,7 @@ void put(json& out, const std::optional<CornerConsistency>& consistency) {
 }
 
 /// The columns of the CSV file: keys of toRow.
-constexpr std::array<const char*, 33> kColumns{"set",
+constexpr std::array<const char*, 34> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -173,7 +173,8 @@ constexpr std::array<const char*, 33> kColumns{"set",
                                                "ms",
                                                "total_ms",
                                                "steps_matches",
-                                               "steps_ms"};
+                                               "steps_ms",
+                                               "problem"};
 
 /// "knn=38.20;ratio=0.02", for one field of a CSV row.
 template <typename Value>
@@ -189,6 +190,7 @@ json toRow(const PairScore& pair, const MethodScore& m) {
   json row{{"set", pair.pair.set},
            {"pair", pair.pair.name},
            {"method", m.method},
+           {"problem", m.problem},
            {"reference_keypoints", pair.reference_keypoints},
            {"target_keypoints", pair.target_keypoints},
            {"detector_repeatability", pair.detector_repeatability},

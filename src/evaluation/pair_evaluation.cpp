@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "core/homography/transform.h"
@@ -192,10 +193,16 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
                                           double extraction_milliseconds) {
   std::vector<std::vector<StepResult>> runs(static_cast<std::size_t>(repetitions_));
   Matching found;
-  for (auto& steps : runs) found = runMethod(method, scene, steps);
-
   MethodScore score;
   score.method = method.name;
+  try {
+    for (auto& steps : runs) found = runMethod(method, scene, steps);
+  } catch (const std::exception& error) {
+    const auto* of_opencv = dynamic_cast<const cv::Exception*>(&error);
+    score.problem = of_opencv != nullptr ? "OpenCV: " + of_opencv->err : error.what();
+    score.corner_error = std::numeric_limits<double>::infinity();  // as without a homography
+    return score;
+  }
   scoreMatches(found, scene, truth, score);
   scoreHomography(found, scene, truth, points, truth_deviation_, score);
   score.steps = medianTimes(runs);

@@ -1,22 +1,30 @@
 // Matches the images of a recording without playing it: uses all cores, drops no image, and gives
 // the same messages as the nodelet.
 
+#include <cv_bridge/cv_bridge.h>
 #include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <deque>
 #include <filesystem>
 #include <iostream>
+#include <map>
 #include <opencv2/core/utility.hpp>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "bag/reader.h"
 #include "bag/video.h"
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
+#include "cli/video_file.h"
 #include "files/input.h"
 #include "files/output_file.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/status.h"
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
@@ -37,6 +45,7 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  std::string draw;
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
   MotionFile motion;
@@ -70,6 +79,20 @@ std::string outputNames(const std::string& name, const std::string& topic, const
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
+/// Of the videos that are written.
+double pictureRate(const Arguments& arguments) {
+  if (arguments.rate > 0.0) return arguments.rate;
+  const bool video = kindOf(arguments.in) == InputKind::video;
+  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
+  return rate > 0.0 ? rate : arguments.views.steady.rate;
+}
+
+std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
+  if (arguments.draw.empty()) return std::nullopt;
+  return std::optional<tools::VideoFile>(std::in_place, arguments.draw, pictureRate(arguments),
+                                         arguments.force);
+}
+
 /// The sequential part of the work, frame by frame.
 class Run {
  public:
@@ -84,6 +107,7 @@ class Run {
         motion_(arguments.motion, arguments.in, source_->topic()),
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
+        drawing_(drawingFor(arguments)),
         progress_(source_->total()),
         discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -102,6 +126,7 @@ class Run {
     if (tools::interrupted() && discards_interrupted_) return tools::kExitInterrupted;
     views_.close();
     motion_.close();
+    if (drawing_ && !drawing_->empty()) drawing_->close();
     writer_.close();  // last: where OUT.bag has its name, the other files have theirs
     if (tools::interrupted()) return tools::kExitInterrupted;
     const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
@@ -109,7 +134,23 @@ class Run {
   }
 
   std::size_t matched() const { return matched_; }
-  std::size_t found() const { return found_; }
+  /// Of the homographies, in lines for users.
+  std::string summary() const {
+    std::size_t found = 0;
+    std::string others;
+    for (const auto& [status, count] : statuses_) {
+      if (status == Status::ok) found = count;
+      if (status != Status::ok) {
+        others += (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " +
+                  toString(status);
+      }
+    }
+    char text[128];
+    std::snprintf(text, sizeof text, "%zu homographies, median of %.0f inliers, %.2f ms an image",
+                  found, inliers_.empty() ? 0.0 : evaluation::median(inliers_),
+                  milliseconds_.empty() ? 0.0 : evaluation::median(milliseconds_));
+    return text + others + '\n';
+  }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
   /// The reason for the first of them.
@@ -150,12 +191,18 @@ class Run {
     FramePipeline::Prepared prepared = pipeline_.pop();
     FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
                                               prepared.ahead ? &*prepared.ahead : nullptr);
-    if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
+    const bool overlay = matcher_.configuration().overlay;
+    const sensor_msgs::ImagePtr picture = overlay || drawing_ ? matcher_.overlay() : nullptr;
+    if (overlay) messages.overlay = picture;
+    if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
     writer_.write(messages, recorded.received);
     ++matched_;
-    found_ += messages.homography->status == MatchStatus::STATUS_OK ? 1 : 0;
+    const auto status = static_cast<Status>(messages.homography->status);
+    ++statuses_[status];
+    if (status == Status::ok) inliers_.push_back(messages.homography->inliers);
+    milliseconds_.push_back(messages.statistics->total_milliseconds);
     views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
@@ -171,11 +218,14 @@ class Run {
   BagMotion motion_;
   BagTargets targets_;
   std::string detections_topic_;
+  std::optional<tools::VideoFile> drawing_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
-  std::size_t found_ = 0;
+  std::map<Status, std::size_t> statuses_;
+  std::vector<double> inliers_;       // where a homography was found
+  std::vector<double> milliseconds_;  // of all images
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
@@ -211,6 +261,7 @@ void checkFiles(Arguments& arguments) {
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
   plan.write(arguments.out);
   plan.write(arguments.csv);
+  plan.writeVideo(arguments.draw);
   plan.writeVideo(arguments.views.steady.video);
   plan.write(arguments.views.steady.warps);
   plan.writeImage(arguments.views.mosaic);
@@ -218,14 +269,6 @@ void checkFiles(Arguments& arguments) {
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
   plan.write(arguments.views.mosaic_poses);
   plan.write(arguments.motion.path);
-}
-
-/// Of the steady video.
-double pictureRate(const Arguments& arguments) {
-  if (arguments.rate > 0.0) return arguments.rate;
-  const bool video = kindOf(arguments.in) == InputKind::video;
-  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
-  return rate > 0.0 ? rate : arguments.views.steady.rate;
 }
 
 int matchBag(Arguments& arguments) {
@@ -247,7 +290,7 @@ int matchBag(Arguments& arguments) {
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
             << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
             << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
-            << run.viewReport();
+            << run.summary() << run.viewReport();
   if (run.refused() > 0) {
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
               << " images could not be used, the first because: " << run.refusal() << '\n';
@@ -285,6 +328,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_flag("--skip_finished", arguments.skip_finished,
                "for one command per recording, run again until all are done (see doc/fleet.md): if "
                "OUT.bag exists, do nothing; an interrupted run leaves no files");
+  app.add_option("--draw", arguments.draw,
+                 "write a video (mp4) of the matches in the images, as --overlay_style says")
+      ->type_name("FILE")
+      ->group("To look at");
   addViewOptions(app, arguments.views);
   addMotionArguments(app, arguments.motion);
   addTargetsArguments(app, arguments.targets);
@@ -301,11 +348,12 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
     const char* option;
     bool used;
     const char* condition;
-  } options[] = {{"--reference_image", fixed, "--reference_mode fixed"},
-                 {"--keyframe_min_overlap", keyframe, "--reference_mode keyframe"},
-                 {"--keyframe_min_inliers", keyframe, "--reference_mode keyframe"},
-                 {"--calibration", posed, "--targets or --motion"},
-                 {"--overlay_style", parameters.overlay, "--overlay"}};
+  } options[] = {
+      {"--reference_image", fixed, "--reference_mode fixed"},
+      {"--keyframe_min_overlap", keyframe, "--reference_mode keyframe"},
+      {"--keyframe_min_inliers", keyframe, "--reference_mode keyframe"},
+      {"--calibration", posed, "--targets or --motion"},
+      {"--overlay_style", parameters.overlay || app.count("--draw") > 0, "--overlay or --draw"}};
   for (const auto& [option, used, condition] : options) {
     if (used || app.count(option) == 0) continue;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
@@ -324,7 +372,11 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Matches the images of a recording as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
-  app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
+  app.footer(std::string("Examples:\n"
+                         "  ktgp_bag my.bag matched.bag --csv matched.csv\n"
+                         "  ktgp_bag my.mp4 matched.bag --preset robust --draw matches.mp4\n"
+                         "  ktgp_bag 'images/*.png' matched.bag --rate 10 --mosaic map.png\n\n"
+                         "The parameter threads is the number of images processed in parallel, and "
                          "overlay\ndraws matches_image; both defaults differ from those of the "
                          "nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");

@@ -136,6 +136,20 @@ class VideoTest(RecordingCase):
         self.assertEqual(steady.get(cv2.CAP_PROP_FRAME_COUNT), 12)
         self.assertAlmostEqual(steady.get(cv2.CAP_PROP_FPS), 25.0, places=3)
 
+    def test_the_matches_are_drawn_as_a_video_and_summed_up(self):
+        self.write_video('in.mp4')
+        run = self.run_program('in.mp4', 'out.bag', '--draw', 'matches.mp4')
+        self.assertEqual(run.returncode, 0, run.err)
+        self.assertRegex(run.err, r'\n11 homographies, median of [1-9]\d* inliers, \d+\.\d\d ms an image; '
+                         r'without: 1 no_reference\n')
+        video = cv2.VideoCapture(self.path('matches.mp4'))
+        self.assertEqual(video.get(cv2.CAP_PROP_FRAME_COUNT), 12)
+        video.set(cv2.CAP_PROP_POS_FRAMES, 5)
+        picture = video.read()[1].astype(int)
+        self.assertGreater((np.ptp(picture, axis=2) > 60).sum(), 100, 'strokes have colours')
+        with rosbag.Bag(self.path('out.bag')) as bag:
+            self.assertEqual(bag.get_message_count('/camera/matcher/matches_image'), 0)
+
     def test_images_of_a_folder_in_the_order_of_their_numbers(self):
         os.mkdir(self.path('images'))
         for i, picture in enumerate(pictures(12)):
