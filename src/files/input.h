@@ -5,13 +5,16 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/util/printable.h"
+
 namespace ktgp_orb::files {
 
-/// A file that cannot be read, parsed or written. The message begins with its name.
+/// A file that cannot be read, parsed or written. The message begins with its name, as far as that
+/// can be printed.
 class FileError : public std::runtime_error {
  public:
   FileError(const std::string& file, const std::string& what)
-      : std::runtime_error(file + ": " + what) {}
+      : std::runtime_error(util::printable(file) + ": " + what) {}
 };
 
 /// The disk, or the user's share of it, is full.

@@ -11,6 +11,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/util/printable.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb {
@@ -106,8 +107,8 @@ bool TargetBook::hasFrames() const {
 
 void TargetBook::add(const SetTarget::Request& request) {
   if (areThere(lists_.waiting, request.id)) {
-    throw std::invalid_argument("target \"" + request.id +
-                                "\" exists already, and is still to be read; expected a new id");
+    throw std::invalid_argument("target " + util::quoted(request.id) +
+                                " exists already, and is still to be read; expected a new id");
   }
   set(request, [&](const Target& target) { finder_.add(target); });
 }
@@ -143,7 +144,7 @@ void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
 void TargetBook::remove(const std::string& id) {
   Lists next = lists_;
   const std::vector<TargetEntry> removed = next.takeOut(id);
-  if (removed.empty()) throw std::invalid_argument("target \"" + id + "\" does not exist");
+  if (removed.empty()) throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
   std::optional<files::OutputFile> list = writtenBeside(next);
   finder_.remove(id);
   if (list) list->commit();

@@ -102,24 +102,29 @@ void requireInside(const Features& features) {
 
 }  // namespace
 
-GreyImage greyImage(const py::object& image, const std::string& name) {
-  GreyImage grey{bytesOf(image, name), {}};
-  const py::array& array = grey.owner;
-  if (array.ndim() == 2) {
-    grey.pixels = matrixOf(array, CV_8UC1);
-  } else if (array.ndim() == 3 && array.shape(2) == 3) {
-    const cv::Mat colour = matrixOf(array, CV_8UC3);
-    if (!colour.empty()) cv::cvtColor(colour, grey.pixels, cv::COLOR_BGR2GRAY);
-  } else {
+ImageArray imageArray(const py::object& image, const std::string& name) {
+  ImageArray out{bytesOf(image, name), {}};
+  const py::array& array = out.owner;
+  if (array.ndim() != 2 && (array.ndim() != 3 || array.shape(2) != 3)) {
     throw py::value_error(name + " has the shape " + shapeOf(array) +
                           "; expected (height, width) or (height, width, 3)");
   }
-  return grey;
+  out.pixels = matrixOf(array, array.ndim() == 2 ? CV_8UC1 : CV_8UC3);
+  return out;
 }
 
-GreyImage maskImage(const py::object& mask) {
+ImageArray greyImage(const py::object& image, const std::string& name) {
+  ImageArray out = imageArray(image, name);
+  if (out.pixels.channels() != 3) return out;
+  const cv::Mat colour = out.pixels;
+  out.pixels = cv::Mat();
+  cv::cvtColor(colour, out.pixels, cv::COLOR_BGR2GRAY);
+  return out;
+}
+
+ImageArray maskImage(const py::object& mask) {
   if (mask.is_none()) return {};
-  GreyImage grey{bytesOf(mask, "mask"), {}};
+  ImageArray grey{bytesOf(mask, "mask"), {}};
   if (grey.owner.ndim() != 2) {
     throw py::value_error("mask has the shape " + shapeOf(grey.owner) +
                           "; expected (height, width)");

@@ -68,8 +68,8 @@ std::string textOf(const Match& match) {
 std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
                                    const py::object& preset, const py::kwargs& changes) {
   const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
-  const GreyImage first = greyImage(reference, "reference");
-  const GreyImage second = greyImage(target, "target");
+  const ImageArray first = greyImage(reference, "reference");
+  const ImageArray second = greyImage(target, "target");
   const py::gil_scoped_release others_may_run;
   OrbExtractor extractor(options.orb);
   KtgpMatcher matcher(options.matcher);
@@ -275,8 +275,8 @@ Extractor::Extractor(const Settings& settings)
     : settings_(settings), extractor_(pipelineOptions(parametersFrom(settings, Scope::pair)).orb) {}
 
 std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
-  const GreyImage grey = greyImage(image, "image");
-  const GreyImage where = maskImage(mask);
+  const ImageArray grey = greyImage(image, "image");
+  const ImageArray where = maskImage(mask);
   const Shared::Use use(shared_);
   auto features = unusedFeatures();
   extractor_.extract(grey.pixels, where.pixels, *features);

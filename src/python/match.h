@@ -87,5 +87,7 @@ void restore(const py::tuple& state, Match& match);
 void definePairs(py::module_& module);
 /// Registers the class for sequences.
 void defineSequence(py::module_& module);
+/// Registers the classes for targets, mosaic, stabilizer and motion above the ground.
+void defineConsumers(py::module_& module);
 
 }  // namespace ktgp_orb::python

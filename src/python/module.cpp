@@ -12,6 +12,7 @@ PYBIND11_MODULE(checked, module) {
       "Results have the same bits as those of the C++ library. Errors raise ValueError.";
   ktgp_orb::python::definePairs(module);
   ktgp_orb::python::defineSequence(module);
+  ktgp_orb::python::defineConsumers(module);
 }
 
 /// pybind11 would wait for ever in a sub-interpreter.

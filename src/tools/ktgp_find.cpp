@@ -5,6 +5,7 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
+#include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
@@ -86,8 +87,8 @@ void print(const TargetFrame& frame) {
               frame.search.known, frame.search.candidates, frame.search.features,
               frame.search.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
-    std::printf("%s %d: %s, %zu inliers, corners", d.id.c_str(), d.instance, toString(d.status),
-                d.inliers);
+    std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
+                toString(d.status), d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
     std::printf("\n");
   }

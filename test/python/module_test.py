@@ -234,6 +234,62 @@ class ModuleTest(unittest.TestCase):
         again = pickle.loads(pickle.dumps(sequence))
         self.assertEqual(again.match(self.reference, 5.0).no_reference, 'first_frame')
 
+    def frames(self, count, large=picture(5, (900, 1200))):
+        """A camera that moves by (12, 5) px a frame over a large picture."""
+        return [np.ascontiguousarray(large[100 + 5 * i:580 + 5 * i, 100 + 12 * i:740 + 12 * i]) for i in range(count)]
+
+    def test_targets_are_found_where_they_are(self):
+        targets = ktgp.Targets(max_instances=3)
+        poster = picture(9, (300, 400))
+        targets.add('poster', poster, width=0.8)
+        targets.add('other', [picture(10, (300, 400)), picture(11, (300, 400))])
+        self.assertEqual(targets.ids, ['poster', 'other'])
+        scene = cv2.warpPerspective(poster, TURN @ np.diag([0.8, 0.8, 1]), (640, 480))
+        found, = targets.find(scene)
+        self.assertEqual((found.id, found.instance, found.status, found.width), ('poster', 0, 'ok', 0.8))
+        corners = np.array([[[0, 0], [399, 0], [399, 299], [0, 299]]], float)
+        expected = cv2.perspectiveTransform(corners, TURN @ np.diag([0.8, 0.8, 1]))[0]
+        np.testing.assert_allclose(found.corners, expected, atol=0.5)
+        self.assertTrue(targets.remove('poster'))
+        self.assertFalse(targets.remove('poster'))
+        self.assertEqual(targets.find(scene), [])
+        with self.assertRaisesRegex(ValueError, 'too little texture'):
+            targets.add('grey', np.full((300, 400), 99, np.uint8))
+
+    def test_a_mosaic_grows_and_the_stabilizer_holds_still(self):
+        sequence, mosaic, stabilizer = ktgp.Sequence('video'), ktgp.Mosaic(), ktgp.Stabilizer(lag=5)
+        images = self.frames(20)
+        steady = []
+        for i, image in enumerate(images):
+            frame = sequence.match(image, 10 + i / 30)
+            self.assertAlmostEqual(frame.seconds, 10 + i / 30, 6)
+            self.assertIn(mosaic.add(image, frame), ('new_map', 'drawn', 'seen'))
+            steady += stabilizer.add(frame)
+        steady += stabilizer.flush()
+        self.assertEqual([round(30 * (f.seconds - 10)) for f in steady], list(range(20)))
+        self.assertEqual([f.starts_anew for f in steady], [True] + 19 * [False])
+        self.assertEqual(mosaic.image.shape[2], 4)
+        self.assertAlmostEqual(mosaic.image.shape[1], 640 + 19 * 12, delta=16)
+        np.testing.assert_allclose(mosaic.pose / mosaic.pose[2, 2], [[1, 0, -19 * 12], [0, 1, -19 * 5], [0, 0, 1]],
+                                   atol=0.5)
+        with self.assertRaises(ValueError):
+            ktgp.Mosaic(max_megapixels=0)
+
+    def test_motion_in_metres(self):
+        sequence = ktgp.Sequence('video', reference_mode='keyframe')
+        motion = ktgp.GroundMotion()
+        camera = np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1.0]])
+        for i, image in enumerate(self.frames(20)):
+            found = motion.add(sequence.match(image, i / 30), camera, height=(2.0, 0.01),
+                               down=(np.array([0, 0, 1.0]), 0.01))
+        self.assertEqual(found.status, 'ok')
+        # 12 px a frame at 500 px focal length, 2 m above: along x of the camera.
+        np.testing.assert_allclose(found.twist[:3], np.array([12, 5, 0]) * 30 * 2 / 500, atol=0.03)
+        self.assertAlmostEqual(found.pose[2, 3], 2.0, delta=0.03)
+        self.assertEqual(found.twist_covariance.shape, (6, 6))
+        with self.assertRaises(ValueError):
+            motion.add(sequence.match(image, 9.0), camera, height=(-1.0, 0.01))
+
     def test_the_version_is_that_of_the_programs(self):
         version = subprocess.check_output([os.path.join(TOOLS, 'ktgp_match'), '--version'], universal_newlines=True)
         self.assertEqual(version.split()[-1], ktgp.__version__)
