@@ -193,7 +193,8 @@ cv::Mat readPicture(const std::string& name, const std::string& path, int flags)
   try {
     return files::readPicture(path, flags);
   } catch (const files::FileError& error) {
-    const std::filesystem::path here = std::filesystem::current_path();
+    std::error_code unused;
+    const std::filesystem::path here = std::filesystem::current_path(unused);
     const bool is_relative = std::filesystem::path(path).is_relative();
     throw RefusedImage(name + " " + error.what() +
                        (is_relative ? "; it was looked for in " + here.string() : ""));

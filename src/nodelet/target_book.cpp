@@ -130,7 +130,7 @@ void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
   try {
     writeImages(target, entry.files);
     next.used.push_back(entry);
-    std::optional<files::OutputFile> list = writtenBeside(next);
+    const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
     use(target);
     if (list) list->commit();
   } catch (...) {
@@ -144,8 +144,9 @@ void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
 void TargetBook::remove(const std::string& id) {
   Lists next = lists_;
   const std::vector<TargetEntry> removed = next.takeOut(id);
-  if (removed.empty()) throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
-  std::optional<files::OutputFile> list = writtenBeside(next);
+  if (removed.empty())
+    throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
+  const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
   finder_.remove(id);
   if (list) list->commit();
   lists_ = std::move(next);
@@ -170,15 +171,15 @@ void TargetBook::writeImages(const Target& target, std::vector<std::string>& fil
   }
 }
 
-std::optional<files::OutputFile> TargetBook::writtenBeside(const Lists& lists) const {
-  if (file_.empty()) return std::nullopt;
+std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists) const {
+  if (file_.empty()) return nullptr;
   std::vector<TargetEntry> entries = lists.used;
   entries.insert(entries.end(), lists.refused.begin(), lists.refused.end());
   entries.insert(entries.end(), lists.waiting.begin(), lists.waiting.end());
   for (TargetEntry& entry : entries) {
     for (std::string& file : entry.files) file = fs::absolute(file).string();
   }
-  std::optional<files::OutputFile> list(std::in_place, file_, true);
+  auto list = std::make_unique<files::OutputFile>(file_, true);
   files::write(*list, textOfTargetList(entries));
   return list;
 }

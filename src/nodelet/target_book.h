@@ -4,7 +4,7 @@
 
 #include <deque>
 #include <functional>
-#include <optional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -60,7 +60,7 @@ class TargetBook {
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
   /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
-  std::optional<files::OutputFile> writtenBeside(const Lists& lists) const;
+  std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
   TargetFinder& finder_;

@@ -1,7 +1,10 @@
 // What is built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
-#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <tuple>
+#include <utility>
+#include <vector>
 
 #include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/mosaic.h"

@@ -38,7 +38,8 @@ template <typename Value>
 void assign(const py::handle& bytes, std::vector<Value>& values) {
   const auto memory = bytes.cast<std::string_view>();
   values.resize(memory.size() / sizeof(Value));
-  if (!values.empty()) std::memcpy(values.data(), memory.data(), values.size() * sizeof(Value));
+  if (!values.empty())
+    std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
 }
 
 template <typename Value>
