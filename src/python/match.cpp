@@ -120,11 +120,12 @@ void defineMatch(py::module_& module) {
           "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3 + PROSAC: an inlier, 4 an "
           "inlier from guided matching or growth.")
       .def("__repr__", textOf)
-      .def(py::pickle(stateOf, [](const py::tuple& state) {
-        auto match = std::make_shared<Match>();
-        restore(state, *match);
-        return match;
-      }));
+      .def(py::pickle([](const Match& match) { return stateOf(match); },
+                      [](const py::tuple& state) {
+                        auto match = std::make_shared<Match>();
+                        restore(state, *match);
+                        return match;
+                      }));
 }
 
 /// With the images, which the sub-pixel alignment needs.
@@ -185,7 +186,8 @@ void defineFeatures(py::module_& module) {
           "descriptor", [](const Features& features) { return toString(features.descriptor); },
           "\"orb\" or \"teblid\".")
       .def("to_cv", cvKeypoints, "A list of cv2.KeyPoint; imports cv2.")
-      .def(py::pickle(featuresState, featuresRestored))
+      .def(py::pickle([](const py::object& self) { return featuresState(self); },
+                      [](const py::tuple& state) { return featuresRestored(state); }))
       .def("__len__", &Features::size);
 }
 
