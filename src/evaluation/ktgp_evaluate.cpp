@@ -6,15 +6,14 @@
 #include <opencv2/core.hpp>
 #include <sstream>
 
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
-#include "evaluation/target_frames.h"
+#include "files/input.h"
+#include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -41,8 +40,10 @@ constexpr const char* kExamples =
     "  ktgp_evaluate --hpatches hpatches-sequences-release --jobs 4\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "\n"
-    "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
-    "is evaluated), 2 options, inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
+    "Exit code: 0 everything was evaluated, 1 a file was missing or broken or a method failed on "
+    "a\n"
+    "pair (it is named, the rest is evaluated), 2 options, inputs or outputs cannot be used, 130 "
+    "interrupted (Ctrl-C).";
 
 struct Arguments {
   std::vector<std::string> data;
@@ -60,7 +61,6 @@ struct Arguments {
   double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
-  std::string targets;
   bool force = false;
   PipelineOptions pipeline;
 };
@@ -204,10 +204,6 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--warp-seed", arguments.warp_seed, "another seed makes other pairs")
       ->capture_default_str()
       ->group(warps);
-  app.add_option("--targets", arguments.targets,
-                 "search the targets of FOLDER/labels.json in its photographs and videos, and print "
-                 "how many are found; see doc/targets.md")
-      ->type_name("FOLDER");
   app.add_option("--bag", arguments.bag)->group("");  // hidden; has a program of its own
   addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline);
@@ -238,9 +234,15 @@ int evaluateImageSets(const Arguments& arguments) {
   const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
   for (const PairScore& score : scores) {
     if (!score.problem.empty()) dataset.problems.push_back(score.problem);
+    for (const MethodScore& method : score.methods) {
+      if (method.problem.empty()) continue;
+      dataset.problems.push_back(score.pair.set + " " + score.pair.name + ": " + method.method +
+                                 " failed: " + method.problem);
+    }
   }
 
-  const bool to_output = isStandardOutput(arguments.json) || isStandardOutput(arguments.csv);
+  const bool to_output =
+      files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
   if (!to_output) std::fputs(tableOf(arguments, scores).c_str(), stdout);
   if (!arguments.json.empty()) {
     nlohmann::json out = toJson(scores);
@@ -251,22 +253,13 @@ int evaluateImageSets(const Arguments& arguments) {
                       {"pairs", arguments.warp_pairs},
                       {"seed", arguments.warp_seed}};
     }
-    writeText(arguments.json, textOf(out, 1), arguments.force);
+    files::writeText(arguments.json, textOf(out, 1), arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores), arguments.force);
+  if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(scores), arguments.force);
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }
   return dataset.problems.empty() ? kExitDone : kExitUnusedData;
-}
-
-int evaluateTargets(const std::string& folder) {
-  const LabelledTargets searched = searchLabelled(folder, {});
-  std::fputs(toTable(searched).c_str(), stdout);
-  for (const std::string& problem : searched.problems) {
-    std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
-  }
-  return searched.problems.empty() ? kExitDone : kExitUnusedData;
 }
 
 int evaluate(int argc, char** argv) {
@@ -288,12 +281,8 @@ int evaluate(int argc, char** argv) {
     throw std::invalid_argument("--bag is a program of its own; expected ktgp_evaluate_bag " +
                                 arguments.bag);
   }
-  if (!arguments.targets.empty()) {
-    exitWhenInterrupted();
-    return evaluateTargets(arguments.targets);
-  }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
-  OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   for (const std::string& path : arguments.data) plan.read(path);
   plan.write(arguments.json);
   plan.write(arguments.csv);

@@ -10,8 +10,8 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "cli/files.h"
 #include "core/homography/transform.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -47,7 +47,7 @@ std::string idOf(const std::string& file) {
 
 std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searched) {
   const std::string file = (fs::path(folder) / "labels.json").string();
-  requireRegularFile(file);
+  files::requireRegularFile(file);
   std::vector<Source> sources;
   try {
     std::ifstream in(file);
@@ -55,7 +55,8 @@ std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searc
     for (const auto& [name, entry] : labels.items()) {
       const std::size_t blank = name.find(' ');
       if (blank == std::string::npos) {
-        throw FileError(file, "\"" + name + "\" is not \"TARGET IMAGE\" or \"TARGET VIDEO\"");
+        throw files::FileError(file,
+                               "\"" + name + "\" is not \"TARGET IMAGE\" or \"TARGET VIDEO\"");
       }
       Label label{
           searched.rows.size(), idOf(name.substr(0, blank)), pointsOf(entry.at("target")), {}};
@@ -66,9 +67,10 @@ std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searc
       }
       for (const auto& [number, points] : label.in_frame) {
         if (points.size() == label.on_target.size()) continue;
-        throw FileError(file, "\"" + name + "\" has " + std::to_string(points.size()) +
-                                  " points in frame " + std::to_string(number) + "; expected " +
-                                  std::to_string(label.on_target.size()) + ", as in the target");
+        throw files::FileError(file, "\"" + name + "\" has " + std::to_string(points.size()) +
+                                         " points in frame " + std::to_string(number) +
+                                         "; expected " + std::to_string(label.on_target.size()) +
+                                         ", as in the target");
       }
       LabelledTarget row;
       row.target = name.substr(0, blank);
@@ -81,7 +83,7 @@ std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searc
       searched.rows.push_back(std::move(row));
     }
   } catch (const json::exception& error) {
-    throw FileError(file, error.what());
+    throw files::FileError(file, error.what());
   }
   return sources;
 }
@@ -109,7 +111,7 @@ class Searcher {
       if (finder_.knows(id)) continue;
       Target target;
       target.id = id;
-      target.images = {readGrey((fs::path(folder) / row.target).string())};
+      target.images = {files::readGrey((fs::path(folder) / row.target).string())};
       try {
         finder_.add(target);
       } catch (const std::invalid_argument& error) {
@@ -233,7 +235,7 @@ LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOpti
     const bool is_video =
         searched.rows[source.labels[0].row].frames > 1 || source.labels[0].in_frame.count(0) == 0;
     if (!is_video) {
-      searcher.searchAlone(source, 0, readGrey(file));
+      searcher.searchAlone(source, 0, files::readGrey(file));
       continue;
     }
     cv::VideoCapture video(file);

@@ -38,7 +38,8 @@ struct LabelledTargets {
 /// Searches all targets of FOLDER/labels.json in all its photographs and videos. The file is an
 /// object with `"TARGET IMAGE": {"target": points, "image": points}` for a photograph and
 /// `"TARGET VIDEO": {"target": points, "frames": {"NUMBER": points, ...}}` for a video. Points are
-/// [x, y] in px, origin at the centre of the top-left pixel. Throws FileError.
+/// [x, y] in px, origin at the centre of the top-left pixel. Throws
+/// files::FileError.
 LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOptions& options);
 
 /// For the terminal.

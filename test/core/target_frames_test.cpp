@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "cli/files.h"
+#include "files/input.h"
 #include "test_data.h"
 
 namespace ktgp_orb::tools {
@@ -39,7 +39,7 @@ TEST(TargetFrames, AreFoundAtAllSizesAndFollowed) {
 }
 
 TEST(TargetFrames, ALabelFileThatCannotBeUsedIsRefused) {
-  EXPECT_THROW(searchLabelled("/nowhere", {}), FileError);
+  EXPECT_THROW(searchLabelled("/nowhere", {}), files::FileError);
 }
 
 }  // namespace
