@@ -85,7 +85,6 @@ class KtgpMatch(ToolCase):
         self.assertLess(outputs("--features", "100")[0], usual[0])
         self.assertLess(outputs("--fast_threshold", "120")[0], usual[0])
         self.assertLess(outputs("--levels", "1")[0], usual[0])
-        self.assertEqual(outputs("--extractor", "opencv"), usual)
         self.assertEqual(outputs("--descriptor", "teblid")[0], usual[0])
         self.assertNotEqual(outputs("--descriptor", "teblid"), usual)
         self.assertNotEqual(outputs("--distribution", "uniform", "--features", "300"),
@@ -145,7 +144,6 @@ class KtgpMatch(ToolCase):
                                         ("--prosac_iterations", "0", "[1, 20000]"),
                                         ("--prosac_confidence", "1", "[0.5, 0.999999]"),
                                         ("--prosac_seed", "-1", "[0, "),
-                                        ("--extractor", "slow", "opencv"),
                                         ("--descriptor", "sift", "teblid"),
                                         ("--distribution", "even", "uniform"),
                                         ("--keypoints_per_cell", "0", "[1, "),
@@ -208,7 +206,7 @@ class KtgpMatch(ToolCase):
                                ("T_w: .nan\n", "[0.01, 1]"), ("T_w: [1]\n", "T_w"),
                                ("features: 10.5\n", "whole number"),
                                ("features: 2000.0\n", "whole number"), ('T_w: "0.7"\n', "without quotes"), ("T_w: {\n", "bad.yaml"),
-                               ("extractor: slow\n", "opencv"), ("", "name: value"),
+                               ("descriptor: slow\n", "teblid"), ("", "name: value"),
                                ("&a {b: *a}\n", "too deep"),  # a map that contains itself
                                ("&a {dictitems: *a}\n", "too deep")):
             (self.folder / "bad.yaml").write_text(text)
