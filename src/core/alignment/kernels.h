@@ -69,15 +69,16 @@ struct AlignmentKernels {
 };
 
 /// Weights of a pixel, the one before and the two after, for interpolation at the fraction `f`
-/// (cubic of Catmull & Rom). Linear interpolation has errors of up to a thirtieth of a pixel on
-/// fine texture.
+/// (cubic of Lagrange). On fine texture, with waves of six pixels, this shifts a patch by up to
+/// 0.003 px towards whole pixels; Catmull and Rom's cubic would by 0.017 px, linear interpolation
+/// by more.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
-      : before(((1.F - 0.5F * f) * f - 0.5F) * f),
-        at((1.5F * f - 2.5F) * f * f + 1.F),
-        behind(((2.F - 1.5F * f) * f + 0.5F) * f),
-        last((0.5F * f - 0.5F) * f * f) {}
+      : before(((0.5F - f * (1.F / 6.F)) * f - 1.F / 3.F) * f),
+        at(((0.5F * f - 1.F) * f - 0.5F) * f + 1.F),
+        behind(((0.5F - 0.5F * f) * f + 1.F) * f),
+        last((f * f - 1.F) * f * (1.F / 6.F)) {}
 };
 
 /// The sum of the sums of sixteen columns, in the order that all kernels use.

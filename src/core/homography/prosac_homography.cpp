@@ -163,7 +163,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 
   // Last, since it takes longer than the verdict.
   if (scaled) {
-    const UncertainHomography known = fit.inPixels(normalised, h, corners, false);
+    const UncertainHomography known = fit.inPixels(normalised, h, corners, {false, pairs.rounding});
     result.covariance = known.covariance;
     result.shared_covariance = known.shared_covariance;
     result.plane_deviation = known.plane_deviation;
