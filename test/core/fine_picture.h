@@ -74,9 +74,9 @@ class FinePicture {
   }
 
   /// What a camera sees that has moved by `homography` (px, from the view that has not moved): the
-  /// mean over 10x10 places in each pixel, each the nearest fine pixel.
+  /// mean over 11x11 places in each pixel, each the nearest fine pixel.
   cv::Mat moved(const Eigen::Matrix3d& homography) const {
-    constexpr int kPlaces = 10;
+    constexpr int kPlaces = 11;
     constexpr double kSide = 1.0 / kPlaces;
     const Eigen::Matrix3d back = homography.inverse();
     cv::Mat view(view_, CV_8U);
