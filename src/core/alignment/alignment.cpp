@@ -45,10 +45,7 @@ void reset(const UncertainHomography& start, AlignmentResult& result) {
   points.clear();
   result = {};
   result.points = std::move(points);
-  result.homography = start.homography;
-  result.covariance = start.covariance;
-  result.shared_covariance = start.shared_covariance;
-  result.plane_deviation = start.plane_deviation;
+  result.answer = start;
 }
 
 std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
@@ -86,6 +83,17 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
   return std::min(deviation.target, deviation.reference);
 }
 
+/// The aligned homography is the answer unless the keypoints determine the corners of the image
+/// better, as where patches could be aligned in a small part of the image only, or scatter like
+/// keypoints. What aligned points show of smooth errors comes from the scene, and the keypoints
+/// have it, too.
+bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
+              const cv::Size& reference_size) {
+  return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
+                     reference_size) <=
+         uncertainty(before.homography, before.covariance, reference_size);
+}
+
 }  // namespace
 
 const char* toString(AlignmentStatus status) {
@@ -111,8 +119,6 @@ struct Alignment::Impl {
                     const std::vector<Correspondence>& matches);
   void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
-  bool isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
-                const AlignmentResult& before) const;
 
   PatchAligner aligner;
   homography::HomographyRefiner refiner;
@@ -175,7 +181,8 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
   rounding2 = 0.0;
   result.tried = chosen.size();
   for (const std::uint32_t match : chosen) {
-    const AlignedPatch patch = aligner.align(result.homography, reference_points[match], kReach);
+    const AlignedPatch patch =
+        aligner.align(result.answer.homography, reference_points[match], kReach);
     if (patch.outcome != PatchOutcome::aligned) {
       ++countOf(patch.outcome, result);
       continue;
@@ -189,35 +196,20 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
 }
 
 void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& result) {
-  result.rmse_before = result.rmse_after = rmse(result.homography, result.points);
+  result.rmse_before = result.rmse_after = rmse(result.answer.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
   auto evidence = homography::evidenceOfPatches(options.max_error, reference_size);
   evidence.errors.rounding = std::sqrt(rounding2 / static_cast<double>(result.points.size()));
-  UncertainHomography candidate;
-  candidate.homography = result.homography;
+  UncertainHomography candidate = result.answer;
   result.status = AlignmentStatus::not_better;
   if (!refiner.refine(aligned_reference, aligned_target, reference_size, evidence, candidate) ||
-      !isBetter(reference_size, candidate, result)) {
+      !isBetter(candidate, result.answer, reference_size)) {
     return;
   }
-  result.homography = candidate.homography;
-  result.covariance = candidate.covariance;
-  result.shared_covariance = candidate.shared_covariance;
-  result.plane_deviation = candidate.plane_deviation;
+  result.answer = candidate;
   result.rmse_after = rmse(candidate.homography, result.points);
   result.status = AlignmentStatus::ok;
-}
-
-/// The aligned homography is the answer unless the keypoints determine the corners of the image
-/// better, as where patches could be aligned in a small part of the image only, or scatter like
-/// keypoints. What aligned points show of smooth errors comes from the scene, and the keypoints
-/// have it, too.
-bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
-                               const AlignmentResult& before) const {
-  return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
-                     reference_size) <=
-         uncertainty(before.homography, before.covariance, reference_size);
 }
 
 }  // namespace ktgp_orb

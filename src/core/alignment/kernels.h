@@ -69,9 +69,9 @@ struct AlignmentKernels {
 };
 
 /// Weights of a pixel, the one before and the two after, for interpolation at the fraction `f`: a
-/// cubic that moves waves of six pixels and more by less than 0.001 px. Catmull and Rom's would move
-/// them by up to 0.017 px towards whole pixels, always the same way, so that the steps of a slow
-/// camera would add up wrongly.
+/// cubic that moves waves of six pixels and more by less than 0.001 px. Catmull and Rom's would
+/// move them by up to 0.017 px towards whole pixels, always the same way, so that the steps of a
+/// slow camera would add up wrongly.
 struct CubicWeights {
   float before, at, behind, last;
   explicit CubicWeights(float f)
