@@ -10,6 +10,7 @@
 #include "core/motion/base_report.h"
 #include "core/motion/ground_filter.h"
 #include "core/motion/relief.h"
+#include "core/motion/shutter.h"
 #include "core/motion/twist_noise.h"
 #include "core/motion/validity.h"
 
@@ -23,10 +24,9 @@ using motion::Matrix6;
 using motion::Vector6;
 using util::propagated;
 
-constexpr double kNoLimit = 1e300;
-constexpr double kHomographyLimit = 10.0;  // deviations
-constexpr int kPatience = 10;              // contradictions one after the other
-constexpr double kUnknownTilt = 0.35;      // rad
+constexpr int kPatience = 10;          // jumps one after the other
+constexpr double kUnknownTilt = 0.35;  // rad
+constexpr double kHorizon = 0.01;      // share of the optical axis along the direction to the ground
 constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
 /// Rotation by `yaw` about z.
@@ -38,6 +38,28 @@ double yawOf(const Eigen::Matrix3d& axes) {
   return std::atan2(axes(1, 0), axes(0, 0));
 }
 
+/// What the innovations of readings of one kind tell about them.
+struct Innovations {
+  double squares = 1.0;    // running mean of the normalised innovation squared, 1 is expected
+  int contradictions = 0;  // one after the other
+
+  void add(double misfit, int dimensions) {
+    constexpr double kReadings = 30.0;
+    constexpr double kMost = 100.0;  // that a single one counts
+    constexpr double kDoubt = 4.0;   // deviations
+    squares += (std::min(misfit * misfit / dimensions, kMost) - squares) / kReadings;
+    contradictions = misfit > kDoubt ? contradictions + 1 : 0;
+  }
+  /// Of the standard deviation of a reading.
+  double factor() const { return std::sqrt(std::max(1.0, squares)); }
+  /// The variance of the state that lets it follow readings that contradict again and again: a
+  /// tenth of a second does no harm, after about five the readings are right.
+  double doubt(double residual) const {
+    constexpr double kShare = 0.02;
+    return kShare * contradictions * residual * residual;
+  }
+};
+
 }  // namespace
 
 struct GroundMotion::Impl {
@@ -48,6 +70,7 @@ struct GroundMotion::Impl {
 
   const GroundEstimate& add(const GroundFrame& frame);
   void forget();
+  void setReadout();
   GroundStatus follow(const GroundFrame& frame);
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
   GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
@@ -55,6 +78,8 @@ struct GroundMotion::Impl {
   CameraPose onGround(const GroundFrame& frame, const CameraPose& pose) const;
   void predict(double seconds);
   void useReadings(const GroundFrame& frame);
+  void useTurn(const TurnReading& turn);
+  bool isJump(double seconds) const;
   void widenForReadings(const GroundFrame& frame);
   void roughen();
   void moveToDestination();
@@ -79,7 +104,13 @@ struct GroundMotion::Impl {
   Matrix6 camera_twist_covariance = Matrix6::Zero();
   motion::TwistNoise twist_noise;
   motion::Relief relief;
-  int contradictions = 0;
+  motion::Shutter shutter;
+  Innovations of_height;
+  Innovations of_down;
+  Innovations of_turn;
+  double turn_given_and_seen = 0.0;  // sums of products, rad²
+  double turn_seen = 0.0;
+  int contradictions = 0;  // jumps one after the other
   std::optional<Destination> destination;
 };
 
@@ -95,6 +126,8 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   if (went_back) has_pose = is_connected = false;
   estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
   if (!filter.isFinite()) forget();
+  estimate.readout_time = filter.readout();
+  estimate.readout_deviation = filter.readoutDeviation();
   if (estimate.hasPose()) {
     last_stamp = frame.stamp;
     const motion::CameraMotion camera{filter.pose(), filter.covariance(), camera_twist,
@@ -111,15 +144,26 @@ void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
   filter = {};
+  setReadout();
   twist_noise = {};
   relief = {};
   has_pose = is_connected = false;
 }
 
+void GroundMotion::Impl::setReadout() {
+  constexpr double kUnknown = 0.01;  // s; most cameras need less than 30 ms
+  constexpr double kShare = 0.1;     // of what was given
+  const double known = std::max(options.readout_time, 0.0);
+  filter.setReadout(known, options.readout_time < 0.0 ? kUnknown : kShare * known);
+}
+
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
+  if (frame.down && !(frame.down->direction.z() > kHorizon)) return GroundStatus::looks_away;
   if (!frame.homography) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.covariance)) return GroundStatus::no_covariance;
-  const ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  image.by_readout = shutter.add(image.homography, frame.stamp, frame.reference_stamp, frame.size,
+                                 frame.camera);
   const bool from_last = frame.reference_stamp == last_stamp;
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
@@ -173,14 +217,17 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
 /// A pose from the homography to the keyframe.
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
-  if (!filter.advance(image) || !(filter.useRest(kHomographyLimit) <= kHomographyLimit)) {
+  const auto misfit = filter.advance(image);
+  if (!misfit || isJump(sinceLast(frame))) {
     filter = before;
     if (++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }
   const Eigen::Vector3d& position = filter.now().position;
   relief.add(frame.plane_deviation / frame.camera(0, 0), position.head<2>().norm() / position.z());
-  if (frame.turn) filter.use(*frame.turn, kNoLimit);
+  estimate.homography_misfit = *misfit;
+  contradictions = 0;
+  if (frame.turn) useTurn(*frame.turn);
   useReadings(frame);
   measureTwist(sinceLast(frame));
   if (destination) {
@@ -259,39 +306,70 @@ void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
 
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   const double limit = GroundEstimate::kContradiction;
-  const CameraPose now = filter.now();
   if (frame.height) {
+    const CameraPose now = filter.now();
     const double rise = now.axes.row(2).dot(camera_twist.head<3>());
-    estimate.height_misfit = filter.use(rowsOf(relief.widened(*frame.height), now, rise), limit);
+    motion::PoseRows<1> rows = rowsOf(relief.widened(*frame.height), now, rise);
+    estimate.height_misfit = filter.misfitOf(rows);
     estimate.height_used = estimate.height_misfit <= limit;
+    if (std::isfinite(rows.residual(0))) {
+      of_height.add(estimate.height_misfit, 1);
+      rows.deviation *= of_height.factor();
+      filter.widen(of_height.doubt(rows.residual(0) / now.position.z()), 0.0);
+      filter.use(rows);
+    }
   }
   if (frame.down) {
-    estimate.down_misfit = filter.use(rowsOf(relief.widened(*frame.down), filter.now()), limit);
+    motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
+    estimate.down_misfit = filter.misfitOf(rows);
     estimate.down_used = estimate.down_misfit <= limit;
+    of_down.add(estimate.down_misfit, 2);
+    rows.deviation *= of_down.factor();
+    filter.widen(0.0, of_down.doubt(rows.residual.norm()));
+    filter.use(rows);
   }
-  const bool contradicts =
-      (frame.height && !estimate.height_used) || (frame.down && !estimate.down_used);
-  if (contradicts) ++contradictions;
-  if (!contradicts && (frame.height || frame.down)) contradictions = 0;
   const Eigen::Matrix3d& axes = filter.now().axes;
   const Eigen::Matrix3d turn =
       axes * filter.covariance().bottomRightCorner<3, 3>() * axes.transpose();
   estimate.tilt_deviation = std::sqrt(std::max(turn(0, 0), turn(1, 1)));
 }
 
+void GroundMotion::Impl::useTurn(const TurnReading& turn) {
+  const Eigen::Vector3d given = motion::turnOf(turn.rotation);
+  const Eigen::Vector3d seen =
+      motion::turnOf(filter.before().axes.transpose() * filter.now().axes);
+  constexpr double kForget = 0.99;
+  constexpr double kLeast = 1e-3;  // rad²
+  turn_given_and_seen = kForget * turn_given_and_seen + given.dot(seen);
+  turn_seen = kForget * turn_seen + seen.squaredNorm();
+  estimate.turn_ratio = turn_seen > kLeast ? turn_given_and_seen / turn_seen : 0.0;
+  motion::PoseRows<3> rows = rowsOf(turn, filter.now(), filter.before());
+  estimate.turn_misfit = filter.misfitOf(rows);
+  of_turn.add(estimate.turn_misfit, 3);
+  rows.deviation *= of_turn.factor();
+  filter.use(rows);
+}
+
+/// Whether the newest pose is farther from where the last velocity leads than a vehicle can go: the
+/// homography may be off by a period of repetitive ground.
+bool GroundMotion::Impl::isJump(double seconds) const {
+  constexpr double kSpeed = 0.5;          // m/s
+  constexpr double kAcceleration = 10.0;  // m/s²
+  constexpr double kDeviations = 4.0;
+  const CameraPose& before = filter.before();
+  const Eigen::Vector3d velocity =
+      before.axes.transpose() * (filter.now().position - before.position) / seconds;
+  const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
+  return !((velocity - camera_twist.head<3>()).norm() <
+           kSpeed + kAcceleration * seconds + kDeviations * deviation);
+}
+
 /// The ground of the next keyframe is not quite that of this one.
 void GroundMotion::Impl::roughen() {
-  const CameraPose& now = filter.now();
-  const double height = now.position.z();
   const Eigen::Vector3d position = filter.pose().position;
-  const double share = (position - keyframe_position).norm() / height;
+  const double share = (position - keyframe_position).norm() / position.z();
   const double variance = options.ground_slope * options.ground_slope * share;
-  Matrix6 more = Matrix6::Zero();
-  more(2, 2) = height * height * variance;
-  const Eigen::Vector3d level(1.0, 1.0, 0.0);
-  more.bottomRightCorner<3, 3>() =
-      variance * (now.axes.transpose() * level.asDiagonal() * now.axes);
-  filter.addCovariance(more);
+  filter.widen(variance, variance);
   keyframe_position = position;
 }
 
@@ -340,6 +418,7 @@ void GroundMotion::Impl::measureTwist(double seconds) {
 
 GroundMotion::GroundMotion(const GroundMotionOptions& options) : impl_(std::make_unique<Impl>()) {
   setOptions(options);
+  impl_->setReadout();
 }
 GroundMotion::~GroundMotion() = default;
 GroundMotion::GroundMotion(GroundMotion&&) noexcept = default;
@@ -351,7 +430,9 @@ const GroundMotionOptions& GroundMotion::options() const {
 
 void GroundMotion::setOptions(const GroundMotionOptions& options) {
   motion::requireValid(options);
+  const bool other_shutter = options.readout_time != impl_->options.readout_time;
   impl_->options = options;
+  if (other_shutter) impl_->setReadout();
 }
 
 const GroundEstimate& GroundMotion::add(const GroundFrame& frame) {
