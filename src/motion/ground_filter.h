@@ -1,0 +1,108 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cmath>
+#include <optional>
+
+#include "core/util/small_matrix.h"
+#include "motion/rows.h"
+
+namespace ktgp_orb::motion {
+
+using util::SmallMatrix;
+using util::SmallRef;
+
+/// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
+/// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
+///
+/// All poses are in a frame of the keyframe: its origin is below the keyframe, and x, y and yaw of
+/// the keyframe are exact there. Where that frame is in the odometry, which gets less and less
+/// certain, is a state of its own: in one frame for all, the derivatives of different times would
+/// disagree, and that would turn the large uncertainty of x, y and yaw into wrong corrections.
+class GroundFilter {
+ public:
+  /// Errors: x, y and yaw of the frame of the keyframe (3), the readout time (1), E of the map (8),
+  /// steps of the pose before (6) and of the pose now (6).
+  static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
+
+  /// The readout time of the shutter, s, and its standard deviation; 0, 0: it does not roll.
+  void setReadout(double seconds, double deviation);
+  double readout() const { return readout_; }
+  double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
+
+  /// A pose in the odometry, without a map.
+  void start(const CameraPose& pose, const Matrix6& covariance);
+  /// Makes the reference of `motion` the keyframe. Its pose, if `at_reference`, or else that of the
+  /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which a
+  /// share belongs to the keyframe.
+  void setKeyframe(const ImageMotion& motion, bool at_reference);
+  /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. The
+  /// homography has eight numbers and a pose six: the two constraints that are left correct the map
+  /// and the readout time. Returns by how many standard deviations they differ from what was
+  /// expected; such a homography counts with as much more noise. Empty, without any change: no pose
+  /// fits.
+  std::optional<double> advance(const ImageMotion& motion);
+
+  /// Corrects everything by a reading of the newest pose. Returns by how many standard deviations
+  /// it differs from what was expected, which weighs it down: see Student's t in update().
+  template <int kRows>
+  double use(const PoseRows<kRows>& rows) {
+    return update(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  }
+  /// The same without any change.
+  template <int kRows>
+  double misfitOf(const PoseRows<kRows>& rows) const {
+    return misfitOf(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  }
+  /// The ground may be another one: adds variances of its height, as a share of the height, and of
+  /// its tilt. Poses and map follow it together.
+  void widen(double scale_variance, double tilt_variance);
+
+  /// In the frame of the keyframe.
+  const CameraPose& now() const { return now_; }
+  const CameraPose& before() const { return before_; }
+  /// False where numbers were too large to compute with: nothing after that can be.
+  bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
+  /// The newest pose in the odometry, and its covariance.
+  CameraPose pose() const;
+  Matrix6 covariance() const;
+  /// Of the poses before and now.
+  Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
+    return covariance_.bottomRightCorner<12, 12>();
+  }
+  /// The part that is left when the map is known: what differs from frame to frame.
+  Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
+
+ private:
+  using State = Eigen::Matrix<double, kSize, 1>;
+  using StateCovariance = Eigen::Matrix<double, kSize, kSize>;
+
+  template <int kRows>
+  static Eigen::Matrix<double, kRows, kSize> byState(const PoseRows<kRows>& rows) {
+    Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
+    slope.template middleCols<6>(kBefore) = rows.slope_before;
+    slope.template rightCols<6>() = rows.slope;
+    return slope;
+  }
+  void moveFrame();
+  Eigen::Matrix3d straightened(const ImageMotion& motion) const;
+  bool fit(const ImageMotion& motion, double noise);
+  double misfitOf(const SmallRef& residual, const SmallRef& slope, double variance) const;
+  double update(const SmallRef& residual, const SmallRef& slope, double variance);
+  State groundStep(const Eigen::Vector3d& turn, double scale, const CameraPose& keyframe) const;
+  void correct(const State& error);
+
+  Eigen::Vector2d frame_position_ = Eigen::Vector2d::Zero();
+  double frame_yaw_ = 0.0;
+  Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();  // G: image of the keyframe -> ground
+  CameraPose before_;
+  CameraPose now_;
+  double readout_ = 0.0;  // s
+  StateCovariance covariance_ = StateCovariance::Zero();
+  // The two constraints of the newest homography, with unit noise, and their derivatives by the
+  // readout time and the map.
+  Eigen::Vector2d constraints_ = Eigen::Vector2d::Zero();
+  Eigen::Matrix<double, 2, kSize> constraints_by_state_ = Eigen::Matrix<double, 2, kSize>::Zero();
+};
+
+}  // namespace ktgp_orb::motion
