@@ -78,14 +78,15 @@ struct GroundMotionOptions {
 
 /// What is known after a frame.
 enum class GroundStatus : std::uint8_t {
-  ok = 0,               ///< pose and twist
-  started = 1,          ///< the first frame: a pose without a twist
-  resumed = 2,          ///< the first frame after a gap: a pose with a larger covariance, no twist
-  no_homography = 3,    ///< none was found
-  no_covariance = 4,    ///< the homography has no usable covariance, so nothing can be weighted
-  no_height = 5,        ///< no height was given yet
-  no_normal = 6,        ///< the normal was not given, and the motion does not show it yet
-  contradiction = 7,    ///< the homography is a jump after earlier frames, and is not used
+  ok = 0,             ///< pose and twist
+  started = 1,        ///< the first frame: a pose without a twist
+  resumed = 2,        ///< the first frame after a gap: a pose with a larger covariance, and a twist
+                      ///< only where the reference is the frame just before
+  no_homography = 3,  ///< none was found
+  no_covariance = 4,  ///< the homography has no usable covariance, so nothing can be weighted
+  no_height = 5,      ///< no height was given yet
+  no_normal = 6,      ///< the normal was not given, and the motion does not show it yet
+  contradiction = 7,  ///< the homography is a jump after earlier frames, and is not used
   stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
   not_finite = 9,       ///< numbers too large to compute with: everything begins anew
   looks_away = 10,      ///< the camera looks above the horizon, by the direction that was given
@@ -106,6 +107,8 @@ struct GroundEstimate {
   /// base from its pose at the previous frame to this one.
   Twist6 twist = Twist6::Zero();
   Covariance6 twist_covariance = Covariance6::Zero();
+
+  bool has_twist = false;  ///< see hasTwist()
 
   double height = 0.0;          ///< camera above the ground, m
   double tilt_deviation = 0.0;  ///< standard deviation of the normal about one axis, rad
@@ -129,7 +132,7 @@ struct GroundEstimate {
   double readout_deviation = 0.0;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }
-  bool hasTwist() const { return status == GroundStatus::ok; }
+  bool hasTwist() const { return hasPose() && has_twist; }
 };
 
 /// Metric motion of a calibrated camera that looks at flat ground, from homographies.

@@ -127,11 +127,11 @@ void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
       kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance);
 }
 
-std::optional<double> GroundFilter::advance(const ImageMotion& motion) {
+std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
   const GroundFilter before = *this;
   if (!fit(motion, 1.0)) return std::nullopt;
-  const double misfit = misfitOf(constraints_, constraints_by_state_, 1.0);
-  const double noise = studentNoise(misfit, 2);
+  const Innovation innovation = innovationOf(constraints_, constraints_by_state_, 1.0);
+  const double noise = studentNoise(innovation.misfit, 2);
   if (noise > 1.0) {
     *this = before;
     if (!fit(motion, noise)) {
@@ -140,7 +140,7 @@ std::optional<double> GroundFilter::advance(const ImageMotion& motion) {
     }
   }
   update(constraints_, constraints_by_state_, 1.0);
-  return misfit;
+  return innovation;
 }
 
 /// The most likely pose for the homography with `noise` times its variances.
@@ -184,19 +184,21 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   return true;
 }
 
-/// By how many standard deviations a measurement differs from what was expected.
-double GroundFilter::misfitOf(const SmallRef& residual, const SmallRef& slope,
-                              double variance) const {
+Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& slope,
+                                      double variance) const {
   SmallMatrix expected = propagated(slope, covariance_);
+  const double known = expected.trace();
   expected.diagonal().array() += variance;
-  return std::sqrt(propagated(residual.transpose(), inverseOf(expected))(0, 0));
+  const double square = propagated(residual.transpose(), inverseOf(expected))(0, 0);
+  const auto dimensions = static_cast<double>(residual.rows());
+  return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
 /// Kalman's update with noise of Student's t distribution: what differs by more than normal noise
-/// does counts with a larger variance, so a wrong reading can do little harm. Returns the misfit.
-double GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
-  const double misfit = misfitOf(residual, slope, variance);
-  if (!std::isfinite(misfit)) return misfit;
+/// does counts with a larger variance, so a wrong reading can do little harm.
+void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
+  const double misfit = innovationOf(residual, slope, variance).misfit;
+  if (!std::isfinite(misfit)) return;
   const double noise = variance * studentNoise(misfit, static_cast<int>(residual.rows()));
   const SmallMatrix cross_covariance = times(covariance_, slope.transpose());
   SmallMatrix expected = times(slope, cross_covariance);
@@ -209,7 +211,6 @@ double GroundFilter::update(const SmallRef& residual, const SmallRef& slope, dou
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
   covariance_ += noise * times(gain, gain.transpose());
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
-  return misfit;
 }
 
 namespace {
@@ -218,8 +219,7 @@ namespace {
 CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
                       const Eigen::Vector3d& center) {
   const Eigen::Matrix3d rotation = rotationAbout(turn);
-  return {rotation * pose.axes,
-          (1.0 + scale) * (center + rotation * (pose.position - center))};
+  return {rotation * pose.axes, (1.0 + scale) * (center + rotation * (pose.position - center))};
 }
 
 }  // namespace

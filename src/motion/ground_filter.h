@@ -12,6 +12,13 @@ namespace ktgp_orb::motion {
 using util::SmallMatrix;
 using util::SmallRef;
 
+/// How a measurement differs from what was expected.
+struct Innovation {
+  double misfit = 0.0;  ///< standard deviations
+  double noise =
+      0.0;  ///< mean square of its noise as this one shows it: 1 if its variance is right
+};
+
 /// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
 /// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
 ///
@@ -41,18 +48,17 @@ class GroundFilter {
   /// and the readout time. Returns by how many standard deviations they differ from what was
   /// expected; such a homography counts with as much more noise. Empty, without any change: no pose
   /// fits.
-  std::optional<double> advance(const ImageMotion& motion);
+  std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// Corrects everything by a reading of the newest pose. Returns by how many standard deviations
-  /// it differs from what was expected, which weighs it down: see Student's t in update().
+  /// Corrects everything by a reading of the newest pose. What differs from the expectation by more
+  /// than noise does is weighed down: see update().
   template <int kRows>
-  double use(const PoseRows<kRows>& rows) {
-    return update(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  void use(const PoseRows<kRows>& rows) {
+    update(rows.residual, byState(rows), rows.deviation * rows.deviation);
   }
-  /// The same without any change.
   template <int kRows>
-  double misfitOf(const PoseRows<kRows>& rows) const {
-    return misfitOf(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  Innovation innovationOf(const PoseRows<kRows>& rows) const {
+    return innovationOf(rows.residual, byState(rows), rows.deviation * rows.deviation);
   }
   /// The ground may be another one: adds variances of its height, as a share of the height, and of
   /// its tilt. Poses and map follow it together.
@@ -87,8 +93,8 @@ class GroundFilter {
   void moveFrame();
   Eigen::Matrix3d straightened(const ImageMotion& motion) const;
   bool fit(const ImageMotion& motion, double noise);
-  double misfitOf(const SmallRef& residual, const SmallRef& slope, double variance) const;
-  double update(const SmallRef& residual, const SmallRef& slope, double variance);
+  Innovation innovationOf(const SmallRef& residual, const SmallRef& slope, double variance) const;
+  void update(const SmallRef& residual, const SmallRef& slope, double variance);
   State groundStep(const Eigen::Vector3d& turn, double scale, const CameraPose& keyframe) const;
   void correct(const State& error);
 

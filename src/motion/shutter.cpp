@@ -54,10 +54,9 @@ Vector8 Shutter::add(const Eigen::Matrix3d& homography, std::int64_t stamp,
     }
     const double late_to = share_of_row * (to.y() - middle);
     const double late_from = share_of_row * (from.y() - middle);
-    const Eigen::Vector2d wanted =
-        homography::jacobianByPoint(homography, from) *
-            (late_from * velocityAt(reference_flow_, from)) -
-        late_to * velocityAt(flow_, to);
+    const Eigen::Vector2d wanted = homography::jacobianByPoint(homography, from) *
+                                       (late_from * velocityAt(reference_flow_, from)) -
+                                   late_to * velocityAt(flow_, to);
     const Eigen::Matrix<double, 2, 8> slope = homography::jacobianByEntries(homography, from);
     information += slope.transpose() * slope;
     sum += slope.transpose() * wanted;
