@@ -156,8 +156,9 @@ void expectChainOfThePaper(const Pair& pair) {
 double errorOf(const Pair& pair, const MatcherOptions& options) {
   MatchResult result;
   KtgpMatcher(options).match(featuresOf(pair.reference), featuresOf(pair.target), result);
-  return result.status == Status::ok ? test::cornerError(result.answer.homography, pair.truth, kSize)
-                                     : 1000.0;
+  return result.status == Status::ok
+             ? test::cornerError(result.answer.homography, pair.truth, kSize)
+             : 1000.0;
 }
 
 /// The same for OpenCV: ORB, brute force with the same ratio test, RANSAC.
