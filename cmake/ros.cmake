@@ -49,11 +49,12 @@ install(DIRECTORY include/${PROJECT_NAME}/
 install(DIRECTORY config launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Their first line names /usr/bin/python3, which has ROS, for any python3 on PATH.
-install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/start_rqt
+install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/sliders
+  scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 # Launch files call it by its path in their own package.
 #catkin_lint: ignore_once wrong_bin_install_destination
 install(PROGRAMS scripts/keep_sim_time
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/scripts)
-install(FILES nodelet_plugins.xml
+install(FILES image_transport_plugins.xml nodelet_plugins.xml
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -1,6 +1,5 @@
 #include "bag/reader.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CompressedImage.h>
 
 #include <algorithm>
@@ -13,6 +12,7 @@
 #include <vector>
 
 #include "bag/file.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {
@@ -64,14 +64,6 @@ boost::shared_ptr<Message> deserialised(bag::View bytes) {
                                      static_cast<std::uint32_t>(bytes.size));
   ros::serialization::deserialize(stream, *message);
   return message;
-}
-
-sensor_msgs::ImageConstPtr decoded(const sensor_msgs::CompressedImage& message) {
-  try {
-    return cv_bridge::toCvCopy(message)->toImageMsg();
-  } catch (const std::exception&) {  // cv_bridge::Exception, cv::Exception
-    return nullptr;
-  }
 }
 
 /// Reads chunks in the order of their first images, and only as many as needed to know the next
@@ -223,7 +215,7 @@ class BagImages : public ImageSource {
         return sensor_msgs::ImageConstPtr(deserialised<sensor_msgs::Image>(bytes));
       }
       if (topic.type == kCompressed && bag::isWellFormedCompressedImage(bytes)) {
-        return decoded(*deserialised<sensor_msgs::CompressedImage>(bytes));
+        return decodedImage(*deserialised<sensor_msgs::CompressedImage>(bytes));
       }
     }
     return std::nullopt;

@@ -29,13 +29,14 @@ std::map<ros::Time, HomographyStamped> readTruth(const rosbag::Bag& bag, const s
   return truth;
 }
 
-/// The image as 8-bit grey with its stamp; null for a message of another type.
+/// The image as 8-bit grey with its stamp; null for a message that is no image.
 cv_bridge::CvImageConstPtr toGrey(const rosbag::MessageInstance& message) {
   sensor_msgs::ImageConstPtr image = message.instantiate<sensor_msgs::Image>();
   if (!image) {
     const auto compressed = message.instantiate<sensor_msgs::CompressedImage>();
     if (!compressed) return nullptr;
-    image = cv_bridge::toCvCopy(compressed)->toImageMsg();
+    image = decodedImage(*compressed);
+    if (!image) return nullptr;
   }
   return boost::make_shared<cv_bridge::CvImage>(image->header, sensor_msgs::image_encodings::MONO8,
                                                 greyImage(image).clone());

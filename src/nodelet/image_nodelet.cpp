@@ -29,15 +29,16 @@ void ImageNodelet::onInit() {
 
 void ImageNodelet::openInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
                              int queue_size) {
-  transport_hints_ =
-      std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(), private_node);
-  const std::string transport = transport_hints_->getTransport();
+  const ImageInput input =
+      imageInput(node, private_node.param<std::string>("image_transport", "raw"));
+  // Its last argument is the parameter that would choose another plugin.
+  transport_hints_ = std::make_unique<image_transport::TransportHints>(
+      input.plugin, ros::TransportHints(), private_node, "image_transport_plugin");
   queue_size_ =
       static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)));
-  image_topic_ = node.resolveName("image");
+  image_topic_ = input.topic;
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
-  requireTransport(node, transport);
-  image_watch_ = std::make_unique<InputWatch>(image_topic_, transport);
+  image_watch_ = std::make_unique<InputWatch>(image_topic_, input.transport);
 }
 
 void ImageNodelet::connectionsChanged() {
