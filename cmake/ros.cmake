@@ -38,8 +38,11 @@ catkin_package(
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
     nav_msgs nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV
+  CFG_EXTRAS ktgp_orb-extras.cmake
 )
 
+# Installed programs are in lib/ktgp_orb, the libraries in lib; Debian's packages have them where the linker looks.
+set(CMAKE_INSTALL_RPATH "$ORIGIN;$ORIGIN/..")
 option(KTGP_ORB_CMAKE_PACKAGE "Install the CMake package for programs without ROS, too" OFF)
 if(KTGP_ORB_CMAKE_PACKAGE)
   include(cmake/cmake_package.cmake)
