@@ -54,6 +54,7 @@ struct Arguments {
   std::string draw_stages;
   std::string draw_final;
   bool force = false;
+  bool features_by_area = false;
   PipelineOptions pipeline;
 };
 
@@ -92,16 +93,19 @@ class Progress {
   bool shown_ = isatty(STDERR_FILENO) != 0;
 };
 
-Frame load(const std::string& file, OrbExtractor& extractor) {
+/// Preset photo's keypoints are for up to a megapixel; larger images have more details to tell
+/// apart.
+int featuresFor(double pixels, int up_to_a_megapixel) {
+  constexpr double kMost = 8000.0;
+  return static_cast<int>(std::min(kMost, up_to_a_megapixel * std::max(1.0, 1e-6 * pixels)));
+}
+
+void extract(OrbExtractor& extractor, Frame& frame) {
   using Clock = std::chrono::steady_clock;
-  Frame frame;
-  frame.file = file;
-  frame.image = readGrey(file);
   const auto start = Clock::now();
   extractor.extract(frame.image, frame.features);
   frame.extraction_milliseconds =
       std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  return frame;
 }
 
 /// Simulated views take longer than all the rest, so they come where the growth finds nothing
@@ -120,15 +124,25 @@ void match(const PipelineOptions& options, const Progress& progress, Outcome& ou
   matcher.match(reference, outcome.target.features, hints, outcome.result);
 }
 
-Outcome run(const Arguments& arguments) {
+Outcome run(Arguments& arguments) {
   const Progress progress;
   Outcome outcome;
   if (!arguments.ground_truth.empty()) outcome.truth = readHomography(arguments.ground_truth);
+  outcome.reference.file = arguments.reference;
+  outcome.target.file = arguments.target;
+  for (Frame* frame : {&outcome.reference, &outcome.target}) frame->image = readGrey(frame->file);
+  if (arguments.features_by_area) {
+    const double pixels = static_cast<double>(
+        std::max(outcome.reference.image.total(), outcome.target.image.total()));
+    int& features = arguments.pipeline.parameters.features;
+    features = featuresFor(pixels, features);
+    arguments.pipeline.orb.max_features = features;
+  }
   OrbExtractor extractor(arguments.pipeline.orb);
-  progress.say("finding features of " + arguments.reference);
-  outcome.reference = load(arguments.reference, extractor);
-  progress.say("finding features of " + arguments.target);
-  outcome.target = load(arguments.target, extractor);
+  for (Frame* frame : {&outcome.reference, &outcome.target}) {
+    progress.say("finding features of " + frame->file);
+    extract(extractor, *frame);
+  }
   match(arguments.pipeline, progress, outcome);
 
   for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
@@ -392,6 +406,8 @@ int matchTwoImages(int argc, char** argv) {
   app.footer(kExamples);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
+  const bool photo = app.count("--preset") == 0 || app["--preset"]->as<std::string>() == "photo";
+  arguments.features_by_area = photo && app.count("--params") + app.count("--features") == 0;
 
   checkFiles(arguments);
   exitWhenInterrupted();
