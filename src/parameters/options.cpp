@@ -16,7 +16,6 @@ OrbOptions orbOptions(const Parameters& p) {
   orb.scale_factor = p.scale_factor;
   orb.levels = p.levels;
   orb.fast_threshold = p.fast_threshold;
-  orb.extractor = p.extractor == "opencv" ? ExtractorKind::opencv : ExtractorKind::native;
   orb.descriptor = descriptorFrom(p.descriptor);
   orb.distribution =
       p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;

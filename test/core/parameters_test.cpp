@@ -160,7 +160,7 @@ TEST(Parameters, NumbersReadBackToTheLastBit) {
 TEST(Parameters, NoPipelineIsMadeOfWhatIsNoChoice) {
   Parameters p;
   EXPECT_NO_THROW(pipelineOptions(p));
-  p.extractor = "slow";
+  p.distribution = "slow";
   EXPECT_THROW(pipelineOptions(p), std::invalid_argument);
 }
 
@@ -173,7 +173,7 @@ TEST(Parameters, TextThatIsNoValueIsRefused) {
   for (const char* text : {"", "x", "0.5 ", "0.5x", "nan", "inf", "0", "1.5"}) refuses("T_w", text);
   for (const char* text : {"", "1.5", "1e3", "99999999999", "0"}) refuses("features", text);
   for (const char* text : {"", "1", "True", "no"}) refuses("gms_scale", text);
-  for (const char* text : {"", "slow", "fast "}) refuses("extractor", text);
+  for (const char* text : {"", "slow", "ranked "}) refuses("distribution", text);
   EXPECT_EQ(p.T_w, Parameters{}.T_w);
   setParameter(*findParameter("T_w"), "1", p);
   EXPECT_EQ(p.T_w, 1.0);

@@ -211,14 +211,14 @@ class KtgpMatch(ToolCase):
         (self.folder / "below.yaml").write_text("camera:\n  matcher: {T_w: 0.71}\n")
         (self.folder / "dynparam.yaml").write_text(
             "!!python/object/new:dynamic_reconfigure.encoding.Config\n"
-            "dictitems:\n  T_w: 0.71\n  extractor: opencv\n"
+            "dictitems:\n  T_w: 0.71\n  distribution: uniform\n"
             "  groups: !!python/object/new:dynamic_reconfigure.encoding.Config\n"
             "    dictitems: {id: 0}\n    state: []\n"
             "state: []\n")
         for file in ("flat.yaml", "below.yaml", "dynparam.yaml"):
             self.assertEqual(self.options("--params", file)["T_w"], 0.71, file)
         self.assertIs(self.options("--params", "flat.yaml")["gms_rotation"], True)
-        self.assertEqual(self.options("--params", "dynparam.yaml")["extractor"], "opencv")
+        self.assertEqual(self.options("--params", "dynparam.yaml")["distribution"], "uniform")
 
     def test_the_command_line_counts_before_the_file_and_the_file_before_the_preset(self):
         (self.folder / "p.yaml").write_text("T_w: 0.71\nmutual: false\n")
