@@ -92,8 +92,9 @@ bool ImageNodelet::clockStands() {
 
 void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arrived,
                          std::uint32_t publishers) {
-  // A paused bag is not a broken camera; a clock that never started is an error.
-  if (clock_stands_ && !clockIsMissing()) return;
+  // A paused bag is not a broken camera, nor is one that bag.launch has not yet begun to play (it
+  // sets this parameter); any other clock that never started is an error.
+  if (clock_stands_ && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) return;
   const std::string warning = watch.tick(subscribed, arrived, publishers);
   if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
 }

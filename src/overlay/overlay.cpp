@@ -15,6 +15,7 @@ using overlay::darken;
 using overlay::drawDifference;
 using overlay::drawFlow;
 using overlay::drawMatches;
+using overlay::drawOutline;
 using overlay::drawPanel;
 using overlay::Typeface;
 

@@ -332,8 +332,9 @@ class LaunchRunTest(unittest.TestCase):
         self.check_no_sim_time()
 
     def test_results_without_subscriber_are_said(self):
-        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1', 'loop:=true')
+        launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=8', 'loop:=true')
         self.assertTrue(launch.says('nothing subscribes to its results'), launch.output())
+        self.assertNotIn('no node publishes', launch.output())  # before the bag plays
         self.check_outputs_are_documented()
         launch.stop()
         self.check_no_sim_time()
