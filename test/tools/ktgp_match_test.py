@@ -1,7 +1,10 @@
 """Runs ktgp_match as a program."""
 import csv
 import json
+import os
+import pathlib
 import re
+import subprocess
 import unittest
 
 import cv2
@@ -281,6 +284,17 @@ class KtgpMatch(ToolCase):
         self.assertEqual(everything.returncode, 0)
         self.assertIn("--fast_threshold", everything.stdout)
         self.assertEqual(self.match("a.pgm", "b.pgm", "--fast_threshold", "30").returncode, 0)
+
+    def test_a_closed_pipe_leaves_no_half_file(self):
+        program = pathlib.Path(os.environ["KTGP_ORB_TOOLS"]) / "ktgp_match"
+        process = subprocess.Popen([program, "a.pgm", "b.pgm", "--csv", "-", "--draw", "o.png"], cwd=self.folder,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        process.stdout.close()
+        self.assertIn("standard output cannot be written", process.stderr.read())
+        process.stderr.close()
+        self.assertEqual(process.wait(), 2)
+        self.assertTrue((self.folder / "o.png").exists())
+        self.assertEqual([path for path in self.folder.iterdir() if "unfinished" in path.name], [])
 
     def test_missing_argument(self):
         run = self.match("a.pgm")
