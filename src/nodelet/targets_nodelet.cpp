@@ -181,7 +181,7 @@ void TargetsNodelet::targetsChanged() {
 void TargetsNodelet::subscribe() {
   // As in FrameConsumer: within a process everything may arrive twice.
   image_sub_ = transport_->subscribe(
-      "image", queue_size_,
+      image_topic_, queue_size_,
       [this](const sensor_msgs::ImageConstPtr& image) {
         if (last_image_.lock() == image) return;
         last_image_ = image;
