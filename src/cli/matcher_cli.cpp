@@ -62,7 +62,9 @@ struct Given {
       parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
     }
     const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
-    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
+    for (const std::string& text : {note, noteOnFixed(parameters)}) {
+      if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
+    }
   }
 };
 
