@@ -54,6 +54,25 @@ struct TargetFinderOptions {
   int max_instances = 8;  ///< of one target in a frame, 1..1000
 };
 
+/// A target with its views and their features: most of the work of adding it.
+class PreparedTarget {
+ public:
+  /// Throws std::invalid_argument with the reason for an id that is empty or longer than 256 bytes,
+  /// no image or one of another type, a width that is negative or not finite, and an image with too
+  /// little texture. `options`: those of the finder.
+  PreparedTarget(const Target& target, const TargetFinderOptions& options);
+  ~PreparedTarget();
+  PreparedTarget(PreparedTarget&&) noexcept;
+  PreparedTarget& operator=(PreparedTarget&&) noexcept;
+
+  const std::string& id() const;
+
+ private:
+  friend class TargetFinder;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
 /// A target in a frame.
 struct DetectedTarget {
   std::string id;
@@ -134,13 +153,14 @@ class TargetFinder {
   /// constructor does, without any change.
   void setSearch(double search_ms, double search_radius);
 
-  /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
-  /// image or one of another type, a width that is negative or not finite, an image with too little
-  /// texture, and one that shows the same as another target, so that the two could not be told
-  /// apart.
-  void add(const Target& target);
+  /// Throws std::invalid_argument with the reason, without any change, for a known id, and for an
+  /// image that shows the same as another target, so that the two could not be told apart.
+  void add(PreparedTarget target);
+  /// Throws as PreparedTarget does, too.
+  void add(const Target& target) { add(PreparedTarget(target, options())); }
   /// The same in place of the target with this id, which must exist.
-  void replace(const Target& target);
+  void replace(PreparedTarget target);
+  void replace(const Target& target) { replace(PreparedTarget(target, options())); }
   /// False if there is no such target.
   bool remove(const std::string& id);
   /// In the order in which they were added.
@@ -156,6 +176,7 @@ class TargetFinder {
   /// Searches all targets in an image that does not belong to the frames: what is followed there
   /// stays as it is.
   const TargetFrame& findAlone(const cv::Mat& image);
+  const TargetFrame& findAlone(const Features& features);
 
   /// Forgets what was seen: the next frame belongs to another sequence.
   void restart();

@@ -3,6 +3,7 @@
 #include <ktgp_orb/KtgpConfig.h>
 #include <sensor_msgs/Image.h>
 
+#include <boost/shared_ptr.hpp>
 #include <cstdint>
 #include <string>
 
@@ -30,6 +31,8 @@ struct Configuration {
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };
+
+using ConfigurationConstPtr = boost::shared_ptr<const Configuration>;
 
 /// Everything except what comes from files and messages, which is null: the reference image, the
 /// masks, the lens. Throws std::invalid_argument for values out of their limits, including NaN.

@@ -124,14 +124,18 @@ void writeFile(const std::string& path, const std::string& bytes) {
   refuse(path, std::string("cannot be written: ") + std::strerror(reason));
 }
 
+Target readTarget(const TargetEntry& entry, const ReadImage& read) {
+  Target target{entry.id, {}, entry.width, entry.frame};
+  for (const std::string& file : entry.files) target.images.push_back(read(file));
+  return target;
+}
+
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,
                                     TargetFinder& finder) {
   std::vector<std::string> refused;
   for (const TargetEntry& entry : entries) {
     try {
-      Target target{entry.id, {}, entry.width, entry.frame};
-      for (const std::string& file : entry.files) target.images.push_back(read(file));
-      finder.add(target);
+      finder.add(readTarget(entry, read));
     } catch (const std::exception& error) {
       refused.emplace_back(error.what());
     }

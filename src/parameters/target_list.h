@@ -34,6 +34,9 @@ void writeFile(const std::string& path, const std::string& bytes);
 /// Reads an image as 8-bit grey; throws a std::exception with the name and the reason.
 using ReadImage = std::function<cv::Mat(const std::string& file)>;
 
+/// The target of an entry. Throws as `read` does.
+Target readTarget(const TargetEntry& entry, const ReadImage& read);
+
 /// Adds the targets; returns the reasons why some were refused.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,
                                     TargetFinder& finder);

@@ -157,11 +157,12 @@ class Run {
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage("compressed image cannot be decoded");
     FramePipeline::Prepared prepared = pipeline_.pop();
-    FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
-                                              prepared.ahead ? &*prepared.ahead : nullptr);
+    MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
+                                            prepared.ahead ? &*prepared.ahead : nullptr);
+    matched.refused = refused_;
+    matched.skipped = skipped;
+    FrameMessages messages = toMessages(matched);
     if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
-    messages.statistics->refused_frames = refused_;
-    messages.statistics->skipped_frames = skipped;
     if (!measured_times_) eraseTimes(*messages.statistics);
     writer_.write(messages, recorded.received);
     ++matched_;

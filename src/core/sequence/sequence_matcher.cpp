@@ -305,6 +305,7 @@ void SequenceMatcher::fixNextFrame() {
 
 void SequenceMatcher::restart() {
   impl_->keeper.forget(NoReference::first_frame);
+  impl_->fix_next_frame = false;
   impl_->forgetAnswer();
 }
 

@@ -102,12 +102,29 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
 
 }  // namespace
 
+struct PreparedTarget::Impl {
+  Target target;  // without images
+  std::vector<TargetPicture> pictures;
+};
+
+PreparedTarget::PreparedTarget(const Target& target, const TargetFinderOptions& options)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->target = {target.id, {}, target.width, target.frame};
+  impl_->pictures = targets::prepare(target, options);
+}
+PreparedTarget::~PreparedTarget() = default;
+PreparedTarget::PreparedTarget(PreparedTarget&&) noexcept = default;
+PreparedTarget& PreparedTarget::operator=(PreparedTarget&&) noexcept = default;
+
+const std::string& PreparedTarget::id() const {
+  return impl_->target.id;
+}
+
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
         extractor(o.orb),
         check_extractor(checkOptions(o)),
-        store(options),
         search(options, store) {
     requireUsable(o);
   }
@@ -115,7 +132,7 @@ struct TargetFinder::Impl {
   static OrbOptions checkOptions(const TargetFinderOptions& options);
   void requireDifferent(const std::string& id, const std::vector<TargetPicture>& pictures,
                         const StoredTarget* replaced);
-  void add(const Target& target, StoredTarget* replaced);
+  void add(PreparedTarget::Impl& target, StoredTarget* replaced);
   void searchFollowed();
   std::size_t lookUp(std::size_t count, const Budget& budget);
   double timeForOthers() const;
@@ -173,16 +190,13 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   }
 }
 
-void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
-  // The views take most of the time; what is refused does without them.
-  std::vector<TargetPicture> pictures = store.prepare(target, 1);
-  requireDifferent(target.id, pictures, replaced);
-  if (options.views > 1) pictures = store.prepare(target, options.views);
+void TargetFinder::Impl::add(PreparedTarget::Impl& prepared, StoredTarget* replaced) {
+  requireDifferent(prepared.target.id, prepared.pictures, replaced);
   if (replaced != nullptr) {
     tracks.forget(*replaced);
     store.remove(*replaced);
   }
-  store.add(target, std::move(pictures));
+  store.add(prepared.target, std::move(prepared.pictures));
 }
 
 void TargetFinder::Impl::tryTarget(StoredTarget& target) {
@@ -307,19 +321,19 @@ void TargetFinder::setSearch(double search_ms, double search_radius) {
   impl_->options = changed;
 }
 
-void TargetFinder::add(const Target& target) {
-  if (knows(target.id)) {
-    throw std::invalid_argument("target \"" + target.id + "\" exists already; expected a new id");
+void TargetFinder::add(PreparedTarget target) {
+  if (knows(target.id())) {
+    throw std::invalid_argument("target \"" + target.id() + "\" exists already; expected a new id");
   }
-  impl_->add(target, nullptr);
+  impl_->add(*target.impl_, nullptr);
 }
 
-void TargetFinder::replace(const Target& target) {
-  StoredTarget* replaced = impl_->store.find(target.id);
+void TargetFinder::replace(PreparedTarget target) {
+  StoredTarget* replaced = impl_->store.find(target.id());
   if (replaced == nullptr) {
-    throw std::invalid_argument("target \"" + target.id + "\" does not exist");
+    throw std::invalid_argument("target \"" + target.id() + "\" does not exist");
   }
-  impl_->add(target, replaced);
+  impl_->add(*target.impl_, replaced);
 }
 
 bool TargetFinder::remove(const std::string& id) {
@@ -357,6 +371,12 @@ const TargetFrame& TargetFinder::find(const Features& features) {
 }
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
+  Features features;
+  impl_->extractor.extract(image, features);
+  return findAlone(features);
+}
+
+const TargetFrame& TargetFinder::findAlone(const Features& features) {
   const targets::Tracks followed = impl_->tracks;
   const double search_ms = impl_->options.search_ms;
   const auto restore = [&] {
@@ -366,7 +386,7 @@ const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   impl_->tracks.clear();
   impl_->options.search_ms = std::numeric_limits<double>::infinity();
   try {
-    find(image);
+    find(features);
   } catch (...) {
     restore();
     throw;

@@ -4,10 +4,14 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/util/printable.h"
+
 namespace ktgp_orb::targets {
 namespace {
 
 constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
+
+constexpr std::size_t kLongestId = 256;
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
   throw std::invalid_argument("target \"" + id + "\": " + reason);
@@ -15,8 +19,13 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; 
 
 }  // namespace
 
-std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
+std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options) {
   if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
+  if (target.id.size() > kLongestId) {
+    refuse(printable(target.id, 40), "the id has " + std::to_string(target.id.size()) +
+                                         " bytes; expected " + std::to_string(kLongestId) +
+                                         " at most");
+  }
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +
                           " m; expected a positive one, or 0 if it is not known");
@@ -29,7 +38,7 @@ std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views)
     if (image.empty()) refuse(target.id, name + " is empty");
     if (image.type() != CV_8UC1) refuse(target.id, name + " is not 8-bit grey");
     pictures.push_back(
-        makePicture(image, options_.orb, options_.features, options_.largest_side, views));
+        makePicture(image, options.orb, options.features, options.largest_side, options.views));
     if (pictures.back().own < kFewestKeypoints) {
       refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
                             " keypoints; expected " + std::to_string(kFewestKeypoints) +
