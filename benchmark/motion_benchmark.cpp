@@ -7,8 +7,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/motion/camera_pose.h"
 #include "ktgp_orb/ground_motion.h"
+#include "motion/camera_pose.h"
 
 namespace {
 

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/target_finder.h"
 
 namespace ktgp_orb {
 
@@ -48,10 +47,5 @@ void drawStages(const FrameView& reference, const FrameView& target, const Match
 /// matches, evenly chosen, dots for the others.
 void drawLevel(const FrameView& reference, const FrameView& target, const MatchResult& result,
                Level level, cv::Mat& canvas);
-
-/// Draws the outlines and ids of the targets found in `image` (yellow; purple: not status ok). A
-/// short line marks the upper left corner of each. Throws as drawOverlay.
-void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detections,
-                 cv::Mat& canvas);
 
 }  // namespace ktgp_orb

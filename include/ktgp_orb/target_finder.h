@@ -186,4 +186,9 @@ class TargetFinder {
   std::unique_ptr<Impl> impl_;
 };
 
+/// Draws the outlines and ids of the targets found in `image` (yellow; purple: not status ok). A
+/// short line marks the upper left corner of each. Throws as drawOverlay.
+void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detections,
+                 cv::Mat& canvas);
+
 }  // namespace ktgp_orb

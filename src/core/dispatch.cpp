@@ -20,7 +20,6 @@
 #include "core/orb/patch-inl.h"
 #include "core/orb/resize-inl.h"
 #include "core/orb/teblid-inl.h"
-#include "core/targets/votes-inl.h"
 #endif
 
 HWY_BEFORE_NAMESPACE();
@@ -43,8 +42,7 @@ Kernels makeKernels() {
       {name, on_pixels::resizeRow, on_pixels::mixRows, on_pixels::fastScores,
        on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
        on_pixels::blurAcrossRows, on_pixels::describe},
-      {name, on_pixels::describeInside},
-      {name, targets::HWY_NAMESPACE::votesFor}};
+      {name, on_pixels::describeInside}};
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
   if (util::hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
@@ -61,8 +59,7 @@ Kernels makeKernels() {
           knn::portableKnnKernel(),
           knn::portableNearKernel(),
           orb::portableOrbKernels(),
-          orb::portableTeblidKernel(),
-          targets::portableVoteKernel()};
+          orb::portableTeblidKernel()};
 #endif
 }
 
@@ -116,10 +113,6 @@ const orb::OrbKernels& orb::bestOrbKernels() {
 
 const orb::TeblidKernel& orb::bestTeblidKernel() {
   return bestKernels().teblid;
-}
-
-const targets::VoteKernel& targets::bestVoteKernel() {
-  return bestKernels().votes;
 }
 
 }  // namespace ktgp_orb

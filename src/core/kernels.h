@@ -7,7 +7,6 @@
 #include "core/knn/near_kernel.h"
 #include "core/orb/kernels.h"
 #include "core/orb/teblid_kernel.h"
-#include "core/targets/vote_kernel.h"
 
 namespace ktgp_orb {
 
@@ -21,7 +20,6 @@ struct Kernels {
   knn::NearKernel near;
   orb::OrbKernels orb;
   orb::TeblidKernel teblid;
-  targets::VoteKernel votes;
 };
 
 }  // namespace ktgp_orb

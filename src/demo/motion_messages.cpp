@@ -8,9 +8,9 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 
-#include "core/motion/camera_pose.h"
 #include "core/util/constants.h"
 #include "demo/effects.h"
+#include "motion/camera_pose.h"
 
 namespace ktgp_orb::demo {
 namespace {

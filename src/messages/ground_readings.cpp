@@ -9,9 +9,9 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "core/motion/rows.h"
 #include "core/util/constants.h"
 #include "messages/pose_message.h"
+#include "motion/rows.h"
 
 namespace ktgp_orb {
 namespace {

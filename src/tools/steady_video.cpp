@@ -10,9 +10,9 @@
 #include <utility>
 
 #include "cli/files.h"
-#include "core/stabilization/steady_path.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
+#include "stabilization/steady_path.h"
 #include "tools/view_text.h"
 
 namespace ktgp_orb {

@@ -3,8 +3,8 @@
 #include <stdexcept>
 
 #include "cli/matcher_cli.h"
-#include "core/stabilization/steady_path.h"
 #include "parameters/parameters.h"
+#include "stabilization/steady_path.h"
 
 namespace ktgp_orb {
 

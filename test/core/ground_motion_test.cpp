@@ -12,8 +12,8 @@
 #include <string>
 
 #include "allocation_counter.h"
-#include "core/motion/rows.h"
 #include "ktgp_orb/ground_motion.h"
+#include "motion/rows.h"
 
 namespace ktgp_orb {
 namespace {

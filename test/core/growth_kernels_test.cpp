@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/growth/alike_kernel.h"
-#include "core/targets/vote_kernel.h"
 #include "instruction_sets.h"
+#include "targets/vote_kernel.h"
 
 namespace ktgp_orb {
 namespace {

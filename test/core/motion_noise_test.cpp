@@ -6,8 +6,8 @@
 #include <cmath>
 #include <random>
 
-#include "core/motion/relief.h"
-#include "core/motion/twist_noise.h"
+#include "motion/relief.h"
+#include "motion/twist_noise.h"
 
 namespace ktgp_orb::motion {
 namespace {

@@ -1,6 +1,6 @@
 // The steadiest path over a whole recording: it removes the shake, never shows a border, survives
 // cuts, gaps and large motions, and is the same wherever a long recording is divided.
-#include "core/stabilization/steady_path.h"
+#include "stabilization/steady_path.h"
 
 #include <gtest/gtest.h>
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "core/targets/conflicts.h"
-#include "core/targets/target_store.h"
 #include "target_world.h"
+#include "targets/conflicts.h"
+#include "targets/target_store.h"
 
 namespace ktgp_orb::targets {
 namespace {

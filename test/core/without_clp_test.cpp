@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/stabilization/linear_program.h"
-#include "core/stabilization/steady_path.h"
+#include "stabilization/linear_program.h"
+#include "stabilization/steady_path.h"
 #include "tools/view_options.h"
 
 namespace ktgp_orb {

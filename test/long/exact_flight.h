@@ -7,9 +7,9 @@
 #include <opencv2/core.hpp>
 #include <random>
 
-#include "core/motion/camera_pose.h"
 #include "demo/flight.h"
 #include "demo/map.h"
+#include "motion/camera_pose.h"
 
 namespace ktgp_orb::test {
 

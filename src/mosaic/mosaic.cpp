@@ -1,0 +1,347 @@
+#include "ktgp_orb/mosaic.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/homography/transform.h"
+#include "ktgp_orb/frame_path.h"
+#include "mosaic/keyframes.h"
+#include "mosaic/tile_map.h"
+
+namespace ktgp_orb {
+namespace {
+
+using mosaic::Keyframes;
+using mosaic::TileMap;
+
+constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
+// Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
+constexpr double kLargestZoom = 4.0;
+
+void requireInRange(const char* name, double value, double low, double high) {
+  if (value >= low && value <= high) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                              "; expected a value in [" + std::to_string(low) + ", " +
+                              std::to_string(high) + "]");
+}
+
+void requireValid(const MosaicOptions& options) {
+  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
+  requireInRange("keyframe_overlap", options.keyframe_overlap, 0.2, 0.9);
+  requireInRange("min_motion", options.min_motion, 0.0, 1.0);
+  requireInRange("patience", options.patience, 0.0, 3600.0);
+}
+
+std::size_t tilesFor(const MosaicOptions& options) {
+  constexpr double kTile = TileMap::kTileSize * TileMap::kTileSize;
+  return static_cast<std::size_t>(std::max(1.0, 1e6 * options.max_megapixels / kTile));
+}
+
+OrbOptions withImages(OrbOptions orb, bool alignment) {
+  orb.images = alignment ? ImageKeeping::copy : ImageKeeping::none;
+  return orb;
+}
+
+/// Enough for a map without gaps, and a limit when the camera stays over the same place.
+std::size_t keyframesFor(const MosaicOptions& options, const cv::Size& size) {
+  return static_cast<std::size_t>(1e6 * options.max_megapixels / (0.3 * size.area())) + 1;
+}
+
+Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
+  return h / h(2, 2);
+}
+
+/// Corners of an image of `size` in the map.
+std::array<Eigen::Vector2d, 4> cornersInMap(const cv::Size& size, const Eigen::Matrix3d& from_map) {
+  const Eigen::Matrix3d to_map = from_map.inverse();
+  std::array<Eigen::Vector2d, 4> corners = homography::imageCorners(size, {});
+  for (Eigen::Vector2d& corner : corners) corner = (to_map * corner.homogeneous()).hnormalized();
+  return corners;
+}
+
+/// Whether the frame can be drawn into a map of its plane.
+bool isDrawable(const cv::Size& size, const Eigen::Matrix3d& from_map) {
+  const Eigen::Matrix3d to_map = normalised(from_map.inverse());
+  if (!to_map.allFinite() ||
+      !homography::keepsPlaneInView(to_map, homography::imageCorners(size, {})))
+    return false;
+  const auto corners = cornersInMap(size, from_map);
+  double shortest = 1e18;
+  double longest = 0.0;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const double side = (corners[(i + 1) % 4] - corners[i]).norm();
+    const double of_frame = i % 2 == 0 ? size.width - 1.0 : size.height - 1.0;
+    shortest = std::min(shortest, side / of_frame);
+    longest = std::max(longest, side / of_frame);
+  }
+  return shortest > 1.0 / kLargestZoom && longest < kLargestZoom;
+}
+
+}  // namespace
+
+const char* toString(Placement placement) {
+  switch (placement) {
+    case Placement::drawn:
+      return "drawn";
+    case Placement::seen:
+      return "seen";
+    case Placement::new_map:
+      return "new_map";
+    case Placement::lost:
+      return "lost";
+  }
+  return "unknown";
+}
+
+struct Mosaic::Impl {
+  explicit Impl(const MosaicOptions& o)
+      : options(o),
+        extractor(withImages(o.orb, o.matcher.alignment.enabled)),
+        path(kPathLength),
+        tiles(tilesFor(o)),
+        keyframes(o.matcher) {}
+
+  MosaicOptions options;
+  std::function<void(const cv::Mat&)> finished;
+  OrbExtractor extractor;
+  FramePath path;
+  TileMap tiles;
+  Keyframes keyframes;
+  cv::Size size;
+  cv::Mat grey;
+  cv::Mat colour;
+  cv::Mat exposed;  // colour with the brightness of the map
+
+  struct Placed {
+    std::int64_t stamp = 0;
+    Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
+  };
+  std::optional<Placed> last;                           // the last frame with a known position
+  std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
+  Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
+  std::int64_t first_stamp = 0;
+  std::int64_t lost_since = 0;
+  bool is_lost = false;
+  bool is_full = false;
+  std::size_t maps = 0;
+
+  void startMap(std::int64_t stamp, Features features) {
+    if (finished && !tiles.area().empty()) finished(tiles.image(1.0));
+    tiles.clear();
+    keyframes.clear();
+    is_full = false;
+    ++maps;
+    first_stamp = stamp;
+    pose = Eigen::Matrix3d::Identity();
+    last = Placed{stamp, *pose};
+    is_lost = false;
+    if (options.keyframes) keyframes.add(std::move(features), *pose);
+    draw();
+  }
+
+  void draw() {
+    drawn = *pose;
+    const Eigen::Matrix3d to_map = normalised(pose->inverse());
+    if (options.gain) {
+      colour.convertTo(exposed, CV_8UC3, tiles.gain(colour, to_map));
+    }
+    is_full = !tiles.draw(options.gain ? exposed : colour, to_map) || is_full;
+  }
+
+  Features find() {
+    Features features;
+    extractor.extract(grey, features);
+    return features;
+  }
+
+  bool hasMoved() const {
+    const Eigen::Matrix3d to_now = *pose * drawn.inverse();
+    const double least = options.min_motion * size.width;
+    for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
+      if (((to_now * corner.homogeneous()).hnormalized() - corner).norm() >= least) return true;
+    }
+    return false;
+  }
+
+  /// The map -> frame homography along the path from the last placed frame.
+  std::optional<Eigen::Matrix3d> chained(std::int64_t stamp) const {
+    if (!last) return std::nullopt;
+    const auto step = path.between(last->stamp, stamp);
+    if (!step) return std::nullopt;
+    const Eigen::Matrix3d from_map = normalised(*step * last->from_map);
+    if (!isDrawable(size, from_map)) return std::nullopt;
+    return from_map;
+  }
+
+  Placement lose(std::int64_t stamp, Features features) {
+    pose.reset();
+    if (!std::exchange(is_lost, true)) lost_since = stamp;
+    const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
+    if (last && waited >= 0.0 && waited < options.patience) return Placement::lost;
+    startMap(stamp, features.empty() && options.keyframes ? find() : std::move(features));
+    return Placement::new_map;
+  }
+
+  Placement placeByKeyframes(std::int64_t stamp) {
+    const std::optional<Eigen::Matrix3d> expected = chained(stamp);
+    Features features = find();
+    if (!last) return lose(stamp, std::move(features));
+    std::optional<Eigen::Matrix3d> found =
+        keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
+    if (found && !isDrawable(size, *found)) found.reset();
+    if (!found && !expected) return lose(stamp, std::move(features));
+    pose = normalised(found.value_or(expected.value_or(last->from_map)));
+    last = Placed{stamp, *pose};
+    is_lost = false;
+    const bool room = !is_full && keyframes.size() < keyframesFor(options, size);
+    if (room && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
+      keyframes.add(std::move(features), *pose);
+    }
+    if (!hasMoved()) return Placement::seen;
+    draw();
+    return Placement::drawn;
+  }
+
+  Placement placeByPath(std::int64_t stamp) {
+    const std::optional<Eigen::Matrix3d> expected = chained(stamp);
+    if (!expected) return lose(stamp, {});
+    pose = expected;
+    last = Placed{stamp, *pose};
+    is_lost = false;
+    if (!hasMoved()) return Placement::seen;
+    draw();
+    return Placement::drawn;
+  }
+};
+
+Mosaic::Mosaic(const MosaicOptions& options) {
+  requireValid(options);
+  impl_ = std::make_unique<Impl>(options);
+}
+
+Mosaic::~Mosaic() = default;
+Mosaic::Mosaic(Mosaic&&) noexcept = default;
+Mosaic& Mosaic::operator=(Mosaic&&) noexcept = default;
+
+const MosaicOptions& Mosaic::options() const {
+  return impl_->options;
+}
+
+void Mosaic::setOptions(const MosaicOptions& options) {
+  requireValid(options);
+  impl_->extractor = OrbExtractor(withImages(options.orb, options.matcher.alignment.enabled));
+  impl_->keyframes.setOptions(options.matcher);
+  impl_->tiles.setMaxTiles(tilesFor(options));
+  impl_->is_full = false;
+  impl_->options = options;
+}
+
+void Mosaic::follow(std::int64_t stamp, std::int64_t reference_stamp,
+                    const std::optional<Eigen::Matrix3d>& homography) {
+  impl_->path.add(stamp, reference_stamp, homography);
+}
+
+Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
+  Impl& self = *impl_;
+  if (image.type() == CV_8UC1) {
+    self.grey = image;
+    cv::cvtColor(image, self.colour, cv::COLOR_GRAY2BGR);
+  } else if (image.type() == CV_8UC3) {
+    cv::cvtColor(image, self.grey, cv::COLOR_BGR2GRAY);
+    self.colour = image;
+  } else {
+    throw std::invalid_argument("image of a mosaic is of OpenCV type " +
+                                std::to_string(image.type()) + "; expected CV_8UC1 or CV_8UC3");
+  }
+  if (image.size() != self.size) {
+    self.last.reset();
+    self.size = image.size();
+  }
+  const Placement placement =
+      self.options.keyframes ? self.placeByKeyframes(stamp) : self.placeByPath(stamp);
+  self.grey.release();
+  self.colour.release();
+  return placement;
+}
+
+void Mosaic::onFinishedMap(std::function<void(const cv::Mat&)> callback) {
+  impl_->finished = std::move(callback);
+}
+
+std::optional<Eigen::Matrix3d> Mosaic::pose() const {
+  return impl_->pose;
+}
+
+std::int64_t Mosaic::firstStamp() const {
+  return impl_->first_stamp;
+}
+
+cv::Mat Mosaic::image() const {
+  return impl_->tiles.image(1.0);
+}
+
+cv::Mat Mosaic::picture(int longest) const {
+  const cv::Rect area = impl_->tiles.area();
+  if (area.empty()) return {};
+  const double scale =
+      std::min(1.0, static_cast<double>(std::max(1, longest)) / std::max(area.width, area.height));
+  const cv::Mat image = impl_->tiles.image(scale);
+  cv::Mat alpha;
+  cv::extractChannel(image, alpha, 3);
+  cv::Mat colour;
+  cv::cvtColor(image, colour, cv::COLOR_BGRA2BGR);
+  cv::Mat shown(image.size(), CV_8UC3, cv::Scalar::all(40));
+  colour.copyTo(shown, alpha);
+  if (!impl_->pose) return shown;
+  constexpr int kBits = 4;
+  std::vector<cv::Point> outline;
+  for (const Eigen::Vector2d& corner : cornersInMap(impl_->size, *impl_->pose)) {
+    const Eigen::Vector2d p =
+        scale * (corner - Eigen::Vector2d(area.x, area.y)) * static_cast<double>(1 << kBits);
+    outline.emplace_back(static_cast<int>(std::lround(p.x())),
+                         static_cast<int>(std::lround(p.y())));
+  }
+  const int stroke = std::max(2, std::max(shown.cols, shown.rows) / 400);
+  cv::polylines(shown, outline, true, cv::Scalar::all(0), stroke + 2, cv::LINE_AA, kBits);
+  cv::polylines(shown, outline, true, cv::Scalar::all(255), stroke, cv::LINE_AA, kBits);
+  return shown;
+}
+
+cv::Rect Mosaic::area() const {
+  return impl_->tiles.area();
+}
+
+double Mosaic::megapixels() const {
+  return 1e-6 * static_cast<double>(impl_->tiles.tiles()) * TileMap::kTileSize * TileMap::kTileSize;
+}
+
+bool Mosaic::full() const {
+  return impl_->is_full;
+}
+
+std::size_t Mosaic::keyframes() const {
+  return impl_->keyframes.size();
+}
+
+std::size_t Mosaic::maps() const {
+  return impl_->maps;
+}
+
+void Mosaic::reset() {
+  impl_->tiles.clear();
+  impl_->keyframes.clear();
+  impl_->path.clear();
+  impl_->last.reset();
+  impl_->pose.reset();
+  impl_->is_full = false;
+  impl_->is_lost = false;
+}
+
+}  // namespace ktgp_orb

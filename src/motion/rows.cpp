@@ -1,0 +1,140 @@
+#include "motion/rows.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace ktgp_orb::motion {
+namespace {
+
+// Readings said to be exact keep a little noise: a share of the height, and rad.
+constexpr double kLeastDeviation = 1e-6;
+
+// A beam that sinks less per metre says little about the height, or nothing.
+constexpr double kLeastSink = 0.1;
+
+/// Change of the entries of h, with h(2,2) = 1, for a change of h by d.
+Vector8 entriesChange(const Eigen::Matrix3d& h, const Eigen::Matrix3d& d) {
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> change = d - d(2, 2) * h;
+  return Eigen::Map<const Vector8>(change.data());
+}
+
+/// The matrix whose entry `i`, row by row, is 1.
+Eigen::Matrix3d unit(int i) {
+  Eigen::Matrix3d m = Eigen::Matrix3d::Zero();
+  m(i / 3, i % 3) = 1.0;
+  return m;
+}
+
+/// The direction to the ground in the camera's frame.
+Eigen::Vector3d downOf(const CameraPose& pose) {
+  return -pose.axes.row(2).transpose();
+}
+
+}  // namespace
+
+Vector8 entriesOf(const Eigen::Matrix3d& h) {
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = h / h(2, 2);
+  return Eigen::Map<const Vector8>(rows.data());
+}
+
+ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+                         const Eigen::Matrix3d& camera) {
+  const Eigen::Matrix3d inverse = camera.inverse();
+  const Eigen::Matrix3d h = inverse * (homography / homography(2, 2)) * camera;
+  ImageMotion motion;
+  motion.homography = h / h(2, 2);
+  Matrix8 slope;
+  for (int i = 0; i < 8; ++i) {
+    slope.col(i) =
+        entriesChange(motion.homography, inverse.col(i / 3) * camera.row(i % 3) / h(2, 2));
+  }
+  // Pictures without noise, as of a simulation, have a deviation of nearly 0. The errors of the
+  // filter's linear steps are larger than that, and its covariance would become indefinite.
+  constexpr double kLeast = 1e-6;  // of the focal length: 0.0005 px where it is 500 px
+  motion.covariance = slope * covariance * slope.transpose();
+  motion.covariance.diagonal().array() += kLeast * kLeast;
+  return motion;
+}
+
+Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const CameraPose& pose) {
+  const Eigen::Matrix3d q = h / h(2, 2);
+  Matrix86 slope;
+  for (int i = 0; i < 3; ++i) {
+    const Eigen::Vector3d axis = Eigen::Vector3d::Unit(i);
+    slope.col(i) = entriesChange(q, -pose.axes.row(i).transpose() * (map.row(2) / h(2, 2)));
+    slope.col(3 + i) = entriesChange(q, -cross(axis) * q);
+  }
+  return slope;
+}
+
+Matrix8 byMap(const Eigen::Matrix3d& h) {
+  const Eigen::Matrix3d q = h / h(2, 2);
+  Matrix8 slope;
+  for (int i = 0; i < 8; ++i) slope.col(i) = entriesChange(q, q * unit(i));
+  return slope;
+}
+
+Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
+  const Eigen::Matrix3d inverse = (h / h(2, 2)).inverse();
+  Matrix8 slope;
+  for (int i = 0; i < 8; ++i) {
+    slope.col(i) = entriesChange(Eigen::Matrix3d::Identity(), inverse * unit(i));
+  }
+  return slope;
+}
+
+bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down) {
+  return reading.beam_direction.isZero() || reading.beam_direction.dot(down) >= kLeastSink;
+}
+
+bool meetsGround(const HeightReading& reading, const CameraPose& pose) {
+  return meetsGround(reading, downOf(pose));
+}
+
+PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise) {
+  PoseRows<1> rows;
+  rows.deviation = std::hypot(reading.deviation, kLeastDeviation * reading.metres);
+  rows.slope.setZero();
+  const Eigen::RowVector3d up = pose.axes.row(2);  // in the camera's frame
+  if (reading.beam_direction.isZero()) {
+    rows.residual(0) = reading.metres + rise * reading.age - pose.position.z();
+    rows.slope(2) = 1.0;
+    return rows;
+  }
+  if (!meetsGround(reading, pose)) {
+    rows.residual(0) = std::numeric_limits<double>::infinity();
+    return rows;
+  }
+  const double sinks = reading.beam_direction.dot(downOf(pose));  // per metre of the beam
+  const double start = pose.position.z() + up.dot(reading.beam_origin);
+  const double length = start / sinks;
+  rows.residual(0) = reading.metres + rise * reading.age / sinks - length;
+  rows.slope(2) = 1.0 / sinks;
+  rows.slope.tail<3>() =
+      -(up * cross(reading.beam_origin) + length * up * cross(reading.beam_direction)) / sinks;
+  return rows;
+}
+
+PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose) {
+  const Eigen::Vector3d down = -pose.axes.row(2).transpose();
+  PoseRows<3> rows;
+  rows.deviation = std::hypot(reading.deviation, kLeastDeviation);
+  rows.residual = reading.direction - down;
+  rows.slope << Eigen::Matrix3d::Zero(), cross(down);
+  return rows;
+}
+
+PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before,
+                   Eigen::Matrix<double, 3, 6>& slope_before) {
+  const Eigen::Matrix3d predicted = before.axes.transpose() * pose.axes;
+  PoseRows<3> rows;
+  rows.deviation = std::hypot(reading.deviation, kLeastDeviation);
+  rows.residual = turnOf(predicted.transpose() * reading.rotation);
+  rows.slope << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
+  slope_before << Eigen::Matrix3d::Zero(), -predicted.transpose();
+  return rows;
+}
+
+}  // namespace ktgp_orb::motion

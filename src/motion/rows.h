@@ -1,0 +1,59 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "ktgp_orb/ground_motion.h"
+#include "motion/camera_pose.h"
+
+namespace ktgp_orb::motion {
+
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
+using Matrix86 = Eigen::Matrix<double, 8, 6>;
+
+/// A homography between images of focal length 1, with the covariance of its first eight entries,
+/// row by row; the last one is 1.
+struct ImageMotion {
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  Matrix8 covariance = Matrix8::Zero();
+};
+
+/// From pixels, `camera`: K. A deviation of 1e-6 is added to that of each entry, so that none is 0
+/// for pictures without noise.
+ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+                         const Eigen::Matrix3d& camera);
+
+/// The first eight entries of h / h(2,2).
+Vector8 entriesOf(const Eigen::Matrix3d& h);
+
+/// Derivatives of the entries of h = M(pose) map by a step of the pose (see moved), and by E in
+/// map (I + E), E(2,2) = 0.
+Matrix86 byPose(const Eigen::Matrix3d& h, const Eigen::Matrix3d& map, const CameraPose& pose);
+Matrix8 byMap(const Eigen::Matrix3d& h);
+
+/// E for which h (I + E) has other entries by one.
+Matrix8 mapFromEntries(const Eigen::Matrix3d& h);
+
+/// A linearised measurement of a pose: residual ~ slope * step + noise of the given deviation.
+template <int kRows>
+struct PoseRows {
+  Eigen::Matrix<double, kRows, 1> residual;
+  Eigen::Matrix<double, kRows, 6> slope;
+  double deviation = 0.0;
+};
+
+/// Whether the beam of a range sensor, if there is one, meets the ground. `down`: to the ground, in
+/// the camera's frame.
+bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
+bool meetsGround(const HeightReading& reading, const CameraPose& pose);
+/// `rise`: vertical velocity, m/s. The residual is infinite where the beam does not meet the
+/// ground.
+PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
+PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
+
+/// Measured and predicted rotation since the pose `before`; the slope by a step of `before` is in
+/// `slope_before`.
+PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before,
+                   Eigen::Matrix<double, 3, 6>& slope_before);
+
+}  // namespace ktgp_orb::motion

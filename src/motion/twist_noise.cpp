@@ -1,0 +1,59 @@
+#include "motion/twist_noise.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+namespace ktgp_orb::motion {
+namespace {
+
+/// Of the twist in reverse order: turning, approach, shift. Each is what those before leave open.
+Eigen::LLT<Matrix6> factorOf(const Matrix6& covariance) {
+  return Eigen::LLT<Matrix6>(covariance.reverse());
+}
+
+}  // namespace
+
+void TwistNoise::add(const Vector6& twist, const Matrix6& noise, double seconds, double height) {
+  constexpr double kDifference[kTwists] = {1.0, -4.0, 6.0, -4.0, 1.0};
+  // Of that difference, for twists between poses with independent errors of variance 1/2.
+  constexpr double kVariance = 126.0;
+  constexpr double kNewer = 30.0;         // twists
+  constexpr double kOlder = 300.0;        // twists
+  constexpr double kLargest = 10.0;       // a single outlier counts at most this much
+  constexpr double kJitter = 0.2;         // of the time between frames
+  constexpr double kStandsStill = 0.002;  // rad: a pixel. The error of a still picture stays, too
+
+  if (!(std::abs(seconds - seconds_) <= kJitter * seconds_)) count_ = std::min(count_, 0);
+  seconds_ = seconds;
+  ++count_;
+  std::move_backward(twists_.begin(), twists_.end() - 1, twists_.end());
+  twists_[0] = twist;
+  const double moved = seconds * std::max(twist.head<3>().norm() / height, twist.tail<3>().norm());
+  if (count_ < kTwists || moved < kStandsStill) return;
+
+  Vector6 rough = Vector6::Zero();
+  for (int i = 0; i < kTwists; ++i) rough += kDifference[i] * twists_[static_cast<std::size_t>(i)];
+  const Vector6 reversed = rough.reverse();
+  const Eigen::LLT<Matrix6> factor = factorOf(noise);
+  if (factor.info() != Eigen::Success) return;  // nothing but rounding
+  const Vector6 errors = factor.matrixL().solve(reversed);
+  const Eigen::Array<double, 6, 1> squares = (errors.array().square() / kVariance).min(kLargest);
+  const Eigen::Array3d seen(squares.head<3>().mean(), squares(3), squares.tail<2>().mean());
+  learned_ = std::min(learned_ + 1.0, kOlder);
+  newer_ += (seen - newer_) / kNewer;
+  older_ += (seen - older_) / std::max(learned_, kNewer);
+}
+
+Matrix6 TwistNoise::scaled(const Matrix6& noise) const {
+  constexpr double kLeast = 0.05;
+  const Eigen::LLT<Matrix6> factor = factorOf(noise);
+  if (count_ < 1 || factor.info() != Eigen::Success) return noise;
+  const Eigen::Array3d shares = newer_.max(older_).max(kLeast).min(1.0);
+  Vector6 each;
+  each << shares(0), shares(0), shares(0), shares(1), shares(2), shares(2);
+  const Matrix6 lower = factor.matrixL();
+  return Matrix6(lower * each.asDiagonal() * lower.transpose()).reverse();
+}
+
+}  // namespace ktgp_orb::motion

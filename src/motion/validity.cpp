@@ -1,0 +1,135 @@
+#include "motion/validity.h"
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace ktgp_orb {
+namespace motion {
+namespace {
+
+void requireAtLeastZero(const char* name, double value) {
+  if (value >= 0.0 && std::isfinite(value)) return;
+  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
+                              "; expected a number of at least 0");
+}
+
+template <typename Reading>
+void requireUsable(const char* name, const std::optional<Reading>& reading) {
+  const std::string trouble = reading ? whyUnusable(*reading) : "";
+  if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
+}
+
+}  // namespace
+
+void requireValid(const GroundMotionOptions& options) {
+  requireAtLeastZero("ground_slope", options.ground_slope);
+  requireAtLeastZero("scale_deviation", options.scale_deviation);
+  requireAtLeastZero("acceleration", options.acceleration);
+  requireAtLeastZero("turn_acceleration", options.turn_acceleration);
+  if (!(options.max_tilt_deviation > 0.0)) {
+    throw std::invalid_argument("max_tilt_deviation is " +
+                                std::to_string(options.max_tilt_deviation) +
+                                "; expected an angle above 0 rad");
+  }
+  const Eigen::Matrix3d turn = options.camera_to_base.linear();
+  const bool turns = (turn.transpose() * turn - Eigen::Matrix3d::Identity()).norm() < 1e-6;
+  if (!turns || !options.camera_to_base.translation().allFinite()) {
+    throw std::invalid_argument("camera_to_base is not a rotation and a finite translation");
+  }
+}
+
+void requireValid(const GroundFrame& frame) {
+  requireUsable("the height", frame.height);
+  requireUsable("the normal", frame.down);
+  requireUsable("the rotation", frame.turn);
+  if (!(frame.camera(0, 0) > 0.0 && frame.camera(1, 1) > 0.0) || !frame.camera.allFinite()) {
+    throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
+                                std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
+  }
+  requireAtLeastZero("plane_deviation", frame.plane_deviation);
+  if (frame.homography && !frame.homography->allFinite()) {
+    throw std::invalid_argument("the homography has a number that is not finite");
+  }
+}
+
+bool isUsable(const Covariance8& covariance) {
+  if (!covariance.allFinite() || !(covariance.diagonal().minCoeff() > 0.0)) return false;
+  const Eigen::Matrix<double, 8, 1> scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix<double, 8, 8> correlation =
+      scale.asDiagonal() * covariance * scale.asDiagonal();
+  return correlation.llt().info() == Eigen::Success;
+}
+
+}  // namespace motion
+
+std::string whyUnusable(const HeightReading& reading) {
+  if (!(reading.metres > 0.0) || !std::isfinite(reading.metres)) {
+    return "is " + std::to_string(reading.metres) + " m; expected a number above 0";
+  }
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " m; expected a number of at least 0";
+  }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
+  if (!reading.beam_origin.allFinite() || !reading.beam_direction.allFinite()) {
+    return "has a beam that is not finite";
+  }
+  const double length = reading.beam_direction.norm();
+  if (length != 0.0 && !(std::abs(length - 1.0) < 1e-6)) {
+    return "has a beam whose direction has a length of " + std::to_string(length) +
+           "; expected 1, or 0 for none";
+  }
+  return "";
+}
+
+std::string whyUnusable(const DownReading& reading) {
+  if (!(std::abs(reading.direction.norm() - 1.0) < 1e-6)) {
+    return "has a length of " + std::to_string(reading.direction.norm()) + "; expected 1";
+  }
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " rad; expected a number of at least 0";
+  }
+  return "";
+}
+
+std::string whyUnusable(const TurnReading& reading) {
+  const double error =
+      (reading.rotation.transpose() * reading.rotation - Eigen::Matrix3d::Identity()).norm();
+  if (!(error < 1e-6)) return "is not a rotation matrix";
+  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
+    return "has a standard deviation of " + std::to_string(reading.deviation) +
+           " rad; expected a number of at least 0";
+  }
+  return "";
+}
+
+const char* toString(GroundStatus status) {
+  switch (status) {
+    case GroundStatus::ok:
+      return "ok";
+    case GroundStatus::started:
+      return "started";
+    case GroundStatus::resumed:
+      return "resumed";
+    case GroundStatus::no_homography:
+      return "no_homography";
+    case GroundStatus::no_covariance:
+      return "no_covariance";
+    case GroundStatus::no_height:
+      return "no_height";
+    case GroundStatus::no_normal:
+      return "no_normal";
+    case GroundStatus::contradiction:
+      return "contradiction";
+    case GroundStatus::stamp_went_back:
+      return "stamp_went_back";
+    case GroundStatus::not_finite:
+      return "not_finite";
+  }
+  return "unknown";
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,86 @@
+#include "overlay/flow.h"
+
+#include <Eigen/Geometry>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/homography/transform.h"
+#include "core/util/keypoint_position.h"
+#include "overlay/canvas.h"
+#include "overlay/palette.h"
+#include "overlay/text.h"
+
+namespace ktgp_orb::overlay {
+namespace {
+
+using util::imagePoint;
+
+// Positions have a resolution of a sixteenth of a pixel, so that slow motion does not jump.
+constexpr int kFractionBits = 4;
+
+cv::Point subpixel(double x, double y) {
+  constexpr double kUnit = 1 << kFractionBits;
+  return {cvRound(x * kUnit), cvRound(y * kUnit)};
+}
+
+cv::Point subpixel(const cv::Point2f& p) {
+  return subpixel(p.x, p.y);
+}
+
+void drawDots(const FrameView& target, const MatchResult& result, Level level, int radius,
+              cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level != level) continue;
+    const cv::Point2f& at = imagePoint(target.features, c.target_index);
+    cv::circle(canvas, subpixel(at), radius << kFractionBits, lookOf(level).colour, cv::FILLED,
+               cv::LINE_AA, kFractionBits);
+  }
+}
+
+/// A stroke from the old position of a final match to the new one, which has a dot.
+void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
+                 int stroke, cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktgp) continue;
+    const cv::Point from = subpixel(imagePoint(reference.features, c.reference_index));
+    const cv::Point to = subpixel(imagePoint(target.features, c.target_index));
+    cv::line(canvas, from, to, lookOf(c.level).colour, stroke, cv::LINE_AA, kFractionBits);
+    cv::circle(canvas, to, stroke << kFractionBits, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA,
+               kFractionBits);
+  }
+}
+
+/// The border of the reference image mapped by the homography.
+void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
+                 cv::Mat& canvas) {
+  if (result.status != Status::ok) return;
+  const auto corners = homography::imageCorners(reference_size, {});
+  if (!homography::keepsPlaneInView(result.homography, corners)) return;
+  std::vector<cv::Point> outline;
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();
+    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
+    outline.push_back(subpixel(p.x(), p.y()));
+  }
+  cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
+  cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
+}
+
+}  // namespace
+
+void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
+              cv::Mat& canvas) {
+  canvas.create(target.image.size(), CV_8UC3);
+  if (canvas.empty()) return;
+  copyAsBgr(target.image, canvas);
+  canvas.convertTo(canvas, -1, 0.7,
+                   15.0);  // a dark outline keeps white strokes visible on white
+  const Typeface face(canvas.size());
+  for (const Level level : {Level::knn, Level::kt, Level::ktg}) {
+    drawDots(target, result, level, face.stroke(), canvas);
+  }
+  drawOutline(reference.image.size(), result, face.stroke(), canvas);
+  drawStrokes(reference, target, result, face.stroke(), canvas);
+}
+
+}  // namespace ktgp_orb::overlay

@@ -1,0 +1,205 @@
+#include "stabilization/steady_path.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "core/homography/four_point.h"
+#include "core/homography/transform.h"
+#include "stabilization/linear_program.h"
+
+namespace ktgp_orb {
+namespace {
+
+using stabilization::LinearProgram;
+using Corners = std::array<Eigen::Vector2d, 4>;
+using Points = std::vector<Eigen::Vector2d>;
+using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
+
+// Weights of the first, second and third difference, from the paper.
+constexpr double kStanding = 10.0;
+constexpr double kEven = 1.0;
+constexpr double kAccelerating = 100.0;
+/// Weight of the window's own motion where the camera's is not known.
+constexpr double kHolding = 1000.0;
+// How far a corner may leave its place in the window, as a share of the window's half size: the
+// window keeps its shape.
+constexpr double kShape = 0.15;
+// A long recording is solved in parts that overlap: what is far ahead does not matter.
+constexpr std::size_t kPart = 300;     // frames
+constexpr std::size_t kOverlap = 100;  // of them, which the next part solves again
+constexpr std::size_t kKnown = 3;  // last frames of the part before, which the next one continues
+
+/// A point of the window, and its correction in each frame.
+struct Track {
+  Eigen::Vector2d place;  ///< without correction
+  Points low;
+  Points high;
+  Points best;
+};
+
+/// The absolute value of an unknown, as the sum of two variables that are not negative.
+struct Absolute {
+  int plus = 0;
+  int minus = 0;
+};
+/// x and y for each frame; empty where a path begins.
+using Unknowns = std::vector<std::optional<std::array<Absolute, 2>>>;
+
+void addTo(LinearProgram& program, int equation, const Absolute& unknown, double factor) {
+  program.addTerm(equation, unknown.plus, factor);
+  program.addTerm(equation, unknown.minus, -factor);
+}
+
+Absolute newUnknown(LinearProgram& program, double weight) {
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  return {program.addVariable(0.0, kAny, weight), program.addVariable(0.0, kAny, weight)};
+}
+
+Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) {
+  Unknowns found(of.size());
+  for (std::size_t t = 1; t < of.size(); ++t) {
+    if (!of[t] || !of[t - 1]) continue;
+    found[t].emplace();
+    for (std::size_t k = 0; k < 2; ++k) {
+      const int equation = program.addEquation(0.0);
+      (*found[t])[k] = newUnknown(program, weight);
+      addTo(program, equation, (*of[t])[k], 1.0);
+      addTo(program, equation, (*of[t - 1])[k], -1.0);
+      addTo(program, equation, (*found[t])[k], -1.0);
+    }
+  }
+  return found;
+}
+
+/// The motion of the point from frame to frame that remains in the steady picture: where the step
+/// takes it, less where the window has it then. Linear in the corrections.
+Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track, std::size_t begin,
+                 const std::vector<std::array<int, 2>>& corrections) {
+  Unknowns found(corrections.size());
+  for (std::size_t t = 1; t < corrections.size(); ++t) {
+    const auto& step = steps[begin + t];
+    const Eigen::Vector2d& before = track.best[begin + t - 1];
+    Eigen::Vector2d moved = Eigen::Vector2d::Zero();
+    Eigen::Matrix2d slope = Eigen::Matrix2d::Identity();
+    if (step) {
+      slope = homography::jacobianByPoint(*step, track.place + before);
+      moved = homography::project(*step, track.place + before) - track.place - slope * before;
+      found[t].emplace();
+    }
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto row = static_cast<Eigen::Index>(k);
+      const int equation = program.addEquation(moved(row));
+      program.addTerm(equation, corrections[t][k], 1.0);
+      program.addTerm(equation, corrections[t - 1][0], -slope(row, 0));
+      program.addTerm(equation, corrections[t - 1][1], -slope(row, 1));
+      const Absolute motion = newUnknown(program, step ? kStanding : kHolding);
+      addTo(program, equation, motion, 1.0);
+      if (step) (*found[t])[k] = motion;
+    }
+  }
+  return found;
+}
+
+/// Finds the best corrections of the frames from `begin` to before `end`. The first `known` ones
+/// stay.
+void solvePart(const Steps& steps, std::size_t begin, std::size_t end, std::size_t known,
+               Track& track) {
+  LinearProgram program;
+  std::vector<std::array<int, 2>> corrections(end - begin);
+  for (std::size_t t = 0; t < corrections.size(); ++t) {
+    const Points& low = t < known ? track.best : track.low;
+    const Points& high = t < known ? track.best : track.high;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto row = static_cast<Eigen::Index>(k);
+      corrections[t][k] = program.addVariable(low[begin + t](row), high[begin + t](row), 0.0);
+    }
+  }
+  const Unknowns first = motions(program, steps, track, begin, corrections);
+  const Unknowns second = differences(program, first, kEven);
+  differences(program, second, kAccelerating);
+  const std::vector<double> values = program.solve();
+  for (std::size_t t = known; t < corrections.size(); ++t) {
+    const Eigen::Vector2d found(values[static_cast<std::size_t>(corrections[t][0])],
+                                values[static_cast<std::size_t>(corrections[t][1])]);
+    // The solver may be beyond a bound by its tolerance.
+    track.best[begin + t] = found.cwiseMax(track.low[begin + t]).cwiseMin(track.high[begin + t]);
+  }
+}
+
+void solve(const Steps& steps, Track& track) {
+  std::size_t begin = 0;
+  std::size_t known = 0;
+  while (true) {
+    const std::size_t end = std::min(steps.size(), begin + kPart);
+    solvePart(steps, begin, end, known, track);
+    if (end == steps.size()) return;
+    begin = end - kOverlap - kKnown;
+    known = kKnown;
+  }
+}
+
+/// Steps that move the window's plane behind the camera, or mirror it, connect nothing.
+Steps usableSteps(const Steps& steps, const Corners& corners) {
+  Steps usable = steps;
+  for (auto& step : usable) {
+    if (!step) continue;
+    const bool seen = step->allFinite() && homography::scaleLastToOne(*step) &&
+                      homography::keepsPlaneInView(*step, corners);
+    if (!seen) step.reset();
+  }
+  if (!usable.empty()) usable.front().reset();
+  return usable;
+}
+
+}  // namespace
+
+bool hasSteadyPath() {
+  return stabilization::hasLinearProgram();
+}
+
+std::vector<Eigen::Matrix3d> steadyPath(const Steps& all_steps, const cv::Size& size,
+                                        double max_crop) {
+  if (!(max_crop >= 0.01 && max_crop <= 0.4)) {
+    throw std::invalid_argument("max_crop is " + std::to_string(max_crop) +
+                                "; expected a value in [0.01, 0.4]");
+  }
+  const Corners corners = homography::imageCorners(size, {});
+  const Steps steps = usableSteps(all_steps, corners);
+  const std::size_t count = steps.size();
+  if (count == 0) return {};
+  const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
+  const Eigen::Vector2d margin = 2.0 * max_crop * centre;
+  const Eigen::Vector2d shape = kShape * (centre - margin);
+
+  Track middle{centre, Points(count, -margin), Points(count, margin),
+               Points(count, Eigen::Vector2d::Zero())};
+  solve(steps, middle);
+  std::array<Track, 4> window;
+  for (std::size_t i = 0; i < window.size(); ++i) {
+    window[i] = middle;
+    window[i].place = centre + (1.0 - 2.0 * max_crop) * (corners[i] - centre);
+    for (std::size_t t = 0; t < count; ++t) {
+      window[i].low[t] = (middle.best[t] - shape).cwiseMax(-margin);
+      window[i].high[t] = (middle.best[t] + shape).cwiseMin(margin);
+    }
+    solve(steps, window[i]);
+  }
+
+  const double area = static_cast<double>(size.area());
+  std::vector<Eigen::Matrix3d> warps(count);
+  for (std::size_t t = 0; t < count; ++t) {
+    Corners seen;
+    for (std::size_t i = 0; i < seen.size(); ++i) seen[i] = window[i].place + window[i].best[t];
+    // Fails only for an image of no area, which is left as it is.
+    warps[t].setIdentity();
+    homography::solveFourPoints(seen, corners, 1e-6 * area, 1e-6 * area, warps[t]);
+    warps[t] /= warps[t](2, 2);
+  }
+  return warps;
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,170 @@
+#include "targets/appearance.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr int kSide = 8;         // px of a block
+constexpr int kMostBlocks = 16;  // along a side of the picture
+constexpr float kAlike = 0.7F;   // correlation
+constexpr int kDecoyReach = 2;   // blocks
+
+/// log10 of Chernoff's bound for `hits` or more of `count`, each with probability `chance`.
+double logTail(double hits, double count, double chance) {
+  const double share = hits / count;
+  if (share <= chance) return 0.0;
+  double divergence = share * std::log(share / chance);
+  if (share < 1.0) divergence += (1.0 - share) * std::log((1.0 - share) / (1.0 - chance));
+  return -count * divergence / std::log(10.0);
+}
+
+int blocksAlong(double length) {
+  return std::clamp(static_cast<int>(length / kSide), 3, kMostBlocks);
+}
+
+/// Sixteen sums, one per column, which become vector code: a single sum must keep its order.
+float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]) {
+  constexpr int kColumns = 16;
+  float sums[kColumns] = {};
+  for (int i = 0; i < kSide * kSide; i += kColumns) {
+    for (int k = 0; k < kColumns; ++k) sums[k] += a[i + k] * b[i + k];
+  }
+  float total = 0.F;
+  for (const float sum : sums) total += sum;
+  return total;
+}
+
+cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
+  return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)};
+}
+
+}  // namespace
+
+/// Both on one canvas, no finer than the picture is seen in the frame.
+void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+                        const std::vector<cv::Mat>& pyramid, double scale_factor) {
+  const cv::Size& whole = picture.image.size();
+  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
+  const double across = jacobian.col(0).norm() * whole.width;
+  const double down = jacobian.col(1).norm() * whole.height;
+  columns_ = blocksAlong(across);
+  rows_ = blocksAlong(down);
+  const cv::Size size(columns_ * kSide, rows_ * kSide);
+  shrink(picture, size, cv::INTER_LINEAR, picture_);
+
+  const Eigen::Matrix3d to_picture = homography::resizing(size, whole);
+  const double finer = std::min(across / size.width, down / size.height);  // than the canvas
+  const auto finest = static_cast<std::size_t>(
+      std::max(0.0, std::floor(std::log(std::max(finer, 1.0)) / std::log(scale_factor))));
+  const cv::Mat& level = pyramid[std::min(finest, pyramid.size() - 1)];
+  const Eigen::Matrix3d to_level = homography::resizing(pyramid[0].size(), level.size());
+  cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture), size,
+                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, 0);
+}
+
+void Appearance::cut(const cv::Mat& image, float least_deviation,
+                     std::vector<Block>& blocks) const {
+  blocks.resize(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_));
+  std::size_t number = 0;
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      Block& block = blocks[number++];
+      float sum = 0.F;
+      std::size_t i = 0;
+      for (int y = 0; y < kSide; ++y) {
+        const auto* line = image.ptr<std::uint8_t>(row * kSide + y, column * kSide);
+        for (int x = 0; x < kSide; ++x) {
+          block.values[i++] = line[x];
+          sum += line[x];
+        }
+      }
+      const float mean = sum / (kSide * kSide);
+      float squares = 0.F;
+      for (float& value : block.values) {
+        value -= mean;
+        squares += value * value;
+      }
+      const float length = std::sqrt(squares);
+      block.has_texture = length > least_deviation * kSide;
+      for (float& value : block.values) value /= std::max(length, 1e-3F);
+    }
+  }
+}
+
+/// Blocks whose middle is in the frame.
+void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture,
+                          const cv::Size& frame) {
+  std::size_t number = 0;
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const Eigen::Vector2d p =
+          homography::project(homography, {(column + 0.5) * picture.width / columns_ - 0.5,
+                                           (row + 0.5) * picture.height / rows_ - 0.5});
+      of_frame_[number++].is_seen =
+          p.x() >= 0.0 && p.y() >= 0.0 && p.x() <= frame.width - 1.0 && p.y() <= frame.height - 1.0;
+    }
+  }
+}
+
+Appearance::Similarity Appearance::compare(const TargetPicture& picture,
+                                           const Eigen::Matrix3d& homography,
+                                           const std::vector<cv::Mat>& pyramid, double scale_factor,
+                                           double tests) {
+  constexpr float kPictureDeviation = 6.F;  // grey values
+  constexpr float kFrameDeviation = 3.F;
+  constexpr double kAboveLargest = 1.5;
+  constexpr double kFewest = 6.0;
+  constexpr double kFewestToDiffer = 12.0;
+  constexpr double kLeastShare = 0.3;  // of the blocks in view; the others may be hidden
+  sample(picture, homography, pyramid, scale_factor);
+  cut(picture_, kPictureDeviation, of_picture_);
+  cut(frame_, kFrameDeviation, of_frame_);
+  markSeen(homography, picture.image.size(), pyramid[0].size());
+
+  double own_hits = 0.0, own_count = 0.0, hits = 1.0, count = 1.0, largest = 0.0;
+  for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {
+    for (int dx = -kDecoyReach; dx <= kDecoyReach; ++dx) {
+      double here = 0.0, pairs = 0.0;
+      for (int y = std::max(0, -dy); y < std::min(rows_, rows_ - dy); ++y) {
+        for (int x = std::max(0, -dx); x < std::min(columns_, columns_ - dx); ++x) {
+          const Block& a = of_picture_[blockAt(x, y)];
+          const Block& b = of_frame_[blockAt(x + dx, y + dy)];
+          if (!a.has_texture || !b.is_seen) continue;
+          pairs += 1.0;
+          if (!b.has_texture) continue;
+          if (productOf(a.values, b.values) > kAlike) here += 1.0;
+        }
+      }
+      if (dx == 0 && dy == 0) {
+        own_hits = here;
+        own_count = pairs;
+        continue;
+      }
+      hits += here;
+      count += pairs;
+      if (pairs >= kFewest) largest = std::max(largest, here / pairs);
+    }
+  }
+  Similarity similarity;
+  similarity.agreement = own_hits / std::max(own_count, 1.0);
+  similarity.differs = own_count >= kFewestToDiffer && similarity.agreement < kLeastShare;
+  const double least_share = std::max(kLeastShare, kAboveLargest * largest);
+  if (own_hits < kFewest || similarity.agreement < least_share) {
+    similarity.log_false_alarms = std::numeric_limits<double>::infinity();
+    return similarity;
+  }
+  const double chance = std::min(hits / count, 0.999);
+  similarity.log_false_alarms = std::log10(tests) + logTail(own_hits, own_count, chance);
+  return similarity;
+}
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "targets/target_picture.h"
+
+namespace ktgp_orb::targets {
+
+/// Compares a picture with the frame under a homography, block by block, by the correlation of grey
+/// values. Chance is measured: how often a block of the picture looks like one of the frame's
+/// blocks near its own place. So blocks that all look alike, as in a repetitive picture, are no
+/// evidence. Keeps its buffers.
+class Appearance {
+ public:
+  struct Similarity {
+    /// log10 of the expected number of pictures that look as similar by chance.
+    double log_false_alarms = 0.0;
+    double agreement = 0.0;  ///< share of the blocks in view that look alike, 0..1
+    bool differs = false;    ///< most blocks in view have texture and do not look alike
+  };
+
+  /// `pyramid`: of the frame, neighbouring levels differ by `scale_factor`. `tests`: how many
+  /// pictures and homographies are compared in all.
+  Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+                     const std::vector<cv::Mat>& pyramid, double scale_factor, double tests);
+
+ private:
+  struct Block {
+    bool has_texture = false;
+    bool is_seen = true;  // in the frame
+    float values[64];     // mean 0, length 1
+  };
+  void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+              const std::vector<cv::Mat>& pyramid, double scale_factor);
+  void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;
+  void markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture, const cv::Size& frame);
+
+  std::size_t blockAt(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
+  int columns_ = 0;
+  int rows_ = 0;
+  cv::Mat picture_, frame_;
+  std::vector<Block> of_picture_, of_frame_;
+};
+
+}  // namespace ktgp_orb::targets

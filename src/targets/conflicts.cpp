@@ -1,0 +1,112 @@
+#include "targets/conflicts.h"
+
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+using Outline = std::vector<cv::Point2f>;
+
+/// Of the pairs it was found by, how many lie within the outline.
+std::size_t countInside(const FoundTarget& one, const Outline& outline) {
+  const std::vector<Eigen::Vector2d>& points = one.found.pairs.target;
+  return static_cast<std::size_t>(
+      std::count_if(points.begin(), points.end(), [&](const Eigen::Vector2d& p) {
+        const cv::Point2f point(static_cast<float>(p.x()), static_cast<float>(p.y()));
+        return cv::pointPolygonTest(outline, point, false) >= 0.0;
+      }));
+}
+
+/// Of the box around the points, px².
+double areaOf(const std::vector<Eigen::Vector2d>& points) {
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& p : points) box.extend(p);
+  return box.volume();
+}
+
+/// Whether the points by which it was found are spread over most of its picture.
+bool coversPicture(const FoundTarget& one, TargetStore& store) {
+  constexpr double kShare = 0.6;  // of the area
+  return areaOf(one.found.pairs.reference) >
+         kShare * store.picture(one.picture).image.size().area();
+}
+
+Outline outlineOf(const cv::Size& image, const Eigen::Matrix3d& homography) {
+  Outline outline;
+  for (const Eigen::Vector2d& p : homography::imageCorners(image, {})) {
+    const Eigen::Vector2d q = homography::project(homography, p);
+    outline.emplace_back(static_cast<float>(q.x()), static_cast<float>(q.y()));
+  }
+  return outline;
+}
+
+Outline outlineOf(const FoundTarget& one, TargetStore& store) {
+  return outlineOf(store.picture(one.picture).image.size(), one.found.estimate.homography);
+}
+
+/// Whether chance explains `one` clearly less. Where only a part that both have is seen, both have
+/// nearly the same support, and it could be either.
+bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
+  constexpr double kRatio = 0.8;
+  return other.found.log_false_alarms > kRatio * one.found.log_false_alarms;
+}
+
+/// Whether it looks less like its picture than `around` does, although light and blur are the same.
+bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
+  constexpr double kRatio = 0.8;
+  return one.found.agreement < kRatio * around.found.agreement;
+}
+
+/// Whether the points by which it was found are spread over most of the part of its picture that
+/// has keypoints.
+bool coversTexture(const FoundTarget& one, TargetStore& store) {
+  constexpr double kShare = 0.6;  // of the area
+  const TargetPicture& picture = store.picture(one.picture);
+  Eigen::AlignedBox2d all;
+  for (std::size_t i = 0; i < picture.own; ++i) {
+    const growth::LocalFrame& keypoint = picture.frames.frames()[i];
+    all.extend(Eigen::Vector2d(keypoint.x, keypoint.y));
+  }
+  return areaOf(one.found.pairs.reference) > kShare * all.volume();
+}
+
+/// Whether they have more than `share` of the larger one in common.
+bool areInOnePlace(const Outline& a, const Outline& b, double share) {
+  Outline common;
+  return cv::intersectConvexConvex(a, b, common) >
+         share * std::max(cv::contourArea(a), cv::contourArea(b));
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store) {
+  constexpr double kMost = 0.7;       // of the points, within the other one
+  constexpr double kSamePlace = 0.5;  // of the area
+  std::vector<std::uint8_t> is_doubtful(found.size(), 0);
+  std::vector<Outline> outlines;
+  outlines.reserve(found.size());
+  for (const FoundTarget& one : found) outlines.push_back(outlineOf(one, store));
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t j = 0; j < found.size(); ++j) {
+      if (found[j].target == found[i].target) continue;
+      if (isClearlyBetter(found[j], found[i])) continue;
+      const double inside = static_cast<double>(countInside(found[j], outlines[i]));
+      const bool is_part = inside >= kMost * static_cast<double>(found[j].found.pairs.size()) &&
+                           (!coversPicture(found[j], store) || agreesLess(found[j], found[i]));
+      if (is_part || areInOnePlace(outlines[i], outlines[j], kSamePlace)) is_doubtful[j] = 1;
+    }
+  }
+  return is_doubtful;
+}
+
+bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store) {
+  constexpr double kShare = 0.6;
+  return coversTexture(found, store) &&
+         areInOnePlace(outlineOf(found, store), outlineOf(size, Eigen::Matrix3d::Identity()),
+                       kShare);
+}
+
+}  // namespace ktgp_orb::targets

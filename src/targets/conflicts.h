@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "targets/frame_search.h"
+
+namespace ktgp_orb::targets {
+
+/// Which of the targets are doubtful (non-zero), since another one explains the same part of the
+/// frame with as much support or nearly so (FoundPicture::log_false_alarms). This is so in two
+/// cases:
+/// - Both pictures have a part in common, such as a logo, and only this part of the doubtful one is
+///   seen, within the other one. (A target that lies on another one is seen as a whole and looks
+///   like its picture as much as the other one does; one below it is seen outside of it.)
+/// - Both cover nearly the same part of the frame.
+std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);
+
+/// Whether the target and an image of `size`, in which it was found, show nearly the same part of
+/// the scene, and not only have a part in common.
+bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store);
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+#include "ktgp_orb/features.h"
+#include "targets/frame_tables.h"
+#include "targets/picture_search.h"
+#include "targets/seeds.h"
+#include "targets/target_store.h"
+
+namespace ktgp_orb::targets {
+
+/// A target that may be in the frame: some of its pairs of keypoints agree with each other.
+struct Candidate {
+  StoredTarget* target;
+  std::int32_t votes;  ///< of its best seed
+};
+
+/// A target in the frame.
+struct FoundTarget {
+  StoredTarget* target = nullptr;
+  std::uint32_t picture = 0;
+  bool predicted = false;
+  FoundPicture found;
+};
+
+/// Searches targets in one frame. What is found for a target depends only on this target and the
+/// frame. Keeps its buffers.
+class FrameSearch {
+ public:
+  FrameSearch(const TargetFinderOptions& options, TargetStore& store)
+      : options_(options),
+        store_(store),
+        tables_(kKeyBits),
+        thorough_tables_(kThoroughKeyBits),
+        whole_(options.orb.scale_factor),
+        rest_(options.orb.scale_factor) {}
+
+  /// `features` must live until the last search in this frame.
+  void setFrame(const Features& features);
+
+  /// Looks at most `count` keypoints up in the index of all targets, from number `turn` of a fixed
+  /// order on. Keypoints that follow each other in this order lie in different parts of the frame.
+  void lookUp(std::size_t turn, std::size_t count);
+  /// The targets that may be in the frame, according to the keypoints looked up so far; in the
+  /// order of their pictures' numbers.
+  const std::vector<Candidate>& candidates();
+
+  /// Appends all instances of the target.
+  void search(StoredTarget& target, std::vector<FoundTarget>& found);
+  /// Looks for one more instance near a prediction (picture's `image` -> frame, px), apart from
+  /// those of this target in `found`; appends it.
+  void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
+                  std::vector<FoundTarget>& found);
+
+ private:
+  static constexpr int kKeyBits = 13;
+  static constexpr int kThoroughKeyBits = 11;  // four times as many comparisons
+
+  bool searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
+  bool searchOnce(StoredTarget& target, FoundTarget& result);
+  void take(const FoundTarget& found);
+  void setRest();
+
+  const TargetFinderOptions& options_;
+  TargetStore& store_;
+  const Features* features_ = nullptr;
+  std::vector<growth::LocalFrame> frames_;  // of the features
+  std::vector<growth::Bits> bits_;          // descriptors of the features
+  FrameTables tables_;
+  FrameTables thorough_tables_;  // set for the frame when they are needed
+  bool is_thorough_set_ = false;
+  std::size_t step_ = 1;  // from one keypoint to the next one that is looked up
+  std::vector<std::uint32_t> queries_;
+  std::vector<IndexHit> hits_;                // what the index returned
+  std::vector<std::vector<IndexHit>> pairs_;  // for each picture of one target
+  std::vector<Candidate> candidates_;
+  Seeds seeds_;
+  std::int32_t most_votes_ = 0;      // of a seed, in the last searchWith()
+  PictureSearch whole_;              // searches all features
+  PictureSearch rest_;               // searches those that are not taken
+  std::vector<std::uint8_t> taken_;  // non-zero: the feature belongs to an instance that was found
+  Features rest_features_;
+  std::vector<std::int32_t> rest_numbers_;  // of these in the whole frame
+};
+
+}  // namespace ktgp_orb::targets

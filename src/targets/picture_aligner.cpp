@@ -1,0 +1,161 @@
+#include "targets/picture_aligner.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr double kPatchStep = 8.0;   // px of the small picture, from patch to patch: half of one
+constexpr double kPatchReach = 4.0;  // px
+constexpr int kMargin = 8;           // px around the small picture, for what is read beside a patch
+constexpr std::size_t kFewestPatches = 12;
+
+UncertainHomography exact(const Eigen::Matrix3d& homography) {
+  UncertainHomography result;
+  result.homography = homography;
+  return result;
+}
+
+}  // namespace
+
+PictureAligner::PictureAligner() : aligner_(alignment::bestAlignmentKernels()), small_(1) {}
+
+void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matrix3d& homography) {
+  const cv::Size whole = picture.image.size();
+  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
+  const auto side = [](double stretch, int length) {
+    return std::max(1, cvRound(std::min(1.0, stretch) * length));
+  };
+  const cv::Size size(side(jacobian.col(0).norm(), whole.width),
+                      side(jacobian.col(1).norm(), whole.height));
+  shrink(picture, size, cv::INTER_AREA, shrunk_);
+  cv::copyMakeBorder(shrunk_, small_[0], kMargin, kMargin, kMargin, kMargin, cv::BORDER_REPLICATE);
+  size_ = size;
+}
+
+bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
+                          const Eigen::Vector2d& centre, const Eigen::Matrix3d& map,
+                          UncertainHomography& estimate) {
+  constexpr double kFirstReach = 24.0;  // px of the small picture
+  constexpr double kReachFactor = 1.4;
+  constexpr std::size_t kFewestForHomography = 40;
+  constexpr double kScale = 1.0;  // px
+  setPicture(picture, map);
+  aligner_.setImages(small_, frame);
+  const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
+  const Eigen::Vector2d from = homography::project(to_small, centre);
+  const double all = std::hypot(size_.width, size_.height);
+  Eigen::Matrix3d of_small = map * to_small.inverse();
+  for (double reach = kFirstReach; reach < all * kReachFactor; reach *= kReachFactor) {
+    if (!alignNear(from, reach, kPatchStep, of_small)) return false;
+    pairs_.clear();
+    for (std::size_t i = 0; i < reference_.size(); ++i) {
+      pairs_.push_back({reference_[i], target_[i]});
+    }
+    const bool is_fitted = (pairs_.size() >= kFewestForHomography &&
+                            growth::fitHomography(pairs_, kScale, of_small)) ||
+                           growth::fitAffine(pairs_, kScale, of_small);
+    if (!is_fitted) return false;
+  }
+  UncertainHomography grown = exact(of_small / of_small(2, 2));
+  if (!alignNear(from, all, kPatchStep, of_small) || !refine(grown)) return false;
+  estimate = homography::chained(grown, exact(to_small));
+  return true;
+}
+
+bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::Mat>& frame,
+                           UncertainHomography& estimate, PointPairs& pairs) {
+  setPicture(picture, estimate.homography);
+  aligner_.setImages(small_, frame);
+  const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
+  const Eigen::Matrix3d to_picture = to_small.inverse();
+  UncertainHomography of_small = exact(estimate.homography * to_picture);
+  of_small.homography /= of_small.homography(2, 2);
+  const double all = std::hypot(size_.width, size_.height);
+  // The last round warps the patches by a better homography. A quarter of the patches gives it, if
+  // the picture has so many.
+  const auto improve = [&](double step) {
+    return alignNear({0.0, 0.0}, all, step, of_small.homography) && refine(of_small);
+  };
+  if (!improve(2.0 * kPatchStep) && !improve(kPatchStep)) return false;
+  if (!improve(kPatchStep)) return false;
+  estimate = homography::chained(of_small, exact(to_small));
+  pairs.clear();
+  const double near = nearOf(of_small.homography);
+  for (std::size_t i = 0; i < reference_.size(); ++i) {
+    if (!(homography::errorOf(of_small.homography, reference_[i], target_[i]) < near)) continue;
+    pairs.reference.push_back(homography::project(to_picture, reference_[i]));
+    pairs.target.push_back(target_[i]);
+    pairs.quality.push_back(0.5);  // all are equally good
+  }
+  return true;
+}
+
+/// Largest error of a patch that agrees with the homography, px; the others found something else.
+double PictureAligner::nearOf(const Eigen::Matrix3d& homography) {
+  constexpr double kTimesMedian = 3.0;
+  constexpr double kLeast = 0.3;  // px
+  errors_.clear();
+  for (std::size_t i = 0; i < reference_.size(); ++i) {
+    errors_.push_back(homography::errorOf(homography, reference_[i], target_[i]));
+  }
+  const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(errors_.size() / 2);
+  std::nth_element(errors_.begin(), middle, errors_.end());
+  return std::max(kLeast, kTimesMedian * *middle);
+}
+
+/// Whether a patch of the frame shows nothing but the picture.
+bool PictureAligner::isInside(const Eigen::Matrix3d& map, const Eigen::Vector2d& point) const {
+  constexpr double kHalf = 0.5 * alignment::kPatchSide;
+  const Eigen::Matrix2d back = homography::jacobianByPoint(map, point).inverse();
+  const Eigen::Vector2d margin = back.cwiseAbs() * Eigen::Vector2d(kHalf, kHalf);
+  return point.x() > margin.x() && point.y() > margin.y() &&
+         point.x() < size_.width - 1.0 - margin.x() && point.y() < size_.height - 1.0 - margin.y();
+}
+
+/// Aligns the patches, `step` px apart, within `reach` px of `centre`. False if too few, or too
+/// small a part of those that could be, were found again. `map`: small picture -> frame.
+bool PictureAligner::alignNear(const Eigen::Vector2d& centre, double reach, double step,
+                               const Eigen::Matrix3d& map) {
+  constexpr double kLeastShare = 0.3;
+  reference_.clear();
+  target_.clear();
+  std::size_t tried = 0;
+  const Eigen::Vector2d border(kMargin, kMargin);
+  Eigen::Matrix3d of_bordered = map;
+  of_bordered.col(2) -= map.leftCols<2>() * border;
+  for (double y = kPatchStep; y < size_.height; y += step) {
+    for (double x = kPatchStep; x < size_.width; x += step) {
+      const Eigen::Vector2d point(x, y);
+      if ((point - centre).squaredNorm() > reach * reach || !isInside(map, point)) continue;
+      const alignment::AlignedPatch patch =
+          aligner_.align(of_bordered, point + border, kPatchReach);
+      using alignment::PatchOutcome;
+      if (patch.outcome == PatchOutcome::outside || patch.outcome == PatchOutcome::textureless) {
+        continue;
+      }
+      ++tried;
+      if (patch.outcome != PatchOutcome::aligned) continue;
+      reference_.push_back(patch.reference - border);
+      target_.push_back(patch.target);
+    }
+  }
+  return reference_.size() >= kFewestPatches &&
+         static_cast<double>(reference_.size()) >= kLeastShare * static_cast<double>(tried);
+}
+
+/// By the patches last aligned.
+bool PictureAligner::refine(UncertainHomography& estimate) {
+  constexpr double kMaxError = 3.0;  // px
+  return refiner_.refine(reference_, target_, size_,
+                         homography::evidenceOfPatches(kMaxError, size_), estimate);
+}
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,361 @@
+#include "targets/picture_search.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr float kFirstRadius = 16.F;    // px
+constexpr float kRadiusAfterFit = 7.F;  // a fit to many seeds predicts better
+constexpr float kSettleRadius = 10.F;
+constexpr float kLastRadius = 4.F;
+constexpr float kRadiusFactor = 0.83F;  // per round
+constexpr double kFirstReach = 90.0;    // px of the picture
+constexpr double kReachFactor = 1.4;
+constexpr int kRounds = 7;
+constexpr std::size_t kFewestPairs = 8;
+
+constexpr double kLogMaxFalseAlarms = -8.0;
+
+/// Wrong seeds, which take most of the time, seldom have so many.
+std::size_t fewestExact(int round) {
+  return std::min<std::size_t>(3 + static_cast<std::size_t>(round), kFewestPairs);
+}
+
+Eigen::Vector2d middleOf(const cv::Size& size) {
+  return {0.5 * (size.width - 1), 0.5 * (size.height - 1)};
+}
+
+/// The shorter side of the picture in the frame, about; px.
+float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middleOf(size));
+  const double across = jacobian.col(0).norm() * size.width;
+  const double down = jacobian.col(1).norm() * size.height;
+  return static_cast<float>(std::min(across, down));
+}
+
+float medianOf(std::vector<float>& values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+}  // namespace
+
+PictureSearch::PictureSearch(double scale_factor) : scale_factor_(scale_factor) {}
+
+void PictureSearch::setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
+                             const std::vector<cv::Mat>& images) {
+  matcher_.setTarget(features);
+  images_ = images;
+  numbers_ = numbers;
+}
+
+bool PictureSearch::isExplained(const Seed& seed) const {
+  constexpr double kNear = 10.0;        // px
+  constexpr std::ptrdiff_t kTwice = 2;  // the first one may have grown from an unlucky pair
+  return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
+           return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
+                  kNear;
+         }) >= kTwice;
+}
+
+bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
+                              std::size_t pictures, FoundPicture& found) {
+  tried_.clear();
+  int count = 0;
+  for (const Seed& seed : seeds) {
+    if (count == kMostSeeds) return false;
+    if (isExplained(seed)) continue;
+    ++count;
+    const Eigen::Vector2d centre = seed.from.cast<double>();
+    const Eigen::Matrix3d affine = affineOf(seed, seeds);
+    Eigen::Matrix3d map = affine;
+    if (fitSeeds(seeds, map) && settle(picture, centre, kRadiusAfterFit, map) &&
+        accept(picture, map, pictures, found)) {
+      return true;
+    }
+    if (grow(picture, centre, pictures, affine, found)) return true;
+    if (growByImages(picture, centre, pictures, affine, found)) return true;
+  }
+  return false;
+}
+
+/// Where many seeds agree, they give the homography at once, without growth from one of them.
+bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map) {
+  constexpr std::size_t kMany = 24;
+  for (const float radius : {kFirstRadius, 0.5F * kFirstRadius}) {
+    near_pairs_.clear();
+    for (const Seed& seed : seeds) {
+      const Eigen::Vector2d from = seed.from.cast<double>();
+      const Eigen::Vector2d to = seed.to.cast<double>();
+      if (homography::errorOf(map, from, to) < radius) near_pairs_.push_back({from, to});
+    }
+    if (near_pairs_.size() < kMany || !refit(radius, map)) return false;
+  }
+  return true;
+}
+
+/// Moves the prediction to where most keypoints within the radius are, then grows it.
+bool PictureSearch::fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction,
+                                   float radius, std::size_t pictures, FoundPicture& found) {
+  constexpr std::size_t kFewest = 6;
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  const Eigen::Vector2d middle = middleOf(picture.image.size());
+  tried_.clear();
+  if (!picture.frames.predict(prediction, middle, kEverywhere, matcher_.imageSize(),
+                              predictions_)) {
+    return false;
+  }
+  matcher_.match(predictions_, picture.frames.bits(), {}, radius, near_);
+  if (near_.size() < kFewest) return false;
+  shift_x_.clear();
+  shift_y_.clear();
+  for (const growth::LocalMatch& match : near_) {
+    const growth::LocalFrame& from =
+        picture.frames.frames()[static_cast<std::size_t>(match.reference)];
+    const growth::LocalFrame& to = matcher_.frame(match.target);
+    const Eigen::Vector2d p = homography::project(prediction, {from.x, from.y});
+    shift_x_.push_back(to.x - static_cast<float>(p.x()));
+    shift_y_.push_back(to.y - static_cast<float>(p.y()));
+  }
+  Eigen::Matrix3d map = prediction;
+  map.row(0) += static_cast<double>(medianOf(shift_x_)) * map.row(2).eval();
+  map.row(1) += static_cast<double>(medianOf(shift_y_)) * map.row(2).eval();
+  return grow(picture, middle, pictures, map, found);
+}
+
+/// The matches near the positions that the map predicts.
+bool PictureSearch::matchNear(TargetPicture& picture, const Eigen::Matrix3d& map,
+                              const Eigen::Vector2d& centre, double reach, float radius) {
+  growth::ReferenceFrames& frames = picture.frames;
+  if (!frames.predict(map, centre, reach, matcher_.imageSize(), predictions_)) return false;
+  matcher_.match(predictions_, frames.bits(), {}, radius, near_);
+  near_pairs_.clear();
+  for (const growth::LocalMatch& match : near_) {
+    const growth::LocalFrame& from = frames.frames()[static_cast<std::size_t>(match.reference)];
+    const growth::LocalFrame& to = matcher_.frame(match.target);
+    near_pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
+  }
+  return near_pairs_.size() >= kFewestPairs;
+}
+
+/// Those of the last matchNear() that are within the last radius.
+std::size_t PictureSearch::exactPairs() const {
+  constexpr float kSquared = kLastRadius * kLastRadius;
+  return static_cast<std::size_t>(std::count_if(
+      near_.begin(), near_.end(),
+      [](const growth::LocalMatch& match) { return match.squared_error < kSquared; }));
+}
+
+/// Grows the region around the centre where the map holds. Unlike growth::Grower it does not need
+/// many matches, since a target may be small in the frame; the images decide later.
+bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre,
+                           Eigen::Matrix3d& map) {
+  double reach = kFirstReach;
+  float radius = kFirstRadius;
+  const cv::Size& size = picture.image.size();
+  const double all = Eigen::Vector2d(std::max(centre.x(), size.width - centre.x()),
+                                     std::max(centre.y(), size.height - centre.y()))
+                         .norm();
+  for (int round = 0; round < kRounds && (reach < all || radius > kSettleRadius); ++round) {
+    if (!matchNear(picture, map, centre, reach, radius)) return false;
+    if (exactPairs() < fewestExact(round) || !refit(radius, map)) return false;
+    reach *= kReachFactor;
+    radius = std::max(kLastRadius, radius * kRadiusFactor);
+  }
+  return settle(picture, centre, kFirstRadius, map);
+}
+
+/// The whole picture. Parts that were out of reach so far may be off by `radius` px.
+bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
+                           Eigen::Matrix3d& map) {
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  for (; radius >= kLastRadius; radius *= 0.5F) {
+    if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
+    if (!refit(radius, map)) return false;
+  }
+  return matchNear(picture, map, centre, kEverywhere, kLastRadius);
+}
+
+bool PictureSearch::refit(float radius, Eigen::Matrix3d& map) const {
+  constexpr std::size_t kFewestForHomography = 12;
+  const double scale = 0.5 * radius;
+  if (near_pairs_.size() >= kFewestForHomography &&
+      growth::fitHomography(near_pairs_, scale, map)) {
+    return true;
+  }
+  return growth::fitAffine(near_pairs_, scale, map);
+}
+
+bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
+                         std::size_t pictures, Eigen::Matrix3d map, FoundPicture& found) {
+  if (!expand(picture, centre, map)) return false;
+  tried_.push_back(map);
+  return accept(picture, map, pictures, found);
+}
+
+/// From the patches around the seed to the whole picture; for pictures that have few keypoints, or
+/// few that are found again in this view.
+bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
+                                 std::size_t pictures, const Eigen::Matrix3d& map,
+                                 FoundPicture& found) {
+  constexpr double kEverywhere = std::numeric_limits<float>::max();
+  if (images_.empty() || !aligner_.grow(picture, images_, centre, map, found.estimate)) {
+    return false;
+  }
+  if (!homography::keepsPlaneInView(found.estimate.homography,
+                                    homography::imageCorners(picture.image.size(), {}))) {
+    return false;
+  }
+  if (!matchNear(picture, found.estimate.homography, centre, kEverywhere, kLastRadius))
+    return false;
+  takePairs(found);
+  return isSeen(picture, pictures, found);
+}
+
+/// Fits the homography to what the grower has just found, and judges it: by the images or, where
+/// these do not tell, by decoys of the keypoints.
+bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
+                           FoundPicture& found) {
+  if (!fit(picture, map, found)) return false;
+  if (isSeen(picture, pictures, found)) return true;
+  if (!final_.trusted) return false;
+  // A copy beside this one is no period of the picture.
+  const float longest_period = 0.6F * extentOf(map, picture.image.size());
+  const growth::Judgement judgement = verdict_.judge(predictions_, picture.frames, kFirstRadius,
+                                                     kAllSeeds, matcher_, longest_period);
+  found.log_false_alarms = judgement.log_false_alarms + std::log10(static_cast<double>(pictures));
+  return found.log_false_alarms < kLogMaxFalseAlarms;
+}
+
+Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, std::size_t pictures,
+                                                 const FoundPicture& found) {
+  const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
+  if (images_.empty()) return {};
+  return appearance_.compare(picture, found.estimate.homography, images_, scale_factor_, tests);
+}
+
+/// Whether the images say so.
+bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
+                           FoundPicture& found) {
+  const Appearance::Similarity seen = similarity(picture, pictures, found);
+  found.log_false_alarms = seen.log_false_alarms;
+  found.agreement = seen.agreement;
+  return found.log_false_alarms < kLogMaxFalseAlarms;
+}
+
+bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
+                            FoundPicture& found) {
+  constexpr double kMuch = 0.6;
+  if (found.agreement >= kMuch) return true;
+  const Appearance::Similarity seen = similarity(picture, pictures, found);
+  found.log_false_alarms = std::min(found.log_false_alarms, seen.log_false_alarms);
+  found.agreement = seen.agreement;
+  return !seen.differs;
+}
+
+/// The homography of maximum likelihood. False if it is not a view of the whole picture.
+bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
+                        FoundPicture& found) {
+  takePairs(found);
+  const cv::Size size = picture.image.size();
+  found.estimate = {};
+  found.estimate.homography = map / map(2, 2);
+  homography::EvidenceOptions evidence;
+  evidence.max_error = growth::Verdict::kRadius;
+  evidence.by_cell = true;
+  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
+    return false;
+  }
+  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
+  dropOutliers(found);
+  return found.pairs.size() >= kFewestPairs &&
+         homography::keepsPlaneInView(found.estimate.homography,
+                                      homography::imageCorners(size, {}));
+}
+
+/// Those of the last matchNear().
+void PictureSearch::takePairs(FoundPicture& found) const {
+  found.aligned = false;
+  found.pairs.clear();
+  found.keypoints.clear();
+  for (std::size_t i = 0; i < near_pairs_.size(); ++i) {
+    found.pairs.reference.push_back(near_pairs_[i].reference);
+    found.pairs.target.push_back(near_pairs_[i].target);
+    found.pairs.quality.push_back(near_[i].distance / 256.0);
+    const std::int32_t keypoint = near_[i].target;
+    found.keypoints.push_back(numbers_.empty() ? keypoint
+                                               : numbers_[static_cast<std::size_t>(keypoint)]);
+  }
+}
+
+void PictureSearch::dropOutliers(FoundPicture& found) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < found.pairs.size(); ++i) {
+    if (final_.mask[i] == 0) continue;
+    found.pairs.reference[kept] = found.pairs.reference[i];
+    found.pairs.target[kept] = found.pairs.target[i];
+    found.pairs.quality[kept] = found.pairs.quality[i];
+    found.keypoints[kept++] = found.keypoints[i];
+  }
+  found.pairs.reference.resize(kept);
+  found.pairs.target.resize(kept);
+  found.pairs.quality.resize(kept);
+  found.keypoints.resize(kept);
+}
+
+void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
+  if (images_.empty()) return;
+  if (alignFrom(found.estimate, picture, found)) return;
+  // Keypoints in a small part of the picture do not determine the rest of it.
+  const Eigen::Matrix3d& map = found.estimate.homography;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& p : found.pairs.reference) centre += p;
+  centre /= static_cast<double>(found.pairs.size());
+  Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
+  affine.topLeftCorner<2, 2>() = homography::jacobianByPoint(map, centre);
+  affine.topRightCorner<2, 1>() =
+      homography::project(map, centre) - affine.topLeftCorner<2, 2>() * centre;
+  UncertainHomography grown;
+  if (aligner_.grow(picture, images_, centre, affine, grown)) {
+    alignFrom(grown, picture, found);
+  }
+}
+
+bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPicture& found) {
+  constexpr double kMostDeviation = 5.0;  // px, of a corner, in the image where it is smaller
+  const homography::CornerDeviation deviation =
+      homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
+                                  homography::imageCorners(picture.image.size(), {}));
+  return std::min(deviation.target, deviation.reference) < kMostDeviation;
+}
+
+bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
+                              FoundPicture& found) {
+  aligned_ = start;
+  if (!aligner_.align(picture, images_, aligned_, aligned_pairs_) ||
+      !homography::keepsPlaneInView(aligned_.homography,
+                                    homography::imageCorners(picture.image.size(), {}))) {
+    return false;
+  }
+  // Most keypoints must still agree.
+  const std::size_t before = found.pairs.size();
+  finaliser_.finalise(aligned_, found.pairs, picture.image.size(), growth::Verdict::kRadius,
+                      final_);
+  if (2 * final_.inliers < before) return false;
+  found.estimate = aligned_;
+  found.aligned = true;
+  dropOutliers(found);
+  std::swap(found.pairs, aligned_pairs_);
+  return true;
+}
+
+}  // namespace ktgp_orb::targets

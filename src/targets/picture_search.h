@@ -1,0 +1,108 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "core/growth/local_matcher.h"
+#include "core/growth/map_fit.h"
+#include "core/growth/verdict.h"
+#include "core/homography/estimate.h"
+#include "ktgp_orb/features.h"
+#include "targets/appearance.h"
+#include "targets/picture_aligner.h"
+#include "targets/seeds.h"
+#include "targets/target_picture.h"
+
+namespace ktgp_orb::targets {
+
+/// A picture in the frame.
+struct FoundPicture {
+  UncertainHomography estimate;  ///< picture's `image` -> frame, px
+  bool aligned = false;
+  PointPairs pairs;                     ///< what it was fitted to; px of `image` and of the frame
+  std::vector<std::int32_t> keypoints;  ///< of the frame that agree with it, by number
+  double log_false_alarms = 0.0;
+  double agreement =
+      0.0;  ///< share of the part in view that looks alike; 0: the images do not tell
+};
+
+/// Searches one picture in a frame, from seeds or from a predicted homography. Keeps its buffers.
+class PictureSearch {
+ public:
+  /// `scale_factor`: of the frame's pyramid.
+  explicit PictureSearch(double scale_factor);
+
+  /// The features of the frame that take part from now on. `numbers`: of each in the whole frame;
+  /// empty: these are all. `images`: its pyramid; may be empty.
+  void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
+                const std::vector<cv::Mat>& images);
+
+  /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
+  /// explain. `pictures`: known, which chance has as many opportunities.
+  bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
+                 FoundPicture& found);
+  /// `prediction`: right within about `radius` px.
+  bool fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction, float radius,
+                      std::size_t pictures, FoundPicture& found);
+  /// Corrects the homography by the images.
+  void align(const TargetPicture& picture, FoundPicture& found);
+  /// Compares the images again if they agreed little before the alignment. False if most of what is
+  /// in view looks different.
+  bool confirm(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
+  /// False where so little of the picture is in view that its corners could be anywhere.
+  static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
+
+  static constexpr int kMostSeeds = 8;
+  /// What is tried for one picture in a frame, at most; chance has so many opportunities. Seeds
+  /// come from two kinds of tables, and each one can give three homographies.
+  static constexpr int kAllSeeds = 2 * kMostSeeds;
+  static constexpr int kAllHomographies = 3 * kAllSeeds;
+
+ private:
+  bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
+            Eigen::Matrix3d map, FoundPicture& found);
+  bool growByImages(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
+                    const Eigen::Matrix3d& map, FoundPicture& found);
+  bool matchNear(TargetPicture& picture, const Eigen::Matrix3d& map, const Eigen::Vector2d& centre,
+                 double reach, float radius);
+  bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
+  std::size_t exactPairs() const;
+  bool expand(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);
+  bool settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
+              Eigen::Matrix3d& map);
+  bool refit(float radius, Eigen::Matrix3d& map) const;
+  bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
+              FoundPicture& found);
+  /// Corrects `start` by the images. True: `found` has the result.
+  bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
+                 FoundPicture& found);
+  Appearance::Similarity similarity(const TargetPicture& picture, std::size_t pictures,
+                                    const FoundPicture& found);
+  bool isSeen(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
+  void takePairs(FoundPicture& found) const;
+  bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundPicture& found);
+  bool isExplained(const Seed& seed) const;
+  /// Those that do not agree with the homography last finalised.
+  void dropOutliers(FoundPicture& found);
+
+  double scale_factor_;
+  std::vector<cv::Mat> images_;
+  Appearance appearance_;
+  growth::LocalMatcher matcher_;
+  std::vector<std::int32_t> numbers_;
+  growth::Verdict verdict_;
+  homography::HomographyRefiner refiner_;
+  homography::Finaliser finaliser_;
+  homography::FinalHomography final_;
+  PictureAligner aligner_;
+  UncertainHomography aligned_;
+  PointPairs aligned_pairs_;
+  std::vector<Eigen::Matrix3d> tried_;
+  std::vector<growth::Prediction> predictions_;
+  std::vector<growth::LocalMatch> near_;
+  std::vector<growth::PlacePair> near_pairs_;
+  std::vector<float> shift_x_, shift_y_;
+};
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,134 @@
+#include "targets/target_picture.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+#include "core/homography/transform.h"
+#include "ktgp_orb/growth.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+// Added around the image, since the extractor finds nothing near the border.
+constexpr int kBorder = 48;  // px
+// Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
+// border the frame shows something else.
+constexpr double kInside = 0.35;
+// Of the pyramids of the image and of its half. Together they reach a fifth of its size, and each
+// level has enough keypoints.
+constexpr int kLevels = 5;
+
+cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
+  scale = std::min(1.0, largest_side / static_cast<double>(std::max(image.cols, image.rows)));
+  if (scale == 1.0) return image.clone();
+  const cv::Size size(std::max(1, cvRound(image.cols * scale)),
+                      std::max(1, cvRound(image.rows * scale)));
+  cv::Mat small;
+  cv::resize(image, small, size, 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+/// A small copy of the image is made from one of these, which takes less time.
+void addHalves(TargetPicture& picture) {
+  constexpr int kLeastSide = 64;  // px
+  cv::Mat last = picture.image;
+  while (std::min(last.cols, last.rows) >= kLeastSide) {
+    cv::Mat half;
+    cv::resize(last, half, last.size() / 2, 0, 0, cv::INTER_AREA);
+    picture.halves.push_back(half);
+    last = half;
+  }
+}
+
+/// Keeps the keypoints of `view` whose patch is inside the target.
+void keepInside(const cv::Size& target, ReferenceView& view) {
+  const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
+  const double scale = std::sqrt(std::abs(from_view.determinant()));
+  Features& features = view.features;
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const cv::KeyPoint& keypoint = features.keypoints[i];
+    const Eigen::Vector2d p =
+        from_view * (Eigen::Vector2d(keypoint.pt.x, keypoint.pt.y) - view.to_view.col(2));
+    const double margin = kInside * scale * keypoint.size;
+    if (p.x() < margin || p.y() < margin || p.x() > target.width - 1 - margin ||
+        p.y() > target.height - 1 - margin) {
+      continue;
+    }
+    features.keypoints[kept] = keypoint;
+    features.descriptors.row(static_cast<int>(i))
+        .copyTo(features.descriptors.row(static_cast<int>(kept)));
+    ++kept;
+  }
+  features.keypoints.resize(kept);
+  features.descriptors = features.descriptors.rowRange(0, static_cast<int>(kept));
+}
+
+/// The image at `scale` and its tilted views; in px of the target's image.
+void addViews(const cv::Mat& image, double scale, const OrbOptions& orb, int views,
+              ReferenceViews& made) {
+  cv::Mat small, padded;
+  cv::resize(image, small, cv::Size(), scale, scale, cv::INTER_AREA);
+  cv::copyMakeBorder(small, padded, kBorder, kBorder, kBorder, kBorder, cv::BORDER_REPLICATE);
+  Eigen::Matrix3d to_padded = homography::resizing(image.size(), small.size());
+  to_padded.col(2) += Eigen::Vector3d(kBorder, kBorder, 0.0);
+
+  ReferenceViews all = simulateViews(padded, orb, views);
+  ReferenceView whole;
+  OrbExtractor(orb).extract(padded, whole.features);
+  whole.to_view = Eigen::Matrix<double, 2, 3>::Identity();
+  all.insert(all.begin(), std::move(whole));
+  for (ReferenceView& view : all) {
+    view.to_view = view.to_view * to_padded;
+    keepInside(image.size(), view);
+    made.push_back(std::move(view));
+  }
+}
+
+}  // namespace
+
+TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
+                          int largest_side, int views) {
+  if (image.empty()) throw std::invalid_argument("the image is empty");
+  if (image.type() != CV_8UC1) throw std::invalid_argument("the image is not 8-bit grey");
+  TargetPicture picture;
+  picture.full_size = image.size();
+  picture.image = limited(image, largest_side, picture.scale);
+  addHalves(picture);
+  OrbOptions options = orb;
+  options.images = ImageKeeping::none;
+  options.distribution = KeypointDistribution::ranked;
+  options.levels = std::min(orb.levels, kLevels);
+  ReferenceViews made;
+  options.max_features = features;
+  addViews(picture.image, 1.0, options, views, made);
+  options.max_features = features * 2 / 3;
+  addViews(picture.image, 0.5, options, views, made);
+
+  // The image itself comes first; its keypoints become those of the reference.
+  Features own = std::move(made.front().features);
+  for (cv::KeyPoint& keypoint : own.keypoints) keypoint.pt -= cv::Point2f(kBorder, kBorder);
+  own.image_size = picture.image.size();
+  made.erase(made.begin());
+  picture.own = own.size();
+  picture.frames.set(own, &made);
+  return picture;
+}
+
+void shrink(const TargetPicture& picture, const cv::Size& size, cv::InterpolationFlags method,
+            cv::Mat& small) {
+  const cv::Mat* from = &picture.image;
+  for (const cv::Mat& half : picture.halves) {
+    if (half.cols >= size.width && half.rows >= size.height) from = &half;
+  }
+  cv::resize(*from, small, size, 0, 0, method);
+}
+
+Eigen::Matrix3d toStored(const TargetPicture& picture) {
+  return homography::resizing(picture.full_size, picture.image.size());
+}
+
+}  // namespace ktgp_orb::targets

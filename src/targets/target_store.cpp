@@ -1,0 +1,93 @@
+#include "targets/target_store.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/util/printable.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
+
+constexpr std::size_t kLongestId = 256;
+
+[[noreturn]] void refuse(const std::string& id, const std::string& reason) {
+  throw std::invalid_argument("target \"" + id + "\": " + reason);
+}
+
+}  // namespace
+
+std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options) {
+  if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
+  if (target.id.size() > kLongestId) {
+    refuse(printable(target.id, 40), "the id has " + std::to_string(target.id.size()) +
+                                         " bytes; expected " + std::to_string(kLongestId) +
+                                         " at most");
+  }
+  if (!std::isfinite(target.width) || target.width < 0.0) {
+    refuse(target.id, "the width is " + std::to_string(target.width) +
+                          " m; expected a positive one, or 0 if it is not known");
+  }
+  if (target.images.empty()) refuse(target.id, "it has no image");
+  std::vector<TargetPicture> pictures;
+  for (std::size_t i = 0; i < target.images.size(); ++i) {
+    const std::string name = "image " + std::to_string(i + 1);
+    const cv::Mat& image = target.images[i];
+    if (image.empty()) refuse(target.id, name + " is empty");
+    if (image.type() != CV_8UC1) refuse(target.id, name + " is not 8-bit grey");
+    pictures.push_back(
+        makePicture(image, options.orb, options.features, options.largest_side, options.views));
+    if (pictures.back().own < kFewestKeypoints) {
+      refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
+                            " keypoints; expected " + std::to_string(kFewestKeypoints) +
+                            " or more, from a sharp image of a picture with details");
+    }
+  }
+  return pictures;
+}
+
+StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> pictures) {
+  auto stored = std::make_unique<StoredTarget>();
+  stored->id = target.id;
+  stored->width = target.width;
+  stored->frame = target.frame;
+  std::uint32_t number = freeNumbers(pictures.size());
+  pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
+  for (TargetPicture& picture : pictures) {
+    Slot& slot = pictures_[number];
+    slot.picture = std::make_unique<TargetPicture>(std::move(picture));
+    slot.owner = stored.get();
+    index_.add(number, slot.picture->frames.bits());
+    stored->pictures.push_back(number++);
+    ++count_;
+  }
+  targets_.push_back(std::move(stored));
+  return *targets_.back();
+}
+
+std::uint32_t TargetStore::freeNumbers(std::size_t count) const {
+  std::uint32_t number = 0;
+  for (std::size_t run = 0; run < count; ++number) run = index_.isFree(number) ? run + 1 : 0;
+  return number - static_cast<std::uint32_t>(count);
+}
+
+void TargetStore::remove(const StoredTarget& target) {
+  for (const std::uint32_t number : target.pictures) {
+    index_.remove(number);
+    pictures_[number] = {};
+    --count_;
+  }
+  const auto is_this = [&](const auto& stored) { return stored.get() == &target; };
+  targets_.erase(std::find_if(targets_.begin(), targets_.end(), is_this));
+}
+
+StoredTarget* TargetStore::find(const std::string& id) {
+  for (const auto& target : targets_) {
+    if (target->id == id) return target.get();
+  }
+  return nullptr;
+}
+
+}  // namespace ktgp_orb::targets

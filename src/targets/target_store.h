@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/target_finder.h"
+#include "targets/target_index.h"
+#include "targets/target_picture.h"
+
+namespace ktgp_orb::targets {
+
+/// A known target.
+struct StoredTarget {
+  std::string id;
+  double width = 0.0;
+  std::string frame;
+  std::vector<std::uint32_t> pictures;  ///< numbers in the store
+  std::uint64_t last_tried = 0;         ///< number of the frame
+};
+
+/// The pictures of `target`. Throws std::invalid_argument with the reason if it cannot be one.
+std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options);
+
+/// All targets, their pictures, and the index of their keypoints.
+class TargetStore {
+ public:
+  StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
+  void remove(const StoredTarget& target);
+
+  StoredTarget* find(const std::string& id);
+  const std::vector<std::unique_ptr<StoredTarget>>& targets() const { return targets_; }
+
+  TargetPicture& picture(std::uint32_t number) { return *pictures_[number].picture; }
+  StoredTarget& owner(std::uint32_t number) { return *pictures_[number].owner; }
+  std::size_t pictureCount() const { return count_; }
+  TargetIndex& index() { return index_; }
+
+ private:
+  /// The first of `count` free numbers in a row.
+  std::uint32_t freeNumbers(std::size_t count) const;
+
+  struct Slot {
+    std::unique_ptr<TargetPicture> picture;  // null: removed
+    StoredTarget* owner = nullptr;
+  };
+
+  std::vector<std::unique_ptr<StoredTarget>> targets_;
+  std::vector<Slot> pictures_;
+  std::size_t count_ = 0;
+  TargetIndex index_;
+};
+
+}  // namespace ktgp_orb::targets

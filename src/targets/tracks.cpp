@@ -1,0 +1,125 @@
+#include "targets/tracks.h"
+
+#include <algorithm>
+#include <tuple>
+
+#include "core/homography/transform.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+struct Place {
+  Eigen::Vector2d middle;
+  double extent;  // half of the longer side
+};
+
+Place placeOf(const FoundTarget& found, TargetStore& store) {
+  const cv::Size size = store.picture(found.picture).image.size();
+  const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
+  const Eigen::Matrix3d& map = found.found.estimate.homography;
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middle);
+  const double extent =
+      0.5 * std::max(jacobian.col(0).norm() * size.width, jacobian.col(1).norm() * size.height);
+  return {homography::project(map, middle), extent};
+}
+
+}  // namespace
+
+void Tracks::beginFrame() {
+  for (Track& track : tracks_) track.is_matched = false;
+}
+
+std::vector<Track> Tracks::missing() const {
+  std::vector<Track> tracks;
+  for (const Track& track : tracks_) {
+    if (!track.is_matched && track.unseen == 0) tracks.push_back(track);
+  }
+  return tracks;
+}
+
+bool Tracks::wasSeen(const StoredTarget& target) const {
+  return std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& track) {
+    return track.target == &target && track.unseen == 0;
+  });
+}
+
+void Tracks::assign(const std::vector<FoundTarget>& found, TargetStore& store,
+                    std::vector<Track>& tracks) {
+  using Pair = std::tuple<double, std::size_t, std::size_t>;  // distance, track, detection
+  std::vector<Place> places;
+  std::vector<Pair> pairs;
+  places.reserve(found.size());
+  for (const FoundTarget& one : found) places.push_back(placeOf(one, store));
+  for (std::size_t t = 0; t < tracks_.size(); ++t) {
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const Track& track = tracks_[t];
+      if (track.target != found[i].target || track.is_matched) continue;
+      const double distance = (track.middle + track.velocity - places[i].middle).norm();
+      if (distance < std::max(track.extent, places[i].extent)) pairs.emplace_back(distance, t, i);
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  std::vector<std::size_t> track_of(found.size(), kNone);
+  for (const auto& [distance, t, i] : pairs) {
+    if (tracks_[t].is_matched || track_of[i] != kNone) continue;
+    track_of[i] = t;
+    tracks_[t].is_matched = true;
+  }
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    if (track_of[i] == kNone) {
+      Track track;
+      track.target = found[i].target;
+      track.instance = freeNumber(*found[i].target);
+      track.middle = places[i].middle;
+      track_of[i] = tracks_.size();
+      tracks_.push_back(track);
+    }
+    Track& track = tracks_[track_of[i]];
+    const bool was_seen = track.age > 0 && track.unseen == 0;
+    track.velocity = was_seen ? Eigen::Vector2d(places[i].middle - track.middle)
+                              : Eigen::Vector2d(Eigen::Vector2d::Zero());
+    track.age = was_seen ? track.age + 1 : 1;
+    track.unseen = 0;
+    track.is_matched = true;
+    track.picture = found[i].picture;
+    track.map = found[i].found.estimate.homography;
+    track.middle = places[i].middle;
+    track.extent = places[i].extent;
+  }
+  for (const std::size_t t : track_of) tracks.push_back(tracks_[t]);
+}
+
+int Tracks::freeNumber(const StoredTarget& target) const {
+  for (int number = 0;; ++number) {
+    const auto has_it = [&](const Track& track) {
+      return track.target == &target && track.instance == number;
+    };
+    if (std::none_of(tracks_.begin(), tracks_.end(), has_it)) return number;
+  }
+}
+
+void Tracks::endFrame() {
+  for (Track& track : tracks_) {
+    if (track.is_matched) continue;
+    ++track.unseen;
+    track.velocity.setZero();
+  }
+  const auto is_lost = [](const Track& track) { return track.unseen > kMostUnseen; };
+  tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), is_lost), tracks_.end());
+}
+
+void Tracks::forget(const StoredTarget& target) {
+  const auto is_of = [&](const Track& track) { return track.target == &target; };
+  tracks_.erase(std::remove_if(tracks_.begin(), tracks_.end(), is_of), tracks_.end());
+}
+
+Eigen::Matrix3d predicted(const Track& track) {
+  Eigen::Matrix3d map = track.map;
+  map.row(0) += track.velocity.x() * track.map.row(2);
+  map.row(1) += track.velocity.y() * track.map.row(2);
+  return map;
+}
+
+}  // namespace ktgp_orb::targets

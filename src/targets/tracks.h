@@ -1,0 +1,55 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "targets/frame_search.h"
+
+namespace ktgp_orb::targets {
+
+/// An instance of a target that was seen lately.
+struct Track {
+  const StoredTarget* target = nullptr;
+  std::uint32_t picture = 0;
+  int instance = 0;
+  int age = 0;     ///< frames in which it was seen one after the other
+  int unseen = 0;  ///< frames since then
+  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();   ///< picture's `image` -> frame, px
+  Eigen::Vector2d middle = Eigen::Vector2d::Zero();    ///< of the picture in the frame, px
+  Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  ///< of the middle, px per frame
+  double extent = 0.0;                                 ///< half of the longer side in the frame, px
+  bool is_matched = false;                             ///< in this frame
+};
+
+/// Gives each instance of a target a number that stays while the instance is followed.
+class Tracks {
+ public:
+  /// Before a frame.
+  void beginFrame();
+  /// Gives each detection the nearest track of the same target, if it is nearer than the extent;
+  /// otherwise a new track with the lowest free number. The nearest pairs come first, so give it
+  /// all detections at once. Appends the tracks in the order of `found`.
+  void assign(const std::vector<FoundTarget>& found, TargetStore& store,
+              std::vector<Track>& tracks);
+  /// After a frame: forgets what was not seen for kMostUnseen frames.
+  void endFrame();
+
+  /// Seen in the last frame, and not matched in this one so far.
+  std::vector<Track> missing() const;
+  bool wasSeen(const StoredTarget& target) const;
+  void forget(const StoredTarget& target);
+  void clear() { tracks_.clear(); }
+
+  static constexpr int kMostUnseen = 30;
+
+ private:
+  int freeNumber(const StoredTarget& target) const;
+
+  std::vector<Track> tracks_;
+};
+
+/// Where the picture is expected in the next frame.
+Eigen::Matrix3d predicted(const Track& track);
+
+}  // namespace ktgp_orb::targets
