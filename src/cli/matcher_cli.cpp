@@ -47,19 +47,9 @@ struct Given {
 
   /// Throws std::invalid_argument.
   void applyTo(Parameters& parameters) const {
-    const std::string usual = parameters.descriptor;
-    std::set<std::string> names;
-    if (!preset.empty()) names.merge(readPreset(preset, parameters));
-    if (!file.empty()) names.merge(readParameterFile(file, parameters));
-    for (const auto& [name, text] : values) {
-      setParameter(*findParameter(name), text, parameters);
-      names.insert(name);
-    }
-    if (names.count("T_w") == 0) {
-      parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
-    }
-    const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
-    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
+    if (!preset.empty()) readPreset(preset, parameters);
+    if (!file.empty()) readParameterFile(file, parameters);
+    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
   }
 };
 
@@ -99,6 +89,13 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
       ->group(group);
   for (const ParameterRow& row : parameterRows()) {
     if (wanted(row)) addOption(app, row, defaults, given);
+  }
+  for (const std::string& name : removedParameters("matcher")) {  // not shown by --help
+    if (name == "overlay") continue;  // the name of an option of the programs
+    app.add_option_function<std::string>("--" + name, [name](const std::string& /*value*/) {
+         throw CLI::ValidationError(
+             "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
+       })->group("")->expected(0, 1);
   }
   app.callback([given, defaults, done] {
     Parameters parameters = defaults;

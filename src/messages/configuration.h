@@ -25,9 +25,7 @@ struct Configuration {
   CameraView view;                             ///< of the camera's images, not of reference_image
   bool rectify = false;                        ///< the lens in `view` is wanted
   std::string lens_problem;                    ///< why `view` has no lens, in case of a problem
-  double max_pair_megapixels = 64.0;           ///< largest image of ~match_pair, 10^6 px
   double max_rate = 0.0;                       ///< Hz; 0: all frames
-  bool overlay = true;
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };

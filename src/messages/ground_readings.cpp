@@ -57,6 +57,28 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
+// Where an Imu does not say its own, and of tf; about each axis.
+constexpr double kNormalDeviation = 0.5 * kDegree;
+constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
+
+/// The largest standard deviation of the first `axes` axes; `usual` where the covariance is zero,
+/// which means that it is not known.
+template <typename Covariance>
+double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < axes; ++i) largest = std::max(largest, covariance[4 * i]);
+  return largest > 0.0 ? std::sqrt(largest) : usual;
+}
+
+/// Throws std::invalid_argument where the camera does not see the ground: what would be computed
+/// has the wrong sign. `down` is in the camera.
+void requireAhead(const Eigen::Vector3d& down, const std::string& source) {
+  constexpr double kLeast = 0.05;  // about 3 degrees
+  if (down.z() >= kLeast) return;
+  throw std::invalid_argument("the ground is not in front of the camera, by " + source +
+                              "; expected that its optical axis, z, points below the horizon");
+}
+
 /// Why the range of a message is none.
 std::string whyNone(const sensor_msgs::Range& range) {
   const double value = range.range;
@@ -179,6 +201,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   no_turn_.clear();
   frame.height = height(h.header);
   frame.down = down(h.header);
+  if (frame.down) requireAhead(frame.down->direction, normalSource());
   dropSidewaysBeam(frame);
   frame.turn = turn(h.header);
   last_image_ = h.header.stamp;
@@ -250,7 +273,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   if (config_.normal_source == "motion") return std::nullopt;
   if (config_.normal_source == "imu") return downOfImu(image);
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
   if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
   const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
@@ -283,7 +306,7 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
   if (!found) return std::nullopt;
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = deviationOf(imu->orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
       imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
@@ -297,12 +320,14 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
+  double deviation = kGyroDeviation;
   std::string frame;
   for (const sensor_msgs::Imu& imu : imus_) {
     if (imu.header.stamp <= last_image_ || imu.header.stamp > image.stamp) continue;
     if (imu.angular_velocity_covariance[0] < 0.0 || !isFinite(imu.angular_velocity)) continue;
     sum += vector(imu.angular_velocity);
     count += 1.0;
+    deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
@@ -316,7 +341,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   TurnReading reading;
   const double angle = angles.norm();
   if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
-  reading.deviation = config_.gyro_deviation * kDegree * length;
+  reading.deviation = deviation * length;
   return reading;
 }
 

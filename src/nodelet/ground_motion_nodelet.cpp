@@ -22,6 +22,8 @@ namespace {
 
 using std_srvs::Trigger;
 
+constexpr double kPatience = 1.0;  // s without a usable height or normal
+
 /// There is no reason where the newest reading was already used for an earlier frame.
 std::string none(const std::string& what, const std::string& why) {
   return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
@@ -155,7 +157,7 @@ std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Tim
   if (estimate.height_used) last_height_ = stamp;
   if (estimate.down_used || !readings_.usesNormal()) last_normal_ = stamp;
   const auto is_old = [&](const ros::Time& last) {
-    return last > stamp || (stamp - last).toSec() > settings_.config.patience;
+    return last > stamp || (stamp - last).toSec() > kPatience;
   };
   switch (estimate.status) {
     case GroundStatus::no_homography:
@@ -225,6 +227,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
  private:
   void start() override;
   void advertise() override;
+  std::string nodelet() const override { return "ground_motion"; }
   std::string workName() const override { return "motion"; }
   std::string greeting() const override;
   bool isWanted() const override { return outputs_.haveSubscribers() || sends_tf_; }

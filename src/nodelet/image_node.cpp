@@ -80,7 +80,7 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
   const auto arrived = [this, callback = std::move(callback)](
                            const sensor_msgs::ImageConstPtr& image, std::uint32_t lost) {
     diagnosis_.arrived();
-    if (lost > 0) diagnosis_.count(Diagnosis::kLost, lost);
+    if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
     callback(image, lost);
   };
   auto input = std::make_unique<ImageInput>(node(data_queue_), privateNode(data_queue_), queue_size,
@@ -119,6 +119,8 @@ void NodeBase::failed(const std::exception& error) {
 void NodeBase::tick() {
   const bool stands = clockStands();
   watchInputs(stands);
+  // Nobody else would say that it has no effect.
+  diagnosis_.setFault("old parameter", removedParameter(privateNode(slow_queue_), nodelet()));
   diagnosis_.tick(stands, clockIsMissing());
   beforeReport();
   updater_->force_update();

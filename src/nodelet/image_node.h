@@ -42,6 +42,8 @@ class NodeBase : public nodelet::Nodelet {
   virtual void advertise() = 0;
   virtual void stopWorker() = 0;
   virtual void stopParameters() = 0;
+  /// Name of the table of parameters, see parametersOf.
+  virtual std::string nodelet() const = 0;
   /// Name of the second report to the diagnostics.
   virtual std::string workName() const = 0;
   /// Logged at start: what it does with which inputs.
@@ -98,6 +100,8 @@ class NodeBase : public nodelet::Nodelet {
   bool isListening() const { return listening_; }
   void failed(const std::exception& error);
 
+  std::atomic<bool> paused_{false};  // images are ignored
+
   CallbackThread settings_queue_;
   CallbackThread data_queue_;
   CallbackThread service_queue_;
@@ -134,11 +138,14 @@ class ImageNode : public NodeBase {
   /// unusable ones; later ones are refused, with the reason in log and diagnostics.
   void serveParameters() {
     const ros::NodeHandle node = privateNode(settings_queue_);
-    checkParameters<Config>(node);
+    requireUsable(node, nodelet());
+    for (const std::string& name : unknownParameters(node, nodelet())) {
+      NODELET_WARN("parameter %s is not known to this node and has no effect", name.c_str());
+    }
     server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(server_mutex_, node);
     server_->setCallback([this](Config& config, std::uint32_t /*level*/) {
       try {
-        requireFinite(config);
+        requireUsable(config, nodelet());
         configure(config);
         config_ = config;
         is_configured_ = true;

@@ -2,6 +2,7 @@
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
+#include <image_transport/camera_common.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include <atomic>
@@ -23,6 +24,8 @@ constexpr const char* kReferenceLost =
     "the reference that ~set_reference took is lost, since the process that had it ended: call "
     "~set_reference again, or ~reset";
 
+constexpr double kMinShare = 0.5;  // of frames with a homography; below it there is a warning
+
 constexpr std::size_t kImage = 1;  // kinds of jobs
 constexpr std::size_t kConfiguration = 2;
 
@@ -39,6 +42,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   void start() override;
   void advertise() override;
   void advertiseServices();
+  std::string nodelet() const override { return "matcher"; }
   std::string workName() const override { return "matcher"; }
   std::string greeting() const override;
   bool isWanted() const override { return !lazy_ || outputs_.haveSubscribers(); }
@@ -66,11 +70,9 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   bool remembers_reference_ = false;  // used only in the slow queue
 
   std::atomic<bool> lazy_{true};
-  std::atomic<bool> paused_{false};
   std::atomic<double> max_rate_{0.0};  // Hz
   std::atomic<bool> is_fixed_{false};  // the mode
   MatcherFacts facts_;
-  std::atomic<double> min_ok_ratio_{0.0};
 };
 
 void MatcherNodelet::start() {
@@ -82,9 +84,8 @@ void MatcherNodelet::start() {
       image_transport::getCameraInfoTopic(images_->topic()), "camera_info", 1, false,
       [this](const sensor_msgs::CameraInfoConstPtr& info) { lensArrived(*info); },
       &settings_queue_);
-  worker_.setLimits(kImage, {1});
-  worker_.setLimits(kConfiguration, {1});
-  completeRatioThreshold(settings);
+  worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
+  worker_.setLimits(kConfiguration, {1, std::numeric_limits<std::size_t>::max()});
   serveParameters();
   if (settings.deleteParam("reference_was_set") && is_fixed_) {
     diagnosis_.setFault("lost reference", kReferenceLost);
@@ -164,15 +165,8 @@ void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
 }
 
 void MatcherNodelet::configure(KtgpConfig& config) {
-  const bool described_anew = !isConfigured() || config.descriptor != config_.descriptor;
-  if (isConfigured() && config.T_w == config_.T_w) {
-    config.T_w = followDescriptor(config.T_w, config_.descriptor, config.descriptor);
-  }
   settings_.configure(config, images_->topic());
-  const std::string note = noteOnRatioThreshold(config.T_w, config.descriptor);
-  if (described_anew && !note.empty()) NODELET_WARN("%s", note.c_str());
   diagnosis_.setMaxLatency(config.max_latency);
-  min_ok_ratio_ = config.min_ok_ratio;
   max_rate_ = config.max_rate;
   lazy_ = config.lazy;
   is_fixed_ = settings_.configuration().sequence.reference.mode == ReferenceMode::fixed;
@@ -234,7 +228,7 @@ void MatcherNodelet::beforeReport() {
 
   const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
   const auto found = static_cast<double>(diagnosis_.recent("homographies"));
-  const bool is_rare = frames > 0.0 && found < min_ok_ratio_ * frames;
+  const bool is_rare = frames > 0.0 && found < kMinShare * frames;
   diagnosis_.setProblem("homographies",
                         !is_rare ? ""
                                  : std::string(found == 0.0 ? "no homography found: "
@@ -242,8 +236,7 @@ void MatcherNodelet::beforeReport() {
                                        toString(facts_.last_failure),
                         false);
   diagnosis_.setState(frames == 0.0  ? "nothing to match"
-                      : found == 0.0 ? "no homography found, and no output wants one"
-                                     : "homographies found");
+                      : "homographies found");
   diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }
 

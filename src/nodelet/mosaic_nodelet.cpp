@@ -23,12 +23,6 @@ using std_srvs::Trigger;
 MosaicOptions optionsFrom(const MosaicConfig& config) {
   MosaicOptions options;
   options.max_megapixels = config.max_megapixels;
-  options.keyframes = config.keyframes;
-  options.keyframe_overlap = config.keyframe_overlap;
-  options.min_motion = config.min_motion;
-  options.gain = config.gain;
-  options.patience = config.patience;
-  options.orb.max_features = config.features;
   return options;
 }
 
@@ -148,6 +142,7 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
   ~MosaicNodelet() override { stop(); }
 
  private:
+  std::string nodelet() const override { return "mosaic"; }
   void configure(MosaicConfig& config) override;
   void advertise() override;
   bool isWanted() const override { return !lazy_ || outputs_.haveSubscribers(); }

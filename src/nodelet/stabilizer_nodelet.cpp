@@ -10,6 +10,7 @@
 
 #include "ktgp_orb/stabilizer.h"
 #include "messages/colour_image.h"
+#include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"
 
@@ -142,6 +143,7 @@ class StabilizerNodelet : public FrameConsumer<StabilizerConfig, StabilizerWork>
   ~StabilizerNodelet() override { stop(); }
 
  private:
+  std::string nodelet() const override { return "stabilizer"; }
   void configure(StabilizerConfig& config) override {
     setMaxMemory(config.max_memory);
     const StabilizerOptions options = optionsFrom(config);

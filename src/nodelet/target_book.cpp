@@ -25,6 +25,7 @@ cv::Mat readGrey(const std::string& file) {
 Target targetOf(const SetTarget::Request& request) {
   Target target{request.id, {}, request.width, request.frame};
   for (const sensor_msgs::Image& image : request.images) {
+    requireSmall("an image of the target", image);
     target.images.push_back(greyImage(boost::make_shared<sensor_msgs::Image>(image)).clone());
   }
   return target;
@@ -63,7 +64,9 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   if (fs::is_directory(file)) {
     throw std::invalid_argument(file + ": is a folder; expected the name of a YAML list");
   }
-  const std::string& list = was_kept ? file : targets;
+  std::error_code none;
+  // Empty: the power failed while it was written. Then the list that was given counts.
+  const std::string& list = was_kept && fs::file_size(file, none) > 0 ? file : targets;
   if (list.empty()) return;
   const std::vector<TargetEntry> entries = readTargetList(list);
   lists_.waiting.assign(entries.begin(), entries.end());
@@ -77,16 +80,25 @@ std::vector<TargetEntry> TargetBook::Lists::takeOut(const std::string& id) {
   return taken;
 }
 
-std::string TargetBook::loadNext() {
+void TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
-  const std::vector<std::string> refused = addTargets({entry}, readGrey, finder_);
-  (refused.empty() ? lists_.used : lists_.refused).push_back(entry);
-  return refused.empty() ? "" : refused.front();
+  try {
+    user_.add(readTarget(entry, readGrey));
+    lists_.used.push_back(entry);
+  } catch (const std::exception& error) {
+    lists_.refused.push_back(entry);
+    reasons_[entry.id] = error.what();
+  }
 }
 
-std::string TargetBook::whereKept() const {
-  return file_.empty() ? "" : "; it stays in " + file_;
+std::string TargetBook::refusal() const {
+  if (lists_.refused.empty()) return "";
+  const std::size_t count = lists_.refused.size();
+  const std::string& last = lists_.refused.back().id;
+  return (count == 1 ? "a target is refused: "
+                     : std::to_string(count) + " targets are refused, the last one: ") +
+         reasons_.at(last) + (file_.empty() ? "" : "; it stays in " + file_);
 }
 
 bool TargetBook::hasFrames() const {
@@ -99,15 +111,15 @@ void TargetBook::add(const SetTarget::Request& request) {
     throw std::invalid_argument("target \"" + request.id +
                                 "\" exists already, and is still to be read; expected a new id");
   }
-  set(request, [&](const Target& target) { finder_.add(target); });
+  set(request, user_.add);
 }
 
 /// A target that is still to be read, or was refused, is replaced, too.
 void TargetBook::replace(const SetTarget::Request& request) {
-  const bool is_unused = !finder_.knows(request.id) && (areThere(lists_.waiting, request.id) ||
-                                                        areThere(lists_.refused, request.id));
-  set(request,
-      [&](const Target& target) { is_unused ? finder_.add(target) : finder_.replace(target); });
+  const bool is_unused = !areThere(lists_.used, request.id) &&
+                         (areThere(lists_.waiting, request.id) ||
+                          areThere(lists_.refused, request.id));
+  set(request, is_unused ? user_.add : user_.replace);
 }
 
 /// Writes the files first: if the disk is full, nothing has changed.
@@ -135,7 +147,7 @@ void TargetBook::remove(const std::string& id) {
   const std::vector<TargetEntry> removed = next.takeOut(id);
   if (removed.empty()) throw std::invalid_argument("target \"" + id + "\" does not exist");
   writeNext(next);
-  finder_.remove(id);
+  user_.remove(id);
   adoptNext(std::move(next));
   deleteImages(removed);
 }

@@ -4,7 +4,9 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "ktgp_orb/target_finder.h"
@@ -12,11 +14,18 @@
 
 namespace ktgp_orb {
 
+/// Where a TargetBook puts its targets. The functions throw as those of TargetFinder do.
+struct TargetUser {
+  std::function<void(const Target&)> add;
+  std::function<void(const Target&)> replace;
+  std::function<void(const std::string& id)> remove;
+};
+
 /// The targets of the nodelet: from a folder or a list, and from services; kept in a file. Not for
 /// several threads.
 class TargetBook {
  public:
-  explicit TargetBook(TargetFinder& finder) : finder_(finder) {}
+  explicit TargetBook(TargetUser user) : user_(std::move(user)) {}
 
   /// Reads the list: `file` if it exists, else `targets`; either may be empty. Then loadNext() adds
   /// the targets one by one. Throws std::invalid_argument with the reason if the list cannot be
@@ -24,11 +33,10 @@ class TargetBook {
   void open(const std::string& targets, const std::string& file);
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
-  /// Returns why the target was refused, or an empty text. A refused one stays in the kept list.
-  std::string loadNext();
-  /// The end of a message about a refused target: that it stays in the kept list; empty without a
-  /// list.
-  std::string whereKept() const;
+  /// Reads the next target of the list and adds it.
+  void loadNext();
+  /// How many targets of the list are refused, and the reason for one of them; empty: none is.
+  std::string refusal() const;
 
   /// Whether one of the targets has a frame for tf.
   bool hasFrames() const;
@@ -42,7 +50,7 @@ class TargetBook {
  private:
   struct Lists {
     std::vector<TargetEntry> used;
-    std::vector<TargetEntry> refused;
+    std::vector<TargetEntry> refused;  // they stay in the kept list
     std::deque<TargetEntry> waiting;  // to be read
 
     /// Those with this id, which are no longer there.
@@ -57,9 +65,10 @@ class TargetBook {
   void discardNext() const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
-  TargetFinder& finder_;
+  TargetUser user_;
   std::string file_;
   Lists lists_;
+  std::map<std::string, std::string> reasons_;  // of refused targets, by id
 };
 
 }  // namespace ktgp_orb

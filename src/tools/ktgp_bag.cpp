@@ -40,6 +40,7 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  bool overlay = false;
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
   MotionFile motion;
@@ -96,6 +97,7 @@ class Run {
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         progress_(source_->total()),
+        draws_overlay_(arguments.overlay),
         measured_times_(arguments.measured_times) {
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -162,7 +164,7 @@ class Run {
     matched.refused = refused_;
     matched.skipped = skipped;
     FrameMessages messages = toMessages(matched);
-    if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
+    if (draws_overlay_) messages.overlay = matcher_.overlay();
     if (!measured_times_) eraseTimes(*messages.statistics);
     writer_.write(messages, recorded.received);
     ++matched_;
@@ -185,6 +187,7 @@ class Run {
   std::string detections_topic_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
+  bool draws_overlay_;
   bool measured_times_;
   std::size_t matched_ = 0;
   std::size_t found_ = 0;
@@ -313,6 +316,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
+  app.add_flag("--overlay", arguments.overlay, "draw matches_image, too");
   addBatchOptions(app, arguments.batch);
   addViewOptions(app, arguments.views);
   addMotionArguments(app, arguments.motion);
@@ -346,13 +350,11 @@ int matchBatch(CLI::App& app, Arguments& arguments) {
 int run(int argc, char** argv) {
   Arguments arguments;
   arguments.parameters.threads = 0;
-  arguments.parameters.overlay = false;
   CLI::App app(
       "Matches the images of a recording as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
-  app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
-                         "overlay\ndraws matches_image; both defaults differ from those of the "
-                         "nodelet.\n\n") +
+  app.footer(std::string("The parameter threads is the number of images processed in parallel; "
+                         "its default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseMissingNames(arguments);

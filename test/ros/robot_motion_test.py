@@ -90,6 +90,7 @@ class MotionTest(unittest.TestCase):
             message.header.stamp, message.header.frame_id = stamp, 'imu'
             message.orientation.w = 1.0
             message.angular_velocity.z = turn
+            message.angular_velocity_covariance = np.diag([np.radians(0.001) ** 2] * 3).flatten().tolist()
             cls.imus.publish(message)
         below = (0, 0, LEVER[2] - HEIGHT)  # a child of the base, which has odom as its parent
         cls.tf.publish(TFMessage([transform('base_link', 'ground', below, stamp, STILL)]))

@@ -160,7 +160,7 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.send(half).detections)
         broken = image_message(half, self.camera.next_stamp())
         broken.data = broken.data[:100]
-        wait_for_diagnostics(self.diagnostics, 'images are refused', lambda: self.camera.send(broken))
+        wait_for_diagnostics(self.diagnostics, 'refused: data has', lambda: self.camera.send(broken))
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
