@@ -8,14 +8,6 @@
 
 namespace ktgp_orb {
 
-/// Which implementation is used. Both give the same keypoints and descriptors.
-enum class ExtractorKind : std::uint8_t {
-  native,  ///< this package's vector code
-  /// cv::ORB, one thread; has no uniform distribution. Levels less than a pixel wide or high, for
-  /// which cv::ORB throws, are left out; the other levels get their keypoints.
-  opencv,
-};
-
 /// Which of the corners become keypoints.
 enum class KeypointDistribution : std::uint8_t {
   ranked,  ///< highest Harris response, as in cv::ORB
@@ -37,7 +29,6 @@ struct OrbOptions {
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
-  ExtractorKind extractor = ExtractorKind::native;
   /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;

@@ -11,7 +11,6 @@
 
 #if KTGP_ORB_HAS_VECTORS
 #include "core/alignment/patch-inl.h"
-#include "core/gms/sum-inl.h"
 #include "core/growth/alike-inl.h"
 #include "core/knn/near-inl.h"
 #include "core/knn/scan-inl.h"
@@ -35,7 +34,6 @@ Kernels makeKernels() {
   const char* const name = hwy::TargetName(HWY_TARGET);
   Kernels set{
       {name, on_patches::warp, on_patches::prepare, on_patches::smooth, on_patches::compare},
-      {name, gms::HWY_NAMESPACE::sumOfStep},
       {name, growth::HWY_NAMESPACE::findAlike},
       {name, on_descriptors::kLanes, on_descriptors::scan<false>, on_descriptors::scan<true>},
       {name, on_descriptors::near::search<false>, on_descriptors::near::search<true>},
@@ -54,7 +52,6 @@ Kernels makeKernels() {
   return set;
 #else
   return {alignment::portableAlignmentKernels(),
-          gms::portableGmsKernels(),
           growth::portableAlikeKernel(),
           knn::portableKnnKernel(),
           knn::portableNearKernel(),
@@ -89,10 +86,6 @@ const Kernels& bestKernels() {
 
 const alignment::AlignmentKernels& alignment::bestAlignmentKernels() {
   return bestKernels().alignment;
-}
-
-const gms::GmsKernels& gms::bestGmsKernels() {
-  return bestKernels().gms;
 }
 
 const growth::AlikeKernel& growth::bestAlikeKernel() {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "core/alignment/kernels.h"
-#include "core/gms/kernels.h"
 #include "core/growth/alike_kernel.h"
 #include "core/knn/kernel.h"
 #include "core/knn/near_kernel.h"
@@ -14,7 +13,6 @@ namespace ktgp_orb {
 /// stage calls its own function, e.g. orb::bestOrbKernels().
 struct Kernels {
   alignment::AlignmentKernels alignment;
-  gms::GmsKernels gms;
   growth::AlikeKernel alike;
   knn::KnnKernel knn;
   knn::NearKernel near;

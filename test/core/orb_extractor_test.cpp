@@ -155,16 +155,12 @@ TEST_F(OrbBesideOpencv, AgreesForLargeSizes) {
 // cv::ORB 4.6 throws for one pixel, because a level shrinks to no pixels at all.
 TEST(OrbExtractor, FindsNothingInAnImageOfOnePixel) {
   for (const Size& size : {Size(1, 1), Size(1, 100), Size(100, 1), Size(62, 500), Size(500, 62)}) {
-    for (ExtractorKind kind : {ExtractorKind::native, ExtractorKind::opencv}) {
-      OrbOptions options;
-      options.extractor = kind;
-      Features features;
-      features.keypoints.resize(3);
-      OrbExtractor(options).extract(test::noiseImage(size, 8), features);
-      EXPECT_TRUE(features.empty());
-      EXPECT_EQ(features.descriptors.rows, 0);
-      EXPECT_EQ(features.image_size, size);
-    }
+    Features features;
+    features.keypoints.resize(3);
+    OrbExtractor().extract(test::noiseImage(size, 8), features);
+    EXPECT_TRUE(features.empty());
+    EXPECT_EQ(features.descriptors.rows, 0);
+    EXPECT_EQ(features.image_size, size);
   }
 }
 
@@ -242,30 +238,6 @@ TEST_F(OrbBesideOpencv, AgreesForEveryNumberOfThreads) {
   }
 }
 
-TEST(OrbExtractor, OffersOpencvsOwnExtractor) {
-  const cv::Mat image = test::textureImage(Size(300, 200), 17);
-  OrbOptions options;
-  options.extractor = ExtractorKind::opencv;
-  expectOpencvsAnswer(image, options, "opencv");
-}
-
-TEST(OrbExtractor, LeavesOutLevelsWithoutPixelsForOpencv) {
-  OrbOptions options;
-  options.extractor = ExtractorKind::opencv;
-  options.scale_factor = 2.0;
-  options.levels = 11;  // the last of a 640x480 image would be 1x0
-  OrbExtractor extractor(options);
-  for (const Size& size : {Size(640, 480), Size(480, 640), Size(2048, 1024), Size(70, 64)}) {
-    const cv::Mat image = test::textureImage(size, 21);
-    Features features;
-    ASSERT_NO_THROW(extractor.extract(image, features)) << size;
-    OrbOptions fewer = options;
-    fewer.levels = 1 + cvFloor(std::log2(std::min(size.width, size.height) / 0.51));
-    fewer.levels = std::min(fewer.levels, options.levels);
-    expectEqual(features, opencvFeatures(image, fewer), "fewer levels");
-  }
-}
-
 TEST(OrbExtractor, RefusesWhatItCannotTake) {
   Features features;
   OrbExtractor extractor;
@@ -289,10 +261,6 @@ TEST(OrbExtractor, RefusesOptionsOutsideTheirRange) {
   refuses([](OrbOptions& o) { o.levels = 17; });
   refuses([](OrbOptions& o) { o.fast_threshold = 0; });
   refuses([](OrbOptions& o) { o.threads = -1; });
-  refuses([](OrbOptions& o) {
-    o.extractor = ExtractorKind::opencv;
-    o.distribution = KeypointDistribution::uniform;
-  });
 }
 
 }  // namespace

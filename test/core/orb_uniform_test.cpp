@@ -36,8 +36,8 @@ std::vector<cv::KeyPoint> randomCorners(const Size& size, int count, std::uint64
   return corners;
 }
 
-std::vector<int> countPerCell(const CellGrid& grid, const std::vector<cv::KeyPoint>& keypoints) {
-  std::vector<int> count(grid.cells());
+std::vector<int> countPerCell(const LevelCells& grid, const std::vector<cv::KeyPoint>& keypoints) {
+  std::vector<int> count(grid.count());
   for (const cv::KeyPoint& keypoint : keypoints) ++count[grid.cellOf(keypoint.pt)];
   return count;
 }
@@ -49,7 +49,7 @@ struct Chosen {
 };
 
 Chosen choose(const cv::Mat& image, int features, std::vector<cv::KeyPoint> corners) {
-  const CellGrid grid(image.size(), features, kShare);
+  const LevelCells grid(image.size(), features, kShare);
   Chosen result;
   result.before = countPerCell(grid, corners);
   UniformChoice choice(features, kStrong, kShare, 1);
@@ -83,12 +83,12 @@ TEST(UniformChoice, PrefersStrongCornersAndThenHigherHarrisResponses) {
   const int features = 300;
   const std::vector<cv::KeyPoint> corners = randomCorners(image.size(), 2000, 4);
   const Chosen chosen = choose(image, features, corners);
-  const CellGrid grid(image.size(), features, kShare);
+  const LevelCells grid(image.size(), features, kShare);
   const auto key = [](const cv::KeyPoint& k) { return std::make_pair(k.pt.y, k.pt.x); };
   std::map<std::pair<float, float>, float> kept;
   for (const cv::KeyPoint& keypoint : chosen.keypoints) kept[key(keypoint)] = keypoint.response;
-  std::vector<bool> keeps_weak(grid.cells());
-  std::vector<float> least_kept(grid.cells(), 1e9f);
+  std::vector<bool> keeps_weak(grid.count());
+  std::vector<float> least_kept(grid.count(), 1e9f);
   for (const cv::KeyPoint& corner : corners) {
     const auto it = kept.find(key(corner));
     if (it == kept.end()) continue;

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -20,7 +19,6 @@ using util::imagePoint;
 using util::requireInRange;
 
 using gms::Grid;
-using gms::kNoCell;
 
 // The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
@@ -56,51 +54,20 @@ cv::Point2f normalised(const Features& features, std::int32_t index) {
           p.y / static_cast<float>(features.image_size.height)};
 }
 
-/// Whether a position in cells is on the grid; false for NaN.
-bool isOnGrid(const cv::Point2f& cells, const Grid& grid) {
-  return cells.x >= 0.0F && cells.x < static_cast<float>(grid.columns) && cells.y >= 0.0F &&
-         cells.y < static_cast<float>(grid.rows);
-}
-
 cv::Point2f inCells(const cv::Point2f& normalised, const Grid& grid) {
   return {normalised.x * static_cast<float>(grid.columns),
           normalised.y * static_cast<float>(grid.rows)};
 }
 
-// How the support is computed. A match is in one cell of each of the four shifted target grids, and
-// in one reference cell. It survives if in one of the grids
-// - its pair of cells is the best of its target cell (most matches lead there), and
-// - that pair has support, for the current rotation.
-// The support depends only on the cell and the rotation: one bit for each of the eight rotations of
-// the neighbourhood. So judge computes a Verdict for every occupied target cell. vote collects for
-// every match the bits of its four cells, if they name its reference cell. The number of matches
-// with a bit is the number that survives with that rotation. The rotation and scale that keep most
+// A match is in one cell of each of the four shifted target grids, and in one reference cell. It
+// survives if in one of the grids its pair of cells is the best of its target cell (most matches
+// lead there) and has support from the pairs around it. The rotation and scale that keep most
 // matches win.
 
-/// The verdict of one shifted grid on the matches of one target cell.
-struct Verdict {
-  std::uint32_t best_cell = kNoCell;  ///< reference cell of its best pair
-  std::uint32_t bits = 0;             ///< bit m: that pair has support with rotation m; kInBestPair
-};
-constexpr unsigned kInBestPair = 1u << gms::kRing;
-
-/// In place of a reference cell: no cell has this index.
-constexpr std::uint32_t kRuledOut = std::numeric_limits<std::uint32_t>::max();
-
-/// The combined verdicts of the four shifted grids for every match.
-struct Votes {
-  std::vector<std::uint32_t> reference_cell;
-  std::vector<std::uint16_t> bits;  ///< as in Verdict
-
-  bool survives(std::size_t match, unsigned rotation) const {
-    return (bits[match] >> rotation & 1u) != 0;
-  }
-  bool isInBestPair(std::size_t match) const { return (bits[match] & kInBestPair) != 0; }
-  std::size_t survivors(unsigned rotation) const {
-    std::size_t n = 0;
-    for (const std::uint16_t b : bits) n += b >> rotation & 1u;
-    return n;
-  }
+/// A match that takes part.
+struct Match {
+  std::uint32_t number;   ///< index among the correspondences
+  cv::Point2f reference;  ///< normalised position in the reference image
 };
 
 /// The best rotation and scale so far.
@@ -108,8 +75,12 @@ struct Winner {
   std::size_t kept = 0;
   unsigned rotation = 0;
   std::size_t scale = 0;
-  Votes votes;
+  gms::Votes votes;
 };
+
+bool survives(unsigned votes, unsigned rotation) {
+  return (votes >> rotation & 1u) != 0;
+}
 
 /// The filter when it is switched off.
 GmsResult passAll(std::vector<Correspondence>& correspondences) {
@@ -136,148 +107,76 @@ struct GmsFilter::Impl {
   void takeIn(const Features& reference, const Features& target,
               const std::vector<Correspondence>& correspondences);
   void tryScale(std::size_t scale);
-  void countPairs(const Grid& reference_grid);
-  void ruleOut();                     ///< fills `candidates`
-  std::size_t mostSurvivors() const;  ///< an upper bound over all rotations, from `candidates`
-  void judge(bool all);               ///< fills the verdicts
-  void vote();                        ///< from the verdicts to the votes
+  void vote(const Grid& reference_grid);
   GmsResult apply(std::vector<Correspondence>& correspondences) const;
 
   GmsOptions options;
   Grid target_grid;
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
-  // The matches that take part: three arrays of equal length.
-  std::vector<std::uint32_t> number;    ///< index among the correspondences
-  std::vector<cv::Point2f> reference;   ///< normalised position in the reference image
-  std::vector<gms::HalfCell> position;  ///< in the target image
-  std::size_t outside = 0;              ///< correspondences left out: not in the target image
+  std::vector<Match> matches;
+  std::array<std::vector<std::uint32_t>, 4> target_cells;  ///< per shift and match
+  std::size_t outside = 0;  ///< correspondences left out: not in the target image
 
-  // One per shift of the target grid.
-  std::array<gms::CellMembers, 4> members;
-  std::array<gms::CellPairs, 4> pairs;
-  std::array<std::vector<Verdict>, 4> verdicts;  ///< by place, and one for "in no cell"
-  /// By place: reference cell of the best pair if it may have support, else kRuledOut.
-  std::array<std::vector<std::uint32_t>, 4> candidates;
+  // For the current scale.
+  std::vector<std::uint32_t> reference_cells;  ///< per match
+  util::Buckets reference_order;
+  gms::CellPairs pairs;
+  gms::Votes votes;  ///< per match
 
-  Votes votes;  ///< for the current scale
   Winner winner;
 };
 
-void GmsFilter::Impl::takeIn(const Features& reference_frame, const Features& target_frame,
+void GmsFilter::Impl::takeIn(const Features& reference, const Features& target,
                              const std::vector<Correspondence>& correspondences) {
-  number.resize(correspondences.size());
-  reference.resize(correspondences.size());
-  position.resize(correspondences.size());
+  matches.clear();
+  for (std::vector<std::uint32_t>& cells : target_cells) cells.clear();
   outside = 0;
-  std::size_t n = 0;
   for (std::size_t i = 0; i < correspondences.size(); ++i) {
     const Correspondence& c = correspondences[i];
     if (c.level != Level::kt) continue;
-    if (!isIndexOf(reference_frame, c.reference_index)) {
-      refuseIndex(reference_frame, c.reference_index, "reference");
+    if (!isIndexOf(reference, c.reference_index)) {
+      refuseIndex(reference, c.reference_index, "reference");
     }
-    if (!isIndexOf(target_frame, c.target_index)) {
-      refuseIndex(target_frame, c.target_index, "target");
-    }
-    const cv::Point2f cell = inCells(normalised(target_frame, c.target_index), target_grid);
-    if (!isOnGrid(cell, target_grid)) {
+    if (!isIndexOf(target, c.target_index)) refuseIndex(target, c.target_index, "target");
+    const cv::Point2f p = inCells(normalised(target, c.target_index), target_grid);
+    if (target_grid.cellAt(p.x, p.y) == target_grid.noCell()) {
       ++outside;
       continue;
     }
-    number[n] = static_cast<std::uint32_t>(i);
-    reference[n] = normalised(reference_frame, c.reference_index);
-    position[n] = {static_cast<std::uint16_t>(2.0F * cell.x),
-                   static_cast<std::uint16_t>(2.0F * cell.y)};
-    ++n;
-  }
-  number.resize(n);
-  reference.resize(n);
-  position.resize(n);
-  for (unsigned shift = 0; shift < members.size(); ++shift) {
-    members[shift].assign(target_grid, (shift & 1u) != 0, (shift & 2u) != 0, position);
-  }
-}
-
-void GmsFilter::Impl::countPairs(const Grid& grid) {
-  votes.reference_cell.resize(reference.size());
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    const cv::Point2f cell = inCells(reference[i], grid);
-    votes.reference_cell[i] = isOnGrid(cell, grid)
-                                  ? grid.cell(static_cast<int>(cell.x), static_cast<int>(cell.y))
-                                  : kNoCell;
-  }
-  for (std::size_t shift = 0; shift < members.size(); ++shift) {
-    pairs[shift].count(members[shift], target_grid, grid, votes.reference_cell);
-    verdicts[shift].resize(members[shift].places() + 1);
-    verdicts[shift].back() = {};
-    candidates[shift].resize(members[shift].places() + 1);
-    candidates[shift].back() = kRuledOut;
-  }
-}
-
-/// A best pair cannot have more support than the matches around it. Checking this is far cheaper
-/// than judging the pair.
-void GmsFilter::Impl::ruleOut() {
-  for (std::size_t shift = 0; shift < members.size(); ++shift) {
-    for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      const bool may = pairs[shift].maySupport(place, options.threshold);
-      candidates[shift][place] = may ? pairs[shift].best(place) : kRuledOut;
+    matches.push_back({static_cast<std::uint32_t>(i), normalised(reference, c.reference_index)});
+    for (int shift = 0; shift < 4; ++shift) {
+      // The first column and row of a shifted grid are half outside the image and do not count.
+      const int right = shift % 2;
+      const int down = shift / 2;
+      target_cells[static_cast<std::size_t>(shift)].push_back(
+          target_grid.cellAt(p.x + 0.5 * right, p.y + 0.5 * down, right, down));
     }
   }
 }
 
-std::size_t GmsFilter::Impl::mostSurvivors() const {
-  std::size_t most = 0;
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    bool may_survive = false;
-    for (std::size_t shift = 0; shift < members.size(); ++shift) {
-      const std::uint32_t place = members[shift].placeOfMatch()[i];
-      may_survive |= candidates[shift][place] == votes.reference_cell[i];
-    }
-    most += may_survive ? 1 : 0;
+void GmsFilter::Impl::vote(const Grid& grid) {
+  reference_cells.clear();
+  votes.clear();
+  for (const Match& match : matches) {
+    const cv::Point2f p = inCells(match.reference, grid);
+    reference_cells.push_back(grid.cellAt(p.x, p.y));
+    votes.push_back(reference_cells.back() == grid.noCell() ? 0 : gms::kOnGrid);
   }
-  return most;
-}
-
-/// `all`: also the pairs that ruleOut() would rule out.
-void GmsFilter::Impl::judge(bool all) {
-  for (std::size_t shift = 0; shift < members.size(); ++shift) {
-    const gms::CellPairs& p = pairs[shift];
-    for (std::size_t place = 0; place < members[shift].places(); ++place) {
-      Verdict& verdict = verdicts[shift][place];
-      verdict = {p.best(place), kInBestPair};
-      if (!all && candidates[shift][place] == kRuledOut) continue;
-      verdict.bits |= p.supportedRotations(place, options.threshold, options.rotation);
-    }
-  }
-}
-
-/// A match survives if any of the four grids supports it.
-void GmsFilter::Impl::vote() {
-  votes.bits.resize(reference.size());
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    unsigned bits = 0;
-    for (std::size_t shift = 0; shift < members.size(); ++shift) {
-      const Verdict& verdict = verdicts[shift][members[shift].placeOfMatch()[i]];
-      bits |= verdict.best_cell == votes.reference_cell[i] ? verdict.bits : 0;
-    }
-    votes.bits[i] = static_cast<std::uint16_t>(bits);
+  reference_order.sort(matches.size(), grid.cells + 1,
+                       [&](std::size_t i) { return reference_cells[i]; });
+  for (const std::vector<std::uint32_t>& cells : target_cells) {
+    pairs.count(target_grid, grid, reference_order, reference_cells, cells);
+    pairs.vote(options.threshold, options.rotation ? gms::kRing : 1, votes);
   }
 }
 
 void GmsFilter::Impl::tryScale(std::size_t scale) {
-  countPairs(reference_grids[scale]);
-  const bool first = scale == 0;
-  if (!first) {
-    ruleOut();
-    if (mostSurvivors() <= winner.kept) return;
-  }
-  judge(first);
-  vote();
-  bool wins = first;
+  vote(reference_grids[scale]);
+  bool wins = scale == 0;
   for (unsigned m = 0; m < (options.rotation ? gms::kRing : 1); ++m) {
-    const std::size_t kept = votes.survivors(m);
+    const auto kept = static_cast<std::size_t>(
+        std::count_if(votes.begin(), votes.end(), [m](unsigned v) { return survives(v, m); }));
     if (kept <= winner.kept) continue;
     winner.kept = kept;
     winner.rotation = m;
@@ -292,13 +191,14 @@ GmsResult GmsFilter::Impl::apply(std::vector<Correspondence>& correspondences) c
   result.rotation_degrees = 45 * static_cast<int>(winner.rotation);
   result.scale = kScales[winner.scale];
   result.outside_grid = outside;
-  for (std::size_t i = 0; i < number.size(); ++i) {
-    if (winner.votes.survives(i, winner.rotation)) {
-      correspondences[number[i]].level = Level::ktg;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const unsigned votes_of_match = winner.votes[i];
+    if (survives(votes_of_match, winner.rotation)) {
+      correspondences[matches[i].number].level = Level::ktg;
       ++result.kept;
-    } else if (winner.votes.reference_cell[i] == kNoCell) {
+    } else if ((votes_of_match & gms::kOnGrid) == 0) {
       ++result.outside_grid;
-    } else if (winner.votes.isInBestPair(i)) {
+    } else if ((votes_of_match & gms::kInBestPair) != 0) {
       ++result.low_support;
     } else {
       ++result.not_best_pair;

@@ -26,18 +26,18 @@ void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
 
 }  // namespace
 
-CellGrid::CellGrid(const cv::Size& size, int quota, int keypoints_per_cell)
-    : width_(size.width - 2 * kEdgeMargin), height_(size.height - 2 * kEdgeMargin) {
-  const double cells = std::max(1.0, static_cast<double>(quota) / keypoints_per_cell);
-  const double side = std::sqrt(width_ * height_ / cells);
-  columns_ = std::max(1, cvRound(width_ / side));
-  rows_ = std::max(1, cvRound(height_ / side));
+LevelCells::LevelCells(const cv::Size& level, int quota, int keypoints_per_cell)
+    : width(level.width - 2 * kEdgeMargin), height(level.height - 2 * kEdgeMargin) {
+  const double wanted = std::max(1.0, static_cast<double>(quota) / keypoints_per_cell);
+  const double side = std::sqrt(width * height / wanted);
+  columns = std::max(1, cvRound(width / side));
+  rows = std::max(1, cvRound(height / side));
 }
 
-int CellGrid::cellOf(const cv::Point2f& point) const {
-  const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns_ / width_;
-  const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows_ / height_;
-  return row * columns_ + column;
+int LevelCells::cellOf(const cv::Point2f& point) const {
+  const int column = (static_cast<int>(point.x) - kEdgeMargin) * columns / width;
+  const int row = (static_cast<int>(point.y) - kEdgeMargin) * rows / height;
+  return row * columns + column;
 }
 
 UniformChoice::UniformChoice(int features, int strong_score, int keypoints_per_cell, int levels)
@@ -49,26 +49,19 @@ UniformChoice::UniformChoice(int features, int strong_score, int keypoints_per_c
 void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quota,
                                   std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
-  const CellGrid grid(size, quota, keypoints_per_cell_);
-  const int cells = grid.cells();
-  level.bucket.clear();
-  level.begin.assign(static_cast<std::size_t>(cells) * 2 + 1, 0);
-  for (const cv::KeyPoint& corner : corners) {
-    const int bucket = 2 * grid.cellOf(corner.pt) + (corner.response < strong_score_ ? 1 : 0);
-    level.bucket.push_back(bucket);
-    ++level.begin[bucket + 1];
+  const LevelCells cells(size, quota, keypoints_per_cell_);
+  const auto count = static_cast<std::size_t>(cells.count());
+  level.corners.sort(corners.size(), 2 * count, [&](std::size_t i) {
+    return 2 * cells.cellOf(corners[i].pt) + (corners[i].response < strong_score_ ? 1 : 0);
+  });
+  level.cells.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    level.cells[i] = {static_cast<int>(level.corners.begin(2 * i)),
+                      static_cast<int>(level.corners.begin(2 * i + 1)),
+                      static_cast<int>(level.corners.end(2 * i + 1)), 0};
   }
-  for (int i = 0; i < 2 * cells; ++i) level.begin[i + 1] += level.begin[i];
-  level.cells.resize(cells);
-  auto begin = level.begin.cbegin();
-  for (Cell& cell : level.cells) {
-    cell = {begin[0], begin[1], begin[2], 0};
-    begin += 2;
-  }
-  level.sorted.resize(corners.size());
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    level.sorted[level.begin[level.bucket[i]]++] = corners[i];
-  }
+  level.sorted.clear();
+  for (const std::int32_t i : level.corners.order()) level.sorted.push_back(corners[i]);
   corners.swap(level.sorted);
 }
 

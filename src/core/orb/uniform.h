@@ -4,25 +4,24 @@
 #include <vector>
 
 #include "core/orb/kernels.h"
+#include "core/util/buckets.h"
 
 namespace ktgp_orb::orb {
 
-/// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints.
-class CellGrid {
- public:
-  CellGrid() = default;
-  /// `size` of the level in px, larger than twice kEdgeMargin; `quota`: keypoints wanted from it.
-  CellGrid(const cv::Size& size, int quota, int keypoints_per_cell);
+/// A pyramid level without its margin, divided into cells of about `keypoints_per_cell` keypoints,
+/// whatever the level's size: so not a CellGrid, whose cells have a side in px.
+struct LevelCells {
+  /// `level`: size in px, larger than twice kEdgeMargin; `quota`: keypoints wanted from it.
+  LevelCells(const cv::Size& level, int quota, int keypoints_per_cell);
 
-  int cells() const { return columns_ * rows_; }
+  int count() const { return columns * rows; }
   /// Row by row; `point` at least kEdgeMargin px from the border.
   int cellOf(const cv::Point2f& point) const;
 
- private:
-  int width_ = 0;  // px in which keypoints may lie
-  int height_ = 0;
-  int columns_ = 0;
-  int rows_ = 0;
+  int width;  ///< px in which keypoints may lie
+  int height;
+  int columns;
+  int rows;
 };
 
 /// Chooses keypoints so that every part of the image has an equal share.
@@ -58,8 +57,7 @@ class UniformChoice {
   };
   struct Level {
     std::vector<Cell> cells;  ///< row by row
-    std::vector<int> bucket;  ///< of each corner: 2 * cell, plus 1 for a weak one
-    std::vector<int> begin;   ///< of each bucket
+    util::Buckets corners;    ///< bucket 2 * cell for the strong ones, plus 1 for the weak ones
     std::vector<cv::KeyPoint> sorted;
   };
 

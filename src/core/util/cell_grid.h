@@ -6,6 +6,8 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/util/buckets.h"
+
 namespace ktgp_orb::util {
 
 /// Points sorted into square cells, to find the points near a position fast. Points outside the
@@ -17,16 +19,15 @@ class CellGrid {
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
     divide(image, side);
-    cell_.resize(count);
-    for (std::size_t i = 0; i < count; ++i) {
-      const cv::Point2f p = point(i);
-      cell_[i] = static_cast<std::uint32_t>(row(p.y) * columns_ + column(p.x));
-    }
-    sort();
+    points_.sort(count, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
+                 [&](std::size_t i) {
+                   const cv::Point2f p = point(i);
+                   return row(p.y) * columns_ + column(p.x);
+                 });
   }
 
   /// The points cell by cell, row by row of cells; ascending within a cell.
-  const std::vector<std::int32_t>& order() const { return order_; }
+  const std::vector<std::int32_t>& order() const { return points_.order(); }
 
   /// The cells that intersect the square of half side `radius` around (x, y) form one run per row
   /// of cells: calls visit(begin, end) for each such run of order().
@@ -38,8 +39,8 @@ class CellGrid {
     for (int r = row(y - radius); r <= last; ++r) {
       const int first = r * columns_ + left;
       const int last_cell = r * columns_ + right;
-      visit(start_[static_cast<std::size_t>(first)],
-            start_[static_cast<std::size_t>(last_cell) + 1]);
+      visit(points_.begin(static_cast<std::size_t>(first)),
+            points_.end(static_cast<std::size_t>(last_cell)));
     }
   }
 
@@ -47,13 +48,12 @@ class CellGrid {
   template <typename Visit>
   void visitNear(double x, double y, double radius, Visit visit) const {
     visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
-      for (std::uint32_t i = begin; i < end; ++i) visit(order_[i]);
+      for (std::uint32_t i = begin; i < end; ++i) visit(order()[i]);
     });
   }
 
  private:
   void divide(const cv::Size& image, double side);
-  void sort();
   int column(double x) const { return clamped(x, columns_); }
   int row(double y) const { return clamped(y, rows_); }
   int clamped(double x, int count) const {
@@ -65,9 +65,7 @@ class CellGrid {
   double per_side_ = 1.0;
   int columns_ = 1;
   int rows_ = 1;
-  std::vector<std::uint32_t> start_;  // of each cell in order_, and its end
-  std::vector<std::int32_t> order_;
-  std::vector<std::uint32_t> cell_;  // of each point
+  Buckets points_;  // by cell
 };
 
 }  // namespace ktgp_orb::util

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace ktgp_orb::util {
+
+/// The numbers 0 .. n - 1 sorted by bucket (a counting sort); those of a bucket stay ascending.
+/// Keeps its buffers.
+class Buckets {
+ public:
+  /// `bucketOf(i)`: of number i of `count`, below `buckets`.
+  template <typename BucketOf>
+  void sort(std::size_t count, std::size_t buckets, const BucketOf& bucketOf) {
+    bucket_.resize(count);
+    start_.assign(buckets + 1, 0);
+    for (std::size_t i = 0; i < count; ++i) {
+      bucket_[i] = static_cast<std::uint32_t>(bucketOf(i));
+      ++start_[bucket_[i]];
+    }
+    std::uint32_t sum = 0;
+    for (std::uint32_t& start : start_) start = sum += start;
+    // From the back: the end of each bucket moves to its beginning.
+    order_.resize(count);
+    for (std::size_t i = count; i-- > 0;) {
+      order_[--start_[bucket_[i]]] = static_cast<std::int32_t>(i);
+    }
+  }
+
+  /// The numbers, bucket by bucket.
+  const std::vector<std::int32_t>& order() const { return order_; }
+  /// Where a bucket begins in order(). That of the next one, or of the number of buckets, is its
+  /// end.
+  std::uint32_t begin(std::size_t bucket) const { return start_[bucket]; }
+  std::uint32_t end(std::size_t bucket) const { return start_[bucket + 1]; }
+
+ private:
+  std::vector<std::uint32_t> bucket_;  // of each number
+  std::vector<std::uint32_t> start_;
+  std::vector<std::int32_t> order_;
+};
+
+}  // namespace ktgp_orb::util
