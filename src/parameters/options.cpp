@@ -32,6 +32,7 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.gms.threshold = p.T_G;
   matcher.gms.rotation = p.gms_rotation;
   matcher.gms.scale = p.gms_scale;
+  matcher.gms.grid_columns = matcher.gms.grid_rows = p.gms_grid;
   matcher.prosac.max_error = p.prosac_threshold;
   matcher.growth.enabled = p.growth;
   matcher.growth.views = p.views;

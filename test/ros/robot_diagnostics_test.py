@@ -103,7 +103,7 @@ class DiagnosticsTest(unittest.TestCase):
 
     def test_an_old_parameter_is_named_while_it_is_set(self):
         rospy.set_param('/camera/matcher/gms_rows', 10)
-        self.wait_for('matcher', WARN, 'parameter /camera/matcher/gms_rows is of an earlier version: the grid')
+        self.wait_for('matcher', WARN, 'parameter /camera/matcher/gms_rows is of an earlier version: set gms_grid')
         rospy.delete_param('/camera/matcher/gms_rows')
         self.wait_for('matcher', OK, '')
 

@@ -66,7 +66,7 @@ class TargetsFilesTest(FolderCase):
     def test_a_full_disk_changes_nothing(self):
         kept = self.path('kept.yaml')
         # So long that the list does not fit, either, once the test adds the second one.
-        long_id = 'x' * (LIMIT - 2000)
+        long_frame = 'x' * (LIMIT - 2000)
         cv2.imwrite(self.path('first.png'), POSTER)
         cv2.imwrite(self.path('other.png'), SMALL)
         with open(kept, 'w') as file:
@@ -87,7 +87,7 @@ class TargetsFilesTest(FolderCase):
             wait_until(lambda: state() == (2, ['first']), 'both are read')
             refused('.png: cannot be written', 'add', 'large', [image(texture(150, 200, seed=25)), image(LARGE)], 0.0, '')
             refused('.png: cannot be written', 'replace', 'first', [image(LARGE)], 0.0, '')
-            refused('cannot be written', 'add', 2 * long_id, [image(texture(150, 200, seed=23))], 0.0, '')
+            refused('cannot be written', 'add', 'third', [image(texture(150, 200, seed=23))], 0.0, 2 * long_frame)
             self.assertEqual(state(), (2, ['first']))
             answer = call('/full', 'replace', 'other', [image(texture(150, 200, seed=24))], 0.0, 'shelf')
             self.assertTrue(answer.success, answer.message)
@@ -95,8 +95,8 @@ class TargetsFilesTest(FolderCase):
                 self.assertIn('frame: shelf', file.read())
         # A list that is too long already: nothing can be removed, either.
         with open(kept, 'w') as file:
-            for name, picture in ((2 * long_id, 'other'), ('first', 'first')):
-                file.write('- {id: %s, image: %s.png}\n' % (name, picture))
+            file.write('- {id: other, image: other.png, frame: %s}\n' % (2 * long_frame))
+            file.write('- {id: first, image: first.png}\n')
         with node('/full', limit_files, file=kept):
             wait_until(lambda: state() == (2, ['first']), 'both are read')
             refused('cannot be written', 'remove', 'first')
@@ -117,6 +117,17 @@ class TargetsFilesTest(FolderCase):
                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
         self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', run.stdout)
         self.assertIn('Not a directory', run.stdout)
+
+    def test_an_empty_kept_list_does_not_keep_it_from_starting(self):
+        """The power failed while it was written: what was given counts."""
+        cv2.imwrite(self.path('given.png'), POSTER)
+        with open(self.path('targets.yaml'), 'w') as file:
+            file.write('- {id: given, image: given.png}\n')
+        with open(self.path('kept.yaml'), 'w'):
+            pass
+        with node('/empty', targets=self.path('targets.yaml'), file=self.path('kept.yaml')):
+            wait_until(lambda: call('/empty', 'detect', image(rendered(K)), CameraInfo()).detections.known == 1,
+                       'the given one is known')
 
     def test_answers_frames_and_services_while_it_reads_many_targets(self):
         count = 150

@@ -84,7 +84,7 @@ class StartupTest(unittest.TestCase):
             'T_G:=-1.0': '/other/matcher/T_G is -1; expected a number in [0, 40]',
             'features:=0': '/other/matcher/features is 0; expected a whole number in [100, 20000]',
             'set:={reference_mode: nearest}': "reference_mode is nearest; expected previous",
-            'set:={gms_columns: 10}': '/other/matcher/gms_columns is of an earlier version: the grid of GMS has'}
+            'set:={gms_columns: 10}': '/other/matcher/gms_columns is of an earlier version: set gms_grid'}
 
         def check(parameter):
             expected = (words[parameter], 'process has died')
