@@ -92,10 +92,14 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   }
   for (const std::string& name : removedParameters("matcher")) {  // not shown by --help
     if (name == "overlay") continue;  // the name of an option of the programs
-    app.add_option_function<std::string>("--" + name, [name](const std::string& /*value*/) {
-         throw CLI::ValidationError(
-             "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
-       })->group("")->expected(0, 1);
+    app.add_option_function<std::string>(
+           "--" + name,
+           [name](const std::string& /*value*/) {
+             throw CLI::ValidationError(
+                 "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
+           })
+        ->group("")
+        ->expected(0, 1);
   }
   app.callback([given, defaults, done] {
     Parameters parameters = defaults;

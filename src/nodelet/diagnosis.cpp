@@ -188,8 +188,7 @@ void Diagnosis::tick(bool clock_stands, bool clock_is_missing) {
   period_start_ = now;
   clock_is_missing_ = clock_is_missing;
   const auto arrived = counters_.find(kArrived);
-  clock_stands_ =
-      clock_stands && (arrived == counters_.end() || arrived->second.current == 0);
+  clock_stands_ = clock_stands && (arrived == counters_.end() || arrived->second.current == 0);
   if (clock_stands_) return;
   current_.seconds = seconds;
   periods_[next_period_] = std::exchange(current_, {});
@@ -240,7 +239,8 @@ void Diagnosis::reportInput(Report& report) {
   const std::string message = inputMessage(level);
   report.summary(level, message);
   report.add("topic", topic_);
-  report.addf("rate (1/s)", "%.2f", ratio(static_cast<double>(recentOf(kArrived)), times().seconds));
+  report.addf("rate (1/s)", "%.2f",
+              ratio(static_cast<double>(recentOf(kArrived)), times().seconds));
   report.add(what_ + "s", totalOf(kArrived));
   for (const char* name : {kDropped, kForgotten, kLost, kSkipped, kRefused}) {
     report.add(name, totalOf(name));

@@ -44,9 +44,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
 
   void start() override {
     images_ = &this->addImages(5, [this](const sensor_msgs::ImageConstPtr& image, std::uint32_t) {
-      this->diagnosis_.count(
-          Diagnosis::kDropped,
-          this->worker_.template put<&Work::add>(kImage, image->data.size(), image));
+      this->diagnosis_.count(Diagnosis::kDropped, this->worker_.template put<&Work::add>(
+                                                      kImage, image->data.size(), image));
     });
     // Each homography is a link of the chain, so none should be lost.
     homographies_ = &this->template addInput<HomographyStamped>(
@@ -91,8 +90,7 @@ class FrameConsumer : public ImageNode<Config, Work> {
                      homographies_->topic().c_str(), images_->topic().c_str());
     }
     this->diagnosis_.count("homographies");
-    this->diagnosis_.count("homographies found",
-                           message->status == MatchStatus::STATUS_OK ? 1 : 0);
+    this->diagnosis_.count("homographies found", message->status == MatchStatus::STATUS_OK ? 1 : 0);
     this->worker_.template put<&Work::follow>(kHomography, 0, message);
   }
 

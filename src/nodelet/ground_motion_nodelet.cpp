@@ -185,11 +185,10 @@ std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Tim
 }
 
 void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) {
-  diagnosis_.setProblem("gap",
-                        estimate.status == GroundStatus::resumed
-                            ? "the odometry goes on after " + number(estimate.gap) +
-                                  " s without connection, with a larger covariance"
-                            : "");
+  diagnosis_.setProblem("gap", estimate.status == GroundStatus::resumed
+                                   ? "the odometry goes on after " + number(estimate.gap) +
+                                         " s without connection, with a larger covariance"
+                                   : "");
   diagnosis_.setValue("status", toString(estimate.status));
   diagnosis_.setValue("height (m)", number(estimate.height));
   diagnosis_.setValue("normal, deviation (rad)", number(estimate.tilt_deviation));
@@ -201,8 +200,7 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
 
 void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header& image) {
   const GroundMotionConfig& config = settings_.config;
-  const auto odometry =
-      boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config));
+  const auto odometry = boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config));
   odometry_.publish(odometry);
   if (estimate.hasTwist() && twists_.getNumSubscribers() > 0) {
     twists_.publish(boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>(
@@ -270,15 +268,14 @@ void GroundMotionNodelet::start() {
 }
 
 std::string GroundMotionNodelet::greeting() const {
-  return "takes matches on " + matches_->topic() + "; the height is from " +
-         config_.height_source + ", the normal from " + config_.normal_source;
+  return "takes matches on " + matches_->topic() + "; the height is from " + config_.height_source +
+         ", the normal from " + config_.normal_source;
 }
 
 void GroundMotionNodelet::configure(GroundMotionConfig& config) {
   const ros::NodeHandle names = getNodeHandle();
   const GroundSettings settings{config, names.resolveName("image"),
-                                names.resolveName("camera_info"), ranges_->topic(),
-                                imus_->topic()};
+                                names.resolveName("camera_info"), ranges_->topic(), imus_->topic()};
   worker_.post([settings](GroundWork& work) { work.configure(settings); });
   ranges_->enable(config.height_source == "range");
   imus_->enable(config.normal_source == "imu" || config.gyro);
@@ -303,9 +300,8 @@ void GroundMotionNodelet::advertise() {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });
   poll_.stop();
-  startWorker(
-      std::make_unique<GroundWork>(tf_, diagnosis_, twists, odometry, is_waiting_),
-      [](GroundWork& work) { work.processComplete(); });
+  startWorker(std::make_unique<GroundWork>(tf_, diagnosis_, twists, odometry, is_waiting_),
+              [](GroundWork& work) { work.processComplete(); });
 }
 
 void GroundMotionNodelet::listeningChanged(bool listening) {

@@ -24,8 +24,8 @@ void NodeBase::onInit() {
     diagnosis_.open(getName(), inputs_.front()->what(), inputs_.front()->topic(), workName());
     const ros::NodeHandle connections = privateNode(settings_queue_);
     outputs_.open(connections, [this] { connectionsChanged(); });
-    updater_ = std::make_unique<diagnostic_updater::Updater>(node(slow_queue_), connections,
-                                                             getName());
+    updater_ =
+        std::make_unique<diagnostic_updater::Updater>(node(slow_queue_), connections, getName());
     diagnosis_.add(*updater_);
     {
       // An early subscriber should not find only some of the outputs.
@@ -93,8 +93,8 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
 // Wall time: timers go on while a bag with --clock is paused.
 ros::WallTimer NodeBase::addTimer(CallbackThread& queue, double period,
                                   const std::function<void()>& tick) {
-  timers_.push_back(node(queue).createWallTimer(
-      ros::WallDuration(period), [tick](const ros::WallTimerEvent&) { tick(); }));
+  timers_.push_back(node(queue).createWallTimer(ros::WallDuration(period),
+                                                [tick](const ros::WallTimerEvent&) { tick(); }));
   return timers_.back();
 }
 

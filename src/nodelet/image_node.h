@@ -67,9 +67,9 @@ class NodeBase : public nodelet::Nodelet {
   Input& addInput(const std::string& name, const std::string& what, std::uint32_t queue_size,
                   bool is_watched, typename MessageInput<Message>::Callback callback,
                   CallbackThread* queue = nullptr) {
-    inputs_.push_back(std::make_unique<MessageInput<Message>>(
-        node(queue != nullptr ? *queue : data_queue_), name, what, queue_size, is_watched,
-        std::move(callback)));
+    inputs_.push_back(
+        std::make_unique<MessageInput<Message>>(node(queue != nullptr ? *queue : data_queue_), name,
+                                                what, queue_size, is_watched, std::move(callback)));
     return *inputs_.back();
   }
   /// `answer` fills the response; what it throws becomes success = false and the message.
@@ -77,8 +77,7 @@ class NodeBase : public nodelet::Nodelet {
   void addService(
       const std::string& name, CallbackThread& queue,
       const std::function<void(typename Service::Request&, typename Service::Response&)>& answer) {
-    using Callback =
-        boost::function<bool(typename Service::Request&, typename Service::Response&)>;
+    using Callback = boost::function<bool(typename Service::Request&, typename Service::Response&)>;
     ros::NodeHandle node = privateNode(queue);
     services_.push_back(node.advertiseService(
         name, Callback([this, answer](auto& request, auto& response) {
@@ -161,10 +160,9 @@ class ImageNode : public NodeBase {
       }
     });
     if (!is_configured_) {
-      throw std::invalid_argument("the parameters of " + node.getNamespace() +
-                                  " cannot be used: " + first_refusal_ +
-                                  ". Set others, or remove them with 'rosparam delete " +
-                                  node.getNamespace() + "'");
+      throw std::invalid_argument(
+          "the parameters of " + node.getNamespace() + " cannot be used: " + first_refusal_ +
+          ". Set others, or remove them with 'rosparam delete " + node.getNamespace() + "'");
     }
   }
   void refuseParameters(const std::string& reason) {

@@ -82,7 +82,8 @@ class MessageInput : public Input {
       if (isNew(message)) callback_(message);
     };
     subscriber_ = node_.subscribe<Message>(
-        topic_, queue_size_, boost::function<void(const boost::shared_ptr<const Message>&)>(arrived),
+        topic_, queue_size_,
+        boost::function<void(const boost::shared_ptr<const Message>&)>(arrived),
         ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
   }
   void close() override { subscriber_.shutdown(); }
@@ -98,8 +99,7 @@ class MessageInput : public Input {
 class ImageInput : public Input {
  public:
   /// `lost`: images that were sent, by header.seq, and did not arrive.
-  using Callback =
-      std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
+  using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
 
   /// Throws std::invalid_argument, with advice, for a transport that is not installed.
   ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size,

@@ -1,8 +1,8 @@
+#include <image_transport/camera_common.h>
 #include <ktgp_orb/KtgpConfig.h>
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatus.h>
 #include <std_srvs/Trigger.h>
-#include <image_transport/camera_common.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include <atomic>
@@ -65,8 +65,8 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   ros::Subscriber mask_;
   ros::Subscriber reference_;
 
-  MatcherSettings settings_;      // used only in the settings queue
-  RateLimiter rate_limiter_;      // used only in the data queue
+  MatcherSettings settings_;          // used only in the settings queue
+  RateLimiter rate_limiter_;          // used only in the data queue
   bool remembers_reference_ = false;  // used only in the slow queue
 
   std::atomic<bool> lazy_{true};
@@ -98,9 +98,9 @@ std::string MatcherNodelet::greeting() const {
 }
 
 void MatcherNodelet::advertise() {
-  auto work = std::make_unique<MatcherWork>(settings_.configuration(), outputs_, diagnosis_,
-                                            [this] { return worker_.has(kImage); },
-                                            facts_);
+  auto work = std::make_unique<MatcherWork>(
+      settings_.configuration(), outputs_, diagnosis_, [this] { return worker_.has(kImage); },
+      facts_);
   work->setCameraInfoTopic(camera_info_->topic());
   startWorker(std::move(work));
   advertiseServices();
@@ -142,9 +142,8 @@ void MatcherNodelet::advertiseServices() {
     diagnosis_.setPaused(false);
     response.message = "images are matched again";
   });
-  addService<MatchPair>("match_pair", long_queue_, [this](auto& request, auto& response) {
-    matchPair(request, response);
-  });
+  addService<MatchPair>("match_pair", long_queue_,
+                        [this](auto& request, auto& response) { matchPair(request, response); });
 }
 
 void MatcherNodelet::listeningChanged(bool listening) {
@@ -229,14 +228,13 @@ void MatcherNodelet::beforeReport() {
   const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
   const auto found = static_cast<double>(diagnosis_.recent("homographies"));
   const bool is_rare = frames > 0.0 && found < kMinShare * frames;
-  diagnosis_.setProblem("homographies",
-                        !is_rare ? ""
-                                 : std::string(found == 0.0 ? "no homography found: "
-                                                            : "few homographies found: ") +
-                                       toString(facts_.last_failure),
-                        false);
-  diagnosis_.setState(frames == 0.0  ? "nothing to match"
-                      : "homographies found");
+  diagnosis_.setProblem(
+      "homographies",
+      !is_rare ? ""
+               : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
+                     toString(facts_.last_failure),
+      false);
+  diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
   diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }
 
@@ -254,8 +252,7 @@ void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response&
   response.homography.status = response.statistics.status = MatchStatus::STATUS_NO_REFERENCE;
   requireSmall("reference", request.reference);
   requireSmall("target", request.target);
-  Configuration configuration =
-      worker_.ask([](MatcherWork& work) { return work.configuration(); });
+  Configuration configuration = worker_.ask([](MatcherWork& work) { return work.configuration(); });
   configuration.sequence.reference.mode = ReferenceMode::fixed;
   configuration.view = {};  // of the camera; the two images may come from elsewhere
   configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);

@@ -14,9 +14,8 @@ constexpr std::chrono::seconds kLongestWithoutOverlay{1};
 
 }  // namespace
 
-MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs,
-                         Diagnosis& diagnosis, std::function<bool()> newer_waits,
-                         MatcherFacts& facts)
+MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
+                         std::function<bool()> newer_waits, MatcherFacts& facts)
     : matcher_(configuration),
       diagnosis_(diagnosis),
       newer_waits_(std::move(newer_waits)),
@@ -66,14 +65,14 @@ void MatcherWork::report(const SequenceMatch& match) {
   diagnosis_.count("inliers", match.match.inliers);
   // Every sequence begins with one frame without a reference.
   diagnosis_.setProblem("reference",
-                        without_reference_ > 1
-                            ? std::to_string(without_reference_) +
-                                  " frames in a row without a reference: " +
-                                  toString(match.no_reference)
-                            : "",
+                        without_reference_ > 1 ? std::to_string(without_reference_) +
+                                                     " frames in a row without a reference: " +
+                                                     toString(match.no_reference)
+                                               : "",
                         false);
   diagnosis_.setProblem("lens", lensProblem(match));
-  if (!has_reference) diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
+  if (!has_reference)
+    diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
   diagnosis_.setValue("last status", toString(status));
   if (has_reference && status != Status::ok) facts_.last_failure = status;
 }
@@ -85,9 +84,11 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   std::string reason = configuration.lens_problem;
   if (configuration.view.lens) {
     const cv::Size size = configuration.view.lens->calibration().image_size;
-    reason = "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
+    reason =
+        "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
   }
-  return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and of "
+  return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
+         "of "
          "this image size on " +
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }

@@ -28,9 +28,7 @@ class MatcherWork {
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
               std::function<bool()> newer_waits, MatcherFacts& facts);
 
-  void configure(const ConfigurationConstPtr& configuration) {
-    matcher_.configure(*configuration);
-  }
+  void configure(const ConfigurationConstPtr& configuration) { matcher_.configure(*configuration); }
   const Configuration& configuration() const { return matcher_.configuration(); }
   void process(const sensor_msgs::ImageConstPtr& image);
   void forgetReference() { matcher_.forgetReference(); }

@@ -103,8 +103,7 @@ void MosaicWork::finish() {
 void MosaicWork::place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat colour = colourImage(image);
   const auto start = Clock::now();
-  diagnosis_.setValue("last frame",
-                      toString(mosaic_.place(stampOf(message.header.stamp), colour)));
+  diagnosis_.setValue("last frame", toString(mosaic_.place(stampOf(message.header.stamp), colour)));
   last_header_ = message.header;
   if (poses_.getNumSubscribers() > 0) publishPose(message);
   diagnosis_.done(message.header.stamp, start);
@@ -121,7 +120,8 @@ void MosaicWork::report() {
   diagnosis_.setValue("keyframes", std::to_string(mosaic_.keyframes()));
   diagnosis_.setValue("maps begun", std::to_string(mosaic_.maps()));
   diagnosis_.setProblem(
-      "full", mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
+      "full",
+      mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
 }
 
 void MosaicWork::publishPose(const HomographyStamped& message) {
@@ -160,9 +160,8 @@ void MosaicNodelet::configure(MosaicConfig& config) {
 }
 
 void MosaicNodelet::advertise() {
-  const auto pictures = outputs_.advertiseImage("mosaic", 1, true, [this] {
-    worker_.post([](MosaicWork& work) { work.publishPicture(); });
-  });
+  const auto pictures = outputs_.advertiseImage(
+      "mosaic", 1, true, [this] { worker_.post([](MosaicWork& work) { work.publishPicture(); }); });
   const auto poses = outputs_.advertise<HomographyStamped>("homography", 10);
   addService<SaveMosaic>("save", long_queue_, [this](auto& request, auto& response) {
     save(request, response);  // takes a while

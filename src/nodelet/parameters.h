@@ -11,9 +11,9 @@
 namespace ktgp_orb {
 
 /// Checks the initial parameters below `node`, from a launch file, YAML or the command line, which
-/// dynamic_reconfigure would clamp or ignore without a message: their types, ranges and choices, and
-/// names of earlier versions. Throws std::invalid_argument with the parameter, its value and what is
-/// expected. `nodelet`: see parametersOf.
+/// dynamic_reconfigure would clamp or ignore without a message: their types, ranges and choices,
+/// and names of earlier versions. Throws std::invalid_argument with the parameter, its value and
+/// what is expected. `nodelet`: see parametersOf.
 void requireUsable(const ros::NodeHandle& node, const std::string& nodelet);
 
 /// Parameters below `node` that the nodelet does not have, misspelt ones for example.

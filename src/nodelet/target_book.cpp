@@ -116,9 +116,9 @@ void TargetBook::add(const SetTarget::Request& request) {
 
 /// A target that is still to be read, or was refused, is replaced, too.
 void TargetBook::replace(const SetTarget::Request& request) {
-  const bool is_unused = !areThere(lists_.used, request.id) &&
-                         (areThere(lists_.waiting, request.id) ||
-                          areThere(lists_.refused, request.id));
+  const bool is_unused =
+      !areThere(lists_.used, request.id) &&
+      (areThere(lists_.waiting, request.id) || areThere(lists_.refused, request.id));
   set(request, is_unused ? user_.add : user_.replace);
 }
 

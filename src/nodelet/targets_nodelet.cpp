@@ -1,9 +1,9 @@
+#include <image_transport/camera_common.h>
 #include <ktgp_orb/DetectTargets.h>
 #include <ktgp_orb/RemoveTarget.h>
 #include <ktgp_orb/SetTarget.h>
 #include <ktgp_orb/TargetsConfig.h>
 #include <tf2_ros/transform_broadcaster.h>
-#include <image_transport/camera_common.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include <atomic>
@@ -174,9 +174,8 @@ void TargetsNodelet::advertise() {
   addChange<SetTarget>("add", [this](auto& request) { book_.add(request); });
   addChange<SetTarget>("replace", [this](auto& request) { book_.replace(request); });
   addChange<RemoveTarget>("remove", [this](auto& request) { book_.remove(request.id); });
-  addService<DetectTargets>("detect", long_queue_, [this](auto& request, auto& response) {
-    detect(request, response);
-  });
+  addService<DetectTargets>("detect", long_queue_,
+                            [this](auto& request, auto& response) { detect(request, response); });
   // One by one, so that the nodelet can be unloaded at any time.
   load_ = addTimer(long_queue_, 0.001, [this] { loadNext(); });
   startWorker(std::make_unique<TargetsWork>(diagnosis_, outputs, camera_info_->topic()));
@@ -193,8 +192,7 @@ void TargetsNodelet::addChange(const std::string& name, const Change& change) {
 /// In the long queue: prepares a target there, and lets the worker take it.
 TargetUser TargetsNodelet::targetUser() {
   const auto prepared = [this](const Target& target) {
-    const auto options =
-        worker_.ask([](TargetsWork& work) { return work.finder().options(); });
+    const auto options = worker_.ask([](TargetsWork& work) { return work.finder().options(); });
     return std::make_shared<PreparedTarget>(target, options);
   };
   return {[this, prepared](const Target& target) {

@@ -122,10 +122,7 @@ const std::string& PreparedTarget::id() const {
 
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
-      : options(o),
-        extractor(o.orb),
-        check_extractor(checkOptions(o)),
-        search(options, store) {
+      : options(o), extractor(o.orb), check_extractor(checkOptions(o)), search(options, store) {
     requireUsable(o);
   }
 

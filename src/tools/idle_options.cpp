@@ -7,16 +7,16 @@
 namespace ktgp_orb {
 
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
-  std::map<std::string, std::string> idle{
-      {"lazy", "ktgp_bag matches every image"},
-      {"max_latency", "it is for the diagnostics of the node"}};
+  std::map<std::string, std::string> idle{{"lazy", "ktgp_bag matches every image"},
+                                          {"max_latency", "it is for the diagnostics of the node"}};
   if (parameters.reference_mode != "fixed" && !parameters.reference_image.empty()) {
     idle["reference_image"] = "it is used only with --reference_mode fixed";
   }
   if (app.get_option("--targets")->count() == 0) {
     idle["calibration"] = "it is used only for the pose of --targets";
   }
-  if (app.get_option("--overlay")->count() == 0) idle["overlay_style"] = "it is used only with --overlay";
+  if (app.get_option("--overlay")->count() == 0)
+    idle["overlay_style"] = "it is used only with --overlay";
   for (const auto& [name, reason] : idle) {
     if (app.get_option("--" + name)->count() == 0) continue;
     std::string text = "--" + name;

@@ -189,7 +189,8 @@ TEST(Parameters, TextThatIsNoValueIsRefused) {
     EXPECT_THROW(setParameter(*findParameter(name), text, p), std::invalid_argument)
         << name << " = " << text;
   };
-  for (const char* text : {"", "x", "0.5 ", "0.5x", "nan", "inf", "-0.1", "1.5"}) refuses("T_w", text);
+  for (const char* text : {"", "x", "0.5 ", "0.5x", "nan", "inf", "-0.1", "1.5"})
+    refuses("T_w", text);
   for (const char* text : {"", "1.5", "1e3", "99999999999", "0"}) refuses("features", text);
   for (const char* text : {"", "1", "True", "no"}) refuses("gms_scale", text);
   for (const char* text : {"", "slow", "orb "}) refuses("descriptor", text);

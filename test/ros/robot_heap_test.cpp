@@ -117,7 +117,8 @@ Site siteOf(const StackCounts::Stack& stack) {
     if (site.name.empty() && (ours || contains(name, "ros::"))) site.name = name;
     const auto is = [&](const char* function) { return contains(name, function); };
     if (is("ktgp_orb::toCorrespondences") || is("ktgp_orb::toHomography") ||
-        is("ktgp_orb::toStatistics")) site.purpose = Purpose::making;
+        is("ktgp_orb::toStatistics"))
+      site.purpose = Purpose::making;
     // ROS's own publish may be inlined into ours.
     if (is("ros::Publisher::publish") || is("ktgp_orb::MatcherWork::addTopic")) {
       site.purpose = Purpose::handing_over;
