@@ -74,7 +74,8 @@ struct Pair {
   }
 
   ktgp_orb::UncertainHomography answer() const {
-    return {match.homography, match.covariance, match.shared_covariance, match.plane_deviation};
+    return {match.answer.homography, match.answer.covariance, match.answer.shared_covariance,
+            match.answer.plane_deviation};
   }
 
   double error(const Eigen::Matrix3d& h) const {
@@ -94,7 +95,7 @@ void run(benchmark::State& state, const Pair& pair, const Eigen::Matrix3d& homog
   }
   state.counters["ms"] = ktgp_orb::evaluation::median(times);
   state.counters["error_px"] = pair.error(homography);
-  state.counters["before_px"] = pair.error(pair.match.homography);
+  state.counters["before_px"] = pair.error(pair.match.answer.homography);
   state.counters["points"] = static_cast<double>(points);
 }
 
@@ -107,7 +108,7 @@ void align(benchmark::State& state) {
   ktgp_orb::AlignmentResult result;
   const ktgp_orb::UncertainHomography start = pair.answer();
   alignment.align(pair.reference, pair.target, pair.inliers, start, result);
-  run(state, pair, result.homography, [&] {
+  run(state, pair, result.answer.homography, [&] {
     alignment.align(pair.reference, pair.target, pair.inliers, start, result);
     return result.points.size();
   });
@@ -123,7 +124,7 @@ void lucasKanade(benchmark::State& state) {
     from.push_back(pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt);
   }
   cv::Mat h;
-  cv::eigen2cv(pair.match.homography, h);
+  cv::eigen2cv(pair.match.answer.homography, h);
   std::vector<cv::Point2f> predicted, to;
   cv::perspectiveTransform(from, predicted, h);
   std::vector<std::uint8_t> followed;
@@ -156,7 +157,7 @@ void ecc(benchmark::State& state) {
   cv::setNumThreads(1);
   cv::Mat h;
   const auto maximise = [&] {
-    cv::eigen2cv(Eigen::Matrix3f(pair.match.homography.cast<float>()), h);
+    cv::eigen2cv(Eigen::Matrix3f(pair.match.answer.homography.cast<float>()), h);
     cv::findTransformECC(pair.images.reference, pair.images.target, h, cv::MOTION_HOMOGRAPHY,
                          {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4});
     return std::size_t{0};

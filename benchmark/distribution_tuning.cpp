@@ -56,7 +56,7 @@ Features extract(const OrbOptions& options, const std::string& file) {
 double meanCornerError(const MatchResult& result, const Eigen::Matrix3d& truth,
                        const cv::Size& size) {
   if (result.status != ktgp_orb::Status::ok) return kWorstCornerError;
-  return ktgp_orb::evaluation::cornerError(result.homography, truth, size);
+  return ktgp_orb::evaluation::cornerError(result.answer.homography, truth, size);
 }
 
 Score scorePair(const Features& reference, const Features& target, const Eigen::Matrix3d& truth,

@@ -94,7 +94,7 @@ Estimator prosac() {
     ProsacHomography estimator(options);
     ProsacResult result;
     estimator.estimate(pair.points, pair.size, result);
-    return result.homography;
+    return result.answer.homography;
   };
 }
 

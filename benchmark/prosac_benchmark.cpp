@@ -99,7 +99,7 @@ void prosac(benchmark::State& state, const Setting& setting) {
   ProsacResult result;
   run(state, setting, [&](const Case& scene, Eigen::Matrix3d& homography) {
     estimator.estimate(scene.pairs, kSize, result);
-    homography = result.homography;
+    homography = result.answer.homography;
     return result.status == Status::ok;
   });
 }

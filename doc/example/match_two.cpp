@@ -16,6 +16,6 @@ int main(int argc, char** argv) {
   matcher.match(reference, target, result);
 
   std::cout << ktgp_orb::toString(result.status) << ", " << result.inliers << " inliers\n"
-            << result.homography << '\n';
+            << result.answer.homography << '\n';
   return result.status == ktgp_orb::Status::ok ? 0 : 1;
 }

@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
   }
   const ktgp_orb::ProsacResult found = ktgp_orb::estimateHomography(from, to, noise);
   std::cout << ktgp_orb::toString(found.status) << ", " << found.inliers << " inliers\n"
-            << found.homography << "\ncovariance of its first eight entries:\n"
-            << found.covariance << '\n';
+            << found.answer.homography << "\ncovariance of its first eight entries:\n"
+            << found.answer.covariance << '\n';
   return found.status == ktgp_orb::Status::ok ? 0 : 1;
 }

@@ -46,16 +46,10 @@ struct AlignedPoint {
   double correlation = 0.0;  ///< squared normalised cross-correlation of the patches, 0.5..1
 };
 
-/// Reused from call to call for its buffers. Unless the status is ok, homography and covariance are
-/// the given ones.
+/// Reused from call to call for its buffers.
 struct AlignmentResult {
   AlignmentStatus status = AlignmentStatus::not_run;
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// Of H's first eight entries, from the residuals of the aligned points; then its shared part,
-  /// and how far the scene is from a plane (see UncertainHomography).
-  Covariance8 covariance = Covariance8::Zero();
-  Covariance8 shared_covariance = Covariance8::Zero();
-  double plane_deviation = 0.0;      ///< px
+  UncertainHomography answer;        ///< unless the status is ok, the given one
   std::vector<AlignedPoint> points;  ///< those that could be aligned, in order of `match`
   std::size_t tried = 0;  ///< points chosen; the following counts say why some could not be aligned
   std::size_t outside = 0;       ///< the patch, or its search window, leaves an image

@@ -41,11 +41,7 @@ ReferenceViews simulateViews(const cv::Mat& image, const OrbOptions& options, in
 /// Result of the search. Reused from call to call for its buffers.
 struct GrowthResult {
   bool found = false;
-  /// x_target ~ H x_reference in px, H(2,2) = 1; zero unless found.
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  Covariance8 covariance = Covariance8::Zero();         ///< see UncertainHomography
-  Covariance8 shared_covariance = Covariance8::Zero();  ///< the same
-  double plane_deviation = 0.0;                         ///< px, the same
+  UncertainHomography answer;  ///< zero unless found
   /// The matches of the homography, mutual nearest within 4 px; empty unless found.
   PointPairs pairs;
   /// Those matches whose keypoint belongs to the reference itself, not to a simulated view, in

@@ -99,18 +99,14 @@ struct MatchResult {
   AlignmentResult alignment;
   std::array<StageResult, 3> refinements;  ///< growth, guided, align
 
-  /// The answer: PROSAC's homography, or the grown one, or what guided matching and alignment made
-  /// of it, with its covariance, the shared part of that and the deviation from a plane (see
-  /// UncertainHomography); zero unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
+  /// PROSAC's homography, or the grown one, or what guided matching and alignment made of it; zero
+  /// unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
   /// to this homography: a correspondence that passed GMS has Level::ktgp exactly when its
   /// reprojection error is below ProsacOptions::max_error. What PROSAC itself found is in `prosac`
   /// and `stages`.
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  Covariance8 covariance = Covariance8::Zero();
-  Covariance8 shared_covariance = Covariance8::Zero();
-  double plane_deviation = 0.0;  ///< px
-  std::size_t inliers = 0;       ///< correspondences of level ktgp and above, guided ones included
-  double rmse = 0.0;  ///< root mean square over them of the keypoints' reprojection error, px
+  UncertainHomography answer;
+  std::size_t inliers = 0;  ///< correspondences of level ktgp and above, guided ones included
+  double rmse = 0.0;        ///< root mean square over them of the keypoints' reprojection error, px
 
   /// Copies the correspondences that reached at least `level` into `out`, in target order.
   void surviving(Level level, std::vector<Correspondence>& out) const;

@@ -55,10 +55,11 @@ enum class ProsacStop : std::uint8_t {
 /// a program built with another one would read the results at other addresses.
 using Covariance8 = Eigen::Matrix<double, 8, 8, Eigen::DontAlign>;
 
-/// A homography and its uncertainty. Initially the identity without uncertainty.
+/// The answer of whatever finds a homography, and a member of its result: the homography and its
+/// uncertainty. Initially zero: there is none.
 struct UncertainHomography {
   /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero.
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
   /// Covariance of H's first eight entries, row by row, with H(2,2) = 1; NaN where H(2,2) is near
   /// zero, which can happen when the origin is far from all points and the reference size is not
   /// given. It covers the noise of the points and the part of their errors that varies smoothly
@@ -84,15 +85,11 @@ struct ProsacDiagnostics {
 /// Homography, its support, and details of the search. Reused from call to call for its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
-  /// x_target ~ H x_reference in pixels, H(2,2) = 1 unless near zero; zero unless status is ok.
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
-  /// 1 where the reprojection error of `homography` is below the threshold; else 0.
+  UncertainHomography answer;        ///< zero unless status is ok
+  /// 1 where the reprojection error of the homography is below the threshold; else 0.
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;  ///< ones in `mask`
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
-  Covariance8 covariance = Covariance8::Zero();         ///< see UncertainHomography
-  Covariance8 shared_covariance = Covariance8::Zero();  ///< the same
-  double plane_deviation = 0.0;                         ///< px, the same
   ProsacDiagnostics diagnostics;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),

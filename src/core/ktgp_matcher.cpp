@@ -47,12 +47,6 @@ GuidedOptions guidedOptions(const MatcherOptions& options) {
   return guided;
 }
 
-/// The homography of a stage's result.
-template <typename Result>
-UncertainHomography estimateOf(const Result& result) {
-  return {result.homography, result.covariance, result.shared_covariance, result.plane_deviation};
-}
-
 /// Resets the results of the stages after the homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
@@ -60,10 +54,7 @@ void clearRefinement(MatchResult& result) {
   points.clear();
   result.alignment = {};
   result.alignment.points = std::move(points);
-  result.homography.setZero();
-  result.covariance.setZero();
-  result.shared_covariance.setZero();
-  result.plane_deviation = 0.0;
+  result.answer = {};
   result.inliers = 0;
   result.rmse = 0.0;
 }
@@ -260,7 +251,7 @@ std::optional<GrowthStart> KtgpMatcher::Impl::doubtful(const MatchResult& result
     return std::nullopt;
   }
   GrowthStart start;
-  start.homography = result.prosac.homography;
+  start.homography = result.prosac.answer.homography;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (result.prosac.mask[i] != 0) start.centre += pairs.reference[i];
   }
@@ -298,7 +289,7 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   guided_matches.clear();
   if (result.status != Status::ok) return;
   const bool grown = result.found_by == FoundBy::growth;
-  UncertainHomography answer = grown ? estimateOf(result.growth) : estimateOf(result.prosac);
+  UncertainHomography answer = grown ? result.growth.answer : result.prosac.answer;
   if (grown) guided_matches = result.growth.matches;
   if (!grown) {
     const ProsacResult& found = result.prosac;  // labelled by the same Finaliser
@@ -331,13 +322,9 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
   AlignmentResult& aligned = result.alignment;
   alignment.align(reference, target, matches, before, aligned);
   if (aligned.status != AlignmentStatus::ok) return;
-  const UncertainHomography candidate = estimateOf(aligned);
-  if (adopt(candidate, reference, target, result)) return;
+  if (adopt(aligned.answer, reference, target, result)) return;
   aligned.status = AlignmentStatus::not_better;
-  aligned.homography = before.homography;
-  aligned.covariance = before.covariance;
-  aligned.shared_covariance = before.shared_covariance;
-  aligned.plane_deviation = before.plane_deviation;
+  aligned.answer = before;
 }
 
 /// Makes `candidate` the result, with mask, inliers and RMSE derived from it. Returns false,
@@ -364,11 +351,7 @@ void KtgpMatcher::Impl::publish(const UncertainHomography& answer,
                                 const std::vector<std::uint8_t>& mask, std::size_t inliers,
                                 double rmse, const Features& reference, const Features& target,
                                 MatchResult& result) {
-  result.homography = answer.homography;
-  result.covariance = answer.covariance;
-  result.shared_covariance = answer.shared_covariance;
-  result.plane_deviation = answer.plane_deviation;
-
+  result.answer = answer;
   taken.assign(target.size(), 0);
   std::size_t i = 0;
   for (Correspondence& c : result.correspondences) {

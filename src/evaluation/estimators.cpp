@@ -65,7 +65,8 @@ HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference
                               const ProsacOptions& options) {
   ProsacResult result;
   ProsacHomography(options).estimate(pairs, reference_size, result);
-  return {result.status == Status::ok, result.homography, result.mask, result.covariance};
+  return {result.status == Status::ok, result.answer.homography, result.mask,
+          result.answer.covariance};
 }
 
 /// Cost of a model, smaller is better. MSAC: squared error, at most that of the threshold.

@@ -201,13 +201,12 @@ Step align(const AlignmentOptions& options) {
       "align", [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
         if (!m.homography) return;
         // Without an estimate, assumes a deviation of 1 for every entry.
-        UncertainHomography start;
-        start.homography = *m.homography;
+        UncertainHomography start{*m.homography};
         start.covariance = m.covariance.value_or(Covariance8::Identity());
         alignment->align(scene.reference, scene.target, m.matches, start, *result);
         if (result->status != AlignmentStatus::ok) return;
-        m.homography = result->homography;
-        m.covariance = result->covariance;
+        m.homography = result->answer.homography;
+        m.covariance = result->answer.covariance;
         m.matches = m.candidates;
         const auto is_outlier = [&](const Correspondence& c) {
           return !(reprojectionError(*m.homography, position(scene.reference, c.reference_index),
@@ -240,8 +239,8 @@ Step matcher(const MatcherOptions& options) {
             m.matches.insert(m.matches.end(), result->guided.begin(), result->guided.end());
             m.estimated = true;
             if (result->status != Status::ok) return;
-            m.homography = result->homography;
-            m.covariance = result->covariance;
+            m.homography = result->answer.homography;
+            m.covariance = result->answer.covariance;
           }};
 }
 

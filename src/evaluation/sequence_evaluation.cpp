@@ -70,7 +70,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
   const cv::Size size = match.frame->features.image_size;
   const bool found = match.match.status == Status::ok;
   if (truth && found) {
-    frame.corner_error = evaluation::cornerError(match.match.homography, *truth, size);
+    frame.corner_error = evaluation::cornerError(match.match.answer.homography, *truth, size);
   }
   const bool window_is_full = window_ > 0 && frames_in_window_ >= window_;
   if (!truth || !found || window_is_full) {
@@ -79,7 +79,7 @@ void SequenceEvaluator::accumulateDrift(const SequenceMatch& match,
     true_.setIdentity();
   }
   if (!truth || !found) return;
-  estimated_ = match.match.homography * estimated_;
+  estimated_ = match.match.answer.homography * estimated_;
   true_ = *truth * true_;
   ++frames_in_window_;
   frame.drift = evaluation::cornerError(estimated_, true_, size);

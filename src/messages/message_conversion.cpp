@@ -206,11 +206,11 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->rectified = match.frame->lens != nullptr;
   if (result.status != Status::ok) return message;
-  copyHomography(result.homography, *message);
+  copyHomography(result.answer.homography, *message);
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->reprojection_rmse = result.rmse;
-  copyCovariance(result.covariance, *message);
-  message->plane_deviation = result.plane_deviation;
+  copyCovariance(result.answer.covariance, *message);
+  message->plane_deviation = result.answer.plane_deviation;
   return message;
 }
 
@@ -226,7 +226,7 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->reprojection_rmse = match.match.rmse;
   copyHomography(match.accumulated->homography, *message);
   copyCovariance(match.accumulated->covariance, *message);
-  message->plane_deviation = match.match.plane_deviation;
+  message->plane_deviation = match.match.answer.plane_deviation;
   return message;
 }
 
@@ -259,7 +259,7 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
   setDistances(match.match, *message);
   if (match.match.status == Status::ok) {
     message->reprojection_rmse = match.match.rmse;
-    message->plane_deviation = match.match.plane_deviation;
+    message->plane_deviation = match.match.answer.plane_deviation;
   }
   return message;
 }

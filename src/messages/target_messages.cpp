@@ -91,8 +91,7 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
     if (result_.status != Status::ok) return std::nullopt;
-    found = {result_.homography, result_.covariance, result_.shared_covariance,
-             result_.plane_deviation};
+    found = result_.answer;
     if (target.aligned) {
       const auto evidence =
           homography::evidenceOfPatches(prosac_.options().max_error, target.image_size);

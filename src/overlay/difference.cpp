@@ -27,7 +27,7 @@ void drawDifference(const FrameView& reference, const FrameView& target, const M
   if (result.status != Status::ok || reference.image.empty()) return;
 
   cv::Mat homography;
-  cv::eigen2cv(result.homography, homography);
+  cv::eigen2cv(result.answer.homography, homography);
   const cv::Mat grey = toGrey(target.image);
   cv::Mat warped;
   cv::Mat covered;

@@ -55,10 +55,10 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
   const auto corners = homography::imageCorners(reference_size, {});
-  if (!homography::keepsPlaneInView(result.homography, corners)) return;
+  if (!homography::keepsPlaneInView(result.answer.homography, corners)) return;
   std::vector<cv::Point> outline;
   for (const Eigen::Vector2d& corner : corners) {
-    const Eigen::Vector2d p = (result.homography * corner.homogeneous()).hnormalized();
+    const Eigen::Vector2d p = (result.answer.homography * corner.homogeneous()).hnormalized();
     if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
     outline.push_back(subpixel(p.x(), p.y()));
   }

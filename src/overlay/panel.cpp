@@ -31,14 +31,15 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                 result.milliseconds());
   std::string text = buffer;
   if (result.status != Status::ok) return text;
-  const double deviation = homography::cornerDeviation(result.homography, result.covariance,
-                                                       homography::imageCorners(reference_size, {}))
-                               .target;
+  const double deviation =
+      homography::cornerDeviation(result.answer.homography, result.answer.covariance,
+                                  homography::imageCorners(reference_size, {}))
+          .target;
   if (!std::isfinite(deviation)) return text;
   std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
   text += buffer;
-  if (result.plane_deviation > 0.0) {
-    std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.plane_deviation);
+  if (result.answer.plane_deviation > 0.0) {
+    std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.answer.plane_deviation);
     text += buffer;
   }
   return text;

@@ -146,10 +146,10 @@ void defineFeatures(py::module_& module) {
 Match::Match(const MatchResult& result, const Features& reference, const Features& target)
     : status(toString(result.status)),
       found_by(toString(result.found_by)),
-      homography(result.homography),
-      covariance(result.covariance),
-      shared_covariance(result.shared_covariance),
-      plane_deviation(result.plane_deviation),
+      homography(result.answer.homography),
+      covariance(result.answer.covariance),
+      shared_covariance(result.answer.shared_covariance),
+      plane_deviation(result.answer.plane_deviation),
       inlier_count(result.inliers),
       rmse(result.rmse) {
   stages.assign(result.stages.begin(), result.stages.end());

@@ -16,12 +16,6 @@ constexpr double kPatchReach = 4.0;  // px
 constexpr int kMargin = 8;           // px around the small picture, for what is read beside a patch
 constexpr std::size_t kFewestPatches = 12;
 
-UncertainHomography exact(const Eigen::Matrix3d& homography) {
-  UncertainHomography result;
-  result.homography = homography;
-  return result;
-}
-
 }  // namespace
 
 PictureAligner::PictureAligner() : aligner_(alignment::bestAlignmentKernels()), small_(1) {}
@@ -64,9 +58,9 @@ bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Ma
                            growth::fitAffine(pairs_, kScale, of_small);
     if (!is_fitted) return false;
   }
-  UncertainHomography grown = exact(of_small / of_small(2, 2));
+  UncertainHomography grown{of_small / of_small(2, 2)};
   if (!alignNear(from, all, kPatchStep, of_small) || !refine(grown)) return false;
-  estimate = homography::chained(grown, exact(to_small));
+  estimate = homography::chained(grown, {to_small});
   return true;
 }
 
@@ -76,7 +70,7 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   aligner_.setImages(small_, frame);
   const Eigen::Matrix3d to_small = homography::resizing(picture.image.size(), size_);
   const Eigen::Matrix3d to_picture = to_small.inverse();
-  UncertainHomography of_small = exact(estimate.homography * to_picture);
+  UncertainHomography of_small = UncertainHomography{estimate.homography * to_picture};
   of_small.homography /= of_small.homography(2, 2);
   const double all = std::hypot(size_.width, size_.height);
   // The last round warps the patches by a better homography. A quarter of the patches gives it, if
@@ -86,7 +80,7 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   };
   if (!improve(2.0 * kPatchStep) && !improve(kPatchStep)) return false;
   if (!improve(kPatchStep)) return false;
-  estimate = homography::chained(of_small, exact(to_small));
+  estimate = homography::chained(of_small, {to_small});
   pairs.clear();
   const double near = nearOf(of_small.homography);
   for (std::size_t i = 0; i < reference_.size(); ++i) {

@@ -58,9 +58,7 @@ void requireUsable(const TargetFinderOptions& options) {
 
 /// The same homography for the image as it was given, before it was made smaller.
 UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHomography& found) {
-  UncertainHomography to_stored;
-  to_stored.homography = targets::toStored(picture);
-  UncertainHomography full = homography::chained(found, to_stored);
+  UncertainHomography full = homography::chained(found, {targets::toStored(picture)});
   full.plane_deviation = found.plane_deviation;
   return full;
 }

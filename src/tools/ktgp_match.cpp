@@ -166,16 +166,16 @@ void printHomography(const Outcome& outcome) {
     return;
   }
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
-              result.inliers, result.rmse, result.plane_deviation);
+              result.inliers, result.rmse, result.answer.plane_deviation);
   for (int row = 0; row < 3; ++row) {
-    std::printf("  %15.8g %15.8g %15.8g\n", result.homography(row, 0), result.homography(row, 1),
-                result.homography(row, 2));
+    std::printf("  %15.8g %15.8g %15.8g\n", result.answer.homography(row, 0),
+                result.answer.homography(row, 1), result.answer.homography(row, 2));
   }
   printAlignment(result.alignment);
   if (outcome.truth) {
-    std::printf(
-        "corner error against the ground truth: %.3f px\n",
-        evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size()));
+    std::printf("corner error against the ground truth: %.3f px\n",
+                evaluation::cornerError(result.answer.homography, *outcome.truth,
+                                        outcome.reference.image.size()));
   }
 }
 
@@ -238,16 +238,16 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
                       {"rmse_before", result.alignment.rmse_before},
                       {"rmse_after", result.alignment.rmse_after}};
   if (outcome.result.status != Status::ok) return out;
-  out["homography"] = toJson(result.homography);
+  out["homography"] = toJson(result.answer.homography);
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
-  out["plane_deviation"] = result.plane_deviation;
+  out["plane_deviation"] = result.answer.plane_deviation;
   out["covariance"] = json::array();
   for (Eigen::Index i = 0; i < 64; ++i)
-    out["covariance"].push_back(result.covariance(i / 8, i % 8));
+    out["covariance"].push_back(result.answer.covariance(i / 8, i % 8));
   if (outcome.truth) {
-    out["corner_error"] =
-        evaluation::cornerError(result.homography, *outcome.truth, outcome.reference.image.size());
+    out["corner_error"] = evaluation::cornerError(result.answer.homography, *outcome.truth,
+                                                  outcome.reference.image.size());
   }
   return out;
 }

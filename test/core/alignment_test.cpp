@@ -58,7 +58,7 @@ TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
     ASSERT_EQ(result.status, AlignmentStatus::ok);
     EXPECT_GT(result.points.size(), 0.95 * static_cast<double>(result.tried));
     EXPECT_LT(worstPoint(result, truth), 0.03) << "shift " << shift;
-    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.01)
+    EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.01)
         << "shift " << shift;
     EXPECT_NEAR(result.rmse_before, 1.0, 0.02);
     EXPECT_LT(result.rmse_after, 0.01);
@@ -86,7 +86,7 @@ TEST(Alignment, RecoversTurnsZoomsAndTilts) {
     const AlignmentResult result = align(scene, translation(-0.7, 0.5) * truth);
     ASSERT_EQ(result.status, AlignmentStatus::ok);
     EXPECT_GT(result.points.size(), 100u);
-    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.02) << truth;
+    EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.02) << truth;
   }
 }
 
@@ -129,7 +129,7 @@ TEST(Alignment, GainAndBiasMakeNoDifference) {
   const AlignmentResult result = align(planeScene(3, truth, shade), translation(0.5, 0.9) * truth);
   ASSERT_EQ(result.status, AlignmentStatus::ok);
   EXPECT_LT(result.rmse_after, 0.02);
-  EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.02);
+  EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.02);
 }
 
 TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
@@ -137,7 +137,7 @@ TEST(Alignment, ComparesThePyramidLevelsWhoseScalesMatch) {
     const Eigen::Matrix3d truth = turn(10.0, zoom);
     const AlignmentResult result = align(planeScene(4, truth), translation(0.5, -0.5) * truth);
     ASSERT_EQ(result.status, AlignmentStatus::ok) << zoom;
-    EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.1) << zoom;
+    EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.1) << zoom;
   }
 }
 
@@ -154,7 +154,7 @@ TEST(Alignment, IsUnmovedByAThirdOfThePointsBeingElsewhere) {
   const AlignmentResult result = align(scene, translation(0.3, 0.3) * truth);
   EXPECT_GT(dropped(result), result.tried / 5);
   ASSERT_EQ(result.status, AlignmentStatus::ok);
-  EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.3);
+  EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.3);
 }
 
 /// Moves the target's keypoints by up to `most` px along each axis, like the errors of detectors.
@@ -180,7 +180,7 @@ TEST(Alignment, DoesNotLockOntoOneOfTwoPlanes) {
   disturb(1.2, scene);
   const AlignmentResult result = align(scene, translation(0.2, 0.1));
   ASSERT_EQ(result.status, AlignmentStatus::ok);
-  const double at_centre = test::apply(result.homography, {320, 240}).x() - 320.0;
+  const double at_centre = test::apply(result.answer.homography, {320, 240}).x() - 320.0;
   EXPECT_GT(at_centre, 0.2);
   EXPECT_LT(at_centre, 0.45);
 }
@@ -210,7 +210,7 @@ TEST(Alignment, KeepsTheHomographyWhereItsPointsScatterAsTheKeypointsDo) {
   const AlignmentResult relief = align_relief(1.5F);
   EXPECT_GT(relief.points.size(), 100u);
   EXPECT_EQ(relief.status, AlignmentStatus::not_better);
-  EXPECT_EQ(relief.homography, translation(0.2, 0.1));
+  EXPECT_EQ(relief.answer.homography, translation(0.2, 0.1));
 }
 
 TEST(Alignment, LeavesTheHomographyWhereNothingCanBeAligned) {
@@ -235,11 +235,11 @@ TEST(Alignment, LeavesTheHomographyWhereNothingCanBeAligned) {
     EXPECT_EQ(r->status, AlignmentStatus::too_few_points);
     EXPECT_GT(r->tried, 100u);
     EXPECT_TRUE(r->points.empty());
-    EXPECT_EQ(r->covariance, test::keypointCovariance());
+    EXPECT_EQ(r->answer.covariance, test::keypointCovariance());
   }
-  EXPECT_EQ(textureless.homography, start);
-  EXPECT_EQ(outside.homography, translation(-2000.0, 0.0));
-  EXPECT_EQ(distorted.homography, squeezed);
+  EXPECT_EQ(textureless.answer.homography, start);
+  EXPECT_EQ(outside.answer.homography, translation(-2000.0, 0.0));
+  EXPECT_EQ(distorted.answer.homography, squeezed);
 }
 
 TEST(Alignment, StripesSayNothingAlongThemselves) {
@@ -249,7 +249,7 @@ TEST(Alignment, StripesSayNothingAlongThemselves) {
   const cv::Mat image = test::render({640, 480}, stripes);
   const AlignmentResult result = align({image, image, translation(0, 0)}, translation(0.3, 2.0));
   EXPECT_EQ(result.textureless, result.tried);
-  EXPECT_EQ(result.homography, translation(0.3, 2.0));
+  EXPECT_EQ(result.answer.homography, translation(0.3, 2.0));
 }
 
 TEST(Alignment, KeepsTheHomographyThatTheKeypointsSupport) {
@@ -260,8 +260,8 @@ TEST(Alignment, KeepsTheHomographyThatTheKeypointsSupport) {
   const AlignmentResult result = align(scene, Eigen::Matrix3d::Identity());
   EXPECT_EQ(result.status, AlignmentStatus::not_better);
   EXPECT_GT(result.points.size(), 50u);
-  EXPECT_EQ(result.homography, Eigen::Matrix3d::Identity());
-  EXPECT_EQ(result.covariance, test::keypointCovariance());
+  EXPECT_EQ(result.answer.homography, Eigen::Matrix3d::Identity());
+  EXPECT_EQ(result.answer.covariance, test::keypointCovariance());
   EXPECT_EQ(result.rmse_after, result.rmse_before);
 }
 
@@ -277,7 +277,7 @@ TEST(Alignment, KeepsTheHomographyThatIsBetterDetermined) {
   const AlignmentResult result = align(corner, truth);
   ASSERT_GT(result.points.size(), 12u);
   EXPECT_EQ(result.status, AlignmentStatus::not_better);
-  EXPECT_EQ(result.homography, truth);
+  EXPECT_EQ(result.answer.homography, truth);
 }
 
 TEST(Alignment, WorksWithAnyNumberOfMatches) {
@@ -295,7 +295,7 @@ TEST(Alignment, WorksWithAnyNumberOfMatches) {
     EXPECT_EQ(result.points.size() + dropped(result), n);
     EXPECT_EQ(result.status == AlignmentStatus::too_few_points, result.points.size() < 12) << n;
     if (result.status == AlignmentStatus::ok) {
-      EXPECT_LT(evaluation::cornerError(result.homography, truth, {640, 480}), 0.05) << n;
+      EXPECT_LT(evaluation::cornerError(result.answer.homography, truth, {640, 480}), 0.05) << n;
     }
   }
 }
@@ -327,7 +327,7 @@ TEST(Alignment, SaysWhereItHasNoImages) {
   scene.target.images.clear();
   const AlignmentResult result = align(scene, translation(0.5, 0.0));
   EXPECT_EQ(result.status, AlignmentStatus::no_images);
-  EXPECT_EQ(result.homography, translation(0.5, 0.0));
+  EXPECT_EQ(result.answer.homography, translation(0.5, 0.0));
 }
 
 TEST(Alignment, SwitchedOffItHandsBackWhatItWasGiven) {
@@ -337,7 +337,7 @@ TEST(Alignment, SwitchedOffItHandsBackWhatItWasGiven) {
   const AlignmentResult result = align(scene, translation(0.5, 0.0), options);
   EXPECT_EQ(result.status, AlignmentStatus::not_run);
   EXPECT_EQ(result.tried, 0u);
-  EXPECT_EQ(result.homography, translation(0.5, 0.0));
+  EXPECT_EQ(result.answer.homography, translation(0.5, 0.0));
 }
 
 TEST(Alignment, RefusesBadOptionsAndIndices) {
@@ -370,8 +370,9 @@ double normalisedError(double spacing) {
     const AlignmentResult result = align(scene, truth);
     EXPECT_EQ(result.status, AlignmentStatus::ok);
     Eigen::Matrix<double, 8, 1> error;
-    for (int i = 0; i < 8; ++i) error[i] = result.homography(i / 3, i % 3) - truth(i / 3, i % 3);
-    const Eigen::Matrix<double, 8, 8> covariance = result.covariance;
+    for (int i = 0; i < 8; ++i)
+      error[i] = result.answer.homography(i / 3, i % 3) - truth(i / 3, i % 3);
+    const Eigen::Matrix<double, 8, 8> covariance = result.answer.covariance;
     sum += error.dot(covariance.ldlt().solve(error));
   }
   return sum / kTrials;

@@ -273,7 +273,7 @@ TEST(Methods, KtgpIsTheMatcher) {
     ASSERT_EQ(steps.size(), 4u);
     for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(steps[i].matches, expected.stages[i].output);
     ASSERT_TRUE(m.homography.has_value());
-    EXPECT_EQ(*m.homography, expected.prosac.homography);
+    EXPECT_EQ(*m.homography, expected.prosac.answer.homography);
   }
 }
 
@@ -316,7 +316,7 @@ TEST(Methods, OfTheAlignedChainsAreTheMatcher) {
       const Scene scene{images.reference, images.target, reference, target};
       const Matching m = runMethod(method, scene, steps);
       ASSERT_TRUE(m.homography.has_value()) << method.name;
-      EXPECT_EQ(*m.homography, (is_robust ? robust : ktgp).homography) << method.name;
+      EXPECT_EQ(*m.homography, (is_robust ? robust : ktgp).answer.homography) << method.name;
       EXPECT_EQ(m.matches.size(), (is_robust ? robust : ktgp).inliers) << method.name;
     }
   }

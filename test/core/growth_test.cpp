@@ -110,10 +110,10 @@ TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
     const GrowthResult result = grow(makePair(2000, 40, tilted(), seed));
     if (!result.found) continue;
     ++found;
-    EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0) << seed;
+    EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0) << seed;
     EXPECT_GE(result.pairs.size(), 20U);
-    EXPECT_EQ(result.homography(2, 2), 1.0);
-    EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+    EXPECT_EQ(result.answer.homography(2, 2), 1.0);
+    EXPECT_GT(result.answer.covariance.diagonal().minCoeff(), 0.0);
     EXPECT_LT(result.log_false_alarms, growth::Verdict::kLogMaxFalseAlarms);
   }
   EXPECT_GE(found, 18);
@@ -123,7 +123,7 @@ TEST(Growth, FindsNothingWhereThereIsNothing) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     const GrowthResult result = grow(makePair(1000, 0, tilted(), seed));
     EXPECT_FALSE(result.found) << seed;
-    EXPECT_TRUE(result.homography.isZero());
+    EXPECT_TRUE(result.answer.homography.isZero());
     EXPECT_EQ(result.pairs.size(), 0U);
   }
 }
@@ -202,8 +202,8 @@ TEST(Growth, GivesTheSameAnswerAgain) {
   growth.find(other.reference, nullptr, other.target, other_matches, between);
   growth.find(one.reference, nullptr, one.target, matches, again);
   ASSERT_TRUE(first.found);
-  EXPECT_EQ(first.homography, again.homography);
-  EXPECT_EQ(first.covariance, again.covariance);
+  EXPECT_EQ(first.answer.homography, again.answer.homography);
+  EXPECT_EQ(first.answer.covariance, again.answer.covariance);
   EXPECT_EQ(first.seeds, again.seeds);
 }
 
@@ -251,7 +251,7 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   for (const StageResult& s : result.stages) others += s.milliseconds;
   for (const StageResult& s : result.refinements) others += s.milliseconds;
   EXPECT_NEAR(result.milliseconds(), others + stage.milliseconds, 1e-9);
-  EXPECT_LT(test::cornerError(result.homography, tilted(), kSize), 6.0);
+  EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
   const Pair easy = makePair(500, 400, tilted(), 3);
@@ -296,7 +296,7 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
     EXPECT_EQ(result.status, with_directions ? Status::ok : Status::model_rejected);
     EXPECT_EQ(result.found_by, with_directions ? FoundBy::growth : FoundBy::none);
     if (with_directions) continue;
-    EXPECT_TRUE(result.homography.isZero());
+    EXPECT_TRUE(result.answer.homography.isZero());
     EXPECT_EQ(result.inliers, 0U);
     EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), 0U);
   }
@@ -309,7 +309,7 @@ void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_err
   const auto error = [&](const Correspondence& c) {
     const cv::Point2f x = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
     const cv::Point2f u = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-    return reprojectionError(result.homography, {x.x, x.y}, {u.x, u.y});
+    return reprojectionError(result.answer.homography, {x.x, x.y}, {u.x, u.y});
   };
   const auto add = [&](const Correspondence& c) {
     ++inliers;
@@ -351,11 +351,11 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
         ASSERT_EQ(result.found_by, FoundBy::growth);
         EXPECT_EQ(result.status, Status::ok);
         EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
-        EXPECT_GT(result.covariance.diagonal().minCoeff(), 0.0);
+        EXPECT_GT(result.answer.covariance.diagonal().minCoeff(), 0.0);
         expectOneAnswer(result, pair, max_error);
         if (guided) continue;
-        EXPECT_EQ(result.homography, result.growth.homography);
-        EXPECT_EQ(result.covariance, result.growth.covariance);
+        EXPECT_EQ(result.answer.homography, result.growth.answer.homography);
+        EXPECT_EQ(result.answer.covariance, result.growth.answer.covariance);
       }
     }
   }
@@ -518,7 +518,7 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   matcher.match(pair.reference, pair.target, hints, result);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
-  EXPECT_LT(test::cornerError(result.homography, truth, kSize), 5.0);
+  EXPECT_LT(test::cornerError(result.answer.homography, truth, kSize), 5.0);
 }
 
 }  // namespace

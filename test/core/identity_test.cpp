@@ -103,7 +103,7 @@ Identity run(double search_radius, bool turned) {
       identity.neighbours.add(std::min(c.level, Level::ktg));
       identity.inliers.add(c.level);
     }
-    identity.homography = match.match.homography;
+    identity.homography = match.match.answer.homography;
   }
   return identity;
 }

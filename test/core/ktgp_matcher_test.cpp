@@ -120,7 +120,7 @@ TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
   ASSERT_EQ(prosac.status, Status::ok);
 
   ASSERT_EQ(result.status, Status::ok);
-  EXPECT_EQ(result.prosac.homography, prosac.homography);
+  EXPECT_EQ(result.prosac.answer.homography, prosac.answer.homography);
   EXPECT_EQ(result.prosac.mask, prosac.mask);
   ASSERT_EQ(result.correspondences.size(), expected.size());
   std::size_t next = 0;
@@ -154,7 +154,7 @@ TEST(KtgpMatcher, FindsTheTrueMatchesAndNoOthers) {
     const Frames frames = makeFrames(500, 500, seed);
     matcher.match(frames.reference, frames.target, result);
     ASSERT_EQ(result.status, Status::ok);
-    EXPECT_LT(test::cornerError(result.prosac.homography, frames.truth, kSize), 1.0);
+    EXPECT_LT(test::cornerError(result.prosac.answer.homography, frames.truth, kSize), 1.0);
     result.surviving(Level::ktgp, matches);
     EXPECT_EQ(matches.size(), result.prosac.inliers);
     EXPECT_GT(matches.size(), 300u);  // GMS needs several matches per cell
@@ -173,13 +173,13 @@ TEST(KtgpMatcher, TakesAPredictionAndRepeatsItself) {
   matcher.match(frames.reference, frames.target, result);
   matcher.match(frames.target, frames.reference, again);  // fills its buffers
   matcher.match(frames.reference, frames.target, again);
-  EXPECT_EQ(again.prosac.homography, result.prosac.homography);
+  EXPECT_EQ(again.prosac.answer.homography, result.prosac.answer.homography);
   EXPECT_EQ(again.prosac.mask, result.prosac.mask);
   MatchHints hints;
   hints.prediction = frames.truth;
   matcher.match(frames.reference, frames.target, hints, again);
   ASSERT_EQ(again.status, Status::ok);
-  EXPECT_LT(test::cornerError(again.prosac.homography, frames.truth, kSize), 1.0);
+  EXPECT_LT(test::cornerError(again.prosac.answer.homography, frames.truth, kSize), 1.0);
   hints.prediction = Eigen::Matrix3d::Constant(std::nan(""));
   EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, again), std::invalid_argument);
 }
@@ -192,7 +192,7 @@ TEST(KtgpMatcher, SaysWhyThereIsNoHomography) {
     matcher.match(reference, target, result);
     EXPECT_EQ(countAtLeast(result.correspondences, Level::ktgp), 0u);
     EXPECT_EQ(result.stages[3].output, 0u);
-    EXPECT_TRUE(result.prosac.homography.isZero());
+    EXPECT_TRUE(result.prosac.answer.homography.isZero());
     return result.status;
   };
   matcher.match(frames.reference, frames.target, result);
@@ -245,8 +245,8 @@ TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
   EXPECT_EQ(result.prosac.diagnostics.stop, ProsacStop::not_run);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.rmse, 0.0);
-  EXPECT_TRUE(result.homography.isZero() && result.prosac.homography.isZero());
-  EXPECT_TRUE(result.covariance.isZero() && result.prosac.covariance.isZero());
+  EXPECT_TRUE(result.answer.homography.isZero() && result.prosac.answer.homography.isZero());
+  EXPECT_TRUE(result.answer.covariance.isZero() && result.prosac.answer.covariance.isZero());
   for (const StageResult& stage : result.stages) EXPECT_EQ(stage.input + stage.output, 0u);
   for (const StageResult& stage : result.refinements) EXPECT_EQ(stage.input + stage.output, 0u);
   EXPECT_STREQ(result.refinements[0].name, "");

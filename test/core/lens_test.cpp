@@ -188,8 +188,8 @@ TEST(Lens, AHomographyThroughALensIsRightInRectifiedPixels) {
   const auto lens = std::make_shared<const Lens>(calibration);
   const SequenceMatch rectified = matched(calibration, lens);
   ASSERT_EQ(rectified.match.status, Status::ok);
-  const double error = cornerError(rectified.match.homography, 40.0, 20.0);
-  const double raw_error = cornerError(raw.match.homography, 40.0, 20.0);
+  const double error = cornerError(rectified.match.answer.homography, 40.0, 20.0);
+  const double raw_error = cornerError(raw.match.answer.homography, 40.0, 20.0);
   RecordProperty("error", std::to_string(error));
   std::printf("corner error %.3f px, %zu inliers; raw %.3f px, %zu inliers\n", error,
               rectified.match.inliers, raw_error, raw.match.inliers);

@@ -51,8 +51,8 @@ double rmseOf(const MatchResult& result, const Pair& pair) {
   std::vector<Correspondence> matches;
   result.surviving(Level::ktgp, matches);
   matches.insert(matches.end(), result.guided.begin(), result.guided.end());
-  return evaluation::summarize(evaluation::reprojectionErrors(result.homography, pair.reference,
-                                                              pair.target, matches))
+  return evaluation::summarize(evaluation::reprojectionErrors(result.answer.homography,
+                                                              pair.reference, pair.target, matches))
       .rms;
 }
 
@@ -64,12 +64,12 @@ TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlon
   const MatchResult aligned = match(pair, {});
   ASSERT_EQ(plain.status, Status::ok);
   ASSERT_EQ(aligned.status, Status::ok);
-  EXPECT_EQ(plain.homography, plain.prosac.homography);
-  EXPECT_EQ(aligned.prosac.homography, plain.prosac.homography);
-  EXPECT_EQ(aligned.homography, aligned.alignment.homography);
+  EXPECT_EQ(plain.answer.homography, plain.prosac.answer.homography);
+  EXPECT_EQ(aligned.prosac.answer.homography, plain.prosac.answer.homography);
+  EXPECT_EQ(aligned.answer.homography, aligned.alignment.answer.homography);
   EXPECT_EQ(aligned.alignment.status, AlignmentStatus::ok);
-  EXPECT_LT(errorOf(aligned.homography, pair), 0.05);
-  EXPECT_LT(errorOf(aligned.homography, pair), 0.5 * errorOf(plain.homography, pair));
+  EXPECT_LT(errorOf(aligned.answer.homography, pair), 0.05);
+  EXPECT_LT(errorOf(aligned.answer.homography, pair), 0.5 * errorOf(plain.answer.homography, pair));
   EXPECT_LT(aligned.alignment.rmse_after, aligned.alignment.rmse_before);
   EXPECT_NEAR(plain.rmse, plain.prosac.rmse, 1e-9);
   EXPECT_NEAR(aligned.rmse, rmseOf(aligned, pair), 1e-9);
@@ -117,7 +117,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
     EXPECT_EQ(c.level, Level::guided);
     EXPECT_FALSE(final_already[static_cast<std::size_t>(c.target_index)]);
   }
-  for (const double error : evaluation::reprojectionErrors(result.homography, pair.reference,
+  for (const double error : evaluation::reprojectionErrors(result.answer.homography, pair.reference,
                                                            pair.target, result.guided)) {
     EXPECT_LT(error, options.prosac.max_error);
   }
@@ -129,7 +129,7 @@ TEST(MatcherRefinement, TheRobustPresetFindsWhatTheMotionStatisticsLose) {
   EXPECT_NE(match(pair, MatcherOptions::ktgp()).status, Status::ok);
   const MatchResult robust = match(pair, MatcherOptions::robust());
   ASSERT_EQ(robust.status, Status::ok);
-  EXPECT_LT(errorOf(robust.homography, pair), 0.1);
+  EXPECT_LT(errorOf(robust.answer.homography, pair), 0.1);
 }
 
 TEST(MatcherRefinement, WithoutAHomographyThereIsNothingToRefine) {
@@ -146,7 +146,7 @@ TEST(MatcherRefinement, WithoutAHomographyThereIsNothingToRefine) {
   EXPECT_TRUE(result.guided.empty());
   EXPECT_EQ(result.alignment.status, AlignmentStatus::not_run);
   EXPECT_TRUE(result.alignment.points.empty());
-  EXPECT_TRUE(result.homography.isZero());
+  EXPECT_TRUE(result.answer.homography.isZero());
   EXPECT_EQ(result.inliers, 0u);
 }
 

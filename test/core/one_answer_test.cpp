@@ -70,7 +70,7 @@ std::size_t expectOneAnswer(const Pair& pair, const MatcherOptions& options,
   std::size_t place = 0;
   const auto add = [&](const Correspondence& c) {
     const double error =
-        reprojectionError(result.homography, position(pair.reference, c.reference_index),
+        reprojectionError(result.answer.homography, position(pair.reference, c.reference_index),
                           position(pair.target, c.target_index));
     if (error < options.prosac.max_error) {
       ++inliers;
@@ -155,8 +155,8 @@ TEST(OneAnswer, WithoutRefinementsAllIsProsacs) {
   MatchResult result;
   KtgpMatcher(options).match(pair.reference, pair.target, result);
   ASSERT_EQ(result.status, Status::ok);
-  EXPECT_EQ(result.homography, result.prosac.homography);
-  EXPECT_EQ(result.covariance, result.prosac.covariance);
+  EXPECT_EQ(result.answer.homography, result.prosac.answer.homography);
+  EXPECT_EQ(result.answer.covariance, result.prosac.answer.covariance);
   EXPECT_EQ(result.inliers, result.prosac.inliers);
   EXPECT_EQ(result.rmse, result.prosac.rmse);
 }

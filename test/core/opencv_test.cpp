@@ -141,7 +141,7 @@ TEST(Feature2D, MatchesByBruteForce) {
   ASSERT_EQ(found.status, Status::ok);
   Eigen::Matrix3d expected;
   cv::cv2eigen(truth, expected);
-  EXPECT_LT(test::cornerError(found.homography, expected, kSize), 1.0);
+  EXPECT_LT(test::cornerError(found.answer.homography, expected, kSize), 1.0);
 }
 
 // Matches
@@ -225,8 +225,8 @@ TEST(EstimateHomography, GivesTheBytesOfTheCoreForEveryType) {
         estimateHomography(single, rows), estimateHomography(reference, wide.colRange(1, 3)),
         estimateHomography(single, cv::Mat(target).t())}) {
     EXPECT_EQ(found.status, Status::ok);
-    EXPECT_EQ(found.homography, expected.homography);
-    EXPECT_EQ(found.covariance, expected.covariance);
+    EXPECT_EQ(found.answer.homography, expected.answer.homography);
+    EXPECT_EQ(found.answer.covariance, expected.answer.covariance);
     EXPECT_EQ(found.mask, expected.mask);
   }
 }
@@ -238,7 +238,7 @@ TEST(EstimateHomography, AgreesWithOpencv) {
   const ProsacResult ours = estimateHomography(exact.reference, exact.target);
   Eigen::Matrix3d h;
   cv::cv2eigen(theirs, h);
-  EXPECT_LT(test::cornerError(ours.homography, h, kSize), 1e-3);
+  EXPECT_LT(test::cornerError(ours.answer.homography, h, kSize), 1e-3);
   EXPECT_EQ(cv::norm(cv::Mat(ours.mask), mask, cv::NORM_INF), 0.0);
 }
 
@@ -290,7 +290,7 @@ TEST(WeightedHomography, EqualNoiseChangesNothing) {
   const ProsacResult plain = estimateHomography(problem.reference, problem.target);
   const ProsacResult found = estimateHomography(problem.reference, problem.target, equal);
   ASSERT_EQ(plain.status, Status::ok);
-  EXPECT_EQ(found.homography, plain.homography);
+  EXPECT_EQ(found.answer.homography, plain.answer.homography);
   EXPECT_EQ(found.mask, plain.mask);
 }
 
@@ -302,7 +302,7 @@ double errorOver(int scenes, Estimate estimate) {
     const Problem problem = noisyProblem(static_cast<std::uint64_t>(seed));
     const ProsacResult found = estimate(problem);
     EXPECT_EQ(found.status, Status::ok) << seed;
-    const double error = test::cornerError(found.homography, problem.truth, kSize);
+    const double error = test::cornerError(found.answer.homography, problem.truth, kSize);
     sum += error * error;
   }
   return std::sqrt(sum / scenes);
@@ -341,9 +341,9 @@ double normalisedError(double factor) {
     if (found.status != Status::ok) continue;
     Eigen::Matrix<double, 8, 1> error;
     for (int i = 0; i < 8; ++i) {
-      error[i] = found.homography(i / 3, i % 3) - problem.truth(i / 3, i % 3);
+      error[i] = found.answer.homography(i / 3, i % 3) - problem.truth(i / 3, i % 3);
     }
-    const Eigen::Matrix<double, 8, 8> covariance = found.covariance;
+    const Eigen::Matrix<double, 8, 8> covariance = found.answer.covariance;
     normalised.push_back(error.dot(covariance.ldlt().solve(error)));
   }
   std::sort(normalised.begin(), normalised.end());

@@ -228,7 +228,7 @@ TEST_F(OutOfMemory, Prosac) {
         return [&, prosac] { prosac->estimate(pairs_, reference_.image_size, result); };
       },
       [&] {
-        EXPECT_EQ(result.homography, expected.homography);
+        EXPECT_EQ(result.answer.homography, expected.answer.homography);
         EXPECT_EQ(result.mask, expected.mask);
       });
 }
@@ -237,18 +237,20 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
   std::vector<Correspondence> guided, expected;
   GuidedOptions options;
   options.enabled = true;
-  GuidedMatcher(options).match(reference_, target_, result_.homography, expected);
+  GuidedMatcher(options).match(reference_, target_, result_.answer.homography, expected);
   refuseEach(
       [&]() -> std::function<void()> {
         const auto matcher = std::make_shared<GuidedMatcher>(options);
         guided = {};
-        return [&, matcher] { matcher->match(reference_, target_, result_.homography, guided); };
+        return [&, matcher] {
+          matcher->match(reference_, target_, result_.answer.homography, guided);
+        };
       },
       [&] { EXPECT_EQ(guided.size(), expected.size()); });
   AlignmentResult aligned, aligned_expected;
   UncertainHomography start;
-  start.homography = result_.homography;
-  start.covariance = result_.covariance;
+  start.homography = result_.answer.homography;
+  start.covariance = result_.answer.covariance;
   Alignment().align(reference_, target_, expected, start, aligned_expected);
   refuseEach(
       [&]() -> std::function<void()> {
@@ -258,7 +260,7 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
       },
       [&] {
         EXPECT_EQ(aligned.status, aligned_expected.status);
-        EXPECT_EQ(aligned.homography, aligned_expected.homography);
+        EXPECT_EQ(aligned.answer.homography, aligned_expected.answer.homography);
       });
 }
 
@@ -271,7 +273,7 @@ TEST_F(OutOfMemory, AllStages) {
         return [&, chain] { chain->match(reference_, target_, result); };
       },
       [&] {
-        EXPECT_EQ(result.homography, result_.homography);
+        EXPECT_EQ(result.answer.homography, result_.answer.homography);
         EXPECT_EQ(result.inliers, result_.inliers);
       });
 }

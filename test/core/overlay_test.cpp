@@ -51,7 +51,7 @@ struct Scene {
       }
     }
     result.status = Status::ok;
-    result.homography << 1, 0, 20, 0, 1, 10, 0, 0, 1;
+    result.answer.homography << 1, 0, 20, 0, 1, 10, 0, 0, 1;
   }
 
   cv::Mat draw(OverlayStyle style) const {
@@ -112,7 +112,7 @@ TEST(Overlay, DifferenceOfARightHomographyIsFlatGrey) {
   EXPECT_NEAR(mean[0], 128.0, 1.5);
   EXPECT_LT(deviation[0], 1.5);
 
-  scene.result.homography(0, 2) = 23.0;  // 3 px wrong
+  scene.result.answer.homography(0, 2) = 23.0;  // 3 px wrong
   cv::Scalar wrong;
   cv::meanStdDev(scene.draw(OverlayStyle::difference)(below), mean, wrong);
   EXPECT_GT(wrong[0], 2.0 * deviation[0]);
@@ -176,8 +176,8 @@ int textEnd(const MatchResult& result) {
 TEST(Overlay, PanelIsDarkBehindAllOfItsHeadline) {
   MatchResult result;
   result.status = Status::ok;
-  result.homography.setIdentity();
-  result.covariance = 1e-12 * Covariance8::Identity();
+  result.answer.homography.setIdentity();
+  result.answer.covariance = 1e-12 * Covariance8::Identity();
   const int text = textEnd(result);
   const int dark = rightEnd(result, 255, 0, 100);
   EXPECT_GT(text, 150);
@@ -188,10 +188,10 @@ TEST(Overlay, PanelIsDarkBehindAllOfItsHeadline) {
 TEST(Overlay, HeadlineSaysHowFarCornersAreOffWhereThatIsKnown) {
   MatchResult result;
   result.status = Status::ok;
-  result.homography.setIdentity();
-  result.covariance = 1e-12 * Covariance8::Identity();
+  result.answer.homography.setIdentity();
+  result.answer.covariance = 1e-12 * Covariance8::Identity();
   const int known = textEnd(result);
-  result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  result.answer.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   const int unknown = textEnd(result);
   EXPECT_GT(unknown, 30);
   EXPECT_GT(known, unknown + 60);
@@ -222,7 +222,7 @@ TEST(Overlay, AnyImageAndResultCanBeDrawn) {
       for (const Status status : {Status::no_model, Status::ok}) {
         MatchResult result;
         result.status = status;
-        result.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
+        result.answer.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
         cv::Mat canvas;
         drawOverlay({image, none}, {image, none}, result, style, canvas);
         EXPECT_EQ(canvas.type(), CV_8UC3);

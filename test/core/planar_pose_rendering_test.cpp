@@ -90,7 +90,8 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
     extractor.extract(view(picture, homographyOf(truth), i), target);
     matcher.match(reference, target, result);
     if (result.status != Status::ok) continue;
-    const auto found = planarPose(result.homography, result.covariance, camera(), kSize, kWidth);
+    const auto found =
+        planarPose(result.answer.homography, result.answer.covariance, camera(), kSize, kWidth);
     ASSERT_TRUE(found);
     const Eigen::Isometry3d pose = found->target_to_camera;
     const Eigen::AngleAxisd turn(Eigen::Matrix3d(pose.linear() * truth.linear().transpose()));

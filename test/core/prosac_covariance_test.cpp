@@ -26,8 +26,8 @@ struct Case {
 /// allow for.
 double normalisedSquaredError(const ProsacResult& result, const Eigen::Matrix3d& truth) {
   Vector8 d;
-  for (int k = 0; k < 8; ++k) d[k] = result.homography(k / 3, k % 3) - truth(k / 3, k % 3);
-  const Eigen::Matrix<double, 8, 8> covariance = result.covariance;
+  for (int k = 0; k < 8; ++k) d[k] = result.answer.homography(k / 3, k % 3) - truth(k / 3, k % 3);
+  const Eigen::Matrix<double, 8, 8> covariance = result.answer.covariance;
   return d.dot(covariance.fullPivLu().solve(d));
 }
 

@@ -51,7 +51,7 @@ void expectConsistent(const PointPairs& pairs, const ProsacResult& result, doubl
   std::size_t inliers = 0;
   double sum = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Eigen::Vector3d p = result.homography * pairs.reference[i].homogeneous();
+    const Eigen::Vector3d p = result.answer.homography * pairs.reference[i].homogeneous();
     const double error = (p.hnormalized() - pairs.target[i]).norm();
     const bool inlier = result.status == Status::ok && error < threshold;
     ASSERT_EQ(result.mask[i], inlier ? 1 : 0) << "pair " << i << " error " << error;
@@ -63,10 +63,10 @@ void expectConsistent(const PointPairs& pairs, const ProsacResult& result, doubl
   EXPECT_NEAR(result.rmse, inliers > 0 ? std::sqrt(sum / static_cast<double>(inliers)) : 0.0, 1e-9);
   EXPECT_LE(result.diagnostics.iterations, ProsacOptions().max_iterations);
   if (result.status != Status::ok) {
-    EXPECT_TRUE(result.homography.isZero());
-    EXPECT_TRUE(result.covariance.isZero());
+    EXPECT_TRUE(result.answer.homography.isZero());
+    EXPECT_TRUE(result.answer.covariance.isZero());
   } else {
-    EXPECT_EQ(result.homography(2, 2), 1.0);
+    EXPECT_EQ(result.answer.homography(2, 2), 1.0);
   }
 }
 
@@ -114,7 +114,7 @@ TEST(ProsacHomography, FindsEveryKindOfHomographyFromExactPairs) {
         ASSERT_EQ(result.status, Status::ok) << where;
       }
       if (result.status != Status::ok) continue;
-      EXPECT_LT(cornerError(result.homography, truth.homography, kSize), 1e-6) << where;
+      EXPECT_LT(cornerError(result.answer.homography, truth.homography, kSize), 1e-6) << where;
       EXPECT_EQ(result.inliers, n) << where;
     }
   }
@@ -134,7 +134,7 @@ TEST(ProsacHomography, FindsEveryKindOfHomographyAmongNoiseAndOutliers) {
       prosac.estimate(pairs, kSize, result);
       expectConsistent(pairs, result, 3.0);
       ASSERT_EQ(result.status, Status::ok) << truth.name << " of " << n;
-      EXPECT_LT(cornerError(result.homography, truth.homography, kSize), 8.0)
+      EXPECT_LT(cornerError(result.answer.homography, truth.homography, kSize), 8.0)
           << truth.name << " of " << n;
     }
   }
@@ -167,7 +167,7 @@ TEST(ProsacHomography, IsNearlyAsExactAsLeastSquaresThatKnowsTheInliers) {
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, result);
     ASSERT_EQ(result.status, Status::ok);
-    ours += cornerError(result.homography, scene.homography, kSize);
+    ours += cornerError(result.answer.homography, scene.homography, kSize);
     best += cornerError(leastSquares(pairs, scene.inliers), scene.homography, kSize);
   }
   // Least squares is optimal for Gaussian noise. The refinement assumes heavy tails, as for real
@@ -191,8 +191,8 @@ TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
   for (int run = 0; run < 3; ++run) {
     used.estimate(makePairs(Scene(), numbers), kSize, again);  // fills its buffers
     used.estimate(pairs, kSize, again);
-    EXPECT_EQ(again.homography, first.homography);
-    EXPECT_EQ(again.covariance, first.covariance);
+    EXPECT_EQ(again.answer.homography, first.answer.homography);
+    EXPECT_EQ(again.answer.covariance, first.answer.covariance);
     EXPECT_EQ(again.mask, first.mask);
     EXPECT_EQ(again.diagnostics.iterations, first.diagnostics.iterations);
     EXPECT_EQ(again.diagnostics.growth_set_size, first.diagnostics.growth_set_size);
@@ -285,9 +285,9 @@ TEST(ProsacHomography, CovarianceAgreesWithMonteCarlo) {
     ASSERT_EQ(result.status, Status::ok);
     Vector8 error;
     for (int i = 0; i < 8; ++i) {
-      error[i] = result.homography(i / 3, i % 3) - scene.homography(i / 3, i % 3);
+      error[i] = result.answer.homography(i / 3, i % 3) - scene.homography(i / 3, i % 3);
     }
-    predicted += result.covariance / kRuns;
+    predicted += result.answer.covariance / kRuns;
     observed += error * error.transpose() / kRuns;
   }
   EXPECT_TRUE(predicted.isApprox(predicted.transpose(), 1e-9));
@@ -325,7 +325,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     prosac.estimate(pairs, kSize, -7.0 * shift * scene.homography, result);
     expectConsistent(pairs, result, 3.0);
     ASSERT_EQ(result.status, Status::ok);
-    EXPECT_LT(cornerError(result.homography, scene.homography, kSize), 8.0);
+    EXPECT_LT(cornerError(result.answer.homography, scene.homography, kSize), 8.0);
     samples += result.diagnostics.iterations;
     samples_from_scratch += from_scratch.diagnostics.iterations;
   }
@@ -367,7 +367,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
     prosac.estimate(pairs, kSize, test::randomHomography(kSize, 0.3, numbers), result);
     expectConsistent(pairs, result, 3.0);
     ASSERT_EQ(result.status, Status::ok);
-    EXPECT_LT(cornerError(result.homography, scene.homography, kSize), 8.0);
+    EXPECT_LT(cornerError(result.answer.homography, scene.homography, kSize), 8.0);
     // A prediction that is not the view of a plane is ignored.
     prosac.estimate(pairs, kSize, from_scratch);
     Eigen::Matrix3d mirrored = scene.homography;
@@ -375,7 +375,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
     for (const Eigen::Matrix3d& none : {Eigen::Matrix3d(Eigen::Matrix3d::Zero()), mirrored,
                                         Eigen::Matrix3d(Eigen::Matrix3d::Ones())}) {
       prosac.estimate(pairs, kSize, none, result);
-      EXPECT_EQ(result.homography, from_scratch.homography);
+      EXPECT_EQ(result.answer.homography, from_scratch.answer.homography);
       EXPECT_EQ(result.diagnostics.iterations, from_scratch.diagnostics.iterations);
     }
   }

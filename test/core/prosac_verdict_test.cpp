@@ -36,7 +36,7 @@ class Verdict : public testing::Test {
     return result_.status;
   }
 
-  bool isRight() { return cornerError(result_.homography, truth_, kSize) < 20.0; }
+  bool isRight() { return cornerError(result_.answer.homography, truth_, kSize) < 20.0; }
 
   Numbers numbers_{11};
   Eigen::Matrix3d truth_ = test::randomHomography(kSize, 0.1, numbers_);

@@ -81,7 +81,7 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
     ASSERT_EQ(match.match.status, Status::ok);
     EXPECT_EQ(match.reference->stamp, match.frame->stamp - 100'000'000);
     EXPECT_TRUE(match.reference_changed);
-    expectTranslation(match.match.homography, -kStepX, -kStepY);
+    expectTranslation(match.match.answer.homography, -kStepX, -kStepY);
     ASSERT_TRUE(match.accumulated);
     EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
     expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
@@ -115,7 +115,7 @@ TEST(SequenceMatcher, MatchesAcrossAChangeOfDescriptor) {
   ASSERT_EQ(match.match.status, Status::ok);
   EXPECT_EQ(match.match.descriptor, DescriptorKind::teblid);
   EXPECT_EQ(match.reference->features.descriptor, DescriptorKind::teblid);
-  expectTranslation(match.match.prosac.homography, -kStepX, -kStepY);
+  expectTranslation(match.match.prosac.answer.homography, -kStepX, -kStepY);
 }
 
 // There is no image to extract other features from: refused, rather than compared.
@@ -147,7 +147,7 @@ TEST(SequenceMatcher, DoesAsTheStagesDoWithoutIt) {
     if (i > 0) {
       ktgp.match(before, now, expected);
       for (const MatchResult* result : {&from_image, &from_features}) {
-        EXPECT_EQ(result->homography, expected.homography);
+        EXPECT_EQ(result->answer.homography, expected.answer.homography);
         EXPECT_EQ(result->prosac.mask, expected.prosac.mask);
         EXPECT_EQ(result->correspondences.size(), expected.correspondences.size());
       }
@@ -255,7 +255,7 @@ TEST(SequenceMatcher, AWeakKeyframeStaysWhereTheFrameBeforeDoesNotMatch) {
   const SequenceMatch& weak = matcher.match(partOfView(0.7, 1.0), 1.2);
   EXPECT_EQ(weak.match.status, Status::ok);
   EXPECT_EQ(weak.reference->stamp, 1'000'000'000);
-  EXPECT_EQ(weak.match.homography, answer.match.homography);
+  EXPECT_EQ(weak.match.answer.homography, answer.match.answer.homography);
   ASSERT_TRUE(weak.accumulated);
   EXPECT_EQ(weak.accumulated->first_stamp, 1'000'000'000);
   double stages = 0.0;
@@ -270,11 +270,11 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
   matcher.fixNextFrame();
   const SequenceMatch& itself = matcher.match(view(4), 0.1);
   EXPECT_EQ(itself.reference, itself.frame);
-  expectTranslation(itself.match.homography, 0.0, 0.0);
+  expectTranslation(itself.match.answer.homography, 0.0, 0.0);
   for (int i : {7, 2, 5}) {
     const SequenceMatch& match = matcher.match(view(i), 1000.0 + 0.1 * i, "any");
     EXPECT_EQ(match.reference->stamp, 100'000'000);
-    expectTranslation(match.match.homography, -kStepX * (i - 4), -kStepY * (i - 4));
+    expectTranslation(match.match.answer.homography, -kStepX * (i - 4), -kStepY * (i - 4));
     EXPECT_FALSE(match.accumulated);
   }
   matcher.reset();
@@ -282,7 +282,7 @@ TEST(SequenceMatcher, AFixedReferenceStaysUntilReset) {
   const FramePtr target = matcher.newFrame();
   target->image = view(3);
   matcher.setFixedReference(target);
-  expectTranslation(matcher.match(view(4), 0.2).match.homography, -kStepX, -kStepY);
+  expectTranslation(matcher.match(view(4), 0.2).match.answer.homography, -kStepX, -kStepY);
   EXPECT_EQ(matcher.fixedReference(), target);
 }
 
@@ -304,7 +304,7 @@ TEST(SequenceMatcher, AMatchAheadCountsOnlyForTheReferenceItNames) {
   matcher.match(frames[1]);
   const SequenceMatch& match = matcher.match(frames[2], &stale);
   EXPECT_EQ(match.reference, frames[1]);
-  expectTranslation(match.match.homography, -kStepX, -kStepY);
+  expectTranslation(match.match.answer.homography, -kStepX, -kStepY);
 
   // A match computed in advance for the right reference is used.
   MatchAhead ahead{frames[1], {}};
@@ -336,7 +336,7 @@ TEST(SequenceMatcher, TheCallersImageMayChangeAfterTheCall) {
   view(1).copyTo(buffer);
   options.orb.max_features = 400;  // the reference's features are extracted again from its image
   matcher.setOptions(options);
-  expectTranslation(matcher.match(buffer, 0.1).match.homography, -kStepX, -kStepY);
+  expectTranslation(matcher.match(buffer, 0.1).match.answer.homography, -kStepX, -kStepY);
 }
 
 TEST(SequenceMatcher, FramesThatTheCallerKeepsStayAsTheyAre) {
@@ -438,13 +438,13 @@ TEST(HomographyChain, CovarianceIsTheSpreadOfTheProducts) {
   link.covariance = root * root.transpose();
 
   constexpr int kLinks = 5;
-  UncertainHomography expected;
+  UncertainHomography expected{Eigen::Matrix3d::Identity()};
   for (int i = 0; i < kLinks; ++i) expected = chained(link, expected);
 
   constexpr int kTrials = 20000;
   Eigen::Matrix<double, 8, 8> spread = Eigen::Matrix<double, 8, 8>::Zero();
   for (int trial = 0; trial < kTrials; ++trial) {
-    UncertainHomography product;
+    UncertainHomography product{Eigen::Matrix3d::Identity()};
     for (int i = 0; i < kLinks; ++i) {
       Vector8 noise;
       for (int k = 0; k < 8; ++k) noise(k) = random.gaussian(1.0);
@@ -480,8 +480,8 @@ TEST(MotionPredictor, CarriesTheMotionOnForTheTimeToTheNextFrame) {
     next.stamp = next_stamp;
     MatchResult result;
     result.status = Status::ok;
-    result.homography = Eigen::Matrix3d::Identity();
-    result.homography.topRightCorner<2, 1>() = Eigen::Vector2d(2.0, 1.0);
+    result.answer.homography = Eigen::Matrix3d::Identity();
+    result.answer.homography.topRightCorner<2, 1>() = Eigen::Vector2d(2.0, 1.0);
     MotionPredictor predictor;
     predictor.restartAt(reference);
     predictor.advance(frame, reference, result);
@@ -497,18 +497,19 @@ TEST(MotionPredictor, CarriesTheMotionOnForTheTimeToTheNextFrame) {
 }
 
 TEST(HomographyChain, WhatIsNotKnownStaysUnknown) {
-  UncertainHomography unknown;
+  const UncertainHomography exact{Eigen::Matrix3d::Identity()};
+  UncertainHomography unknown{Eigen::Matrix3d::Identity()};
   unknown.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
-  EXPECT_TRUE(std::isnan(chained({}, chained(unknown, {})).covariance(0, 0)));
+  EXPECT_TRUE(std::isnan(chained(exact, chained(unknown, exact)).covariance(0, 0)));
 }
 
 // The same smooth error in each homography: after n of them it is n times as large, while noise
 // grows with the square root of n.
 TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
-  UncertainHomography link;
+  UncertainHomography link{Eigen::Matrix3d::Identity()};
   link.covariance(2, 2) = link.covariance(5, 5) = 0.04 + 0.01;
   link.shared_covariance(2, 2) = link.shared_covariance(5, 5) = 0.01;
-  UncertainHomography product;
+  UncertainHomography product{Eigen::Matrix3d::Identity()};
   for (int n = 1; n <= 30; ++n) {
     product = chained(link, product);
     EXPECT_NEAR(product.shared_covariance(2, 2), 0.01 * n * n, 1e-9) << n;
@@ -518,7 +519,7 @@ TEST(HomographyChain, SharedErrorsAddUpFromFrameToFrame) {
 
 // For errors of any correlation the covariance of the product is never too small.
 TEST(HomographyChain, SharedErrorsOfAnyKindAreCovered) {
-  UncertainHomography first, second;
+  UncertainHomography first{Eigen::Matrix3d::Identity()}, second = first;
   first.shared_covariance(2, 2) = 4.0;
   second.shared_covariance(2, 2) = 1.0;
   second.shared_covariance(5, 5) = 9.0;
@@ -538,7 +539,7 @@ TEST(SequenceMatcher, TheAccumulatedCovarianceGrowsWithTheChain) {
     const double variance = match.accumulated->covariance(2, 2);  // of the x translation
     EXPECT_GT(variance, before);
     if (i == 1) {
-      EXPECT_DOUBLE_EQ(variance, match.match.covariance(2, 2));
+      EXPECT_DOUBLE_EQ(variance, match.match.answer.covariance(2, 2));
     }
     before = variance;
   }

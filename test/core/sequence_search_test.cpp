@@ -52,7 +52,7 @@ TEST(SequenceSearch, CarriesTheMotionOn) {
     EXPECT_EQ(w.fall_backs, 0u);
     if (i == 0) continue;
     ASSERT_EQ(n.match.status, Status::ok) << i;
-    expectTranslation(n.match.homography, -kStep, -10);
+    expectTranslation(n.match.answer.homography, -kStep, -10);
     // The first motion is unknown; then it is known.
     EXPECT_EQ(n.match.search, i == 1 ? Search::fell_back : Search::near) << i;
     EXPECT_EQ(n.fall_backs, 1u) << i;
@@ -83,7 +83,7 @@ TEST(SequenceSearch, FallsBackToWhatTheWholeSearchGives) {
     EXPECT_EQ(n.match.status, w.match.status) << i;
     if (n.match.search != Search::fell_back) continue;
     ++fall_backs;
-    EXPECT_EQ(n.match.homography, w.match.homography) << i;
+    EXPECT_EQ(n.match.answer.homography, w.match.answer.homography) << i;
     EXPECT_EQ(n.match.inliers, w.match.inliers) << i;
     EXPECT_EQ(n.match.prosac.mask, w.match.prosac.mask) << i;
   }
@@ -104,7 +104,7 @@ TEST(SequenceSearch, LooksForTheSceneThatAKeyframeAndAFixedFrameShow) {
       if (i == 1) fall_backs = match.fall_backs;
       EXPECT_EQ(match.fall_backs, fall_backs) << i;
       if (mode == ReferenceMode::fixed) {
-        expectTranslation(match.match.homography, -20 * i, 0);
+        expectTranslation(match.match.answer.homography, -20 * i, 0);
       }
     }
   }
@@ -141,7 +141,7 @@ TEST(SequenceSearch, RepeatsItselfForAnyNumberOfThreads) {
   for (int i = 0; i < 8; ++i) {
     const SequenceMatch& a = one.match(view(kStep * i), 0.1 * i);
     const SequenceMatch& b = other.match(view(kStep * i), 0.1 * i);
-    EXPECT_EQ(a.match.homography, b.match.homography);
+    EXPECT_EQ(a.match.answer.homography, b.match.answer.homography);
     EXPECT_EQ(a.match.search, b.match.search);
   }
 }

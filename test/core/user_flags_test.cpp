@@ -37,8 +37,9 @@ TEST(UserFlags, ChangeNoBitOfAnErrorOrARatio) {
   double sum = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error =
-        test::errorInAUsersProgram(result.homography, pairs.reference[i], pairs.target[i]);
-    EXPECT_EQ(error, reprojectionError(result.homography, pairs.reference[i], pairs.target[i]));
+        test::errorInAUsersProgram(result.answer.homography, pairs.reference[i], pairs.target[i]);
+    EXPECT_EQ(error,
+              reprojectionError(result.answer.homography, pairs.reference[i], pairs.target[i]));
     if (result.mask[i] != 0) sum += error * error;
   }
   EXPECT_EQ(result.rmse, std::sqrt(sum / static_cast<double>(result.inliers)));

@@ -76,9 +76,9 @@ void run(Input& in) {
   static AlignmentResult result, again;
   Alignment alignment(options);
   alignment.align(reference, target, pairs, start, result);
-  if (h.allFinite()) require(result.homography.allFinite(), "H is finite");
+  if (h.allFinite()) require(result.answer.homography.allFinite(), "H is finite");
   if (result.status != AlignmentStatus::ok && result.status != AlignmentStatus::not_run) {
-    require(!h.allFinite() || result.homography == h, "H is the given one unless ok");
+    require(!h.allFinite() || result.answer.homography == h, "H is the given one unless ok");
   }
   require(result.tried <= static_cast<std::size_t>(options.points),
           "no more points than asked for");
@@ -95,7 +95,7 @@ void run(Input& in) {
   Alignment(options).align(reference, target, pairs, start, again);
   require(again.status == result.status && again.points.size() == result.points.size(),
           "the same answer with every instruction set");
-  require(!h.allFinite() || again.homography == result.homography,
+  require(!h.allFinite() || again.answer.homography == result.answer.homography,
           "the same H with every instruction set");
 }
 

@@ -58,7 +58,7 @@ void run(Input& in) {
   prosac.estimate(pairs, size, initial, result);
   requireSound(result, pairs, options.max_error);
   prosac.estimate(pairs, size, initial, again);
-  require(result.status == again.status && result.homography == again.homography &&
+  require(result.status == again.status && result.answer.homography == again.answer.homography &&
               result.mask == again.mask,
           "the same answer twice");
 }

@@ -200,9 +200,9 @@ Link linkOf(const SequenceMatch& found) {
   if (found.match.status != Status::ok) return link;
   link.reference = static_cast<std::int32_t>(
       std::lround(1e-9 * static_cast<double>(found.reference->stamp) * kRate));
-  Eigen::Map<RowMajor3>(link.homography) = found.match.homography;
-  Eigen::Map<RowMajor8>(link.covariance) = found.match.covariance;
-  link.plane_deviation = found.match.plane_deviation;
+  Eigen::Map<RowMajor3>(link.homography) = found.match.answer.homography;
+  Eigen::Map<RowMajor8>(link.covariance) = found.match.answer.covariance;
+  link.plane_deviation = found.match.answer.plane_deviation;
   return link;
 }
 

@@ -314,8 +314,10 @@ int related(long pairs, std::uint64_t seed) {
     Row* rows[] = {&all, &by_preset[p],
                    &by_overlap[std::min<std::size_t>(4, static_cast<std::size_t>(share * 5.0))],
                    ok ? &by_inliers[n] : nullptr};
-    const bool wrong = ok && !(evaluation::cornerError(result.homography, truth, size) <= kWrong);
-    const bool within = ok && normalisedError(result.homography, result.covariance, truth) <= kChi8;
+    const bool wrong =
+        ok && !(evaluation::cornerError(result.answer.homography, truth, size) <= kWrong);
+    const bool within =
+        ok && normalisedError(result.answer.homography, result.answer.covariance, truth) <= kChi8;
     for (Row* row : rows) {
       if (row == nullptr) continue;
       ++row->pairs;

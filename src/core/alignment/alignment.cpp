@@ -45,10 +45,7 @@ void reset(const UncertainHomography& start, AlignmentResult& result) {
   points.clear();
   result = {};
   result.points = std::move(points);
-  result.homography = start.homography;
-  result.covariance = start.covariance;
-  result.shared_covariance = start.shared_covariance;
-  result.plane_deviation = start.plane_deviation;
+  result.answer = start;
 }
 
 std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
@@ -201,7 +198,8 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
   aligned_target.clear();
   result.tried = chosen.size();
   for (const std::uint32_t match : chosen) {
-    const AlignedPatch patch = aligner.align(result.homography, reference_points[match], kReach);
+    const AlignedPatch patch =
+        aligner.align(result.answer.homography, reference_points[match], kReach);
     if (patch.outcome != PatchOutcome::aligned) {
       ++countOf(patch.outcome, result);
       continue;
@@ -214,21 +212,17 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
 }
 
 void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& result) {
-  result.rmse_before = result.rmse_after = rmse(result.homography, result.points);
+  result.rmse_before = result.rmse_after = rmse(result.answer.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
   limits = homography::evidenceOfPatches(options.max_error, reference_size);
-  UncertainHomography candidate;
-  candidate.homography = result.homography;
+  UncertainHomography candidate = result.answer;
   result.status = AlignmentStatus::not_better;
   if (!refiner.refine(aligned_reference, aligned_target, reference_size, limits, candidate) ||
       !isBetter(reference_size, candidate, result)) {
     return;
   }
-  result.homography = candidate.homography;
-  result.covariance = candidate.covariance;
-  result.shared_covariance = candidate.shared_covariance;
-  result.plane_deviation = candidate.plane_deviation;
+  result.answer = candidate;
   result.rmse_after = rmse(candidate.homography, result.points);
   result.status = AlignmentStatus::ok;
 }
@@ -236,14 +230,15 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
 /// Accepts the new homography if it can be the view of a plane, the images agree better with it,
 /// most keypoints still agree, aligning made the points more accurate, and it is better determined.
 bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
-                               const AlignmentResult& before) const {
+                               const AlignmentResult& result) const {
+  const UncertainHomography& before = result.answer;
   // Share of the keypoints that agreed before. ORB's coarse keypoints have a common error of up to
   // a pixel, so the homography that fits them best is wrong when the camera rotates.
   constexpr double kShare = 0.5;
   const Eigen::Matrix3d& h = candidate.homography;
   if (!homography::keepsPlaneInView(h, homography::imageCorners(reference_size, {}))) return false;
-  if (!(unlikeliness(h, before.points, limits.min_scale) <=
-        unlikeliness(before.homography, before.points, limits.min_scale))) {
+  if (!(unlikeliness(h, result.points, limits.min_scale) <=
+        unlikeliness(before.homography, result.points, limits.min_scale))) {
     return false;
   }
   if (static_cast<double>(supporters(h)) <

@@ -264,8 +264,7 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
 /// of the whole reference.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   collect(chosen, result);
-  UncertainHomography estimate;
-  estimate.homography = chosen.map / chosen.map(2, 2);
+  UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   evidence.by_cell = true;
@@ -280,10 +279,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
     result.matches.clear();
     return false;
   }
-  result.homography = estimate.homography;
-  result.covariance = estimate.covariance;
-  result.shared_covariance = estimate.shared_covariance;
-  result.plane_deviation = estimate.plane_deviation;
+  result.answer = estimate;
   return true;
 }
 
@@ -308,10 +304,7 @@ void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) 
 
 void GrowthResult::clear() {
   found = false;
-  homography.setZero();
-  covariance.setZero();
-  shared_covariance.setZero();
-  plane_deviation = 0.0;
+  answer = {};
   pairs.clear();
   matches.clear();
   support = 0;

@@ -53,7 +53,6 @@ bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
 void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,
                          const cv::Size& reference_size, double max_error,
                          FinalHomography& result) {
-  result.estimate = estimate;
   result.mask.resize(pairs.size());
   squared_error_.resize(pairs.size());
   result.inliers = 0;

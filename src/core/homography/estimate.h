@@ -47,7 +47,6 @@ class HomographyRefiner {
 struct FinalHomography {
   bool trusted =
       false;  ///< it shows a plane from one side, and chance does not explain its support
-  UncertainHomography estimate;
   std::vector<std::uint8_t>
       mask;                 ///< one per pair: 1 where its reprojection error is below the limit
   std::size_t inliers = 0;  ///< ones in `mask`

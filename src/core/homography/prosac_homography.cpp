@@ -151,8 +151,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
                                    const Eigen::Matrix3d& h, ProsacResult& result) {
   result.status = Status::model_rejected;
   const auto corners = homography::imageCorners(reference_size, pairs.reference);
-  UncertainHomography estimate;
-  estimate.homography = normalised.toPixels(h);
+  UncertainHomography estimate{normalised.toPixels(h)};
   if (!homography::keepsPlaneInView(estimate.homography, corners)) return;
   auto normalised_corners = corners;
   for (Eigen::Vector2d& corner : normalised_corners) corner = normalised.reference.apply(corner);
@@ -163,15 +162,12 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 
   // Last, since it takes longer than the verdict.
   if (scaled) {
-    const UncertainHomography known = fit.inPixels(normalised, h, corners, false);
-    result.covariance = known.covariance;
-    result.shared_covariance = known.shared_covariance;
-    result.plane_deviation = known.plane_deviation;
+    estimate = fit.inPixels(normalised, h, corners, false);
   } else {
-    result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
-    result.shared_covariance = result.covariance;
+    estimate.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    estimate.shared_covariance = estimate.covariance;
   }
-  result.homography = estimate.homography;
+  result.answer = estimate;
   result.mask = final.mask;  // into its own buffer: swapped ones would grow in turn
   result.inliers = final.inliers;
   result.rmse = final.rmse;

@@ -53,12 +53,12 @@ void MotionPredictor::advance(const Frame& frame, const Frame& reference,
   }
   std::optional<Eigen::Matrix3d> last = lastSeenFrom(reference);
   motion_.reset();
-  if (last) motion_ = result.homography * last->inverse();
+  if (last) motion_ = result.answer.homography * last->inverse();
   duration_ = frame.stamp - stamp_;
   last_ = &frame;
   reference_ = &reference;
   stamp_ = frame.stamp;
-  from_reference_ = result.homography;
+  from_reference_ = result.answer.homography;
   inliers_ = result.inliers;
 }
 

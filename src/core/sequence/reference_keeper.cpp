@@ -47,7 +47,8 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
 bool ReferenceKeeper::weak(const Frame& frame, const MatchResult& result) const {
   if (result.status != Status::ok) return true;
   return result.inliers < static_cast<std::size_t>(options_.min_inliers) ||
-         homography::overlap(result.homography, frame.features.image_size) < options_.min_overlap;
+         homography::overlap(result.answer.homography, frame.features.image_size) <
+             options_.min_overlap;
 }
 
 FramePtr ReferenceKeeper::secondChoice(const Frame& frame, const MatchResult& result) const {
@@ -68,9 +69,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
     reference_ = previous_;
     to_reference_ = to_previous_;
   }
-  to_previous_ = homography::chained(
-      {result->homography, result->covariance, result->shared_covariance, result->plane_deviation},
-      to_reference_);
+  to_previous_ = homography::chained(result->answer, to_reference_);
   accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
   previous_ = frame;
   // Two neighbouring frames with few matches: a keyframe would not help.
@@ -83,7 +82,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
 void ReferenceKeeper::restartAt(const FramePtr& frame) {
   reference_ = previous_ = frame;
   first_stamp_ = frame->stamp;
-  to_reference_ = to_previous_ = {};
+  to_reference_ = to_previous_ = {Eigen::Matrix3d::Identity()};
   accumulated_.reset();
 }
 

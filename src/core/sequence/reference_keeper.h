@@ -52,8 +52,8 @@ class ReferenceKeeper {
   NoReference forgotten_ = NoReference::first_frame;  // why previous_ is null
   // From the first frame of the sequence.
   std::int64_t first_stamp_ = 0;
-  UncertainHomography to_reference_;
-  UncertainHomography to_previous_;
+  UncertainHomography to_reference_{Eigen::Matrix3d::Identity()};
+  UncertainHomography to_previous_{Eigen::Matrix3d::Identity()};
   std::optional<AccumulatedHomography> accumulated_;
 };
 
