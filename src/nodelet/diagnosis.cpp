@@ -43,6 +43,7 @@ void Diagnosis::open(const std::string& logger, const std::string& what, const s
   const Lock lock(mutex_);
   logger_ = logger;
   what_ = what;
+  whats_ = what + (what == "match" ? "es" : "s");
   topic_ = topic;
   work_ = work;
 }
@@ -222,15 +223,15 @@ std::string Diagnosis::inputMessage(unsigned char& level) const {
   if (refused > 0 && refused >= arrived) return "every " + what_ + " is refused: " + last_error_;
   level = DiagnosticStatus::WARN;
   if (!mixture_.empty()) return mixture_;
-  if (refused > 0) return what_ + "s refused: " + last_error_;
+  if (refused > 0) return whats_ + " refused: " + last_error_;
   if (recentOf(kForgotten) > 0) {
-    return what_ + "s were dropped before their homography arrived: max_memory is too small";
+    return whats_ + " were dropped before their homography arrived: max_memory is too small";
   }
   if (ratio(static_cast<double>(recentOf(kDropped)), arrived) > kMaxDropShare) {
-    return "many " + what_ + "s dropped: they arrive faster than they are worked on";
+    return "many " + whats_ + " dropped: they arrive faster than they are worked on";
   }
   level = DiagnosticStatus::OK;
-  return arrived == 0 ? "waits for " + what_ + "s" : what_ + "s arrive";
+  return arrived == 0 ? "waits for " + whats_ : whats_ + " arrive";
 }
 
 void Diagnosis::reportInput(Report& report) {
@@ -241,7 +242,7 @@ void Diagnosis::reportInput(Report& report) {
   report.add("topic", topic_);
   report.addf("rate (1/s)", "%.2f",
               ratio(static_cast<double>(recentOf(kArrived)), times().seconds));
-  report.add(what_ + "s", totalOf(kArrived));
+  report.add(whats_, totalOf(kArrived));
   for (const char* name : {kDropped, kForgotten, kLost, kSkipped, kRefused}) {
     report.add(name, totalOf(name));
   }

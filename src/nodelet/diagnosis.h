@@ -96,6 +96,7 @@ class Diagnosis {
   mutable std::mutex mutex_;
   std::string logger_;
   std::string what_;
+  std::string whats_;  // plural
   std::string topic_;
   std::string work_;
   std::map<std::string, Counter, std::less<>> counters_;

@@ -53,7 +53,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   void imageArrived(const sensor_msgs::ImageConstPtr& image);
   void sendConfiguration();
   template <typename Use>
-  void use(const sensor_msgs::ImageConstPtr& image, const std::string& what, const Use& use);
+  void use(const std::string& what, const Use& use);
   void lensArrived(const sensor_msgs::CameraInfo& info);
   void rereadReference(bool at_once);
   void matchPair(MatchPair::Request& request, MatchPair::Response& response);
@@ -76,7 +76,6 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
 };
 
 void MatcherNodelet::start() {
-  const ros::NodeHandle settings = privateNode(settings_queue_);
   images_ = &addImages(1, [this](const sensor_msgs::ImageConstPtr& image, std::uint32_t /*lost*/) {
     imageArrived(image);
   });
@@ -87,9 +86,6 @@ void MatcherNodelet::start() {
   worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
   worker_.setLimits(kConfiguration, {1, std::numeric_limits<std::size_t>::max()});
   serveParameters();
-  if (settings.deleteParam("reference_was_set") && is_fixed_) {
-    diagnosis_.setFault("lost reference", kReferenceLost);
-  }
 }
 
 std::string MatcherNodelet::greeting() const {
@@ -105,13 +101,16 @@ void MatcherNodelet::advertise() {
   startWorker(std::move(work));
   advertiseServices();
   ros::NodeHandle settings = privateNode(settings_queue_);
+  if (settings.deleteParam("reference_was_set") && is_fixed_) {
+    diagnosis_.setFault("lost reference", kReferenceLost);
+  }
   mask_ = settings.subscribe<sensor_msgs::Image>(
       "mask", 1, [this](const sensor_msgs::ImageConstPtr& image) {
-        use(image, "the mask", [&] { settings_.setMask(image); });
+        use("the mask on " + mask_.getTopic(), [&] { settings_.setMask(image); });
       });
   reference_ = settings.subscribe<sensor_msgs::Image>(
       "reference", 1, [this](const sensor_msgs::ImageConstPtr& image) {
-        use(image, "the reference", [&] { settings_.setReference(image); });
+        use("the reference on " + reference_.getTopic(), [&] { settings_.setReference(image); });
         if (!is_fixed_) {
           NODELET_WARN("a reference arrived on %s; it is used when reference_mode is fixed",
                        reference_.getTopic().c_str());
@@ -182,14 +181,13 @@ void MatcherNodelet::sendConfiguration() {
 }
 
 template <typename Use>
-void MatcherNodelet::use(const sensor_msgs::ImageConstPtr& image, const std::string& what,
-                         const Use& use) {
+void MatcherNodelet::use(const std::string& what, const Use& use) {
   try {
     use();
     sendConfiguration();
   } catch (const std::exception& error) {
-    NODELET_ERROR("%s of %ux%u px is refused, the old one stays: %s", what.c_str(), image->width,
-                  image->height, printable(error.what()).c_str());
+    NODELET_ERROR("%s is refused, the old one stays: %s", what.c_str(),
+                  printable(error.what()).c_str());
   }
 }
 
