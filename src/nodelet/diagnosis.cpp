@@ -93,7 +93,7 @@ std::uint64_t Diagnosis::recent(const char* name) const {
 void Diagnosis::refuse(const std::string& reason) {
   count(kRefused);
   const Lock lock(mutex_);
-  last_error_ = printable(reason);
+  last_error_ = util::printable(reason, 600);
   const auto now = Clock::now();
   if (now - last_refusal_ < kRepeatRefusal) return;
   last_refusal_ = now;
@@ -121,7 +121,7 @@ void Diagnosis::set(const std::string& kind, const std::string& text, bool log,
     problems.erase(kind);
     return;
   }
-  const std::string line = printable(text);
+  const std::string line = util::printable(text, 600);
   std::string& before = problems[kind];
   if (log && withoutNumbers(before) != withoutNumbers(line)) {
     ROS_WARN_NAMED(logger_, "%s", line.c_str());

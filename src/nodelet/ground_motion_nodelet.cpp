@@ -153,7 +153,7 @@ std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Tim
                                : !normal.empty() ? "normal: " + normal
                                                  : readings_.noTurn();
   diagnosis_.setProblem("not used", not_used, false);
-  diagnosis_.setValue("not used", printable(not_used));
+  diagnosis_.setValue("not used", util::printable(not_used, 600));
   if (estimate.height_used) last_height_ = stamp;
   if (estimate.down_used || !readings_.usesNormal()) last_normal_ = stamp;
   const auto is_old = [&](const ros::Time& last) {

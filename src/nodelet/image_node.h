@@ -86,7 +86,7 @@ class NodeBase : public nodelet::Nodelet {
             answer(request, response);
           } catch (const std::exception& error) {
             response.success = false;
-            response.message = printable(error.what());
+            response.message = util::printable(error.what(), 600);
             NODELET_WARN("a request is refused: %s", response.message.c_str());
           }
           return true;
@@ -167,8 +167,8 @@ class ImageNode : public NodeBase {
   }
   void refuseParameters(const std::string& reason) {
     diagnosis_.setFault("parameters", "parameters refused: " + reason, false);
-    diagnosis_.setValue("refused parameters", printable(reason));
-    NODELET_ERROR("new parameters are refused, the old ones stay: %s", printable(reason).c_str());
+    diagnosis_.setValue("refused parameters", util::printable(reason, 600));
+    NODELET_ERROR("new parameters are refused, the old ones stay: %s", util::printable(reason, 600).c_str());
   }
   void startWorker(std::unique_ptr<Work> work, typename Worker<Work>::Job afterwards = nullptr) {
     worker_.start(

@@ -187,7 +187,7 @@ void MatcherNodelet::use(const std::string& what, const Use& use) {
     sendConfiguration();
   } catch (const std::exception& error) {
     NODELET_ERROR("%s is refused, the old one stays: %s", what.c_str(),
-                  printable(error.what()).c_str());
+                  util::printable(error.what(), 600).c_str());
   }
 }
 

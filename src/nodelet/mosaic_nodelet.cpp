@@ -32,16 +32,6 @@ std::string withOneDigit(double value) {
   return text;
 }
 
-/// Writes a temporary file and renames it, so that readers never find half a picture. Throws
-/// std::runtime_error.
-void writePicture(const std::string& file, const cv::Mat& picture) {
-  const std::string unfinished = file + ".part.png";
-  if (!cv::imwrite(unfinished, picture) || std::rename(unfinished.c_str(), file.c_str()) != 0) {
-    std::remove(unfinished.c_str());
-    throw std::runtime_error(file + " cannot be written");
-  }
-}
-
 }  // namespace
 
 /// The map, and where its pictures and poses go.
@@ -181,7 +171,7 @@ void MosaicNodelet::save(const SaveMosaic::Request& request, SaveMosaic::Respons
   }
   const cv::Mat picture = worker_.ask([](MosaicWork& work) { return work.image(); });
   if (picture.empty()) throw std::runtime_error("there is no mosaic yet: " + whyEmpty());
-  writePicture(file, picture);
+  files::writeImage(file, picture, true);
   response.message = file;
   response.width = static_cast<std::uint32_t>(picture.cols);
   response.height = static_cast<std::uint32_t>(picture.rows);

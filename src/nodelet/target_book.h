@@ -5,10 +5,12 @@
 #include <deque>
 #include <functional>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "files/output_file.h"
 #include "ktgp_orb/target_finder.h"
 #include "parameters/target_list.h"
 
@@ -26,10 +28,14 @@ struct TargetUser {
 class TargetBook {
  public:
   explicit TargetBook(TargetUser user) : user_(std::move(user)) {}
+  ~TargetBook();
+  TargetBook(const TargetBook&) = delete;
+  TargetBook& operator=(const TargetBook&) = delete;
 
-  /// Reads the list: `file` if it exists, else `targets`; either may be empty. Then loadNext() adds
-  /// the targets one by one. Throws std::invalid_argument with the reason if the list cannot be
-  /// read, or the folder for a new `file` cannot be created.
+  /// Reads the list: `file` if it exists and has contents, else `targets`; either may be empty.
+  /// Then loadNext() adds the targets one by one. Until its end, no other book can open `file`.
+  /// Throws std::invalid_argument with the reason if the list cannot be read, if another book has
+  /// it, or if the folder for its images cannot be created.
   void open(const std::string& targets, const std::string& file);
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
@@ -51,7 +57,7 @@ class TargetBook {
   struct Lists {
     std::vector<TargetEntry> used;
     std::vector<TargetEntry> refused;  // they stay in the kept list
-    std::deque<TargetEntry> waiting;   // to be read
+    std::deque<TargetEntry> waiting;  // to be read
 
     /// Those with this id, which are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);
@@ -60,13 +66,14 @@ class TargetBook {
 
   void set(const SetTarget::Request& request, const UseTarget& use);
   void writeImages(const Target& target, std::vector<std::string>& files) const;
-  void writeNext(const Lists& lists) const;
-  void adoptNext(Lists lists);
-  void discardNext() const;
+  void lock();
+  /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
+  std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
   TargetUser user_;
   std::string file_;
+  int lock_ = -1;  // the folder of the images, open
   Lists lists_;
   std::map<std::string, std::string> reasons_;  // of refused targets, by id
 };

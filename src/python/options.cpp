@@ -20,7 +20,11 @@ bool obeys(Scope scope, const ParameterRow& row) {
   return row.name == "threads" || row.group == "method" || row.group.rfind("stage_", 0) == 0;
 }
 
-std::string textOf(const ParameterRow& row, const py::handle& value) {
+std::string textOf(const ParameterRow& row, const py::handle& given) {
+  // A scalar of NumPy, as the number that it is.
+  const bool is_scalar = py::hasattr(given, "dtype") && py::hasattr(given, "item");
+  const auto value =
+      is_scalar ? py::object(given.attr("item")()) : py::reinterpret_borrow<py::object>(given);
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
   const bool number = !std::holds_alternative<std::string Parameters::*>(row.field) &&
                       !std::holds_alternative<bool Parameters::*>(row.field);
@@ -46,9 +50,9 @@ Parameters presetNamed(const std::string& name) {
 
 }  // namespace
 
-Parameters parametersFrom(const std::string& preset, const py::kwargs& changes, Scope scope) {
-  Parameters parameters = presetNamed(preset);
-  for (const auto& [key, value] : changes) {
+Parameters parametersFrom(const Settings& settings, Scope scope) {
+  Parameters parameters = presetNamed(py::str(settings.preset));
+  for (const auto& [key, value] : settings.changes) {
     const auto name = key.cast<std::string>();
     const ParameterRow* const row = findParameter(name);
     const std::string removed = whyRemoved("matcher", name);

@@ -11,20 +11,18 @@ namespace {
 
 constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
 
-constexpr std::size_t kLongestId = 256;
-
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
-  throw std::invalid_argument("target \"" + id + "\": " + reason);
+  throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
 }
 
 }  // namespace
 
 std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options) {
+  constexpr std::size_t kLongest = 256;
   if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
-  if (target.id.size() > kLongestId) {
-    refuse(printable(target.id, 40), "the id has " + std::to_string(target.id.size()) +
-                                         " bytes; expected " + std::to_string(kLongestId) +
-                                         " at most");
+  if (target.id.size() > kLongest) {
+    refuse(target.id, "the id has " + std::to_string(target.id.size()) +
+                          " bytes; expected at most " + std::to_string(kLongest));
   }
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +

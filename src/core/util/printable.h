@@ -1,22 +1,14 @@
 #pragma once
 
-#include <cstdio>
 #include <string>
 
-namespace ktgp_orb {
+namespace ktgp_orb::util {
 
-/// Text of others (ids, paths, reasons) for a log, an answer or a terminal: on one line, without
-/// control characters, and cut after `most` bytes.
-inline std::string printable(const std::string& text, std::size_t most = 600) {
-  std::string line;
-  for (const char c : text) {
-    if (line.size() >= most) return line + "...";
-    const auto byte = static_cast<unsigned char>(c);
-    char escaped[8] = {c, 0};
-    if (byte < 0x20 || byte == 0x7f) std::snprintf(escaped, sizeof escaped, "\\x%02x", byte);
-    line += c == '\n' ? "\\n" : c == '\0' ? "\\0" : escaped;
-  }
-  return line;
-}
+/// Text of a stranger, such as an id or the name of a file, for logs, answers and terminals: what is
+/// not printable UTF-8 becomes \xNN, and only the first `most` bytes are kept.
+std::string printable(const std::string& text, std::size_t most = 200);
 
-}  // namespace ktgp_orb
+/// The same in quotes.
+std::string quoted(const std::string& text);
+
+}  // namespace ktgp_orb::util
