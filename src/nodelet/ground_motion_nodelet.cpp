@@ -35,6 +35,8 @@ std::string number(double value) {
   return text;
 }
 
+}  // namespace
+
 /// The parameters, and what the nodelet knows beside them.
 struct GroundSettings {
   GroundMotionConfig config;
@@ -210,8 +212,6 @@ void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header&
   broadcaster_.sendTransform(
       transformOf(odometry->header, odometry->child_frame_id, odometry->pose.pose));
 }
-
-}  // namespace
 
 /// Matches, a calibration and a height in; velocity and odometry out. doc/motion.md describes
 /// topics, services and parameters.

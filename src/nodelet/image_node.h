@@ -168,7 +168,8 @@ class ImageNode : public NodeBase {
   void refuseParameters(const std::string& reason) {
     diagnosis_.setFault("parameters", "parameters refused: " + reason, false);
     diagnosis_.setValue("refused parameters", util::printable(reason, 600));
-    NODELET_ERROR("new parameters are refused, the old ones stay: %s", util::printable(reason, 600).c_str());
+    NODELET_ERROR("new parameters are refused, the old ones stay: %s",
+                  util::printable(reason, 600).c_str());
   }
   void startWorker(std::unique_ptr<Work> work, typename Worker<Work>::Job afterwards = nullptr) {
     worker_.start(

@@ -57,7 +57,7 @@ class TargetBook {
   struct Lists {
     std::vector<TargetEntry> used;
     std::vector<TargetEntry> refused;  // they stay in the kept list
-    std::deque<TargetEntry> waiting;  // to be read
+    std::deque<TargetEntry> waiting;   // to be read
 
     /// Those with this id, which are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);

@@ -19,7 +19,6 @@
 #include "nodelet/target_book.h"
 
 namespace ktgp_orb {
-namespace {
 
 /// The parameters that the frames need.
 struct TargetSettings {
@@ -106,8 +105,6 @@ void TargetsWork::publish(const TargetDetectionsPtr& message, const cv::Mat& gre
   drawTargets(grey, frame.detections, canvas);
   outputs_.image.publish(toImage(message->header, "bgr8", canvas));
 }
-
-}  // namespace
 
 /// Images in, flat targets out. doc/targets.md describes topics, services and parameters.
 ///

@@ -196,8 +196,7 @@ class Run {
     matched.refused = refused_;
     matched.skipped = skipped;
     FrameMessages messages = toMessages(matched);
-    const sensor_msgs::ImagePtr picture =
-        draws_overlay_ || drawing_ ? matcher_.overlay() : nullptr;
+    const sensor_msgs::ImagePtr picture = draws_overlay_ || drawing_ ? matcher_.overlay() : nullptr;
     if (draws_overlay_) messages.overlay = picture;
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     writer_.write(messages, recorded.received);
