@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
+#include <limits>
 #include <stdexcept>
 
 #include "messages/image_conversion.h"

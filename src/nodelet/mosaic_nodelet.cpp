@@ -6,9 +6,9 @@
 #include <chrono>
 #include <cstdio>
 #include <deque>
-#include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
 #include "messages/message_conversion.h"

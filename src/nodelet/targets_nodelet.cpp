@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
+#include <limits>
 #include <memory>
 #include <utility>
 
