@@ -8,7 +8,15 @@ namespace {
 using util::GreyStretch;
 using util::requireInRange;
 
-/// The values of dynamic_reconfigure by the names of the table.
+GreyStretch stretchFrom(const Parameters& parameters) {
+  GreyStretch stretch;
+  const bool adapts = parameters.stretch == "percentile";
+  stretch.kind = adapts ? GreyStretch::Kind::percentile : GreyStretch::Kind::range;
+  return stretch;
+}
+
+}  // namespace
+
 Parameters parametersFrom(const KtgpConfig& config) {
   Parameters p;
 #define KTGP_GROUP(name)
@@ -21,15 +29,6 @@ Parameters parametersFrom(const KtgpConfig& config) {
 #include "parameters/table_end.def"
   return p;
 }
-
-GreyStretch stretchFrom(const Parameters& parameters) {
-  GreyStretch stretch;
-  const bool adapts = parameters.stretch == "percentile";
-  stretch.kind = adapts ? GreyStretch::Kind::percentile : GreyStretch::Kind::range;
-  return stretch;
-}
-
-}  // namespace
 
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) {
   return configurationFrom(parametersFrom(config), number);

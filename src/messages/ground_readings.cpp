@@ -70,15 +70,6 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// Throws std::invalid_argument where the camera does not see the ground: what would be computed
-/// has the wrong sign. `down` is in the camera.
-void requireAhead(const Eigen::Vector3d& down, const std::string& source) {
-  constexpr double kLeast = 0.05;  // about 3 degrees
-  if (down.z() >= kLeast) return;
-  throw std::invalid_argument("the ground is not in front of the camera, by " + source +
-                              "; expected that its optical axis, z, points below the horizon");
-}
-
 /// Why the range of a message is none.
 std::string whyNone(const sensor_msgs::Range& range) {
   const double value = range.range;
@@ -162,7 +153,6 @@ std::optional<Pose3> GroundReadings::transform(const std::string& target, const 
 
 GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) const {
   GroundMotionOptions options;
-  options.ground_slope = config_.ground_slope;
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   std::string problem;
   if (config_.base_frame.empty()) {
@@ -201,7 +191,6 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   no_turn_.clear();
   frame.height = height(h.header);
   frame.down = down(h.header);
-  if (frame.down) requireAhead(frame.down->direction, normalSource());
   dropSidewaysBeam(frame);
   frame.turn = turn(h.header);
   last_image_ = h.header.stamp;

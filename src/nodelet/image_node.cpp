@@ -83,8 +83,12 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
     if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
     callback(image, lost);
   };
-  auto input = std::make_unique<ImageInput>(node(data_queue_), privateNode(data_queue_), queue_size,
-                                            arrived);
+  const ros::NodeHandle private_node = privateNode(data_queue_);
+  // Read once, so that a later change cannot fail during the work.
+  const ImageSource source =
+      imageSource(node(data_queue_), private_node.param<std::string>("image_transport", "raw"));
+  auto input =
+      std::make_unique<ImageInput>(source, node(data_queue_), private_node, queue_size, arrived);
   ImageInput& added = *input;
   inputs_.push_back(std::move(input));
   return added;
@@ -141,8 +145,9 @@ void NodeBase::watchInputs(bool clock_stands) {
     }
     input->setPublishers(publishers);
     if (mixture.empty()) mixture = watch->mixture(publishers);
-    // A paused bag is not a broken camera; a clock that never started is an error.
-    if (clock_stands && !clockIsMissing()) continue;
+    // A paused bag is not a broken camera, nor is one that bag.launch has not yet begun to play (it
+    // sets this parameter); any other clock that never started is an error.
+    if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
     const std::string warning = watch->tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
     if (silence.empty() && watch->silentSeconds() > kPatience) {

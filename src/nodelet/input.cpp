@@ -6,15 +6,8 @@
 namespace ktgp_orb {
 namespace {
 
-void requireTransport(const image_transport::ImageTransport& node, const std::string& transport) {
-  const auto names = node.getLoadableTransports();
-  if (std::find(names.begin(), names.end(), "image_transport/" + transport) != names.end()) return;
-  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
-                              transport +
-                              "_image_transport provides it (on ROS Noetic: apt install "
-                              "ros-noetic-" +
-                              transport + "-image-transport)");
-}
+const std::string kCompressed = "compressed";
+const std::string kOwnPlugin = "ktgp_compressed";  // see compressed_subscriber.cpp
 
 }  // namespace
 
@@ -36,16 +29,39 @@ bool Input::isNew(const boost::shared_ptr<const void>& message) {
   return true;
 }
 
-ImageInput::ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
-                       int queue_size, Callback callback)
-    : Input(node.resolveName("image"), "image"),
+ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport) {
+  ImageSource source{node.resolveName("image"), transport, transport};
+  const std::string suffix = "/" + kCompressed;
+  const std::size_t stem = source.topic.size() - std::min(source.topic.size(), suffix.size());
+  const bool named = source.topic.compare(stem, std::string::npos, suffix) == 0;
+  if (named && (transport == "raw" || transport == kCompressed)) {
+    source.topic.erase(stem);
+    source.transport = source.plugin = kCompressed;
+  }
+  const auto installed = image_transport::ImageTransport(node).getLoadableTransports();
+  const auto isInstalled = [&installed](const std::string& plugin) {
+    return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
+           installed.end();
+  };
+  if (source.transport == kCompressed && !isInstalled(kCompressed)) source.plugin = kOwnPlugin;
+  if (isInstalled(source.plugin)) return source;
+  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
+                              transport +
+                              "_image_transport provides it (on ROS Noetic: apt install "
+                              "ros-noetic-" +
+                              transport + "-image-transport)");
+}
+
+ImageInput::ImageInput(const ImageSource& source, const ros::NodeHandle& node,
+                       const ros::NodeHandle& private_node, int queue_size, Callback callback)
+    : Input(source.topic, "image"),
       transport_(node),
-      hints_("raw", ros::TransportHints(), private_node),
-      transport_name_(hints_.getTransport()),
+      // Its last argument is the parameter that would choose another plugin.
+      hints_(source.plugin, ros::TransportHints(), private_node, "image_transport_plugin"),
+      transport_name_(source.transport),
       queue_size_(
           static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)))),
       callback_(std::move(callback)) {
-  requireTransport(transport_, transport_name_);
   watch_ = std::make_unique<InputWatch>(topic_, transport_name_);
 }
 

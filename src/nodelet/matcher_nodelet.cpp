@@ -165,6 +165,9 @@ void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
 
 void MatcherNodelet::configure(KtgpConfig& config) {
   settings_.configure(config, images_->topic());
+  const std::string on_fixed = noteOnFixed(parametersFrom(config));
+  const bool is_anew = !isConfigured() || config.reference_mode != config_.reference_mode;
+  if (is_anew && !on_fixed.empty()) NODELET_INFO("%s", on_fixed.c_str());
   diagnosis_.setMaxLatency(config.max_latency);
   max_rate_ = config.max_rate;
   lazy_ = config.lazy;

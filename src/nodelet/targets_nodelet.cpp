@@ -64,7 +64,8 @@ class TargetsWork {
 
 void TargetsWork::configure(const TargetSettings& settings) {
   settings_ = settings;
-  finder_.setSearch(settings.config.search_ms, finder_.options().search_radius);
+  finder_.setSearch(settings.config.search_ms, settings.config.smallest_side,
+                    settings.config.max_instances);
 }
 
 void TargetsWork::restart() {
@@ -88,6 +89,17 @@ void TargetsWork::search(const sensor_msgs::ImageConstPtr& image) {
 void TargetsWork::report(const TargetDetections& message) {
   diagnosis_.setProblem("pose",
                         message.no_pose.empty() ? "" : "a target has no pose: " + message.no_pose);
+  std::string ambiguous;
+  for (const TargetDetection& target : message.detections) {
+    if (target.ambiguity.empty()) continue;
+    ambiguous = target.id + " looks the same " + target.ambiguity + ": its pose is one of several";
+  }
+  diagnosis_.setProblem("ambiguous", ambiguous, false);
+  diagnosis_.setProblem("limit",
+                        message.at_limit.empty() ? ""
+                                                 : "max_instances of " + message.at_limit +
+                                                       " were found; there may be more",
+                        false);
   diagnosis_.setProblem("known", message.known == 0 ? "no target is known" : "", false);
   diagnosis_.count("found", message.detections.size());
   diagnosis_.setValue("known targets", std::to_string(message.known));
@@ -109,8 +121,8 @@ void TargetsWork::publish(const TargetDetectionsPtr& message, const cv::Mat& gre
 
 /// Images in, flat targets out. doc/targets.md describes topics, services and parameters.
 ///
-/// TargetBook, and what takes long of a request, belong to the queue of long services; the worker
-/// only gets targets and features that are ready, so that images are searched meanwhile.
+/// TargetBook, the files and the conversion of images belong to the queue of long services. The
+/// worker adds a target or searches a request between two images.
 class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
  public:
   ~TargetsNodelet() override { stop(); }
@@ -133,6 +145,7 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
   void targetsChanged();
   void detect(DetectTargets::Request& request, DetectTargets::Response& response);
   TargetUser targetUser();
+  std::string sayAmbiguity(const std::string& id);
 
   static constexpr std::size_t kImage = 1;  // kinds of jobs
   static constexpr std::size_t kCameraInfo = 2;
@@ -169,9 +182,18 @@ void TargetsNodelet::advertise() {
   const TargetOutputs outputs{outputs_.advertise<TargetDetections>("detections", 10),
                               outputs_.advertise<visualization_msgs::MarkerArray>("markers", 2),
                               outputs_.advertiseImage("image", 2)};
-  addChange<SetTarget>("add", [this](auto& request) { book_.add(request); });
-  addChange<SetTarget>("replace", [this](auto& request) { book_.replace(request); });
-  addChange<RemoveTarget>("remove", [this](auto& request) { book_.remove(request.id); });
+  addChange<SetTarget>("add", [this](auto& request) {
+    book_.add(request);
+    return sayAmbiguity(request.id);
+  });
+  addChange<SetTarget>("replace", [this](auto& request) {
+    book_.replace(request);
+    return sayAmbiguity(request.id);
+  });
+  addChange<RemoveTarget>("remove", [this](auto& request) {
+    book_.remove(request.id);
+    return std::string();
+  });
   addService<DetectTargets>("detect", long_queue_,
                             [this](auto& request, auto& response) { detect(request, response); });
   // One by one, so that the nodelet can be unloaded at any time.
@@ -181,29 +203,33 @@ void TargetsNodelet::advertise() {
 
 template <typename Service, typename Change>
 void TargetsNodelet::addChange(const std::string& name, const Change& change) {
-  addService<Service>(name, long_queue_, [this, change](auto& request, auto& /*response*/) {
-    change(request);
+  addService<Service>(name, long_queue_, [this, change](auto& request, auto& response) {
+    response.message = change(request);
     targetsChanged();
   });
 }
 
-/// In the long queue: prepares a target there, and lets the worker take it.
+/// In the long queue.
 TargetUser TargetsNodelet::targetUser() {
-  const auto prepared = [this](const Target& target) {
-    const auto options = worker_.ask([](TargetsWork& work) { return work.finder().options(); });
-    return std::make_shared<PreparedTarget>(target, options);
-  };
-  return {[this, prepared](const Target& target) {
-            const auto ready = prepared(target);
-            worker_.ask([&](TargetsWork& work) { work.finder().add(std::move(*ready)); });
+  return {[this](const Target& target) {
+            worker_.ask([&](TargetsWork& work) { work.finder().add(target); });
           },
-          [this, prepared](const Target& target) {
-            const auto ready = prepared(target);
-            worker_.ask([&](TargetsWork& work) { work.finder().replace(std::move(*ready)); });
+          [this](const Target& target) {
+            worker_.ask([&](TargetsWork& work) { work.finder().replace(target); });
           },
           [this](const std::string& id) {
             worker_.ask([&](TargetsWork& work) { work.finder().remove(id); });
           }};
+}
+
+/// How the new target looks like itself in another pose, also in the log; else an empty text.
+std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
+  std::string text = worker_.ask([&](TargetsWork& work) { return work.finder().ambiguity(id); });
+  if (text.empty()) return text;
+  text = "target " + util::quoted(id) + " looks the same " + text +
+         ": its pose is one of several, and is not sent to tf";
+  NODELET_WARN("%s", text.c_str());
+  return text;
 }
 
 void TargetsNodelet::configure(TargetsConfig& config) {
@@ -238,18 +264,14 @@ void TargetsNodelet::targetsChanged() {
   connectionsChanged();
 }
 
-/// The features are found here, and the poses, too.
 void TargetsNodelet::detect(DetectTargets::Request& request, DetectTargets::Response& response) {
   requireSmall("the image", request.image);
   const auto image = boost::make_shared<sensor_msgs::Image>(request.image);
   const cv::Mat grey = greyImage(image);
-  Features features;
   TargetSettings settings;
-  const auto options = worker_.ask([](TargetsWork& work) { return work.finder().options(); });
-  OrbExtractor(options.orb).extract(grey, features);
   const TargetFrame frame = worker_.ask([&](TargetsWork& work) {
     settings = work.settings();
-    return work.finder().findAlone(features);
+    return work.finder().findAlone(grey);
   });
   DetectedPose pose;
   response.detections = *toMessage(image->header, frame, settings.config.frame_prefix);

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "core/util/printable.h"
+#include "targets/ambiguity.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -17,7 +18,7 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; 
 
 }  // namespace
 
-std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options) {
+std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
   constexpr std::size_t kLongest = 256;
   if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
   if (target.id.size() > kLongest) {
@@ -36,7 +37,7 @@ std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptio
     if (image.empty()) refuse(target.id, name + " is empty");
     if (image.type() != CV_8UC1) refuse(target.id, name + " is not 8-bit grey");
     pictures.push_back(
-        makePicture(image, options.orb, options.features, options.largest_side, options.views));
+        makePicture(image, options_.orb, options_.features, options_.largest_side, views));
     if (pictures.back().own < kFewestKeypoints) {
       refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
                             " keypoints; expected " + std::to_string(kFewestKeypoints) +
@@ -51,6 +52,9 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   stored->id = target.id;
   stored->width = target.width;
   stored->frame = target.frame;
+  for (const TargetPicture& picture : pictures) {
+    if (stored->ambiguity.empty()) stored->ambiguity = ambiguityOf(picture);
+  }
   std::uint32_t number = freeNumbers(pictures.size());
   pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
   for (TargetPicture& picture : pictures) {

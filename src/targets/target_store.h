@@ -16,16 +16,18 @@ struct StoredTarget {
   std::string id;
   double width = 0.0;
   std::string frame;
+  std::string ambiguity;                ///< see ambiguityOf(); of the first picture that has one
   std::vector<std::uint32_t> pictures;  ///< numbers in the store
-  std::uint64_t last_tried = 0;         ///< number of the frame
 };
-
-/// The pictures of `target`. Throws std::invalid_argument with the reason if it cannot be one.
-std::vector<TargetPicture> prepare(const Target& target, const TargetFinderOptions& options);
 
 /// All targets, their pictures, and the index of their keypoints.
 class TargetStore {
  public:
+  explicit TargetStore(const TargetFinderOptions& options) : options_(options) {}
+
+  /// The pictures of `target` with `views` each; those for add() have as many as the options say.
+  /// Throws std::invalid_argument with the reason if they cannot be targets.
+  std::vector<TargetPicture> prepare(const Target& target, int views) const;
   StoredTarget& add(const Target& target, std::vector<TargetPicture> pictures);
   void remove(const StoredTarget& target);
 
@@ -46,6 +48,7 @@ class TargetStore {
     StoredTarget* owner = nullptr;
   };
 
+  const TargetFinderOptions& options_;
   std::vector<std::unique_ptr<StoredTarget>> targets_;
   std::vector<Slot> pictures_;
   std::size_t count_ = 0;

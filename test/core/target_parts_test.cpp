@@ -32,7 +32,7 @@ Target poster(int number, int images = 1) {
 }
 
 StoredTarget& add(TargetStore& store, const Target& target) {
-  return store.add(target, prepare(target, oneView()));
+  return store.add(target, store.prepare(target, 1));
 }
 
 /// Two posters and how they were found in a frame.
@@ -57,7 +57,7 @@ class Conflicts : public testing::Test {
   }
 
   const TargetFinderOptions options_ = oneView();
-  TargetStore store_;
+  TargetStore store_{options_};
   StoredTarget& a_ = add(store_, poster(1));
   StoredTarget& b_ = add(store_, poster(2));
   using Doubtful = std::vector<std::uint8_t>;
@@ -109,7 +109,7 @@ TEST_F(Conflicts, APartInsideAnotherTargetIsNoTarget) {
 
 TEST(TargetStore, TargetsThatComeAndGoLeaveNothing) {
   const TargetFinderOptions options = oneView();
-  TargetStore store;
+  TargetStore store(options);
   add(store, poster(1));
   std::uint32_t highest = 0;
   for (int i = 0; i < 30; ++i) {

@@ -244,7 +244,7 @@ class MotionTest(unittest.TestCase):
         client = Client('/camera/by_parameter', timeout=TIMEOUT)
         self.addCleanup(client.update_configuration, {'base_frame': ''})
         client.update_configuration({'base_frame': 'camera'})
-        self.diagnosed('nothing is published: the ground is not in front of the camera', 'by_parameter')
+        self.diagnosed('nothing is published: the camera looks above the horizon', 'by_parameter')
         self.twist_after('by_tf')
         last = self.camera.last_stamp()
         stamp = self.send()
