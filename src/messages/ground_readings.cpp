@@ -57,6 +57,19 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
+// Where an Imu does not say its own, and of tf; about each axis.
+constexpr double kNormalDeviation = 0.5 * kDegree;
+constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
+
+/// The largest standard deviation of the first `axes` axes; `usual` where the covariance is zero,
+/// which means that it is not known.
+template <typename Covariance>
+double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < axes; ++i) largest = std::max(largest, covariance[4 * i]);
+  return largest > 0.0 ? std::sqrt(largest) : usual;
+}
+
 /// Why the range of a message is none.
 std::string whyNone(const sensor_msgs::Range& range) {
   const double value = range.range;
@@ -140,7 +153,6 @@ std::optional<Pose3> GroundReadings::transform(const std::string& target, const 
 
 GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) const {
   GroundMotionOptions options;
-  options.ground_slope = config_.ground_slope;
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   std::string problem;
   if (config_.base_frame.empty()) {
@@ -250,7 +262,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   if (config_.normal_source == "motion") return std::nullopt;
   if (config_.normal_source == "imu") return downOfImu(image);
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
   if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
   const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
@@ -283,7 +295,7 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
   if (!found) return std::nullopt;
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = deviationOf(imu->orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
       imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
@@ -297,6 +309,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
+  double deviation = kGyroDeviation;
   std::string frame;
   bool has_none = false;
   for (const sensor_msgs::Imu& imu : imus_) {
@@ -305,6 +318,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     if (has_none || !isFinite(imu.angular_velocity)) continue;
     sum += vector(imu.angular_velocity);
     count += 1.0;
+    deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
@@ -320,7 +334,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   TurnReading reading;
   const double angle = angles.norm();
   if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
-  reading.deviation = config_.gyro_deviation * kDegree * length;
+  reading.deviation = deviation * length;
   return reading;
 }
 
