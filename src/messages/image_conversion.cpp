@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "files/input.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -140,6 +142,26 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& 
   }
 }
 
+sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message) {
+  cv_bridge::CvImage image;
+  image.header = message.header;
+  if (message.data.empty()) return nullptr;
+  try {
+    image.image = cv::imdecode(message.data, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {  // data that OpenCV takes for an image too large for it
+    return nullptr;
+  }
+  const int type = image.image.type();
+  const bool one_channel = image.image.channels() == 1;
+  for (const Format& format : formats()) {
+    // OpenCV's order of colours comes first in the list.
+    const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
+    if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
+  }
+  if (image.image.empty() || image.encoding.empty()) return nullptr;
+  return image.toImageMsg();
+}
+
 cv::Mat notBlack(const cv::Mat& image) {
   const int colours = std::min(3, image.channels());  // a fourth is opacity
   cv::Mat mask;
@@ -186,22 +208,17 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 
 namespace {
 
-/// Reads an image file with OpenCV's `flags`. Throws RefusedImage.
+/// Throws RefusedImage.
 cv::Mat readPicture(const std::string& name, const std::string& path, int flags) {
-  std::error_code unused;
-  const auto status = std::filesystem::status(path, unused);
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
-    throw RefusedImage(name + " '" + path + "' is not a regular file; expected an image file");
+  try {
+    return files::readPicture(path, flags);
+  } catch (const files::FileError& error) {
+    std::error_code unused;
+    const std::filesystem::path here = std::filesystem::current_path(unused);
+    const bool is_relative = std::filesystem::path(path).is_relative();
+    throw RefusedImage(name + " " + error.what() +
+                       (is_relative ? "; it was looked for in " + here.string() : ""));
   }
-  cv::Mat picture = cv::imread(path, flags);
-  if (picture.empty()) {
-    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file" +
-                       (std::filesystem::path(path).is_relative()
-                            ? ", with an absolute name: this one is looked for in " +
-                                  std::filesystem::current_path(unused).string()
-                            : ""));
-  }
-  return picture;
 }
 
 }  // namespace

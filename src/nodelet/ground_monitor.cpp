@@ -50,6 +50,8 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
       return "no normal: " + (normal.empty() ? "the motion does not show it yet" : normal);
     case GroundStatus::contradiction:
       return "the homography contradicts the height and the normal of earlier frames";
+    case GroundStatus::looks_away:
+      return "the camera looks above the horizon: its tf, or the direction of gravity, is wrong";
     case GroundStatus::stamp_went_back:
       return "the stamp went back: the odometry begins anew";
     case GroundStatus::not_finite:

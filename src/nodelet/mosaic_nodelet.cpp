@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
 #include "nodelet/frame_consumer.h"
@@ -39,16 +40,6 @@ std::string withOneDigit(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.1f", value);
   return text;
-}
-
-/// Writes a temporary file and renames it, so that readers never find half a picture. Throws
-/// std::runtime_error.
-void writePicture(const std::string& file, const cv::Mat& picture) {
-  const std::string unfinished = file + ".part.png";
-  if (!cv::imwrite(unfinished, picture) || std::rename(unfinished.c_str(), file.c_str()) != 0) {
-    std::remove(unfinished.c_str());
-    throw std::runtime_error(file + " cannot be written");
-  }
 }
 
 }  // namespace
@@ -242,7 +233,7 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
     return true;
   }
   try {
-    writePicture(file, picture);
+    files::writeImage(file, picture, true);
     response.success = true;
     response.message = file;
     response.width = static_cast<std::uint32_t>(picture.cols);

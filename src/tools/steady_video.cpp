@@ -3,13 +3,15 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
 
-#include "cli/files.h"
+#include "files/csv.h"
+#include "files/input.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "stabilization/steady_path.h"
@@ -19,6 +21,7 @@ namespace ktgp_orb {
 namespace {
 
 constexpr std::size_t kPath = 600;  // frames, within which a keyframe is known
+constexpr double kNoShake = 0.5;    // px, below which nobody sees it
 
 }  // namespace
 
@@ -90,7 +93,7 @@ void SteadyVideo::writeWhole() {
   std::size_t next = 0;
   while (next < path.size()) {
     const auto recorded = images->next();
-    if (!recorded) throw tools::FileError(options_.video, "the recording has changed meanwhile");
+    if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
     // Images that were skipped or refused have no place in the path.
     if (nanosecondsOf(recorded->image->header.stamp) != path[next].stamp) continue;
@@ -118,7 +121,11 @@ void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
   ++written_;
   video_.write(picture);
   if (!options_.warps.empty()) {
-    warps_ += textOf(steady.stamp) + (steady.starts_anew ? ",1" : ",0") + textOf(steady.warp);
+    warps_ += files::CsvRow()
+                  .add(textOf(steady.stamp))
+                  .add(steady.starts_anew ? 1 : 0)
+                  .add(steady.warp)
+                  .line();
   }
   if (step && last_ && !steady.starts_anew) {
     before_.steps.push_back(*step);
@@ -142,7 +149,7 @@ void SteadyVideo::close() {
   after_.finishPart(size_);
   if (!video_.empty()) video_.close();
   if (options_.warps.empty()) return;
-  tools::writeText(options_.warps,
+  files::writeText(options_.warps,
                    "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
                    options_.force);
 }
@@ -152,11 +159,12 @@ std::string SteadyVideo::report() const {
   const std::string path = options_.whole
                                ? "the path of the whole recording"
                                : std::to_string(options_.stabilizer.lag) + " frames late";
+  const double before = std::sqrt(before_.mean());
   char line[256];
   std::snprintf(line, sizeof line,
-                ": %zu frames, shake %.3f px^2 before, %.3f after, %s, %.2f ms a frame\n", written_,
-                before_.mean(), after_.mean(), path.c_str(),
-                milliseconds_ / static_cast<double>(written_));
+                ": %zu frames, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n", written_,
+                before, before < kNoShake ? " (none to remove)" : "", std::sqrt(after_.mean()),
+                path.c_str(), milliseconds_ / static_cast<double>(written_));
   return options_.video + line;
 }
 

@@ -15,6 +15,8 @@
 #include <set>
 #include <string>
 
+#include "files/input.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -261,6 +263,29 @@ TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
   std::remove(path.c_str());
 }
 
+// Their black and white are not known.
+TEST(Files, OfFloatsAreRefusedWithTheSameWordsEverywhere) {
+  for (const int type : {CV_32FC1, CV_32FC3, CV_64FC1}) {
+    const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_float.tiff";
+    ASSERT_TRUE(cv::imwrite(path, cv::Mat(48, 64, type, cv::Scalar::all(0.5))));
+    const std::vector<std::function<void()>> readers{
+        [&] { files::readGrey(path); }, [&] { readImageFile("reference_image", path); },
+        [&] { readMaskFile(path); }};
+    for (const auto& read : readers) {
+      try {
+        read();
+        ADD_FAILURE() << type;
+      } catch (const std::runtime_error& error) {
+        const std::string depth = CV_MAT_DEPTH(type) == CV_32F ? "CV_32F" : "CV_64F";
+        const std::string words =
+            "has " + depth + " pixels; expected a picture of 8 or 16 bits a channel";
+        EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+      }
+    }
+    std::remove(path.c_str());
+  }
+}
+
 // Opening a pipe would block until it has a writer.
 TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_pipe";
@@ -271,8 +296,7 @@ TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
       readImageFile("mask_image", name);
       ADD_FAILURE() << name;
     } catch (const RefusedImage& error) {
-      EXPECT_EQ(std::string(error.what()),
-                "mask_image '" + name + "' is not a regular file; expected an image file");
+      EXPECT_EQ(std::string(error.what()), "mask_image " + name + ": is not a regular file");
     }
   }
   std::remove(path.c_str());
@@ -301,6 +325,40 @@ TEST(Masks, BlackHidesAndEverythingElseIsLookedAtInEveryEncoding) {
   for (const double level : {1.0, 117.0, 30000.0, 65535.0}) {
     const cv::Mat white(kHeight, kWidth, CV_16UC1, cv::Scalar(level));
     EXPECT_EQ(cv::countNonZero(maskImage(messageOf("mono16", white))), kWidth * kHeight) << level;
+  }
+}
+
+TEST(CompressedImages, KeepDepthColourAndBayerPattern) {
+  const cv::Mat wide = sixteenBits(grey());
+  const cv::Mat bgr = colour(40, 120, 200);
+  const struct {
+    const char* format;
+    cv::Mat pixels;
+    const char* encoding;
+  } cases[] = {{"mono8; png compressed", grey(), "mono8"},
+               {"png", grey(), "mono8"},
+               {"bayer_rggb8; png compressed", grey(), "bayer_rggb8"},
+               {"16UC1; png compressed", wide, "16UC1"},
+               {"", wide, "mono16"},
+               {"rgb8; png compressed bgr8", bgr, "bgr8"},
+               {"bgra8; png compressed", withAlpha(bgr), "bgra8"}};
+  for (const auto& [format, pixels, encoding] : cases) {
+    SCOPED_TRACE(format);
+    sensor_msgs::CompressedImage message;
+    message.header.stamp.sec = 7;
+    message.format = format;
+    ASSERT_TRUE(cv::imencode(".png", pixels, message.data));
+    const sensor_msgs::ImageConstPtr image = decodedImage(message);
+    ASSERT_TRUE(image);
+    EXPECT_EQ(image->header.stamp, message.header.stamp);
+    EXPECT_EQ(image->encoding, encoding);
+    const cv::Mat decoded(pixels.size(), pixels.type(), const_cast<uchar*>(image->data.data()),
+                          image->step);
+    EXPECT_EQ(cv::norm(decoded, pixels, cv::NORM_INF), 0.0);
+    message.data.resize(message.data.size() / 8);
+    EXPECT_NO_THROW(decodedImage(message));
+    message.data.clear();
+    EXPECT_FALSE(decodedImage(message));
   }
 }
 

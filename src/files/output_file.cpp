@@ -1,0 +1,229 @@
+#include "files/output_file.h"
+
+#include <fcntl.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/imgcodecs.hpp>
+
+#include "files/input.h"
+
+namespace ktgp_orb::files {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The path with all links followed, also dangling ones.
+fs::path resolved(const std::string& path) {
+  std::error_code error;
+  fs::path target = fs::absolute(path, error);
+  constexpr int kMostLinks = 40;
+  for (int i = 0; i < kMostLinks && fs::is_symlink(target, error); ++i) {
+    const fs::path link = fs::read_symlink(target, error);
+    target = link.is_absolute() ? link : target.parent_path() / link;
+  }
+  const fs::path whole = fs::weakly_canonical(target, error);
+  return error ? target : whole;
+}
+
+bool isSameFile(const std::string& a, const std::string& b) {
+  std::error_code none;
+  return resolved(a) == resolved(b) ||
+         (fs::exists(a, none) && fs::exists(b, none) && fs::equivalent(a, b, none));
+}
+
+/// ".png" of "Map.PNG"
+std::string endingOf(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+/// Renames atomically, only if the new name does not exist. Sets errno otherwise.
+bool renameToNew(const char* from, const char* to) {
+  constexpr unsigned kNoReplace = 1;  // RENAME_NOREPLACE, which not every libc defines
+  if (syscall(SYS_renameat2, AT_FDCWD, from, AT_FDCWD, to, kNoReplace) == 0) return true;
+  if (errno != EINVAL && errno != ENOSYS) return false;
+  // File systems without it, such as NFS, can link.
+  if (link(from, to) != 0) return false;
+  unlink(from);
+  return true;
+}
+
+std::string reason() {
+  return std::strerror(errno);
+}
+
+/// For the newest error of the system.
+[[noreturn]] void fail(const std::string& path) {
+  const std::string what = "cannot be written: " + reason();
+  if (errno == ENOSPC || errno == EDQUOT) throw FullDisk(path, what);
+  throw FileError(path, what);
+}
+
+/// Sets errno where the bytes cannot be brought to the disk.
+bool synchronised(const std::string& path, int flags) {
+  const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
+  if (descriptor < 0) return false;
+  const bool done = fsync(descriptor) == 0 || errno == EINVAL;  // a file system without it
+  const int error = errno;
+  close(descriptor);
+  errno = error;
+  return done;
+}
+
+}  // namespace
+
+void OutputPlan::read(const std::string& input) {
+  if (!input.empty()) inputs_.push_back(input);
+}
+
+void OutputPlan::write(const std::string& output) {
+  if (output.empty()) return;
+  if (isStandardOutput(output)) {
+    if (std::count(outputs_.begin(), outputs_.end(), output) > 0) {
+      throw FileError(output, "is an output already: the standard output; expected a file");
+    }
+    outputs_.push_back(output);
+    return;
+  }
+  for (const std::string& input : inputs_) {
+    if (isSameFile(output, input)) {
+      throw FileError(output, "is the input " + input + "; expected another file");
+    }
+  }
+  for (const std::string& other : outputs_) {
+    if (!isStandardOutput(other) && isSameFile(output, other)) {
+      throw FileError(output, "is an output already (" + other + "); expected another file");
+    }
+  }
+  std::error_code error;
+  const fs::path target = resolved(output);
+  const fs::file_status status = fs::status(target, error);
+  if (fs::exists(status)) {
+    if (!fs::is_regular_file(status)) {
+      throw FileError(output, "is not a regular file; expected a file or a new name");
+    }
+    if (!force_) throw FileError(output, "exists; expected a new name, or --force to replace it");
+  }
+  const OutputFile can_be_made(output, force_);
+  outputs_.push_back(output);
+}
+
+void OutputPlan::writeImage(const std::string& output) {
+  if (!output.empty() && (endingOf(output).empty() || !cv::haveImageWriter(output))) {
+    throw FileError(
+        output, "does not have the ending of a picture; expected .png, .jpg, .tiff, .bmp or .ppm");
+  }
+  write(output);
+}
+
+void OutputPlan::writeVideo(const std::string& output) {
+  if (!output.empty() && endingOf(output) != ".mp4") {
+    throw FileError(output, "does not have the ending of a video; expected .mp4");
+  }
+  write(output);
+}
+
+OutputFile::OutputFile(const std::string& path, bool force)
+    : path_(path), force_(force), target_(resolved(path).string()) {
+  constexpr int kMostNames = 1000;
+  for (int i = 0; i < kMostNames; ++i) {
+    // Keeps the ending, which selects some formats.
+    const fs::path target(target_);
+    const std::string name =
+        target.stem().string() + ".unfinished" + std::to_string(i) + target.extension().string();
+    unfinished_ = (target.parent_path() / name).string();
+    const int file = open(unfinished_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+    if (file >= 0) {
+      close(file);
+      return;
+    }
+    if (errno != EEXIST) break;
+  }
+  fail(path);
+}
+
+OutputFile::~OutputFile() {
+  if (!unfinished_.empty()) unlink(unfinished_.c_str());
+}
+
+// Without the first fsync, the name could survive a power cut and the contents not.
+void OutputFile::commit() {
+  if (!synchronised(unfinished_, O_RDONLY)) fail(path_);
+  const bool done = force_ ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
+                           : renameToNew(unfinished_.c_str(), target_.c_str());
+  if (!done && errno == EEXIST) {
+    throw FileError(path_,
+                    "was written by another program meanwhile; expected a new name, or --force");
+  }
+  if (!done) fail(path_);
+  unfinished_.clear();
+  synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
+}
+
+bool isStandardOutput(const std::string& output) {
+  return output == "-";
+}
+
+void throwUnwritable(const OutputFile& file, const std::string& otherwise) {
+  constexpr std::size_t kTried = 1 << 20;  // bytes
+  const std::vector<char> block(kTried);
+  const int descriptor = open(file.unfinished().c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  std::size_t written = 0;
+  while (descriptor >= 0 && written < kTried) {
+    const ssize_t more = ::write(descriptor, block.data(), kTried - written);
+    if (more <= 0) break;
+    written += static_cast<std::size_t>(more);
+  }
+  const int error = errno;
+  if (descriptor >= 0) close(descriptor);
+  errno = error;
+  if (written < kTried) fail(file.path());
+  throw FileError(file.path(), "cannot be written: " + otherwise);
+}
+
+void writeText(const std::string& file, const std::string& text, bool force) {
+  if (isStandardOutput(file)) {  // runProgram checks it
+    std::fwrite(text.data(), 1, text.size(), stdout);
+    return;
+  }
+  OutputFile out(file, force);
+  write(out, text);
+  out.commit();
+}
+
+void write(const OutputFile& file, const std::string& bytes) {
+  std::ofstream out(file.unfinished(), std::ios::binary);
+  out << bytes;
+  out.close();
+  if (!out || !synchronised(file.unfinished(), O_RDONLY)) fail(file.path());
+}
+
+void writeImage(const OutputFile& file, const cv::Mat& image) {
+  std::vector<unsigned char> bytes;
+  bool encoded = false;
+  try {
+    encoded = cv::imencode(fs::path(file.path()).extension().string(), image, bytes);
+  } catch (const cv::Exception& error) {
+    throw FileError(file.path(), "cannot be written (" + error.err + ")");
+  }
+  if (!encoded) throw FileError(file.path(), "cannot be written");
+  write(file, std::string(bytes.begin(), bytes.end()));
+}
+
+void writeImage(const std::string& file, const cv::Mat& image, bool force) {
+  OutputFile out(file, force);
+  writeImage(out, image);
+  out.commit();
+}
+
+}  // namespace ktgp_orb::files

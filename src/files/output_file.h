@@ -1,0 +1,69 @@
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <string>
+#include <vector>
+
+namespace ktgp_orb::files {
+
+/// The files that a program reads and writes, checked before any work. An output is refused if it
+/// exists (unless `force`), is not a regular file, is one of the inputs or another output (links
+/// followed), or cannot be created.
+class OutputPlan {
+ public:
+  explicit OutputPlan(bool force) : force_(force) {}
+
+  void read(const std::string& input);
+  /// Throws FileError. An empty path means no output, "-" the standard output.
+  void write(const std::string& output);
+  /// The same for pictures and videos; also refuses an unknown ending.
+  void writeImage(const std::string& output);
+  void writeVideo(const std::string& output);
+
+ private:
+  bool force_;
+  std::vector<std::string> inputs_;
+  std::vector<std::string> outputs_;  ///< links resolved
+};
+
+/// A file that gets its name only when it is complete and on the disk: it is written under a
+/// temporary name beside it, and renamed.
+class OutputFile {
+ public:
+  /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
+  OutputFile(const std::string& path, bool force);
+  /// Removes the file unless it was committed.
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  const std::string& path() const { return path_; }
+  /// Where to write before commit().
+  const std::string& unfinished() const { return unfinished_; }
+  /// Throws FileError; without `force` also if the name exists by now.
+  void commit();
+
+ private:
+  std::string path_;  ///< as given
+  bool force_;
+  std::string target_;  ///< links resolved
+  std::string unfinished_;
+};
+
+/// "-", the name of the standard output among outputs.
+bool isStandardOutput(const std::string& output);
+
+/// Throws FileError, or FullDisk, with the reason why the file cannot be written. It tries to,
+/// since libraries do not say; `otherwise`: the reason where that works.
+[[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
+
+/// All throw FileError, also for a full disk; then an existing file is unchanged. A text may go to
+/// the standard output.
+void writeText(const std::string& file, const std::string& text, bool force);
+/// The bytes of the file, without commit.
+void write(const OutputFile& file, const std::string& bytes);
+/// The ending of the name selects the format. The first does not commit.
+void writeImage(const OutputFile& file, const cv::Mat& image);
+void writeImage(const std::string& file, const cv::Mat& image, bool force);
+
+}  // namespace ktgp_orb::files
