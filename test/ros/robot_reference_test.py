@@ -112,6 +112,22 @@ class ReferenceTest(unittest.TestCase):
         print('drift after 15 frames: keyframe %.3f px, previous %.3f px' % (keyframe, previous))
         self.assertLess(keyframe, previous)
 
+    def test_the_steps_of_a_slow_pan_add_up(self):
+        """By a quarter of a pixel: each pixel is the mean of four by four of the picture."""
+        for mode in ('previous', 'keyframe'):
+            with self.subTest(mode=mode):
+                self.client.update_configuration({'reference_mode': mode})
+                self.call('reset')
+                for i in range(13):
+                    left = 40 + i
+                    wide = view(left, 100, 4 * 320, 4 * 240)
+                    small = cv2.resize(wide, (320, 240), interpolation=cv2.INTER_AREA)
+                    stamp = self.camera.send(image_message(small, self.camera.next_stamp()))
+                    self.assertEqual(self.statistics.wait_for(stamp).status, OK if i else NO_REFERENCE)
+                x, y = translation(self.accumulated.wait_for(stamp))
+                self.assertAlmostEqual(x, -3.0, delta=0.15)
+                self.assertAlmostEqual(y, 0.0, delta=0.15)
+
     def test_a_keyframe_without_enough_inliers_gives_way_to_the_frame_before(self):
         self.client.update_configuration({'reference_mode': 'keyframe', 'features': 100})  # 100 inliers needed
         self.addCleanup(self.client.update_configuration, {'features': 2000})
