@@ -1,5 +1,5 @@
-// Compares the table of parameters with the core: the same defaults, and ranges within the core's
-// limits.
+// Compares the table of parameters with the core: ranges within the core's limits. The defaults:
+// see presets_test.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -28,33 +28,6 @@ bool coreTakes(const Parameters& parameters) {
 const double* valueOf(const ParameterRow& row, const Parameters& parameters) {
   const auto* field = std::get_if<double Parameters::*>(&row.field);
   return field == nullptr ? nullptr : &(parameters.*(*field));
-}
-
-TEST(Parameters, DefaultsAreThoseOfTheCore) {
-  const PipelineOptions options = pipelineOptions({});
-  EXPECT_EQ(options.orb, OrbOptions{});
-  const MatcherOptions core;
-  EXPECT_EQ(options.matcher.knn.threads, core.knn.threads);
-  EXPECT_EQ(options.matcher.ratio_threshold, ratioThreshold(DescriptorKind::orb));
-  EXPECT_EQ(options.matcher.knn.search_radius, core.knn.search_radius);
-  EXPECT_EQ(options.matcher.mutual, core.mutual);
-  EXPECT_EQ(options.matcher.gms.enabled, core.gms.enabled);
-  EXPECT_EQ(options.matcher.gms.threshold, core.gms.threshold);
-  EXPECT_EQ(options.matcher.gms.rotation, core.gms.rotation);
-  EXPECT_EQ(options.matcher.gms.scale, core.gms.scale);
-  EXPECT_EQ(options.matcher.gms.grid_columns, core.gms.grid_columns);
-  EXPECT_EQ(options.matcher.gms.grid_rows, core.gms.grid_rows);
-  EXPECT_EQ(options.matcher.prosac.max_error, core.prosac.max_error);
-  EXPECT_EQ(options.matcher.prosac.max_iterations, core.prosac.max_iterations);
-  EXPECT_EQ(options.matcher.prosac.confidence, core.prosac.confidence);
-  EXPECT_EQ(options.matcher.prosac.seed, core.prosac.seed);
-  EXPECT_EQ(options.matcher.growth.enabled, core.growth.enabled);
-  EXPECT_EQ(options.matcher.growth.seeds, core.growth.seeds);
-  EXPECT_EQ(options.matcher.growth.views, core.growth.views);
-  EXPECT_EQ(options.matcher.guided.enabled, core.guided.enabled);
-  EXPECT_EQ(options.matcher.guided.radius, core.guided.radius);
-  EXPECT_EQ(options.matcher.alignment.enabled, core.alignment.enabled);
-  EXPECT_EQ(options.matcher.alignment.points, core.alignment.points);
 }
 
 TEST(Parameters, TheRatioThresholdIsThatOfTheDescriptorUnlessItIsSet) {
@@ -103,8 +76,8 @@ TEST(Parameters, ChooseTheMethodForAFixedReferenceUnlessOneIsSet) {
   EXPECT_FALSE(chosen.matcher.gms.enabled);
   EXPECT_EQ(chosen.matcher.growth.views, 13);
   EXPECT_NE(noteOnFixed(parameters), "");
-  for (const auto& [name, value] : {std::pair("growth", "true"), std::pair("T_w", "0.7"),
-                                    std::pair("features", "3000")}) {
+  for (const auto& [name, value] :
+       {std::pair("growth", "true"), std::pair("T_w", "0.7"), std::pair("features", "3000")}) {
     Parameters set = parameters;
     setParameter(*findParameter(name), value, set);
     EXPECT_TRUE(sequenceOptions(set).matcher.gms.enabled) << name;
