@@ -176,8 +176,7 @@ class KtgpMatch(ToolCase):
             self.assertEqual(run.stderr.count("\n"), 1, run.stderr)
 
     def test_thresholds_out_of_range_are_refused_with_the_range(self):
-        for option, value, expected in (("--T_w", "1.5", "[0.01, 1]"),
-                                        ("--T_w", "0", "[0.01, 1]"),
+        for option, value, expected in (("--T_w", "1.5", "[0, 1]"),
                                         ("--T_w", "nan", "[0, 1]"),
                                         ("--T_G", "-1", "[0, 40]"),
                                         ("--features", "0", "[100, 20000]"),
@@ -266,7 +265,7 @@ class KtgpMatch(ToolCase):
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         self.assertEqual(run.returncode, 0)
-        for text in ("Examples:", "--T_w", "[0.01, 1]", "--preset NAME", "Preset photo, the default", "Exit code", "--help-all"):
+        for text in ("Examples:", "--T_w", "[0, 1]", "--preset NAME", "Preset photo, the default", "Exit code", "--help-all"):
             self.assertIn(text, run.stdout)
         self.assertNotIn("--fast_threshold", run.stdout)
         everything = self.match("--help-all")
