@@ -28,8 +28,8 @@ using util::propagated;
 constexpr double kHomographyLimit = 10.0;  // deviations
 constexpr int kPatience = 10;              // frames that are refused, one after the other
 constexpr double kUnknownTilt = 0.35;      // rad
-constexpr double kHorizon = 0.01;  // share of the optical axis along the direction to the ground
-constexpr double kOrigin = 1e-6;   // deviation of the origin: a share of the height, and rad
+constexpr double kHorizon = 0.1;  // share of the optical axis along the direction to the ground
+constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
 /// Rotation by `yaw` about z.
 Eigen::Matrix3d aboutUp(double yaw) {
@@ -178,8 +178,8 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
-      roughen();
       filter.setKeyframe(image, true);
+      roughen();
       twist_noise.beginKeyframe();
       keyframe_stamp = frame.reference_stamp;
     }

@@ -7,30 +7,11 @@ namespace ktgp_orb {
 using diagnostic_msgs::DiagnosticStatus;
 using Lock = std::lock_guard<std::mutex>;
 
-namespace {
-
-/// There is no reason where the newest reading was already used for an earlier frame.
-std::string none(const std::string& what, const std::string& why) {
-  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
-}
-
-}  // namespace
-
 std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const GroundReadings& readings,
                                      const ros::Time& stamp, double patience) {
-  constexpr double kLimit = GroundEstimate::kContradiction;
-  const std::string contradicts = " contradicts the homography";
-  const std::string height = estimate.height_misfit > kLimit
-                                 ? "that of " + readings.heightSource() + contradicts
-                                 : readings.noHeight();
-  const std::string normal = estimate.down_misfit > kLimit
-                                 ? "that of " + readings.normalSource() + contradicts
-                                 : readings.noNormal();
   {
     const Lock lock(mutex_);
-    not_used_ = !height.empty()   ? "height: " + height
-                : !normal.empty() ? "normal: " + normal
-                                  : readings.noTurn();
+    not_used_ = readings.notUsed(estimate);
     sources_ =
         "height from " + readings.heightSource() + ", normal from " + readings.normalSource();
   }
@@ -39,28 +20,9 @@ std::string GroundMonitor::problemOf(const GroundEstimate& estimate, const Groun
   const auto is_old = [&](const ros::Time& last) {
     return last > stamp || (stamp - last).toSec() > patience;
   };
-  switch (estimate.status) {
-    case GroundStatus::no_homography:
-      return "the matcher found no homography";
-    case GroundStatus::no_covariance:
-      return "the homography has no covariance";
-    case GroundStatus::no_height:
-      return none("height", height);
-    case GroundStatus::no_normal:
-      return "no normal: " + (normal.empty() ? "the motion does not show it yet" : normal);
-    case GroundStatus::contradiction:
-      return "the homography contradicts the height and the normal of earlier frames";
-    case GroundStatus::stamp_went_back:
-      return "the stamp went back: the odometry begins anew";
-    case GroundStatus::not_finite:
-      return "numbers too large to compute with: the odometry begins anew";
-    case GroundStatus::ok:
-    case GroundStatus::started:
-    case GroundStatus::resumed:
-      break;
-  }
-  if (is_old(last_height_)) return none("height", height);
-  if (is_old(last_normal_)) return none("normal", normal);
+  if (!estimate.hasPose()) return readings.problemOf(estimate);
+  if (is_old(last_height_)) return noReading("height", readings.heightTrouble(estimate));
+  if (is_old(last_normal_)) return noReading("normal", readings.normalTrouble(estimate));
   return "";
 }
 
@@ -79,7 +41,11 @@ void GroundMonitor::setEstimate(const GroundEstimate& estimate, double plane_dev
   numbers_["normal, deviation (rad)"] = estimate.tilt_deviation;
   numbers_["height, deviations off"] = estimate.height_misfit;
   numbers_["normal, deviations off"] = estimate.down_misfit;
+  numbers_["rotation, deviations off"] = estimate.turn_misfit;
+  numbers_["homography, deviations off"] = estimate.homography_misfit;
   numbers_["deviation from a plane (px)"] = plane_deviation;
+  numbers_["readout time of the shutter (s)"] = estimate.readout_time;
+  numbers_["readout time, deviation (s)"] = estimate.readout_deviation;
   if (estimate.gap > 0.0) numbers_["last gap (s)"] = estimate.gap;
 }
 

@@ -5,8 +5,10 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <regex>
 
 #include "bag/reader.h"
 #include "cli/output_file.h"
@@ -14,10 +16,23 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr const char* kHeader =
-    "stamp,status,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,"
-    "dev_x,dev_y,dev_z,dev_roll,dev_pitch,dev_yaw,"
-    "dev_vx,dev_vy,dev_vz,dev_wx,dev_wy,dev_wz\n";
+constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
+constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
+
+/// Columns of a covariance: standard deviations, then what is above the diagonal.
+void appendNames(const char* const* names, std::string& header) {
+  for (int i = 0; i < 6; ++i) header += std::string(",dev_") + names[i];
+  for (int i = 0; i < 6; ++i) {
+    for (int j = i + 1; j < 6; ++j) header += std::string(",cov_") + names[i] + '_' + names[j];
+  }
+}
+
+std::string header() {
+  std::string text = "stamp,status,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
+  appendNames(kPose, text);
+  appendNames(kTwist, text);
+  return text + '\n';
+}
 
 void append(double value, std::string& row) {
   char text[32];
@@ -25,12 +40,19 @@ void append(double value, std::string& row) {
   row += text;
 }
 
+void append(const Covariance6& covariance, std::string& row) {
+  for (int i = 0; i < 6; ++i) append(std::sqrt(covariance(i, i)), row);
+  for (int i = 0; i < 6; ++i) {
+    for (int j = i + 1; j < 6; ++j) append(covariance(i, j), row);
+  }
+}
+
 /// Numbers that are not known are left empty.
 std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
   char text[64];
   std::snprintf(text, sizeof text, "%u.%09u,%s", stamp.sec, stamp.nsec, toString(estimate.status));
   std::string row = text;
-  if (!estimate.hasPose()) return row + std::string(25, ',') + '\n';
+  if (!estimate.hasPose()) return row + std::string(7 + 6 + 21 + 21, ',') + '\n';
   const Eigen::Vector3d position = estimate.base_to_odometry.translation();
   const Eigen::Quaterniond turn(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
   for (int i = 0; i < 3; ++i) append(position(i), row);
@@ -38,9 +60,9 @@ std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
   const bool moves = estimate.hasTwist();
   if (!moves) row += std::string(6, ',');
   for (int i = 0; moves && i < 6; ++i) append(estimate.twist(i), row);
-  for (int i = 0; i < 6; ++i) append(std::sqrt(estimate.pose_covariance(i, i)), row);
-  if (!moves) row += std::string(6, ',');
-  for (int i = 0; moves && i < 6; ++i) append(std::sqrt(estimate.twist_covariance(i, i)), row);
+  append(estimate.pose_covariance, row);
+  if (moves) append(estimate.twist_covariance, row);
+  if (!moves) row += std::string(21, ',');
   return row + '\n';
 }
 
@@ -49,6 +71,11 @@ void passUntil(const ros::Time& time, std::deque<Message>& messages, GroundReadi
   for (; !messages.empty() && messages.front().header.stamp <= time; messages.pop_front()) {
     readings.add(messages.front());
   }
+}
+
+/// So that the same problem with other numbers counts as the same one.
+std::string withoutNumbers(const std::string& problem) {
+  return std::regex_replace(problem, std::regex("-?[0-9]+\\.[0-9]+"), "...");
 }
 
 }  // namespace
@@ -72,6 +99,16 @@ void addMotionArguments(CLI::App& app, MotionFile& motion) {
       ->check(CLI::IsMember({"range", "tf_height", "parameter"}));
   add("--motion_height", config.height, "height of the camera, for the source parameter [m]")
       ->check(tools::numberIn(limitsOf("ground_motion", "height")));
+  add("--motion_height_deviation", config.height_deviation,
+      "standard deviation of a height, as a share of it")
+      ->check(tools::numberIn(limitsOf("ground_motion", "height_deviation")));
+  add("--motion_max_age", config.max_age,
+      "a range or an Imu farther from the image than this is not used [s]")
+      ->check(tools::numberIn(limitsOf("ground_motion", "max_age")));
+  add("--motion_readout_time", config.readout_time,
+      "from the first row of an image to the last one; 0: global shutter, -1: not known [s]")
+      ->check(tools::numberIn(limitsOf("ground_motion", "readout_time")));
+  add("--motion_gyro", config.gyro, "take the rotation from the Imu's angular velocity, too");
   add("--motion_normal_source", config.normal_source, "down, imu, tf_normal or motion")
       ->check(CLI::IsMember({"down", "imu", "tf_normal", "motion"}));
   add("--motion_base_frame", config.base_frame, "frame of velocity and pose; empty: the camera's");
@@ -132,17 +169,18 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   try {
     motion_.setOptions(readings_.optionsFor(homography.header));
     estimate = motion_.add(readings_.frameOf(homography, image, info_, pixels_));
-    problem = !readings_.noHeight().empty() ? readings_.noHeight() : readings_.noNormal();
+    problem = estimate.hasPose() ? readings_.notUsed(estimate) : readings_.problemOf(estimate);
+    shutter_ = shutterReport(estimate);
   } catch (const std::invalid_argument& error) {
     problem = error.what();
   }
-  if (first_problem_.empty()) first_problem_ = problem;
+  if (!problem.empty()) ++problems_[withoutNumbers(problem)];
   if (estimate.hasPose()) ++known_;
   rows_ += rowOf(homography.header.stamp, estimate);
 }
 
 void BagMotion::close() {
-  if (!options_.path.empty()) tools::writeText(options_.path, kHeader + rows_, options_.force);
+  if (!options_.path.empty()) tools::writeText(options_.path, header() + rows_, options_.force);
 }
 
 std::string BagMotion::report() const {
@@ -150,7 +188,13 @@ std::string BagMotion::report() const {
   std::string text = options_.path + ": motion of " + std::to_string(known_) + " of " +
                      std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
                      ", normal from " + readings_.normalSource();
-  if (!first_problem_.empty()) text += "; first problem: " + first_problem_;
+  if (!shutter_.empty()) text += "; " + shutter_;
+  const auto most =
+      std::max_element(problems_.begin(), problems_.end(),
+                       [](const auto& a, const auto& b) { return a.second < b.second; });
+  if (most != problems_.end()) {
+    text += "; most often (" + std::to_string(most->second) + " frames): " + most->first;
+  }
   return text + '\n';
 }
 

@@ -3,6 +3,7 @@
 #include <tf2/buffer_core.h>
 
 #include <deque>
+#include <map>
 #include <string>
 
 #include "cli/matcher_cli.h"
@@ -51,7 +52,8 @@ class BagMotion {
   std::deque<sensor_msgs::Imu> imus_;
   std::deque<geometry_msgs::TransformStamped> transforms_;
   std::string rows_;
-  std::string first_problem_;
+  std::map<std::string, std::size_t> problems_;  // how many frames had each
+  std::string shutter_;
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };
