@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
+#include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -49,7 +49,7 @@ struct Score {
 
 Features extract(const OrbOptions& options, const std::string& file) {
   Features features;
-  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::tools::readGrey(file), features);
+  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::files::readGrey(file), features);
   return features;
 }
 
@@ -91,7 +91,7 @@ Score scoreSet(const OrbOptions& options, const std::string& root, const Set& se
   Score sum;
   for (int k = 2; k <= 6; ++k) {
     const Eigen::Matrix3d truth =
-        ktgp_orb::tools::readHomography(ktgp_orb::bench::oxfordTruth(root, set.name, k));
+        ktgp_orb::files::readHomography(ktgp_orb::bench::oxfordTruth(root, set.name, k));
     sum += scorePair(reference, image(k), truth, set.turned);
   }
   return sum;

@@ -29,8 +29,8 @@
 #include <utility>
 #include <vector>
 
-#include "cli/files.h"
 #include "dense_gms.h"
+#include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "support.h"
@@ -50,7 +50,7 @@ std::vector<cv::Mat> readFrames() {
   for (int number : {1, 2}) {
     if (!folder) break;
     cv::Mat image =
-        ktgp_orb::tools::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", number));
+        ktgp_orb::files::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", number));
     cv::resize(image, image, cv::Size(640, 480), 0, 0, cv::INTER_AREA);
     frames.push_back(image);
   }

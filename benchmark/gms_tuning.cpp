@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
+#include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
@@ -34,7 +34,7 @@ Features extract(const std::string& file, int most) {
   Features features;
   ktgp_orb::OrbOptions options;
   options.max_features = most;
-  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::tools::readGrey(file), features);
+  ktgp_orb::OrbExtractor(options).extract(ktgp_orb::files::readGrey(file), features);
   return features;
 }
 
@@ -44,7 +44,7 @@ Pair readPair(const std::string& folder, const std::string& set, int k, int feat
   pair.name = "1-" + std::to_string(k);
   pair.reference = extract(oxfordImage(folder, set, 1), features);
   pair.target = extract(oxfordImage(folder, set, k), features);
-  pair.truth = ktgp_orb::tools::readHomography(oxfordTruth(folder, set, k));
+  pair.truth = ktgp_orb::files::readHomography(oxfordTruth(folder, set, k));
   ktgp_orb::KnnMatcher().match(pair.reference.descriptors, pair.target.descriptors, pair.nearest);
   return pair;
 }

@@ -22,7 +22,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
+#include "files/input.h"
 #include "ktgp_orb/growth.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -53,7 +53,7 @@ std::vector<cv::Mat> readPictures() {
   for (const fs::path& file : files) {
     if (file.parent_path() == folder) continue;
     folder = file.parent_path();
-    cv::Mat image = ktgp_orb::tools::readGrey(file.string());
+    cv::Mat image = ktgp_orb::files::readGrey(file.string());
     cv::resize(image, image, cv::Size(640, 480), 0, 0, cv::INTER_AREA);
     pictures.push_back(image);
   }

@@ -16,10 +16,10 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
 #include "core/util/constants.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/random.h"
+#include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/gms_filter.h"
 #include "ktgp_orb/knn_matcher.h"
@@ -146,14 +146,14 @@ PointPairs match(const Features& reference, const Features& target, const Filter
 std::vector<Pair> oxfordPairs(const std::string& folder, const Filters& filters) {
   std::vector<Pair> pairs;
   for (const std::string set : {"leuven", "bikes", "boat"}) {
-    const Features reference = extract(tools::readGrey(bench::oxfordImage(folder, set, 1)));
+    const Features reference = extract(files::readGrey(bench::oxfordImage(folder, set, 1)));
     for (int k = 2; k <= 6; ++k) {
       Pair pair;
       pair.name = set + " 1-" + std::to_string(k);
       pair.size = reference.image_size;
       pair.points =
-          match(reference, extract(tools::readGrey(bench::oxfordImage(folder, set, k))), filters);
-      pair.truth = tools::readHomography(bench::oxfordTruth(folder, set, k));
+          match(reference, extract(files::readGrey(bench::oxfordImage(folder, set, k))), filters);
+      pair.truth = files::readHomography(bench::oxfordTruth(folder, set, k));
       pairs.push_back(std::move(pair));
     }
   }
@@ -203,7 +203,7 @@ std::vector<Pair> warpedPairs(const std::string& folder, const Filters& filters,
   Random random(2024);
   for (const std::string set : {"leuven", "bikes", "boat"}) {
     for (int k = 1; k <= 6; ++k) {
-      const cv::Mat original = tools::readGrey(bench::oxfordImage(folder, set, k));
+      const cv::Mat original = files::readGrey(bench::oxfordImage(folder, set, k));
       for (int i = 0; i < homographies; ++i) {
         Pair pair;
         pair.name = set + std::to_string(k) + "." + std::to_string(i);

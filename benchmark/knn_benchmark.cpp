@@ -24,9 +24,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
 #include "core/knn/near_search.h"
 #include "core/knn/search.h"
+#include "files/input.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/evaluation.h"
 #include "support.h"
@@ -42,7 +42,7 @@ using ktgp_orb::knn::NearSearch;
 
 /// At least `count` ORB descriptors of an image and its enlargements.
 cv::Mat orbDescriptors(const std::string& file, int count) {
-  const cv::Mat image = ktgp_orb::tools::readGrey(file);
+  const cv::Mat image = ktgp_orb::files::readGrey(file);
   cv::Mat all;
   for (double scale = 1.0; all.rows < count && scale < 8.0; scale *= 1.3) {
     cv::Mat scaled;

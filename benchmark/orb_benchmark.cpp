@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
+#include "files/input.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "support.h"
@@ -49,7 +49,7 @@ cv::Mat noiseOfSeveralScales(const cv::Size& size) {
 cv::Mat imageOf(const cv::Size& size) {
   const auto folder = ktgp_orb::bench::oxfordFolder();
   if (!folder) return noiseOfSeveralScales(size);
-  cv::Mat image = ktgp_orb::tools::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", 1));
+  cv::Mat image = ktgp_orb::files::readGrey(ktgp_orb::bench::oxfordImage(*folder, "leuven", 1));
   cv::resize(image, image, size, 0, 0, size.width < image.cols ? cv::INTER_AREA : cv::INTER_CUBIC);
   return image;
 }

@@ -34,14 +34,19 @@ class Walk {
     if (good_) left_ = left_.from(bytes);
   }
   /// A string, or an array of elements of this size.
-  void skipArray(std::size_t element = 1) {
-    good_ = good_ && left_.size >= kLength;
-    if (good_) skip(kLength + element * std::size_t{numberAt(left_.data)});
-  }
+  void skipArray(std::size_t element = 1) { skip(element * count()); }
   void skipHeader() {
     skip(12);  // seq, stamp
     skipArray();
   }
+  /// Of an array whose elements follow.
+  std::size_t count() {
+    good_ = good_ && left_.size >= kLength;
+    const std::size_t count = good_ ? numberAt(left_.data) : 0;
+    skip(kLength);
+    return count;
+  }
+  bool good() const { return good_; }
   bool atEnd() const { return good_ && left_.size == 0; }
 
  private:
@@ -120,33 +125,35 @@ std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
   return std::nullopt;
 }
 
-bool isWellFormedImage(View message) {
-  Walk walk(message);
-  walk.skipHeader();
-  walk.skip(8);  // height, width
-  walk.skipArray();
-  walk.skip(5);  // is_bigendian, step
-  walk.skipArray();
-  return walk.atEnd();
-}
-
-bool isWellFormedCompressedImage(View message) {
-  Walk walk(message);
-  walk.skipHeader();
-  walk.skipArray();
-  walk.skipArray();
-  return walk.atEnd();
-}
-
-bool isWellFormedCameraInfo(View message) {
+bool isWellFormed(const std::string& type, View message) {
   constexpr std::size_t kDouble = 8;
   Walk walk(message);
-  walk.skipHeader();
-  walk.skip(8);                       // height, width
-  walk.skipArray();                   // distortion_model
-  walk.skipArray(kDouble);            // D
-  walk.skip((9 + 9 + 12) * kDouble);  // K, R, P
-  walk.skip(8 + 17);                  // binning, roi
+  if (type == "sensor_msgs/Image") {
+    walk.skipHeader();
+    walk.skip(8);  // height, width
+    walk.skipArray();
+    walk.skip(5);  // is_bigendian, step
+    walk.skipArray();
+  } else if (type == "sensor_msgs/CompressedImage") {
+    walk.skipHeader();
+    walk.skipArray();
+    walk.skipArray();
+  } else if (type == "sensor_msgs/CameraInfo") {
+    walk.skipHeader();
+    walk.skip(8);                       // height, width
+    walk.skipArray();                   // distortion_model
+    walk.skipArray(kDouble);            // D
+    walk.skip((9 + 9 + 12) * kDouble);  // K, R, P
+    walk.skip(8 + 17);                  // binning, roi
+  } else if (type == "tf2_msgs/TFMessage") {
+    for (std::size_t left = walk.count(); left > 0 && walk.good(); --left) {
+      walk.skipHeader();
+      walk.skipArray();        // child_frame_id
+      walk.skip(7 * kDouble);  // translation, rotation
+    }
+  } else {
+    return true;
+  }
   return walk.atEnd();
 }
 

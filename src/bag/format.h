@@ -11,8 +11,8 @@
 #include <string>
 #include <vector>
 
-/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length is trusted. Bags
-/// are not read by librosbag, since a damaged one can crash it.
+/// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length is trusted. All
+/// bags are read by this code: a damaged one can crash librosbag, which only writes.
 namespace ktgp_orb::bag {
 
 /// The kind of a record: its field "op".
@@ -85,10 +85,9 @@ std::optional<Record> parseRecord(View bytes);
 std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
-/// Whether a message can be deserialised: its lengths fit its bytes. ROS does not check this before
-/// it allocates memory.
-bool isWellFormedImage(View message);            ///< sensor_msgs/Image
-bool isWellFormedCompressedImage(View message);  ///< sensor_msgs/CompressedImage
-bool isWellFormedCameraInfo(View message);       ///< sensor_msgs/CameraInfo
+/// Whether a message of this type can be deserialised: its lengths fit its bytes. ROS does not
+/// check this before it allocates the memory of an array. True for types that have no arrays or are
+/// not read here.
+bool isWellFormed(const std::string& type, View message);
 
 }  // namespace ktgp_orb::bag

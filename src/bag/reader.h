@@ -7,21 +7,17 @@
 #include <cstddef>
 #include <memory>
 #include <optional>
-#include <stdexcept>
 #include <string>
+
+#include "bag/messages.h"
 
 namespace ktgp_orb {
 
-/// A bag that cannot be used at all; what() gives the reason.
-class UnusableBag : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
 /// A recorded image.
 struct RecordedImage {
-  sensor_msgs::ImageConstPtr image;  ///< null where a compressed image cannot be decoded
+  sensor_msgs::ImageConstPtr image;  ///< null where it cannot be decoded
   ros::Time received;
+  std::string problem{};  ///< then: why
 };
 
 /// The images of one topic of a bag, in the order of their times.
@@ -50,10 +46,6 @@ struct BagSelection {
 /// Throws UnusableBag for a file that is not a bag, for a bag without images on the topic or in the
 /// time, and if no topic is given and there is not exactly one; the message names the image topics.
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
-
-/// Problems of a bag; empty for an intact one, which librosbag can read. Reads the whole bag.
-/// Throws UnusableBag for a file that is not a bag.
-std::string damageOf(const std::string& path);
 
 /// Namespace of the camera of the image topic, also for topics of the compressed transport.
 std::string cameraOf(std::string image_topic);

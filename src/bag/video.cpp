@@ -6,11 +6,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
+#include <deque>
 #include <fstream>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
 #include <vector>
+
+#include "files/input.h"
 
 namespace ktgp_orb {
 namespace {
@@ -47,18 +52,27 @@ void refuseTopic(const std::string& path, const BagSelection& selection) {
                     "(--name sets the names of the output)");
 }
 
+/// Not by cv::CAP_ANY, which also tries cameras and patterns. What OpenCV and FFmpeg say about a
+/// file that is no video is kept from the terminal: we say it.
+bool opened(const std::string& path, cv::VideoCapture& video) {
+  setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
+  const auto level = cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  const bool done = video.open(path, cv::CAP_FFMPEG) || video.open(path, cv::CAP_GSTREAMER);
+  cv::utils::logging::setLogLevel(level);
+  return done;
+}
+
 class Video : public ImageSource {
  public:
   Video(const std::string& path, const BagSelection& selection, double rate)
       : path_(path), selection_(selection), rate_(rate) {
     refuseTopic(path, selection);
     if (!std::ifstream(path)) throw UnusableBag(path + " cannot be opened");
-    // Not cv::CAP_ANY, which also tries cameras and patterns.
-    if (!video_.open(path, cv::CAP_FFMPEG) && !video_.open(path, cv::CAP_GSTREAMER)) {
+    if (!opened(path, video_)) {
       throw UnusableBag(path + " is neither a bag nor a video that OpenCV can read here");
     }
     const double fps = video_.get(cv::CAP_PROP_FPS);
-    if (fps > 0.0 && fps < 1000.0) usual_rate_ = fps;
+    if (fps > 0.0 && fps < 1000.0) steps_ = {1.0 / fps};
     const double count = video_.get(cv::CAP_PROP_FRAME_COUNT);
     in_file_ = count > 0.0 && count < 1e9 ? static_cast<std::size_t>(count) : 0;
     queued_ = read();
@@ -72,7 +86,7 @@ class Video : public ImageSource {
   }
 
   std::size_t total() const override {
-    const double fps = rate_ > 0.0 ? rate_ : usual_rate_;
+    const double fps = rate_ > 0.0 ? rate_ : 1.0 / usualStep();
     const auto skipped = static_cast<std::size_t>(std::max(0.0, selection_.start * fps));
     std::size_t left = in_file_ - std::min(in_file_, skipped);
     if (selection_.duration >= 0.0) {
@@ -83,10 +97,13 @@ class Video : public ImageSource {
 
   const std::string& topic() const override { return topic_; }
 
-  /// Containers that only estimate the number of images are a little wrong.
+  /// Containers that only estimate the number of images are a little wrong, and far too high where
+  /// the first image is late.
   std::string damage() const override {
     constexpr std::size_t kTolerance = 50;  // one in this many
+    constexpr std::size_t kMost = 100;      // times the images that are there
     if (!at_end_ || read_ + 1 + in_file_ / kTolerance >= in_file_) return {};
+    if (in_file_ / kMost > read_) return {};
     return "the video is damaged or cut off: " + std::to_string(read_) + " of " +
            std::to_string(in_file_) + " images could be read";
   }
@@ -94,30 +111,48 @@ class Video : public ImageSource {
  private:
   std::optional<RecordedImage> read() {
     while (video_.grab()) {
-      const auto number = static_cast<double>(read_++);
-      double seconds = rate_ > 0.0 ? number / rate_ : 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
-      const bool known = seconds >= 0.0 && seconds < 1e9;
-      if (!known) seconds = number / usual_rate_;
+      const double seconds = nextTime();
       if (seconds < selection_.start) continue;
       if (isAfter(seconds, selection_)) return std::nullopt;
       cv::Mat image;
       if (!video_.retrieve(image) || image.empty()) continue;
-      // A repeated time would be taken for the same image.
-      last_ = std::max(stampOf(seconds), last_ + ros::Duration(0, 1));
-      return recorded(image, last_);
+      return recorded(image, stampOf(seconds));
     }
     at_end_ = true;
     return std::nullopt;
   }
 
+  /// Of the image grabbed last. OpenCV has no time for the last images of a video with B-frames,
+  /// and a repeated time would be taken for the same image: these follow the one before by a usual
+  /// step.
+  double nextTime() {
+    const auto number = static_cast<double>(read_++);
+    if (rate_ > 0.0) return number / rate_;
+    const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
+    if (number == 0.0) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
+    const bool is_known = seconds > last_ && seconds < 1e9;
+    if (!is_known) return last_ += usualStep();
+    constexpr std::size_t kSteps = 9;
+    steps_.push_back(seconds - last_);
+    if (steps_.size() > kSteps) steps_.pop_front();
+    return last_ = seconds;
+  }
+
+  /// The median of the last few steps, s.
+  double usualStep() const {
+    std::vector<double> sorted(steps_.begin(), steps_.end());
+    std::sort(sorted.begin(), sorted.end());
+    return sorted[(sorted.size() - 1) / 2];
+  }
+
   std::string path_;
   BagSelection selection_;
   double rate_;
-  double usual_rate_ = 30.0;  // where the container does not say
+  std::deque<double> steps_{1.0 / 30.0};  // s; where the container does not say
   cv::VideoCapture video_;
   const std::string topic_ = kTopic;
   std::optional<RecordedImage> queued_;
-  ros::Time last_;
+  double last_ = 0.0;  // s, time of the image grabbed last
   std::size_t in_file_ = 0;
   std::size_t read_ = 0;
   bool at_end_ = false;
@@ -153,17 +188,14 @@ class Images : public ImageSource {
     if (files_.empty()) throw UnusableBag(pattern + " has no image in the selected time");
   }
 
-  /// A file that is not an image is a null pointer, as a compressed image that cannot be decoded.
   std::optional<RecordedImage> next() override {
     if (next_ == files_.size()) return std::nullopt;
     const auto& [file, stamp] = files_[next_++];
-    cv::Mat image;
     try {
-      image = cv::imread(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
-    } catch (const cv::Exception&) {  // larger than OpenCV allows
+      return recorded(files::readPicture(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH), stamp);
+    } catch (const files::FileError& error) {
+      return RecordedImage{nullptr, stamp, error.what()};
     }
-    const bool usable = !image.empty() && (image.depth() == CV_8U || image.depth() == CV_16U);
-    return usable ? recorded(image, stamp) : RecordedImage{nullptr, stamp};
   }
 
   std::size_t total() const override { return files_.size(); }
@@ -207,7 +239,9 @@ std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSel
 }
 
 double rateOfVideo(const std::string& path) {
-  const double rate = cv::VideoCapture(path, cv::CAP_FFMPEG).get(cv::CAP_PROP_FPS);
+  cv::VideoCapture video;
+  opened(path, video);
+  const double rate = video.get(cv::CAP_PROP_FPS);
   return std::isfinite(rate) && rate > 0.0 && rate < 1000.0 ? rate : 0.0;
 }
 

@@ -15,13 +15,14 @@
 namespace ktgp_orb::tools {
 namespace {
 
-bool always(const ParameterRow& /*row*/) {
-  return true;
+/// Not those of the node's services, subscribers and diagnostics.
+bool decidesARecording(const ParameterRow& row) {
+  return row.group != "warnings" && row.name != "lazy" && row.name != "max_pair_megapixels";
 }
 
 bool decidesAPair(const ParameterRow& row) {
-  static const std::set<std::string> elsewhere{"stream_images", "stream_reference", "warnings"};
-  return elsewhere.count(row.group) == 0 && row.name.rfind("overlay", 0) != 0 &&
+  return decidesARecording(row) && row.group != "stream_images" &&
+         row.group != "stream_reference" && row.name.rfind("overlay", 0) != 0 &&
          row.name != "max_rate";
 }
 
@@ -111,8 +112,9 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   });
 }
 
-/// A flag may have a value after a blank, like other options: "--gms_rotation true".
-std::vector<std::string> withJoinedFlags(int argc, char** argv) {
+/// A flag may have a value after a blank, like other options: "--gms_rotation true"; and a value
+/// may be empty: "--motion_base_frame=", which CLI11 takes for an option without one.
+std::vector<std::string> completed(int argc, char** argv) {
   std::vector<std::string> joined;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
@@ -122,6 +124,8 @@ std::vector<std::string> withJoinedFlags(int argc, char** argv) {
         before.rfind("--", 0) == 0 ? findParameter(before.substr(2)) : nullptr;
     if (value && row != nullptr && isFlag(*row)) {
       joined.back() += "=" + word;
+    } else if (word.rfind("--", 0) == 0 && word.back() == '=') {
+      joined.insert(joined.end(), {word.substr(0, word.size() - 1), ""});
     } else {
       joined.push_back(word);
     }
@@ -136,7 +140,8 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
 }  // namespace
 
 void addParameterOptions(CLI::App& app, Parameters& parameters) {
-  addOptions(app, always, parameters, [&](const Parameters& given) { parameters = given; });
+  addOptions(app, decidesARecording, parameters,
+             [&](const Parameters& given) { parameters = given; });
 }
 
 void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
@@ -180,10 +185,30 @@ CLI::Validator numberIn(const Limits& range) {
   return CLI::Validator(check, "in " + range.text());
 }
 
+/// The parameters of the stages and of the stream are many, and few need them.
+void hideRareOptions(CLI::App& app) {
+  std::size_t hidden = 0;
+  for (CLI::Option* const option : app.get_options([](const CLI::Option* each) {
+         const std::string group = each->get_group();
+         return group.rfind("Parameters: ", 0) == 0 && group != "Parameters: method";
+       })) {
+    option->group("");
+    ++hidden;
+  }
+  if (hidden == 0) return;
+  app.footer("--help-all also describes " + std::to_string(hidden) +
+             " parameters (doc/parameters.md).\n\n" + app.get_footer());
+}
+
 std::optional<int> parse(CLI::App& app, int argc, char** argv) {
   app.name(std::filesystem::path(argv[0]).filename().string());
+  app.set_help_flag("-h,--help,--help-all",
+                    "print this help, or the help for all options, and exit");
+  const bool shows_all = std::any_of(
+      argv, argv + argc, [](const char* word) { return std::string("--help-all") == word; });
+  if (!shows_all) hideRareOptions(app);
   try {
-    std::vector<std::string> words = withJoinedFlags(argc, argv);
+    std::vector<std::string> words = completed(argc, argv);
     std::reverse(words.begin(), words.end());  // the order that CLI11 expects
     app.parse(std::move(words));
   } catch (const CLI::ParseError& error) {

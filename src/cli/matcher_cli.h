@@ -11,10 +11,11 @@ namespace ktgp_orb::tools {
 
 using ktgp_orb::PipelineOptions;
 
-/// Adds an option for each parameter of the nodelet, with the name, text, range and default of the
-/// table, and --preset and --params. `parameters` holds the defaults before parsing and the values
-/// after it: the command line overrides the file, the file overrides the preset. An unusable value
-/// ends parsing with a message that says what is expected.
+/// Adds an option for each parameter of the nodelet that decides the results of a recording, with
+/// the name, text, range and default of the table, and --preset and --params. `parameters` holds
+/// the defaults before parsing and the values after it: the command line overrides the file, the
+/// file overrides the preset. An unusable value ends parsing with a message that says what is
+/// expected.
 void addParameterOptions(CLI::App& app, Parameters& parameters);
 
 /// The same for the parameters that determine the result for a pair of images.

@@ -3,7 +3,7 @@
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 
-#include "cli/files.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 
@@ -26,9 +26,9 @@ void VideoFile::open(const cv::Size& size) {
       if (writer_->video.open(file_.unfinished(), backend, code, rate_, writer_->size)) return;
     }
   }
-  throw FileError(path_,
-                  "OpenCV of this machine cannot write mp4; expected a build with FFmpeg or "
-                  "GStreamer, as Debian's and Ubuntu's are");
+  throw files::FileError(path_,
+                         "OpenCV of this machine cannot write mp4; expected a build with FFmpeg or "
+                         "GStreamer, as Debian's and Ubuntu's are");
 }
 
 void VideoFile::write(const cv::Mat& frame) {
@@ -47,12 +47,13 @@ bool VideoFile::empty() const {
 }
 
 void VideoFile::close() {
-  if (!writer_->video.isOpened()) throw FileError(path_, "is not written: there was no frame");
+  if (!writer_->video.isOpened())
+    throw files::FileError(path_, "is not written: there was no frame");
   writer_->video.release();
   // The writer does not say when the disk is full.
   const cv::VideoCapture written(file_.unfinished());
   if (!written.isOpened() || written.get(cv::CAP_PROP_FRAME_COUNT) < frames_) {
-    throwUnwritable(file_, "the video lacks frames; expected more space on the disk");
+    files::throwUnwritable(file_, "the video lacks frames; expected more space on the disk");
   }
   file_.commit();
 }

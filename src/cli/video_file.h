@@ -4,7 +4,7 @@
 #include <opencv2/core.hpp>
 #include <string>
 
-#include "cli/output_file.h"
+#include "files/output_file.h"
 
 namespace ktgp_orb::tools {
 
@@ -30,7 +30,7 @@ class VideoFile {
 
   std::string path_;
   double rate_;
-  OutputFile file_;
+  files::OutputFile file_;
   std::unique_ptr<Writer> writer_;
   double frames_ = 0.0;  // written
 };

@@ -7,8 +7,6 @@
 #include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/SaveMosaic.h>
 #include <ros/ros.h>
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 #include <sensor_msgs/Image.h>
 #include <std_msgs/String.h>
 #include <sys/stat.h>
@@ -22,10 +20,12 @@
 #include <fstream>
 #include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "bag/reader.h"
 #include "cli/video_file.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
@@ -49,18 +49,18 @@ Eigen::Matrix3d matrix(const HomographyStamped& message) {
 class Truth {
  public:
   explicit Truth(const std::string& path) {
-    rosbag::Bag bag(path);
-    const std::vector<std::string> topics{"/camera/ground_truth/homography",
-                                          "/camera/ground_truth/odometry", "/camera/segment"};
-    rosbag::View view(bag, rosbag::TopicQuery(topics));
-    for (const rosbag::MessageInstance& instance : view) {
-      if (const auto homography = instance.instantiate<HomographyStamped>()) {
+    const std::set<std::string> wanted{"/camera/ground_truth/homography",
+                                       "/camera/ground_truth/odometry", "/camera/segment"};
+    BagMessages messages(path);
+    messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
+    while (const auto message = messages.next()) {
+      if (const auto homography = message->as<HomographyStamped>()) {
         previous_stamp_[homography->header.stamp] = homography->reference_stamp;
         homography_[homography->header.stamp] = matrix(*homography);
-      } else if (const auto odometry = instance.instantiate<nav_msgs::Odometry>()) {
+      } else if (const auto odometry = message->as<nav_msgs::Odometry>()) {
         motion_.addTruth(*odometry);
-      } else if (const auto segment = instance.instantiate<std_msgs::String>()) {
-        segment_[instance.getTime()] = segment->data;
+      } else if (const auto segment = message->as<std_msgs::String>()) {
+        segment_[message->received] = segment->data;
       }
     }
     if (segment_.empty()) throw std::runtime_error(path + " is not a demo bag: it has no truth");
@@ -235,18 +235,16 @@ class Report {
 
   /// The stages for one pair of frames of the bag, matched here with the default options.
   void drawPicture() const {
-    rosbag::Bag bag(bag_);
-    rosbag::View view(bag, rosbag::TopicQuery("/camera/image_raw"));
-    const std::size_t wanted = view.size() / 4;
+    const auto images = openBag(bag_, {"/camera/image_raw"});
+    const std::size_t wanted = images->total() / 4;
     OrbExtractor extractor;
     KtgpMatcher matcher;
     FramePtr frames[2];
-    std::size_t index = 0;
-    for (const rosbag::MessageInstance& instance : view) {
-      if (index >= wanted && index < wanted + 2) {
-        frames[index - wanted] = makeFrame(instance.instantiate<sensor_msgs::Image>(), extractor);
-      }
-      if (++index >= wanted + 2) break;
+    for (std::size_t i = 0; i < wanted; ++i) images->next();
+    for (FramePtr& frame : frames) {
+      const auto recorded = images->next();
+      if (!recorded) return;
+      frame = makeFrame(recorded->image, extractor);
     }
     if (!frames[1]) return;
     MatchResult result;

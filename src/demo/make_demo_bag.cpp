@@ -17,15 +17,15 @@
 #include <string>
 #include <vector>
 
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
 #include "demo/motion_messages.h"
 #include "demo/signs.h"
+#include "files/input.h"
+#include "files/output_file.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -125,7 +125,7 @@ void writeFrames(const Scene& scene, rosbag::Bag& bag) {
 }
 
 void writeBag(const std::string& path, const Scene& scene, bool force) {
-  tools::OutputFile file(path, force);
+  files::OutputFile file(path, force);
   // Its destructor closes it and throws if the disk is full, which would end the program; the
   // object then lives until the process ends.
   auto bag = std::make_unique<rosbag::Bag>(file.unfinished(), rosbag::bagmode::Write);
@@ -134,7 +134,7 @@ void writeBag(const std::string& path, const Scene& scene, bool force) {
     bag->close();
   } catch (const rosbag::BagException& error) {
     static_cast<void>(bag.release());
-    throw tools::FileError(path, std::string("cannot be written: ") + error.what());
+    throw files::FileError(path, std::string("cannot be written: ") + error.what());
   }
   if (!tools::interrupted()) file.commit();
 }
@@ -174,7 +174,7 @@ int run(int argc, char** argv) {
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  tools::OutputPlan plan(force);
+  files::OutputPlan plan(force);
   plan.write(path);
   if (!targets.empty()) {
     scene.signs = drawSigns();

@@ -9,11 +9,11 @@
 #include <opencv2/imgproc.hpp>
 #include <sstream>
 
-#include "cli/output_file.h"
 #include "core/util/constants.h"
 #include "demo/canvas.h"
 #include "demo/flight.h"
 #include "demo/landscape.h"
+#include "files/output_file.h"
 #include "messages/pose_message.h"
 
 namespace ktgp_orb::demo {
@@ -131,11 +131,11 @@ void paintOnto(const std::vector<Sign>& signs, cv::Mat& map) {
 void writeSigns(const std::vector<Sign>& signs, const std::string& folder, bool force) {
   std::ostringstream list;
   for (const Sign& sign : signs) {
-    tools::writeImage(pictureOf(sign, folder), sign.picture, force);
+    files::writeImage(pictureOf(sign, folder), sign.picture, force);
     list << "- {id: " << sign.id << ", image: " << sign.id << ".png, width: " << kSignWidth
          << "}\n";
   }
-  tools::writeText(listOf(folder), list.str(), force);
+  files::writeText(listOf(folder), list.str(), force);
 }
 
 std::vector<std::string> filesOf(const std::vector<Sign>& signs, const std::string& folder) {

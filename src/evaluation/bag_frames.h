@@ -14,9 +14,10 @@ using FrameVisitor = std::function<void(double stamp, const cv::Mat& image,
                                         const std::optional<Eigen::Matrix3d>& truth)>;
 
 /// Reads the images (sensor_msgs/Image or CompressedImage) on `topic` in the order of the bag and
-/// the truth (ktgp_orb/HomographyStamped) on `truth_topic`. Throws FileError for a bag that cannot
-/// be read or has no image there.
-void readBag(const std::string& file, const std::string& topic, const std::string& truth_topic,
-             const FrameVisitor& visit);
+/// the truth (ktgp_orb/HomographyStamped) on `truth_topic`. Returns the problems of a damaged bag,
+/// of which what can be read is used. Throws UnusableBag for a bag without an image there, and
+/// FileError for an image that cannot be used.
+std::string readBag(const std::string& file, const std::string& topic,
+                    const std::string& truth_topic, const FrameVisitor& visit);
 
 }  // namespace ktgp_orb::tools

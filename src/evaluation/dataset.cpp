@@ -8,8 +8,8 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "cli/files.h"
 #include "evaluation/truth_points.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -67,15 +67,16 @@ constexpr const char* kPointsEnding = ".points";
 /// Adds the pair, or reports a missing or broken file.
 void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
   try {
-    for (const std::string& file : {pair.reference, pair.target, truth}) requireRegularFile(file);
+    for (const std::string& file : {pair.reference, pair.target, truth})
+      files::requireRegularFile(file);
     if (endsIn(truth, kPointsEnding)) {
       pair.points = readPoints(truth);
       pair.homography = homographyThrough(pair.points);
     } else {
-      pair.homography = readHomography(truth);
+      pair.homography = files::readHomography(truth);
     }
     dataset.pairs.push_back(std::move(pair));
-  } catch (const FileError& error) {
+  } catch (const files::FileError& error) {
     dataset.problems.emplace_back(error.what());
   }
 }

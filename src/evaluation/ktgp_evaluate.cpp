@@ -6,14 +6,14 @@
 #include <opencv2/core.hpp>
 #include <sstream>
 
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
+#include "files/input.h"
+#include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -40,8 +40,10 @@ constexpr const char* kExamples =
     "  ktgp_evaluate --hpatches hpatches-sequences-release --jobs 4\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
     "\n"
-    "Exit code: 0 everything was evaluated, 1 a file was missing or broken (it is named, the rest\n"
-    "is evaluated), 2 options, inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
+    "Exit code: 0 everything was evaluated, 1 a file was missing or broken or a method failed on "
+    "a\n"
+    "pair (it is named, the rest is evaluated), 2 options, inputs or outputs cannot be used, 130 "
+    "interrupted (Ctrl-C).";
 
 struct Arguments {
   std::vector<std::string> data;
@@ -232,9 +234,15 @@ int evaluateImageSets(const Arguments& arguments) {
   const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
   for (const PairScore& score : scores) {
     if (!score.problem.empty()) dataset.problems.push_back(score.problem);
+    for (const MethodScore& method : score.methods) {
+      if (method.problem.empty()) continue;
+      dataset.problems.push_back(score.pair.set + " " + score.pair.name + ": " + method.method +
+                                 " failed: " + method.problem);
+    }
   }
 
-  const bool to_output = isStandardOutput(arguments.json) || isStandardOutput(arguments.csv);
+  const bool to_output =
+      files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
   if (!to_output) std::fputs(tableOf(arguments, scores).c_str(), stdout);
   if (!arguments.json.empty()) {
     nlohmann::json out = toJson(scores);
@@ -245,9 +253,9 @@ int evaluateImageSets(const Arguments& arguments) {
                       {"pairs", arguments.warp_pairs},
                       {"seed", arguments.warp_seed}};
     }
-    writeText(arguments.json, textOf(out, 1), arguments.force);
+    files::writeText(arguments.json, textOf(out, 1), arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(scores), arguments.force);
+  if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(scores), arguments.force);
   for (const std::string& problem : dataset.problems) {
     std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
   }
@@ -274,7 +282,7 @@ int evaluate(int argc, char** argv) {
                                 arguments.bag);
   }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
-  OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   for (const std::string& path : arguments.data) plan.read(path);
   plan.write(arguments.json);
   plan.write(arguments.csv);

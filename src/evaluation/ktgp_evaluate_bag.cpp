@@ -4,11 +4,11 @@
 #include <opencv2/core/utility.hpp>
 
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "evaluation/bag_frames.h"
 #include "evaluation/sequence_evaluation.h"
+#include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -66,22 +66,25 @@ int evaluateBag(const Arguments& arguments) {
   SequenceEvaluator evaluator(arguments.pipeline.orb, arguments.pipeline.matcher,
                               arguments.drift_window);
   ProgressBar progress(0);
-  readBag(arguments.bag, arguments.topic, arguments.truth_topic,
-          [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
-            evaluator.addFrame(stamp, image, truth);
-            progress.advance("frames of " + arguments.bag);
-          });
+  const std::string damage =
+      readBag(arguments.bag, arguments.topic, arguments.truth_topic,
+              [&](double stamp, const cv::Mat& image, const std::optional<Eigen::Matrix3d>& truth) {
+                evaluator.addFrame(stamp, image, truth);
+                progress.advance("frames of " + arguments.bag);
+              });
   const SequenceScore score = evaluator.score();
-  if (!isStandardOutput(arguments.json)) printSequence(score);
+  if (!files::isStandardOutput(arguments.json)) printSequence(score);
   if (!arguments.json.empty()) {
     const nlohmann::json out{{"sequence", toJson(score)},
                              {"bag", arguments.bag},
                              {"topic", arguments.topic},
                              {"drift_window", arguments.drift_window},
                              {"options", toJson(arguments.pipeline)}};
-    writeText(arguments.json, textOf(out, 1), arguments.force);
+    files::writeText(arguments.json, textOf(out, 1), arguments.force);
   }
-  return kExitDone;
+  if (damage.empty()) return kExitDone;
+  std::fprintf(stderr, "ktgp_evaluate_bag: %s: %s\n", arguments.bag.c_str(), damage.c_str());
+  return kExitUnusedData;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
@@ -106,7 +109,7 @@ int run(int argc, char** argv) {
   app.footer(kExitCodes);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
-  OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   plan.read(arguments.bag);
   plan.write(arguments.json);
   exitWhenInterrupted();

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <sstream>
 
+#include "files/csv.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -140,7 +141,7 @@ void put(json& out, const std::optional<CornerConsistency>& consistency) {
 }
 
 /// The columns of the CSV file: keys of toRow.
-constexpr std::array<const char*, 33> kColumns{"set",
+constexpr std::array<const char*, 34> kColumns{"set",
                                                "pair",
                                                "method",
                                                "reference_keypoints",
@@ -172,7 +173,8 @@ constexpr std::array<const char*, 33> kColumns{"set",
                                                "ms",
                                                "total_ms",
                                                "steps_matches",
-                                               "steps_ms"};
+                                               "steps_ms",
+                                               "problem"};
 
 /// "knn=38.20;ratio=0.02", for one field of a CSV row.
 template <typename Value>
@@ -188,6 +190,7 @@ json toRow(const PairScore& pair, const MethodScore& m) {
   json row{{"set", pair.pair.set},
            {"pair", pair.pair.name},
            {"method", m.method},
+           {"problem", m.problem},
            {"reference_keypoints", pair.reference_keypoints},
            {"target_keypoints", pair.target_keypoints},
            {"detector_repeatability", pair.detector_repeatability},
@@ -256,14 +259,10 @@ json toJson(const SetSummary& s) {
   return out;
 }
 
-/// A value as a field of a CSV row; empty for null and infinity.
-std::string toField(const json& value) {
-  if (!value.is_string()) return value.dump() == "null" ? "" : value.dump();
-  auto text = value.get<std::string>();
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string out = "\"";
-  for (char c : text) out += c == '"' ? std::string("\"\"") : std::string(1, c);
-  return out + "\"";
+/// Nothing for null and infinity.
+void add(const json& value, files::CsvRow& row) {
+  const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+  row.add(value.is_string() || text != "null" ? text : "");
 }
 
 template <typename... Values>
@@ -331,18 +330,15 @@ json toJson(const std::vector<PairScore>& scores) {
 }
 
 std::string toCsv(const std::vector<PairScore>& scores) {
-  std::string out;
-  for (const char* column : kColumns) out += (out.empty() ? "" : ",") + std::string(column);
-  out += '\n';
+  files::CsvRow header;
+  for (const char* column : kColumns) header.add(column);
+  std::string out = header.line();
   for (const PairScore& pair : scores) {
     for (const MethodScore& method : pair.methods) {
-      const json row = toRow(pair, method);
-      std::string line;
-      for (const char* column : kColumns) {
-        if (column != kColumns.front()) line += ',';
-        line += toField(row.at(column));
-      }
-      out += line + '\n';
+      const json values = toRow(pair, method);
+      files::CsvRow row;
+      for (const char* column : kColumns) add(values.at(column), row);
+      out += row.line();
     }
   }
   return out;

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
-#include "cli/files.h"
 #include "core/homography/transform.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -141,17 +142,17 @@ PairScore PairEvaluator::evaluate(const ImagePair& pair) {
   PairScore score;
   score.pair = pair;
   try {
-    cv::Mat reference = readGrey(pair.reference);
+    cv::Mat reference = files::readGrey(pair.reference);
     if (pair.warp) {
       const WarpedImages images = renderWarp(reference, *pair.warp);
       evaluateImages(images.reference, images.target, score);
     } else {
-      cv::Mat target = readGrey(pair.target);
+      cv::Mat target = files::readGrey(pair.target);
       const Eigen::Matrix3d of_reference = resize(size_, reference);
       resize(of_reference, resize(size_, target), score.pair);
       evaluateImages(reference, target, score);
     }
-  } catch (const FileError& error) {
+  } catch (const files::FileError& error) {
     score.problem = error.what();
     score.methods.clear();
   }
@@ -192,10 +193,16 @@ MethodScore PairEvaluator::evaluateMethod(const Method& method, const Scene& sce
                                           double extraction_milliseconds) {
   std::vector<std::vector<StepResult>> runs(static_cast<std::size_t>(repetitions_));
   Matching found;
-  for (auto& steps : runs) found = runMethod(method, scene, steps);
-
   MethodScore score;
   score.method = method.name;
+  try {
+    for (auto& steps : runs) found = runMethod(method, scene, steps);
+  } catch (const std::exception& error) {
+    const auto* of_opencv = dynamic_cast<const cv::Exception*>(&error);
+    score.problem = of_opencv != nullptr ? "OpenCV: " + of_opencv->err : error.what();
+    score.corner_error = std::numeric_limits<double>::infinity();  // as without a homography
+    return score;
+  }
   scoreMatches(found, scene, truth, score);
   scoreHomography(found, scene, truth, points, truth_deviation_, score);
   score.steps = medianTimes(runs);

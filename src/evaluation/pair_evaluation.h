@@ -29,6 +29,7 @@ constexpr double kConsistentBelow = 13.8;
 /// The result of one method for one pair.
 struct MethodScore {
   std::string method;
+  std::string problem{};       ///< why the method could not work on the pair; empty if it could
   std::size_t matches = 0;     ///< NM
   double retention = 0.0;      ///< matches over target keypoints; the paper's Q for the method KT
   double matched_share = 0.0;  ///< REP as Eq. 9 has it
@@ -80,7 +81,7 @@ class PairEvaluator {
   PairEvaluator(const OrbOptions& orb, std::vector<Method> methods, int repetitions,
                 const EvaluatedSize& size = {}, double truth_deviation = 0.0);
 
-  /// A file that cannot be read gives a problem, not an exception.
+  /// A file that cannot be read, and a method that fails, give a problem, not an exception.
   PairScore evaluate(const ImagePair& pair);
 
  private:

@@ -10,8 +10,8 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "cli/files.h"
 #include "core/homography/transform.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 
@@ -30,19 +30,20 @@ bool readRow(const std::string& line, AnnotatedPoint& p) {
 std::vector<AnnotatedPoint> readPoints(const std::string& file) {
   constexpr std::size_t kFewest = 4;
   std::ifstream in(file);
-  if (!in) throw FileError(file, "cannot be opened");
+  if (!in) throw files::FileError(file, "cannot be opened");
   std::vector<AnnotatedPoint> points;
   std::string line;
   for (int number = 1; std::getline(in, line); ++number) {
     if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
     points.emplace_back();
     if (readRow(line, points.back())) continue;
-    throw FileError(file, "line " + std::to_string(number) +
-                              " is no annotated point; expected four numbers `xA yA xB yB`");
+    throw files::FileError(file, "line " + std::to_string(number) +
+                                     " is no annotated point; expected four numbers `xA yA xB yB`");
   }
   if (points.size() < kFewest) {
-    throw FileError(file, "holds " + std::to_string(points.size()) +
-                              " annotated points; expected at least four rows `xA yA xB yB`");
+    throw files::FileError(file,
+                           "holds " + std::to_string(points.size()) +
+                               " annotated points; expected at least four rows `xA yA xB yB`");
   }
   return points;
 }

@@ -367,15 +367,19 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
   std::string frame;
+  bool has_none = false;
   for (const sensor_msgs::Imu& imu : imus_) {
     if (imu.header.stamp <= last_image_ || imu.header.stamp > image.stamp) continue;
-    if (imu.angular_velocity_covariance[0] < 0.0 || !isFinite(imu.angular_velocity)) continue;
+    has_none = imu.angular_velocity_covariance[0] < 0.0;
+    if (has_none || !isFinite(imu.angular_velocity)) continue;
     sum += vector(imu.angular_velocity);
     count += 1.0;
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
-    no_turn_ = "no angular velocity on " + imu_topic_ + " between two images";
+    no_turn_ = has_none ? "the angular_velocity_covariance on " + imu_topic_ +
+                              " begins with -1, so it has no angular velocity"
+                        : "no angular velocity on " + imu_topic_ + " between two images";
     return std::nullopt;
   }
   const auto found = transform(image.frame_id, frame, image.stamp, no_turn_);

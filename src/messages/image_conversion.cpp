@@ -13,6 +13,8 @@
 #include <utility>
 #include <vector>
 
+#include "files/input.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -186,22 +188,17 @@ FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extr
 
 namespace {
 
-/// Reads an image file with OpenCV's `flags`. Throws RefusedImage.
+/// Throws RefusedImage.
 cv::Mat readPicture(const std::string& name, const std::string& path, int flags) {
-  std::error_code unused;
-  const auto status = std::filesystem::status(path, unused);
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status)) {
-    throw RefusedImage(name + " '" + path + "' is not a regular file; expected an image file");
+  try {
+    return files::readPicture(path, flags);
+  } catch (const files::FileError& error) {
+    std::error_code unused;
+    const std::filesystem::path here = std::filesystem::current_path(unused);
+    const bool is_relative = std::filesystem::path(path).is_relative();
+    throw RefusedImage(name + " " + error.what() +
+                       (is_relative ? "; it was looked for in " + here.string() : ""));
   }
-  cv::Mat picture = cv::imread(path, flags);
-  if (picture.empty()) {
-    throw RefusedImage(name + " '" + path + "' cannot be read; expected an image file" +
-                       (std::filesystem::path(path).is_relative()
-                            ? ", with an absolute name: this one is looked for in " +
-                                  std::filesystem::current_path(unused).string()
-                            : ""));
-  }
-  return picture;
 }
 
 }  // namespace

@@ -41,16 +41,6 @@ std::string withOneDigit(double value) {
   return text;
 }
 
-/// Writes a temporary file and renames it, so that readers never find half a picture. Throws
-/// std::runtime_error.
-void writePicture(const std::string& file, const cv::Mat& picture) {
-  const std::string unfinished = file + ".part.png";
-  if (!cv::imwrite(unfinished, picture) || std::rename(unfinished.c_str(), file.c_str()) != 0) {
-    std::remove(unfinished.c_str());
-    throw std::runtime_error(file + " cannot be written");
-  }
-}
-
 }  // namespace
 
 /// Images and homographies in, a growing mosaic out. doc/views.md describes topics, services and
@@ -242,7 +232,7 @@ bool MosaicNodelet::save(SaveMosaic::Request& request, SaveMosaic::Response& res
     return true;
   }
   try {
-    writePicture(file, picture);
+    files::writeImage(file, picture, true);
     response.success = true;
     response.message = file;
     response.width = static_cast<std::uint32_t>(picture.cols);

@@ -37,9 +37,14 @@ void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, con
   value.write(given);
   const bool is_text = value.getType() == XmlRpc::XmlRpcValue::TypeString;
   if (is_text && low.type() != typeid(std::string)) {
-    refuse(
-        parameter, "the text '" + given.str() + "'",
-        low.type() == typeid(bool) ? "true or false, without quotes" : "a number, without quotes");
+    const std::string text = "the text '" + given.str() + "'";
+    if (low.type() == typeid(bool)) refuse(parameter, text, "true or false, without quotes");
+    const bool has_exponent =
+        given.str().find_first_of("eE") != std::string::npos &&
+        given.str().find_first_not_of("0123456789.eE+-") == std::string::npos;
+    if (!has_exponent) refuse(parameter, text, "a number, without quotes");
+    refuse(parameter, text,
+           "a number without quotes, and without an exponent: YAML takes 1e3 for a text");
   }
   const auto check = [&](double number, double lowest, double highest) {
     if (number >= lowest && number <= highest) return;

@@ -1,11 +1,17 @@
 #include "nodelet/target_book.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cerrno>
 #include <filesystem>
-#include <opencv2/imgcodecs.hpp>
 #include <stdexcept>
+#include <utility>
 
+#include "core/util/printable.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb {
@@ -18,21 +24,12 @@ fs::path folderOf(const std::string& list) {
   return fs::absolute(list + "_images");
 }
 
-cv::Mat readGrey(const std::string& file) {
-  return greyImage(readImageFile("target", file)).clone();
-}
-
 Target targetOf(const SetTarget::Request& request) {
   Target target{request.id, {}, request.width, request.frame};
   for (const sensor_msgs::Image& image : request.images) {
     target.images.push_back(greyImage(boost::make_shared<sensor_msgs::Image>(image)).clone());
   }
   return target;
-}
-
-/// The kept list before it replaces the old one.
-std::string nextOf(const std::string& list) {
-  return list + ".unfinished";
 }
 
 /// Takes the entries with this id out of the list and appends them to `taken`.
@@ -52,21 +49,35 @@ bool areThere(const Entries& entries, const std::string& id) {
 
 }  // namespace
 
+TargetBook::~TargetBook() {
+  if (lock_ >= 0) close(lock_);
+}
+
 void TargetBook::open(const std::string& targets, const std::string& file) {
   file_ = file;
-  const bool was_kept = !file.empty() && fs::exists(file);
-  if (!file.empty() && !was_kept) {
-    std::error_code error;
-    fs::create_directories(folderOf(file), error);
-    if (error) throw std::invalid_argument(file + ": cannot be written: " + error.message());
-  }
   if (fs::is_directory(file)) {
     throw std::invalid_argument(file + ": is a folder; expected the name of a YAML list");
   }
+  if (!file.empty()) lock();
+  std::error_code none;
+  const std::uintmax_t size = fs::file_size(file, none);
+  const bool was_kept = !none && size > 0;
   const std::string& list = was_kept ? file : targets;
   if (list.empty()) return;
   const std::vector<TargetEntry> entries = readTargetList(list);
   lists_.waiting.assign(entries.begin(), entries.end());
+}
+
+/// Of the folder, since the file is replaced with every change.
+void TargetBook::lock() {
+  const std::string folder = folderOf(file_).string();
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw std::invalid_argument(file_ + ": cannot be written: " + error.message());
+  lock_ = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (lock_ < 0 || (flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)) {
+    throw std::invalid_argument(file_ + ": is in use by another node; expected a file of its own");
+  }
 }
 
 std::vector<TargetEntry> TargetBook::Lists::takeOut(const std::string& id) {
@@ -80,7 +91,7 @@ std::vector<TargetEntry> TargetBook::Lists::takeOut(const std::string& id) {
 std::string TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
-  const std::vector<std::string> refused = addTargets({entry}, readGrey, finder_);
+  const std::vector<std::string> refused = addTargets({entry}, finder_);
   (refused.empty() ? lists_.used : lists_.refused).push_back(entry);
   return refused.empty() ? "" : refused.front();
 }
@@ -96,8 +107,8 @@ bool TargetBook::hasFrames() const {
 
 void TargetBook::add(const SetTarget::Request& request) {
   if (areThere(lists_.waiting, request.id)) {
-    throw std::invalid_argument("target \"" + request.id +
-                                "\" exists already, and is still to be read; expected a new id");
+    throw std::invalid_argument("target " + util::quoted(request.id) +
+                                " exists already, and is still to be read; expected a new id");
   }
   set(request, [&](const Target& target) { finder_.add(target); });
 }
@@ -119,24 +130,26 @@ void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
   try {
     writeImages(target, entry.files);
     next.used.push_back(entry);
-    writeNext(next);
+    const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
     use(target);
+    if (list) list->commit();
   } catch (...) {
-    discardNext();
     deleteImages({entry});
     throw;
   }
-  adoptNext(std::move(next));
+  lists_ = std::move(next);
   deleteImages(replaced);
 }
 
 void TargetBook::remove(const std::string& id) {
   Lists next = lists_;
   const std::vector<TargetEntry> removed = next.takeOut(id);
-  if (removed.empty()) throw std::invalid_argument("target \"" + id + "\" does not exist");
-  writeNext(next);
+  if (removed.empty())
+    throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
+  const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
   finder_.remove(id);
-  adoptNext(std::move(next));
+  if (list) list->commit();
+  lists_ = std::move(next);
   deleteImages(removed);
 }
 
@@ -153,34 +166,22 @@ void TargetBook::writeImages(const Target& target, std::vector<std::string>& fil
     do {
       name = folder / (std::to_string(number++) + ".png");
     } while (fs::exists(name, none));
-    std::vector<std::uint8_t> bytes;
-    cv::imencode(".png", image, bytes);
     files.push_back(name.string());
-    writeFile(name.string(), std::string(bytes.begin(), bytes.end()));
+    files::writeImage(name.string(), image, false);
   }
 }
 
-/// Writes the new list beside the old one.
-void TargetBook::writeNext(const Lists& lists) const {
-  if (file_.empty()) return;
+std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists) const {
+  if (file_.empty()) return nullptr;
   std::vector<TargetEntry> entries = lists.used;
   entries.insert(entries.end(), lists.refused.begin(), lists.refused.end());
   entries.insert(entries.end(), lists.waiting.begin(), lists.waiting.end());
   for (TargetEntry& entry : entries) {
     for (std::string& file : entry.files) file = fs::absolute(file).string();
   }
-  writeTargetList(nextOf(file_), entries);
-}
-
-/// The list that was written last replaces the old one.
-void TargetBook::adoptNext(Lists lists) {
-  lists_ = std::move(lists);
-  if (!file_.empty()) fs::rename(nextOf(file_), file_);
-}
-
-void TargetBook::discardNext() const {
-  std::error_code none;
-  if (!file_.empty()) fs::remove(nextOf(file_), none);
+  auto list = std::make_unique<files::OutputFile>(file_, true);
+  files::write(*list, textOfTargetList(entries));
+  return list;
 }
 
 /// Only those in the folder of the list: the others are the user's.

@@ -4,9 +4,11 @@
 
 #include <deque>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "files/output_file.h"
 #include "ktgp_orb/target_finder.h"
 #include "parameters/target_list.h"
 
@@ -17,10 +19,14 @@ namespace ktgp_orb {
 class TargetBook {
  public:
   explicit TargetBook(TargetFinder& finder) : finder_(finder) {}
+  ~TargetBook();
+  TargetBook(const TargetBook&) = delete;
+  TargetBook& operator=(const TargetBook&) = delete;
 
-  /// Reads the list: `file` if it exists, else `targets`; either may be empty. Then loadNext() adds
-  /// the targets one by one. Throws std::invalid_argument with the reason if the list cannot be
-  /// read, or the folder for a new `file` cannot be created.
+  /// Reads the list: `file` if it exists and has contents, else `targets`; either may be empty.
+  /// Then loadNext() adds the targets one by one. Until its end, no other book can open `file`.
+  /// Throws std::invalid_argument with the reason if the list cannot be read, if another book has
+  /// it, or if the folder for its images cannot be created.
   void open(const std::string& targets, const std::string& file);
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
@@ -52,13 +58,14 @@ class TargetBook {
 
   void set(const SetTarget::Request& request, const UseTarget& use);
   void writeImages(const Target& target, std::vector<std::string>& files) const;
-  void writeNext(const Lists& lists) const;
-  void adoptNext(Lists lists);
-  void discardNext() const;
+  void lock();
+  /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
+  std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
   TargetFinder& finder_;
   std::string file_;
+  int lock_ = -1;  // the folder of the images, open
   Lists lists_;
 };
 

@@ -5,12 +5,13 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
+#include <set>
 #include <stdexcept>
+
+#include "core/util/printable.h"
+#include "files/input.h"
 
 namespace ktgp_orb {
 namespace {
@@ -18,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 [[noreturn]] void refuse(const std::string& path, const std::string& reason) {
-  throw std::invalid_argument(path + ": " + reason);
+  throw std::invalid_argument(util::printable(path) + ": " + reason);
 }
 
 bool isImageName(const fs::path& file) {
@@ -43,24 +44,37 @@ std::vector<TargetEntry> readFolder(const std::string& path) {
   return entries;
 }
 
+/// Throws std::invalid_argument with the key and what is expected.
+template <typename Value>
+Value valueOf(const std::string& key, const YAML::Node& node, const char* expected) {
+  try {
+    return node.as<Value>();
+  } catch (const YAML::Exception&) {
+    throw std::invalid_argument(key + " is no " + expected);
+  }
+}
+
 TargetEntry entryOf(const YAML::Node& node, const fs::path& folder) {
   TargetEntry entry;
   std::vector<std::string> names;
+  std::set<std::string> keys;
   for (const auto& item : node) {
-    const auto key = item.first.as<std::string>();
+    const auto key = valueOf<std::string>("a key", item.first, "text");
+    if (!keys.insert(key).second) throw std::invalid_argument(util::quoted(key) + " occurs twice");
     if (key == "id") {
-      entry.id = item.second.as<std::string>();
+      entry.id = valueOf<std::string>(key, item.second, "text");
     } else if (key == "image") {
-      names = {item.second.as<std::string>()};
+      names = {valueOf<std::string>(key, item.second, "name of a file")};
     } else if (key == "images") {
-      names = item.second.as<std::vector<std::string>>();
+      names = valueOf<std::vector<std::string>>(key, item.second,
+                                                "list of files: [day.png, night.png]");
     } else if (key == "width") {
-      entry.width = item.second.as<double>();
+      entry.width = valueOf<double>(key, item.second, "number of metres");
     } else if (key == "frame") {
-      entry.frame = item.second.as<std::string>();
+      entry.frame = valueOf<std::string>(key, item.second, "name of a frame");
     } else {
-      throw std::invalid_argument("\"" + key +
-                                  "\" is unknown; expected id, image, images, width or frame");
+      throw std::invalid_argument(util::quoted(key) +
+                                  " is unknown; expected id, image, images, width or frame");
     }
   }
   if (names.empty()) throw std::invalid_argument("it has no image");
@@ -74,11 +88,19 @@ TargetEntry entryOf(const YAML::Node& node, const fs::path& folder) {
 std::vector<TargetEntry> readTargetList(const std::string& path) {
   std::error_code none;
   if (fs::is_directory(path, none)) return readFolder(path);
-  if (!fs::is_regular_file(path, none))
-    refuse(path, "is missing; expected a folder or a YAML list");
+  if (!fs::exists(path, none)) {
+    const bool is_relative = fs::path(path).is_relative();
+    refuse(path, "is missing; expected a folder or a YAML list" +
+                     (is_relative ? "; it was looked for in " + fs::current_path().string() : ""));
+  }
+  if (!fs::is_regular_file(path, none)) {
+    refuse(path, "is neither a folder nor a file; expected one of them");
+  }
   std::vector<TargetEntry> entries;
   try {
-    const YAML::Node list = YAML::LoadFile(path);
+    const std::vector<YAML::Node> documents = YAML::LoadAllFromFile(path);
+    if (documents.size() > 1) refuse(path, "has several YAML documents; expected one list");
+    const YAML::Node list = documents.empty() ? YAML::Node() : documents.front();
     if (!list.IsSequence()) {
       refuse(path, "is no list of targets; expected lines such as - {id: door, image: door.png}");
     }
@@ -97,7 +119,7 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
   return entries;
 }
 
-void writeTargetList(const std::string& path, const std::vector<TargetEntry>& entries) {
+std::string textOfTargetList(const std::vector<TargetEntry>& entries) {
   YAML::Emitter out;
   out.SetDoublePrecision(9);
   out << YAML::BeginSeq;
@@ -109,28 +131,15 @@ void writeTargetList(const std::string& path, const std::vector<TargetEntry>& en
     out << YAML::EndMap;
   }
   out << YAML::EndSeq;
-  writeFile(path, out.c_str() + std::string("\n"));
+  return out.c_str() + std::string("\n");
 }
 
-void writeFile(const std::string& path, const std::string& bytes) {
-  errno = 0;
-  std::ofstream file(path, std::ios::binary);
-  file << bytes;
-  file.close();
-  if (file) return;
-  const int reason = errno;
-  std::error_code none;
-  fs::remove(path, none);
-  refuse(path, std::string("cannot be written: ") + std::strerror(reason));
-}
-
-std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,
-                                    TargetFinder& finder) {
+std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder) {
   std::vector<std::string> refused;
   for (const TargetEntry& entry : entries) {
     try {
       Target target{entry.id, {}, entry.width, entry.frame};
-      for (const std::string& file : entry.files) target.images.push_back(read(file));
+      for (const std::string& file : entry.files) target.images.push_back(files::readGrey(file));
       finder.add(target);
     } catch (const std::exception& error) {
       refused.emplace_back(error.what());

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <functional>
-#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
@@ -24,18 +22,10 @@ struct TargetEntry {
 /// std::invalid_argument, beginning with `path`, with the reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
-/// Writes such a list; throws as writeFile() does.
-void writeTargetList(const std::string& path, const std::vector<TargetEntry>& entries);
+/// Such a YAML list.
+std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 
-/// Throws std::invalid_argument with the reason if it cannot be written as a whole; then there is
-/// no such file.
-void writeFile(const std::string& path, const std::string& bytes);
-
-/// Reads an image as 8-bit grey; throws a std::exception with the name and the reason.
-using ReadImage = std::function<cv::Mat(const std::string& file)>;
-
-/// Adds the targets; returns the reasons why some were refused.
-std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, const ReadImage& read,
-                                    TargetFinder& finder);
+/// Reads the images and adds the targets; returns the reasons why some were refused.
+std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);
 
 }  // namespace ktgp_orb

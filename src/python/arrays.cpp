@@ -1,6 +1,7 @@
 #include "python/arrays.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -28,6 +29,7 @@ py::array bytesOf(const py::object& object, const std::string& name) {
   }
   for (py::ssize_t i = 0; i < array.ndim(); ++i) {
     if (array.shape(i) > kLargest) throw py::value_error(name + " is too large");
+    if (array.shape(i) == 0 && name != "descriptors") throw py::value_error(name + " is empty");
   }
   const py::ssize_t channels = array.ndim() == 3 ? array.shape(2) : 1;
   const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == channels &&
@@ -81,26 +83,48 @@ std::vector<cv::KeyPoint> keypointsFrom(const py::object& object) {
   return keypoints;
 }
 
+/// Keypoints that are not in the image, or not finite, would end in a homography that means
+/// nothing.
+void requireInside(const Features& features) {
+  const cv::Size& size = features.image_size;
+  for (std::size_t i = 0; i < features.keypoints.size(); ++i) {
+    const cv::KeyPoint& k = features.keypoints[i];
+    const bool inside = k.pt.x >= -0.5F && k.pt.x <= static_cast<float>(size.width) - 0.5F &&
+                        k.pt.y >= -0.5F && k.pt.y <= static_cast<float>(size.height) - 0.5F;
+    if (inside && std::isfinite(k.size) && std::isfinite(k.angle)) continue;
+    throw py::value_error("keypoint " + std::to_string(i) + " is at (" + std::to_string(k.pt.x) +
+                          ", " + std::to_string(k.pt.y) + "), size " + std::to_string(k.size) +
+                          ", angle " + std::to_string(k.angle) +
+                          "; expected finite numbers, and a position in the image of " +
+                          std::to_string(size.width) + "x" + std::to_string(size.height) + " px");
+  }
+}
+
 }  // namespace
 
-GreyImage greyImage(const py::object& image, const std::string& name) {
-  GreyImage grey{bytesOf(image, name), {}};
-  const py::array& array = grey.owner;
-  if (array.ndim() == 2) {
-    grey.pixels = matrixOf(array, CV_8UC1);
-  } else if (array.ndim() == 3 && array.shape(2) == 3) {
-    const cv::Mat colour = matrixOf(array, CV_8UC3);
-    if (!colour.empty()) cv::cvtColor(colour, grey.pixels, cv::COLOR_BGR2GRAY);
-  } else {
+ImageArray imageArray(const py::object& image, const std::string& name) {
+  ImageArray out{bytesOf(image, name), {}};
+  const py::array& array = out.owner;
+  if (array.ndim() != 2 && (array.ndim() != 3 || array.shape(2) != 3)) {
     throw py::value_error(name + " has the shape " + shapeOf(array) +
                           "; expected (height, width) or (height, width, 3)");
   }
-  return grey;
+  out.pixels = matrixOf(array, array.ndim() == 2 ? CV_8UC1 : CV_8UC3);
+  return out;
 }
 
-GreyImage maskImage(const py::object& mask) {
+ImageArray greyImage(const py::object& image, const std::string& name) {
+  ImageArray out = imageArray(image, name);
+  if (out.pixels.channels() != 3) return out;
+  const cv::Mat colour = out.pixels;
+  out.pixels = cv::Mat();
+  cv::cvtColor(colour, out.pixels, cv::COLOR_BGR2GRAY);
+  return out;
+}
+
+ImageArray maskImage(const py::object& mask) {
   if (mask.is_none()) return {};
-  GreyImage grey{bytesOf(mask, "mask"), {}};
+  ImageArray grey{bytesOf(mask, "mask"), {}};
   if (grey.owner.ndim() != 2) {
     throw py::value_error("mask has the shape " + shapeOf(grey.owner) +
                           "; expected (height, width)");
@@ -153,6 +177,7 @@ Features featuresFrom(const py::object& keypoints, const py::object& descriptors
     throw py::value_error("descriptors has the shape " + shapeOf(bytes) + "; expected (N, 32)");
   }
   features.descriptors = matrixOf(bytes, CV_8UC1).clone();
+  requireInside(features);
   requireValid(features, "features");
   return features;
 }

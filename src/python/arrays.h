@@ -12,18 +12,21 @@ namespace ktgp_orb::python {
 namespace py = pybind11;
 
 /// An image in NumPy's memory, which `owner` keeps alive.
-struct GreyImage {
+struct ImageArray {
   py::array owner;
-  cv::Mat pixels;  ///< CV_8UC1
+  cv::Mat pixels;
 };
 
-/// Grey pixels of an array of uint8, (height, width) without a copy, or (height, width, 3) in the
-/// order blue, green, red as OpenCV reads files. Throws py::value_error, which names the image, its
-/// type or shape, and what is expected.
-GreyImage greyImage(const py::object& image, const std::string& name);
+/// An array of uint8 without a copy where its rows are dense: (height, width) as CV_8UC1, or
+/// (height, width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Throws
+/// py::value_error, which names the image, its type or shape, and what is expected.
+ImageArray imageArray(const py::object& image, const std::string& name);
+
+/// The same as CV_8UC1; colours are converted.
+ImageArray greyImage(const py::object& image, const std::string& name);
 
 /// The same for a mask, or an empty matrix for None.
-GreyImage maskImage(const py::object& mask);
+ImageArray maskImage(const py::object& mask);
 
 /// (N, 6) float32: x, y, size, angle, response, octave.
 py::array_t<float> keypointArray(const Features& features);

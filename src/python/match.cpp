@@ -1,5 +1,9 @@
 #include "python/match.h"
 
+#include <cstring>
+#include <string_view>
+#include <type_traits>
+
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
@@ -24,6 +28,20 @@ py::array_t<double> view(const std::vector<Eigen::Vector2d>& points, const py::o
   return out;
 }
 
+/// A copy of the memory as bytes, and back.
+template <typename Value>
+py::bytes copied(const std::vector<Value>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
+}
+
+template <typename Value>
+void assign(const py::handle& bytes, std::vector<Value>& values) {
+  const auto memory = bytes.cast<std::string_view>();
+  values.resize(memory.size() / sizeof(Value));
+  if (!values.empty())
+    std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
+}
+
 template <typename Value>
 auto viewOf(std::vector<Value> Match::*member) {
   return [member](const py::object& self) { return view(self.cast<const Match&>().*member, self); };
@@ -31,7 +49,7 @@ auto viewOf(std::vector<Value> Match::*member) {
 
 py::list stagesOf(const Match& match) {
   py::list out;
-  for (const StageResult& stage : match.stages) {
+  for (const Match::Stage& stage : match.stages) {
     py::dict each;
     each["name"] = stage.name;
     each["input"] = stage.input;
@@ -49,10 +67,10 @@ std::string textOf(const Match& match) {
 }
 
 std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
-                                   const std::string& preset, const py::kwargs& changes) {
-  const PipelineOptions options = pipelineOptions(parametersFrom(preset, changes, Scope::pair));
-  const GreyImage first = greyImage(reference, "reference");
-  const GreyImage second = greyImage(target, "target");
+                                   const py::object& preset, const py::kwargs& changes) {
+  const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
+  const ImageArray first = greyImage(reference, "reference");
+  const ImageArray second = greyImage(target, "target");
   const py::gil_scoped_release others_may_run;
   OrbExtractor extractor(options.orb);
   KtgpMatcher matcher(options.matcher);
@@ -101,7 +119,37 @@ void defineMatch(py::module_& module) {
           "levels", viewOf(&Match::levels),
           "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3 + PROSAC: an inlier, 4 an "
           "inlier from guided matching or growth.")
-      .def("__repr__", textOf);
+      .def("__repr__", textOf)
+      .def(py::pickle([](const Match& match) { return stateOf(match); },
+                      [](const py::tuple& state) {
+                        auto match = std::make_shared<Match>();
+                        restore(state, *match);
+                        return match;
+                      }));
+}
+
+/// With the images, which the sub-pixel alignment needs.
+py::tuple featuresState(const py::object& self) {
+  const auto& features = self.cast<const Features&>();
+  py::list images;
+  for (const cv::Mat& image : features.images) {
+    images.append(py::array_t<std::uint8_t>(
+        {static_cast<py::ssize_t>(image.rows), static_cast<py::ssize_t>(image.cols)},
+        {static_cast<py::ssize_t>(image.step[0]), py::ssize_t{1}}, image.data));
+  }
+  return py::make_tuple(keypointArray(features), descriptorArray(features, self),
+                        std::make_pair(features.image_size.width, features.image_size.height),
+                        toString(features.descriptor), images);
+}
+
+std::shared_ptr<Features> featuresRestored(const py::tuple& state) {
+  auto features = std::make_shared<Features>(featuresFrom(
+      state[0], state[1], state[2].cast<std::pair<int, int>>(), state[3].cast<std::string>()));
+  for (const py::handle& image : state[4]) {
+    features->images.push_back(
+        greyImage(py::reinterpret_borrow<py::object>(image), "image").pixels.clone());
+  }
+  return features;
 }
 
 void defineFeatures(py::module_& module) {
@@ -138,6 +186,8 @@ void defineFeatures(py::module_& module) {
           "descriptor", [](const Features& features) { return toString(features.descriptor); },
           "\"orb\" or \"teblid\".")
       .def("to_cv", cvKeypoints, "A list of cv2.KeyPoint; imports cv2.")
+      .def(py::pickle([](const py::object& self) { return featuresState(self); },
+                      [](const py::tuple& state) { return featuresRestored(state); }))
       .def("__len__", &Features::size);
 }
 
@@ -152,10 +202,12 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
       plane_deviation(result.answer.plane_deviation),
       inlier_count(result.inliers),
       rmse(result.rmse) {
-  stages.assign(result.stages.begin(), result.stages.end());
-  for (const StageResult& stage : result.refinements) {
-    if (*stage.name != '\0') stages.push_back(stage);
-  }
+  const auto keep = [this](const StageResult& stage) {
+    if (*stage.name == '\0') return;
+    stages.push_back({stage.name, stage.input, stage.output, stage.milliseconds});
+  };
+  for (const StageResult& stage : result.stages) keep(stage);
+  for (const StageResult& stage : result.refinements) keep(stage);
   const auto place = [](const Features& features, std::int32_t index) {
     const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
     return Eigen::Vector2d(point.x, point.y);
@@ -178,6 +230,39 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
   }
 }
 
+py::tuple stateOf(const Match& m) {
+  return py::make_tuple(
+      m.status, m.found_by, m.homography, m.covariance, m.shared_covariance, m.plane_deviation,
+      m.inlier_count, m.rmse, stagesOf(m), copied(m.reference_points), copied(m.target_points),
+      copied(m.reference_indices), copied(m.target_indices), copied(m.distances), copied(m.levels));
+}
+
+void restore(const py::tuple& state, Match& m) {
+  std::size_t next = 0;
+  const auto take = [&](auto& value) {
+    value = state[next++].cast<std::decay_t<decltype(value)>>();
+  };
+  take(m.status);
+  take(m.found_by);
+  take(m.homography);
+  take(m.covariance);
+  take(m.shared_covariance);
+  take(m.plane_deviation);
+  take(m.inlier_count);
+  take(m.rmse);
+  for (const auto& stage : state[next++]) {
+    m.stages.push_back({stage["name"].cast<std::string>(), stage["input"].cast<std::size_t>(),
+                        stage["output"].cast<std::size_t>(), stage["milliseconds"].cast<double>()});
+  }
+  const auto takeArray = [&](auto& values) { assign(state[next++], values); };
+  takeArray(m.reference_points);
+  takeArray(m.target_points);
+  takeArray(m.reference_indices);
+  takeArray(m.target_indices);
+  takeArray(m.distances);
+  takeArray(m.levels);
+}
+
 // New memory for the images of each frame would cost 2 % of its time.
 std::shared_ptr<Features> Extractor::unusedFeatures() {
   constexpr std::size_t kMost = 4;
@@ -189,19 +274,24 @@ std::shared_ptr<Features> Extractor::unusedFeatures() {
   return features;
 }
 
+Extractor::Extractor(const Settings& settings)
+    : settings_(settings), extractor_(pipelineOptions(parametersFrom(settings, Scope::pair)).orb) {}
+
 std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
-  const GreyImage grey = greyImage(image, "image");
-  const GreyImage where = maskImage(mask);
-  const py::gil_scoped_release others_may_run;
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const ImageArray grey = greyImage(image, "image");
+  const ImageArray where = maskImage(mask);
+  const Shared::Use use(shared_);
   auto features = unusedFeatures();
   extractor_.extract(grey.pixels, where.pixels, *features);
   return features;
 }
 
+Matcher::Matcher(const Settings& settings)
+    : settings_(settings),
+      matcher_(pipelineOptions(parametersFrom(settings, Scope::pair)).matcher) {}
+
 std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target) {
-  const py::gil_scoped_release others_may_run;
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const Shared::Use use(shared_);
   matcher_.match(reference, target, result_);
   return std::make_shared<Match>(result_, reference, target);
 }
@@ -209,32 +299,26 @@ std::shared_ptr<Match> Matcher::match(const Features& reference, const Features&
 void definePairs(py::module_& module) {
   defineFeatures(module);
   defineMatch(module);
-  py::class_<Extractor>(module, "Extractor",
-                        "Finds keypoints and descriptors. Threads may share an object.")
-      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
-             return std::make_unique<Extractor>(
-                 pipelineOptions(parametersFrom(preset, changes, Scope::pair)).orb);
-           }),
-           py::arg("preset") = "ktgp",
-           "Keywords are the parameters of doc/parameters.md, e.g. features=1000. Raises "
-           "ValueError.")
-      .def("extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
-           "image: (height, width) uint8, grey and not copied where its rows are dense, or "
-           "(height, width, 3),\n"
-           "blue, green, red; mask: (height, width) uint8, keypoints are found where it is not 0. "
-           "Returns "
-           "Features.\nRaises ValueError.");
-  py::class_<Matcher>(module, "Matcher",
-                      "Matches the features of two images. Threads may share an object.")
-      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
-             return std::make_unique<Matcher>(
-                 pipelineOptions(parametersFrom(preset, changes, Scope::pair)).matcher);
-           }),
-           py::arg("preset") = "ktgp",
-           "Keywords are the parameters of doc/parameters.md, e.g. T_w=0.8. Raises ValueError.")
-      .def("match", &Matcher::match, py::arg("reference"), py::arg("target"),
-           "reference, target: Features. Returns Match. Raises ValueError for descriptors of two "
-           "kinds.");
+  py::class_<Extractor> extractor(module, "Extractor",
+                                  "Finds keypoints and descriptors. Threads may share an object.");
+  defineSettings(extractor, "ktgp",
+                 "Keywords are the parameters of doc/parameters.md, e.g. features=1000. Raises "
+                 "ValueError.");
+  extractor.def(
+      "extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
+      "image: (height, width) uint8, grey and not copied where its rows are dense, or "
+      "(height, width, 3),\n"
+      "blue, green, red; mask: (height, width) uint8, keypoints are found where it is not 0. "
+      "Returns "
+      "Features.\nRaises ValueError.");
+  py::class_<Matcher> matcher(module, "Matcher",
+                              "Matches the features of two images. Threads may share an object.");
+  defineSettings(matcher, "ktgp",
+                 "Keywords are the parameters of doc/parameters.md, e.g. T_w=0.8. Raises "
+                 "ValueError.");
+  matcher.def("match", &Matcher::match, py::arg("reference"), py::arg("target"),
+              "reference, target: Features. Returns Match. Raises ValueError for descriptors of "
+              "two kinds.");
   module.def(
       "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
       "Matches two images: (height, width) uint8, or (height, width, 3) in the order blue, green, "

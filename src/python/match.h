@@ -6,12 +6,13 @@
 
 #include <Eigen/Core>
 #include <memory>
-#include <mutex>
 #include <string>
 #include <vector>
 
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
+#include "python/options.h"
+#include "python/shared.h"
 
 namespace ktgp_orb::python {
 
@@ -20,6 +21,13 @@ namespace py = pybind11;
 /// The result for a pair of images, with the arrays that Python sees: a row for each correspondence
 /// of the four stages, then for each one that guided matching or the growth added.
 struct Match {
+  struct Stage {
+    std::string name;
+    std::size_t input = 0;
+    std::size_t output = 0;
+    double milliseconds = 0.0;
+  };
+
   Match() = default;
   /// Copies from `result`, and the positions from the features.
   Match(const MatchResult& result, const Features& reference, const Features& target);
@@ -32,7 +40,7 @@ struct Match {
   double plane_deviation = 0.0;
   std::size_t inlier_count = 0;
   double rmse = 0.0;
-  std::vector<StageResult> stages;
+  std::vector<Stage> stages;
   std::vector<Eigen::Vector2d> reference_points;
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::int32_t> reference_indices;
@@ -44,32 +52,42 @@ struct Match {
 /// An extractor that several Python threads may call; one of them works at a time.
 class Extractor {
  public:
-  explicit Extractor(const OrbOptions& options) : extractor_(options) {}
+  explicit Extractor(const Settings& settings);
   std::shared_ptr<Features> extract(const py::object& image, const py::object& mask);
+  const Settings& settings() const { return settings_; }
 
  private:
   std::shared_ptr<Features> unusedFeatures();
 
+  Settings settings_;
   OrbExtractor extractor_;
   std::vector<std::shared_ptr<Features>> made_;  ///< used again when Python holds them no more
-  std::mutex mutex_;
+  Shared shared_;
 };
 
 /// A matcher that several Python threads may call; one of them works at a time.
 class Matcher {
  public:
-  explicit Matcher(const MatcherOptions& options) : matcher_(options) {}
+  explicit Matcher(const Settings& settings);
   std::shared_ptr<Match> match(const Features& reference, const Features& target);
+  const Settings& settings() const { return settings_; }
 
  private:
+  Settings settings_;
   KtgpMatcher matcher_;
   MatchResult result_;
-  std::mutex mutex_;
+  Shared shared_;
 };
+
+/// For pickle.
+py::tuple stateOf(const Match& match);
+void restore(const py::tuple& state, Match& match);
 
 /// Registers the classes and functions for pairs of images.
 void definePairs(py::module_& module);
 /// Registers the class for sequences.
 void defineSequence(py::module_& module);
+/// Registers the classes for targets, mosaic, stabilizer and motion above the ground.
+void defineConsumers(py::module_& module);
 
 }  // namespace ktgp_orb::python

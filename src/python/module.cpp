@@ -1,6 +1,9 @@
 #include "python/match.h"
 
-PYBIND11_MODULE(ktgp_orb_core, module) {
+// The name of PyInit_checked, which PYBIND11_MODULE defines; Python calls the function below.
+PYBIND11_MODULE(checked, module) {
+  module.attr("__name__") = "ktgp_orb_core";
+  module.attr("__version__") = KTGP_ORB_VERSION;
   module.doc() =
       "How one image maps onto another: KTGP-ORB features, matches and homographies.\n\n"
       "    import cv2, ktgp_orb_core as ktgp\n"
@@ -9,4 +12,16 @@ PYBIND11_MODULE(ktgp_orb_core, module) {
       "Results have the same bits as those of the C++ library. Errors raise ValueError.";
   ktgp_orb::python::definePairs(module);
   ktgp_orb::python::defineSequence(module);
+  ktgp_orb::python::defineConsumers(module);
+}
+
+/// pybind11 would wait for ever in a sub-interpreter.
+extern "C" PYBIND11_EXPORT PyObject* PyInit_ktgp_orb_core() {
+  if (PyThreadState_Get()->interp != PyInterpreterState_Main()) {
+    PyErr_SetString(PyExc_ImportError,
+                    "ktgp_orb_core works in the main interpreter alone; expected an import there, "
+                    "or another process");
+    return nullptr;
+  }
+  return PyInit_checked();
 }

@@ -21,7 +21,11 @@ bool obeys(Scope scope, const ParameterRow& row) {
   return row.name == "threads" || row.group == "method" || row.group.rfind("stage_", 0) == 0;
 }
 
-std::string textOf(const ParameterRow& row, const py::handle& value) {
+std::string textOf(const ParameterRow& row, const py::handle& given) {
+  // A scalar of NumPy, as the number that it is.
+  const bool is_scalar = py::hasattr(given, "dtype") && py::hasattr(given, "item");
+  const auto value =
+      is_scalar ? py::object(given.attr("item")()) : py::reinterpret_borrow<py::object>(given);
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
   const bool number = !std::holds_alternative<std::string Parameters::*>(row.field) &&
                       !std::holds_alternative<bool Parameters::*>(row.field);
@@ -55,10 +59,10 @@ Preset presetNamed(const std::string& name) {
 
 }  // namespace
 
-Parameters parametersFrom(const std::string& preset, const py::kwargs& changes, Scope scope) {
+Parameters parametersFrom(const Settings& settings, Scope scope) {
   const std::string usual = Parameters().descriptor;
-  auto [parameters, names] = presetNamed(preset);
-  for (const auto& [key, value] : changes) {
+  auto [parameters, names] = presetNamed(py::str(settings.preset));
+  for (const auto& [key, value] : settings.changes) {
     const auto name = key.cast<std::string>();
     const ParameterRow* const row = findParameter(name);
     if (row == nullptr || !obeys(scope, *row)) {

@@ -5,54 +5,52 @@
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
+#include "python/frame_match.h"
 #include "python/match.h"
 #include "python/options.h"
 
 namespace ktgp_orb::python {
 namespace {
 
-/// The result for a frame.
-struct FrameMatch : Match {
-  using Match::Match;
-  std::string no_reference;
-  std::optional<Eigen::Matrix3d> accumulated;
-};
-
 /// A sequence that several Python threads may call; one of them works at a time.
 class Sequence {
  public:
-  explicit Sequence(const SequenceOptions& options) : matcher_(options) {}
+  explicit Sequence(const Settings& settings)
+      : settings_(settings), matcher_(sequenceOptions(parametersFrom(settings, Scope::sequence))) {}
+  const Settings& settings() const { return settings_; }
 
   std::shared_ptr<FrameMatch> match(const py::object& image, double seconds) {
-    const GreyImage grey = greyImage(image, "image");
-    const py::gil_scoped_release others_may_run;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const ImageArray grey = greyImage(image, "image");
+    const Shared::Use use(shared_);
     const SequenceMatch& found = matcher_.match(grey.pixels, seconds);
     static const Features none;
     const Features& reference = found.reference ? found.reference->features : none;
     auto out = std::make_shared<FrameMatch>(found.match, reference, found.frame->features);
     out->no_reference = toString(found.no_reference);
     if (found.accumulated) out->accumulated = found.accumulated->homography;
+    out->stamp = found.frame->stamp;
+    out->reference_stamp = found.reference ? found.reference->stamp : 0;
+    out->image_size = found.frame->features.image_size;
     return out;
   }
 
   void setReference(const py::object& image) {
-    const GreyImage grey = greyImage(image, "image");
-    const py::gil_scoped_release others_may_run;
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const ImageArray grey = greyImage(image, "image");
+    const Shared::Use use(shared_);
     const FramePtr frame = matcher_.newFrame();
     grey.pixels.copyTo(frame->image);
     matcher_.setFixedReference(frame);
   }
 
   void restart() {
-    const std::lock_guard<std::mutex> lock(mutex_);
+    const Shared::Use use(shared_);
     matcher_.restart();
   }
 
  private:
+  Settings settings_;
   SequenceMatcher matcher_;
-  std::mutex mutex_;
+  Shared shared_;
 };
 
 }  // namespace
@@ -64,26 +62,46 @@ void defineSequence(py::module_& module) {
                     "Why the frame had no reference, e.g. \"first_frame\"; \"none\": it had one.")
       .def_readonly("accumulated", &FrameMatch::accumulated,
                     "(3, 3) float64: from the first frame of the unbroken sequence to this one, "
-                    "px; or None.");
-  py::class_<Sequence>(
+                    "px; or None.")
+      .def_property_readonly(
+          "seconds", [](const FrameMatch& m) { return secondsOf(m.stamp); },
+          "As given to Sequence.match.")
+      .def_property_readonly(
+          "reference_seconds", [](const FrameMatch& m) { return secondsOf(m.reference_stamp); },
+          "Of the reference; 0 without one.")
+      .def(py::pickle(
+          [](const FrameMatch& m) {
+            return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp,
+                                  m.reference_stamp, m.image_size.width, m.image_size.height);
+          },
+          [](const py::tuple& state) {
+            auto match = std::make_shared<FrameMatch>();
+            restore(state[0], *match);
+            match->no_reference = state[1].cast<std::string>();
+            match->accumulated = state[2].cast<std::optional<Eigen::Matrix3d>>();
+            match->stamp = state[3].cast<std::int64_t>();
+            match->reference_stamp = state[4].cast<std::int64_t>();
+            match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
+            return match;
+          }));
+  py::class_<Sequence> sequence(
       module, "Sequence",
-      "Matches the frames of a camera one after the other. Threads may share an object.")
-      .def(py::init([](const std::string& preset, const py::kwargs& changes) {
-             return std::make_unique<Sequence>(
-                 sequenceOptions(parametersFrom(preset, changes, Scope::sequence)));
-           }),
-           py::arg("preset") = "video",
-           "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
-           "\"keyframe\",\n"
-           "\"fixed\"), max_reference_age, keyframe_min_overlap and keyframe_min_inliers. Raises "
-           "ValueError.")
+      "Matches the frames of a camera one after the other. Threads may share an object. A copy by "
+      "pickle begins anew.");
+  defineSettings(
+      sequence, "video",
+      "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
+      "\"keyframe\",\n"
+      "\"fixed\"), max_reference_age, keyframe_min_overlap and keyframe_min_inliers. Raises "
+      "ValueError.");
+  sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "
            "FrameMatch.\n"
            "Raises ValueError.")
       .def("set_reference", &Sequence::setReference, py::arg("image"),
            "The reference of mode \"fixed\".")
-      .def("restart", &Sequence::restart, py::call_guard<py::gil_scoped_release>(),
+      .def("restart", &Sequence::restart,
            "The next frame is the first of a new sequence; a fixed reference stays.");
 }
 

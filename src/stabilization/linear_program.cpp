@@ -1,5 +1,7 @@
 #include "stabilization/linear_program.h"
 
+#include "stabilization/steady_path.h"
+
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
@@ -28,10 +30,6 @@ void LinearProgram::addTerm(int equation, int variable, double factor) {
 }
 
 #ifdef KTGP_ORB_HAVE_CLP
-
-bool hasLinearProgram() {
-  return true;
-}
 
 std::vector<double> LinearProgram::solve() const {
   // Clp takes the matrix column by column.
@@ -64,10 +62,6 @@ std::vector<double> LinearProgram::solve() const {
 
 #else
 
-bool hasLinearProgram() {
-  return false;
-}
-
 std::vector<double> LinearProgram::solve() const {
   throw std::runtime_error("this program was built without Clp (Debian's coinor-libclp-dev)");
 }
@@ -75,3 +69,11 @@ std::vector<double> LinearProgram::solve() const {
 #endif
 
 }  // namespace ktgp_orb::stabilization
+
+bool ktgp_orb::hasSteadyPath() {
+#ifdef KTGP_ORB_HAVE_CLP
+  return true;
+#else
+  return false;
+#endif
+}

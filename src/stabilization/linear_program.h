@@ -4,9 +4,6 @@
 
 namespace ktgp_orb::stabilization {
 
-/// Whether this build has a solver (Clp).
-bool hasLinearProgram();
-
 /// Minimises the cost of variables within bounds, subject to linear equations.
 class LinearProgram {
  public:

@@ -157,10 +157,6 @@ Steps usableSteps(const Steps& steps, const Corners& corners) {
 
 }  // namespace
 
-bool hasSteadyPath() {
-  return stabilization::hasLinearProgram();
-}
-
 std::vector<Eigen::Matrix3d> steadyPath(const Steps& all_steps, const cv::Size& size,
                                         double max_crop) {
   if (!(max_crop >= 0.01 && max_crop <= 0.4)) {

@@ -11,6 +11,7 @@
 #include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "core/util/options_check.h"
+#include "core/util/printable.h"
 #include "targets/conflicts.h"
 #include "targets/frame_search.h"
 #include "targets/target_store.h"
@@ -163,9 +164,10 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
       search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
         if (!targets::showsTheSame(other, pictures[i].image.size(), store)) continue;
-        throw std::invalid_argument("target \"" + id + "\": image " + std::to_string(i + 1) +
-                                    " shows the same as target \"" + candidate.target->id +
-                                    "\"; they could not be told apart");
+        throw std::invalid_argument("target " + util::quoted(id) + ": image " +
+                                    std::to_string(i + 1) + " shows the same as target " +
+                                    util::quoted(candidate.target->id) +
+                                    "; they could not be told apart");
       }
     }
   }
@@ -307,7 +309,8 @@ void TargetFinder::setSearch(double search_ms, double search_radius) {
 
 void TargetFinder::add(const Target& target) {
   if (knows(target.id)) {
-    throw std::invalid_argument("target \"" + target.id + "\" exists already; expected a new id");
+    throw std::invalid_argument("target " + util::quoted(target.id) +
+                                " exists already; expected a new id");
   }
   impl_->add(target, nullptr);
 }
@@ -315,7 +318,7 @@ void TargetFinder::add(const Target& target) {
 void TargetFinder::replace(const Target& target) {
   StoredTarget* replaced = impl_->store.find(target.id);
   if (replaced == nullptr) {
-    throw std::invalid_argument("target \"" + target.id + "\" does not exist");
+    throw std::invalid_argument("target " + util::quoted(target.id) + " does not exist");
   }
   impl_->add(target, replaced);
 }

@@ -4,19 +4,26 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/util/printable.h"
+
 namespace ktgp_orb::targets {
 namespace {
 
 constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; twelve must match
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
-  throw std::invalid_argument("target \"" + id + "\": " + reason);
+  throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
 }
 
 }  // namespace
 
 std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
+  constexpr std::size_t kLongest = 256;
   if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
+  if (target.id.size() > kLongest) {
+    refuse(target.id, "the id has " + std::to_string(target.id.size()) +
+                          " bytes; expected at most " + std::to_string(kLongest));
+  }
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +
                           " m; expected a positive one, or 0 if it is not known");

@@ -1,69 +1,71 @@
 #include "tools/bag_motion.h"
 
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
+#include <ktgp_orb/MatchStatus.h>
 #include <tf2_msgs/TFMessage.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
-#include <regex>
+#include <set>
+#include <utility>
+#include <vector>
 
 #include "bag/reader.h"
-#include "cli/output_file.h"
+#include "files/csv.h"
+#include "files/output_file.h"
+#include "ktgp_orb/status.h"
+#include "tools/view_text.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
 constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
-
-/// Columns of a covariance: standard deviations, then what is above the diagonal.
-void appendNames(const char* const* names, std::string& header) {
-  for (int i = 0; i < 6; ++i) header += std::string(",dev_") + names[i];
-  for (int i = 0; i < 6; ++i) {
-    for (int j = i + 1; j < 6; ++j) header += std::string(",cov_") + names[i] + '_' + names[j];
-  }
-}
+constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose, twist, their covariances
 
 std::string header() {
-  std::string text = "stamp,status,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz";
-  appendNames(kPose, text);
-  appendNames(kTwist, text);
-  return text + '\n';
-}
-
-void append(double value, std::string& row) {
-  char text[32];
-  std::snprintf(text, sizeof text, ",%.9g", value);
-  row += text;
-}
-
-void append(const Covariance6& covariance, std::string& row) {
-  for (int i = 0; i < 6; ++i) append(std::sqrt(covariance(i, i)), row);
-  for (int i = 0; i < 6; ++i) {
-    for (int j = i + 1; j < 6; ++j) append(covariance(i, j), row);
+  std::string text = "stamp,status,x,y,z,qx,qy,qz,qw";
+  for (const char* name : kTwist) text += std::string(",") + name;
+  for (const auto& names : {kPose, kTwist}) {
+    for (int i = 0; i < 6; ++i) text += std::string(",dev_") + names[i];
   }
+  for (const auto& names : {kPose, kTwist}) {
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i + 1; j < 6; ++j) text += std::string(",cov_") + names[i] + '_' + names[j];
+    }
+  }
+  return text + ",reason\n";
 }
 
-/// Numbers that are not known are left empty.
-std::string rowOf(const ros::Time& stamp, const GroundEstimate& estimate) {
-  char text[64];
-  std::snprintf(text, sizeof text, "%u.%09u,%s", stamp.sec, stamp.nsec, toString(estimate.status));
-  std::string row = text;
-  if (!estimate.hasPose()) return row + std::string(7 + 6 + 21 + 21, ',') + '\n';
+/// Numbers that are not known are left empty. Without an estimate, the frame was refused.
+std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
+                  const std::string& reason) {
+  files::CsvRow row;
+  row.add(textOf(stamp)).add(known ? toString(known->status) : "refused");
+  if (!known || !known->hasPose()) return row.skip(kNumbers).add(reason).line();
+  const GroundEstimate& estimate = *known;
   const Eigen::Vector3d position = estimate.base_to_odometry.translation();
   const Eigen::Quaterniond turn(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
-  for (int i = 0; i < 3; ++i) append(position(i), row);
-  for (const double each : {turn.x(), turn.y(), turn.z(), turn.w()}) append(each, row);
+  for (const double each :
+       {position.x(), position.y(), position.z(), turn.x(), turn.y(), turn.z(), turn.w()}) {
+    row.add(each);
+  }
   const bool moves = estimate.hasTwist();
-  if (!moves) row += std::string(6, ',');
-  for (int i = 0; moves && i < 6; ++i) append(estimate.twist(i), row);
-  append(estimate.pose_covariance, row);
-  if (moves) append(estimate.twist_covariance, row);
-  if (!moves) row += std::string(21, ',');
-  return row + '\n';
+  const auto addEach = [&row](bool known, const auto& values) {
+    if (!known) row.skip(6);
+    for (int i = 0; known && i < 6; ++i) row.add(values(i));
+  };
+  const auto addProducts = [&row](bool known, const Covariance6& covariance) {
+    if (!known) row.skip(15);
+    for (int i = 0; known && i < 6; ++i) {
+      for (int j = i + 1; j < 6; ++j) row.add(covariance(i, j));
+    }
+  };
+  addEach(moves, estimate.twist);
+  addEach(true, estimate.pose_covariance.diagonal().cwiseSqrt());
+  addEach(moves, estimate.twist_covariance.diagonal().cwiseSqrt());
+  addProducts(true, estimate.pose_covariance);
+  addProducts(moves, estimate.twist_covariance);
+  return row.add(reason).line();
 }
 
 template <typename Message>
@@ -71,11 +73,6 @@ void passUntil(const ros::Time& time, std::deque<Message>& messages, GroundReadi
   for (; !messages.empty() && messages.front().header.stamp <= time; messages.pop_front()) {
     readings.add(messages.front());
   }
-}
-
-/// So that the same problem with other numbers counts as the same one.
-std::string withoutNumbers(const std::string& problem) {
-  return std::regex_replace(problem, std::regex("-?[0-9]+\\.[0-9]+"), "...");
 }
 
 }  // namespace
@@ -128,25 +125,21 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
 }
 
 void BagMotion::readMessages(const std::string& path) {
-  try {
-    rosbag::Bag bag(path);
-    rosbag::View view(bag, rosbag::TopicQuery(std::vector<std::string>{
-                               options_.range_topic, options_.imu_topic, "/tf", "/tf_static"}));
-    for (const rosbag::MessageInstance& instance : view) {
-      if (const auto range = instance.instantiate<sensor_msgs::Range>()) {
-        ranges_.push_back(*range);
-      } else if (const auto imu = instance.instantiate<sensor_msgs::Imu>()) {
-        imus_.push_back(*imu);
-      } else if (const auto tf = instance.instantiate<tf2_msgs::TFMessage>()) {
-        const bool is_static = instance.getTopic() == "/tf_static";
-        for (const auto& each : tf->transforms) {
-          if (is_static) tf_.setTransform(each, "bag", true);
-          if (!is_static) transforms_.push_back(each);
-        }
+  const std::set<std::string> wanted{options_.range_topic, options_.imu_topic, "/tf", "/tf_static"};
+  BagMessages messages(path);
+  messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
+  while (const auto message = messages.next()) {
+    if (const auto range = message->as<sensor_msgs::Range>()) {
+      ranges_.push_back(*range);
+    } else if (const auto imu = message->as<sensor_msgs::Imu>()) {
+      imus_.push_back(*imu);
+    } else if (const auto tf = message->as<tf2_msgs::TFMessage>()) {
+      const bool is_static = message->topic() == "/tf_static";
+      for (const auto& each : tf->transforms) {
+        if (is_static) tf_.setTransform(each, "bag", true);
+        if (!is_static) transforms_.push_back(each);
       }
     }
-  } catch (const rosbag::BagException& error) {
-    throw std::runtime_error(path + ": --motion cannot read it: " + error.what());
   }
 }
 
@@ -164,38 +157,45 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   if (options_.path.empty()) return;
   ++frames_;
   passOn(homography.header.stamp);
-  GroundEstimate estimate;
-  std::string problem;
+  std::optional<GroundEstimate> estimate;
+  std::string reason;
   try {
     motion_.setOptions(readings_.optionsFor(homography.header));
     estimate = motion_.add(readings_.frameOf(homography, image, info_, pixels_));
-    problem = estimate.hasPose() ? readings_.notUsed(estimate) : readings_.problemOf(estimate);
-    shutter_ = shutterReport(estimate);
+    if (homography.status != MatchStatus::STATUS_OK) {
+      reason = toString(static_cast<Status>(homography.status));
+    } else {
+      reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
+    }
+    shutter_ = shutterReport(*estimate);
   } catch (const std::invalid_argument& error) {
-    problem = error.what();
+    reason = error.what();
   }
-  if (!problem.empty()) ++problems_[withoutNumbers(problem)];
-  if (estimate.hasPose()) ++known_;
-  rows_ += rowOf(homography.header.stamp, estimate);
+  const bool is_known = estimate && estimate->hasPose();
+  if (is_known) ++known_;
+  if (!is_known) ++reasons_[reason.substr(0, reason.find_first_of("0123456789"))];
+  rows_ += rowOf(homography.header.stamp, estimate, reason);
 }
 
 void BagMotion::close() {
-  if (!options_.path.empty()) tools::writeText(options_.path, header() + rows_, options_.force);
+  if (!options_.path.empty()) files::writeText(options_.path, header() + rows_, options_.force);
 }
 
 std::string BagMotion::report() const {
   if (options_.path.empty()) return "";
   std::string text = options_.path + ": motion of " + std::to_string(known_) + " of " +
                      std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
-                     ", normal from " + readings_.normalSource();
-  if (!shutter_.empty()) text += "; " + shutter_;
-  const auto most =
-      std::max_element(problems_.begin(), problems_.end(),
-                       [](const auto& a, const auto& b) { return a.second < b.second; });
-  if (most != problems_.end()) {
-    text += "; most often (" + std::to_string(most->second) + " frames): " + most->first;
+                     ", normal from " + readings_.normalSource() + '\n';
+  if (!shutter_.empty()) text += "  " + shutter_ + '\n';
+  std::vector<std::pair<std::size_t, std::string>> most;
+  for (const auto& [reason, count] : reasons_) most.emplace_back(count, reason);
+  std::sort(most.rbegin(), most.rend());
+  constexpr std::size_t kShown = 3;
+  most.resize(std::min(most.size(), kShown));
+  for (const auto& [count, reason] : most) {
+    text += "  " + std::to_string(count) + " frames without: " + reason + '\n';
   }
-  return text + '\n';
+  return text;
 }
 
 }  // namespace ktgp_orb

@@ -27,14 +27,15 @@ void addMotionArguments(CLI::App& app, MotionFile& motion);
 /// Imus and transforms in the bag.
 class BagMotion {
  public:
-  /// Does nothing for an empty name. Throws std::runtime_error for a bag that librosbag cannot read
-  /// and for one without a calibration.
+  /// Does nothing for an empty name. Throws UnusableBag for a bag without a calibration.
   BagMotion(const MotionFile& options, const std::string& bag, const std::string& image_topic);
 
   void add(const HomographyStamped& homography, const cv::Size& image);
   /// Writes the table. Throws FileError.
   void close();
-  /// The outcome in a line for users; empty if nothing was wanted.
+  /// A table was wanted, and no frame has a motion.
+  bool foundNone() const { return !options_.path.empty() && known_ == 0; }
+  /// The outcome in lines for users; empty if nothing was wanted.
   std::string report() const;
 
  private:
@@ -52,7 +53,7 @@ class BagMotion {
   std::deque<sensor_msgs::Imu> imus_;
   std::deque<geometry_msgs::TransformStamped> transforms_;
   std::string rows_;
-  std::map<std::string, std::size_t> problems_;  // how many frames had each
+  std::map<std::string, std::size_t> reasons_;  // of frames without motion, up to a number in it
   std::string shutter_;
   std::size_t frames_ = 0;
   std::size_t known_ = 0;

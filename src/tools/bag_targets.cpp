@@ -7,7 +7,7 @@
 
 #include "bag/reader.h"
 #include "bag/video.h"
-#include "cli/files.h"
+#include "files/input.h"
 #include "messages/image_conversion.h"
 #include "parameters/target_list.h"
 
@@ -51,11 +51,11 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
                        const std::string& image_topic)
     : input_(input), info_topic_(cameraOf(image_topic) + "/camera_info") {
   if (input_.path.empty()) return;
-  const auto refused = addTargets(readTargetList(input_.path), tools::readGrey, finder_);
+  const auto refused = addTargets(readTargetList(input_.path), finder_);
   for (const std::string& reason : refused) std::cerr << "ktgp_bag: " << reason << '\n';
   refused_ = refused.size();
   if (finder_.ids().empty()) {
-    throw tools::FileError(input_.path, "holds no target that can be used");
+    throw files::FileError(input_.path, "holds no target that can be used");
   }
   pixels_ = pixelsFrom(input_.calibration, image_topic);
   info_ = cameraInfoOf(recording, image_topic);

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "files/csv.h"
 #include "messages/colour_image.h"
 #include "tools/view_text.h"
 
@@ -59,14 +60,18 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
   if (options_.mosaic_poses.empty()) return;
-  poses_ += textOf(stamp) + ',' + toString(placement) + ',' + std::to_string(mosaic_.maps()) +
-            textOf(mosaic_.pose().value_or(Eigen::Matrix3d::Zero()));
+  poses_ += files::CsvRow()
+                .add(textOf(stamp))
+                .add(toString(placement))
+                .add(mosaic_.maps())
+                .add(mosaic_.pose().value_or(Eigen::Matrix3d::Zero()))
+                .line();
 }
 
 void BagViews::writeMap(const cv::Mat& image) {
   const std::string path = mosaicOf(options_.mosaic, maps_.size() + 1);
-  maps_.push_back(std::make_unique<tools::OutputFile>(path, options_.force));
-  tools::writeImage(*maps_.back(), image);
+  maps_.push_back(std::make_unique<files::OutputFile>(path, options_.force));
+  files::writeImage(*maps_.back(), image);
 }
 
 void BagViews::close() {
@@ -75,7 +80,7 @@ void BagViews::close() {
   for (const auto& file : maps_) file->commit();
   if (steady_) steady_->close();
   if (!options_.mosaic_poses.empty()) {
-    tools::writeText(options_.mosaic_poses,
+    files::writeText(options_.mosaic_poses,
                      "stamp,placement,map,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + poses_,
                      options_.force);
   }

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "cli/output_file.h"
+#include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "tools/steady_video.h"
 
@@ -47,7 +47,7 @@ class BagViews {
   ViewOptions options_;
   std::optional<SteadyVideo> steady_;
   Mosaic mosaic_;
-  std::vector<std::unique_ptr<tools::OutputFile>> maps_;  // complete, but without their names
+  std::vector<std::unique_ptr<files::OutputFile>> maps_;  // complete, but without their names
   std::size_t placed_ = 0;
   std::size_t lost_ = 0;
   double place_milliseconds_ = 0.0;

@@ -1,13 +1,12 @@
 #include "tools/bag_writer.h"
 
-#include <iomanip>
 #include <iostream>
-#include <sstream>
 #include <stdexcept>
 
-#include "cli/files.h"
+#include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
+#include "tools/view_text.h"
 
 namespace ktgp_orb {
 namespace {
@@ -19,27 +18,19 @@ constexpr const char* kColumns =
     "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
     "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
 constexpr int kStages = 4;
-constexpr int kColumnsAfterStatus = 29;  // without the error
-
-/// Not written directly to the file: ROS changes the stream's locale, which flushes the buffer, and
-/// ends the program if the disk is full.
-std::string text(const ros::Time& time) {
-  std::ostringstream out;
-  out << time;
-  return out.str();
-}
+constexpr std::size_t kColumnsAfterStatus = 29;  // without the error
 
 }  // namespace
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
                          bool force)
     : bag_file_(bag, force), prefix_(prefix + "/") {
-  const bool to_file = !csv.empty() && !tools::isStandardOutput(csv);
+  const bool to_file = !csv.empty() && !files::isStandardOutput(csv);
   if (to_file) csv_file_.emplace(csv, force);
   try {
     bag_ = std::make_unique<rosbag::Bag>(bag_file_.unfinished(), rosbag::bagmode::Write);
   } catch (const rosbag::BagException& error) {
-    tools::throwUnwritable(bag_file_, error.what());
+    files::throwUnwritable(bag_file_, error.what());
   }
   if (csv.empty()) return;
   if (to_file) csv_text_.open(csv_file_->unfinished());
@@ -60,11 +51,11 @@ void MatchWriter::close() {
   try {
     bag_->close();
   } catch (const rosbag::BagException& error) {
-    tools::throwUnwritable(bag_file_, error.what());
+    files::throwUnwritable(bag_file_, error.what());
   }
   if (csv_file_) {
     csv_text_.close();
-    if (!csv_text_) tools::throwUnwritable(*csv_file_, "an earlier part of it could not");
+    if (!csv_text_) files::throwUnwritable(*csv_file_, "an earlier part of it could not");
     csv_file_->commit();
   }
   bag_file_.commit();
@@ -76,7 +67,7 @@ void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, 
   try {
     bag_->write(topic, time, message);
   } catch (const rosbag::BagException& error) {
-    tools::throwUnwritable(bag_file_, error.what());
+    files::throwUnwritable(bag_file_, error.what());
   }
 }
 
@@ -98,33 +89,33 @@ void MatchWriter::write(const std::string& topic, const TargetDetectionsPtr& det
 }
 
 void MatchWriter::writeLine(const FrameMessages& messages) {
+  constexpr int kTime = 5;  // digits of a time in ms
+  constexpr int kExact = 17;
   const MatchStatistics& s = *messages.statistics;
-  std::ostream& out = *csv_;
-  out << text(s.header.stamp) << ',' << text(s.reference_stamp) << ','
-      << toString(static_cast<Status>(s.status)) << ','
-      << toString(static_cast<FoundBy>(s.found_by)) << ',' << int(s.reference_changed) << ','
-      << s.reference_features << ',' << s.target_features << ',' << s.descriptor;
-  for (int i = 0; i < kStages; ++i) out << ',' << s.stages[i].output;
-  out << std::setprecision(9) << ',' << s.retention << ',' << s.mean_distance << ','
-      << s.rms_distance << ',' << s.reprojection_rmse << ',' << s.plane_deviation;
-  out << std::setprecision(5) << ',' << s.extraction_milliseconds;
-  for (int i = 0; i < kStages; ++i) {
-    out << ',' << s.stages[i].milliseconds;
-  }
-  out << ',' << s.total_milliseconds << std::setprecision(17);
-  for (const double h : messages.homography->homography) out << ',' << h;
-  out << ",\n";
-  if (csv_file_ && !out) tools::throwUnwritable(*csv_file_, "an earlier part of it could not");
+  files::CsvRow row;
+  row.add(textOf(s.header.stamp)).add(textOf(s.reference_stamp));
+  row.add(toString(static_cast<Status>(s.status))).add(toString(static_cast<FoundBy>(s.found_by)));
+  row.add(int(s.reference_changed)).add(s.reference_features).add(s.target_features);
+  row.add(s.descriptor);
+  for (int i = 0; i < kStages; ++i) row.add(s.stages[i].output);
+  row.add(s.retention).add(s.mean_distance).add(s.rms_distance).add(s.reprojection_rmse);
+  row.add(s.plane_deviation).add(s.extraction_milliseconds, kTime);
+  for (int i = 0; i < kStages; ++i) row.add(s.stages[i].milliseconds, kTime);
+  row.add(s.total_milliseconds, kTime);
+  for (const double h : messages.homography->homography) row.add(h, kExact);
+  *csv_ << row.skip(1).line();
+  if (csv_file_ && !*csv_) files::throwUnwritable(*csv_file_, "an earlier part of it could not");
 }
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
   if (csv_ == nullptr) return;
-  std::string quoted = reason;
-  for (std::size_t i = 0; (i = quoted.find('"', i)) != std::string::npos; i += 2) {
-    quoted.insert(i, 1, '"');
-  }
-  *csv_ << text(header.stamp) << ",,refused" << std::string(kColumnsAfterStatus, ',') << ",\""
-        << quoted << "\"\n";
+  files::CsvRow row;
+  *csv_ << row.add(textOf(header.stamp))
+               .skip(1)
+               .add("refused")
+               .skip(kColumnsAfterStatus)
+               .add(reason)
+               .line();
 }
 
 }  // namespace ktgp_orb

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "cli/output_file.h"
+#include "files/output_file.h"
 #include "messages/message_conversion.h"
 
 namespace ktgp_orb {
@@ -41,8 +41,8 @@ class MatchWriter {
   void writeMessage(const std::string& topic, const ros::Time& time, Message& message);
   void writeLine(const FrameMessages& messages);
 
-  tools::OutputFile bag_file_;
-  std::optional<tools::OutputFile> csv_file_;
+  files::OutputFile bag_file_;
+  std::optional<files::OutputFile> csv_file_;
   std::unique_ptr<rosbag::Bag> bag_;
   std::ofstream csv_text_;
   std::ostream* csv_ = nullptr;                    // null: no table

@@ -1,21 +1,30 @@
 // Matches the images of a recording without playing it: uses all cores, drops no image, and gives
 // the same messages as the nodelet.
 
+#include <cv_bridge/cv_bridge.h>
 #include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
+#include <cstdio>
+#include <deque>
+#include <filesystem>
 #include <iostream>
+#include <map>
 #include <opencv2/core/utility.hpp>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "bag/reader.h"
 #include "bag/video.h"
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
 #include "cli/progress_bar.h"
+#include "cli/video_file.h"
+#include "files/input.h"
+#include "files/output_file.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/status.h"
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
@@ -25,10 +34,6 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
-#include "tools/batch.h"
-#include "tools/batch_options.h"
-#include "tools/idle_options.h"
-#include "tools/recording.h"
 #include "tools/view_options.h"
 
 namespace ktgp_orb {
@@ -40,19 +45,19 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  std::string draw;
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
   bool force = false;
-  bool measured_times = true;  ///< zero in a batch, whose files are the same on every machine
-  BatchOptions batch;
+  bool skip_finished = false;
   Parameters parameters;
 };
 
 std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   constexpr double kUsualRate = 30.0;
-  if (kindOf(arguments.in) != InputKind::images) tools::requireRegularFile(arguments.in);
+  if (kindOf(arguments.in) != InputKind::images) files::requireRegularFile(arguments.in);
   switch (kindOf(arguments.in)) {
     case InputKind::video:
       return openVideo(arguments.in, arguments.selection, arguments.rate);
@@ -74,11 +79,18 @@ std::string outputNames(const std::string& name, const std::string& topic, const
   return name.empty() ? cameraOf(topic) + "/" + nodelet : name;
 }
 
-void eraseTimes(MatchStatistics& statistics) {
-  for (StageStatistics& stage : statistics.stages) stage.milliseconds = 0.0;
-  statistics.extraction_milliseconds = 0.0;
-  statistics.total_milliseconds = 0.0;
-  statistics.latency_milliseconds = 0.0;
+/// Of the videos that are written.
+double pictureRate(const Arguments& arguments) {
+  if (arguments.rate > 0.0) return arguments.rate;
+  const bool video = kindOf(arguments.in) == InputKind::video;
+  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
+  return rate > 0.0 ? rate : arguments.views.steady.rate;
+}
+
+std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
+  if (arguments.draw.empty()) return std::nullopt;
+  return std::optional<tools::VideoFile>(std::in_place, arguments.draw, pictureRate(arguments),
+                                         arguments.force);
 }
 
 /// The sequential part of the work, frame by frame.
@@ -95,8 +107,9 @@ class Run {
         motion_(arguments.motion, arguments.in, source_->topic()),
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
+        drawing_(drawingFor(arguments)),
         progress_(source_->total()),
-        measured_times_(arguments.measured_times) {
+        discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
   }
 
@@ -110,15 +123,34 @@ class Run {
       if (pipeline_.full()) finishOldest();
     }
     while (!waiting_.empty()) finishOldest();
-    writer_.close();
+    if (tools::interrupted() && discards_interrupted_) return tools::kExitInterrupted;
     views_.close();
     motion_.close();
+    if (drawing_ && !drawing_->empty()) drawing_->close();
+    writer_.close();  // last: where OUT.bag has its name, the other files have theirs
     if (tools::interrupted()) return tools::kExitInterrupted;
-    return source_->damage().empty() && refused_ == 0 ? tools::kExitDone : tools::kExitUnusedData;
+    const bool all_used = source_->damage().empty() && refused_ == 0 && !motion_.foundNone();
+    return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
   std::size_t matched() const { return matched_; }
-  std::size_t found() const { return found_; }
+  /// Of the homographies, in lines for users.
+  std::string summary() const {
+    std::size_t found = 0;
+    std::string others;
+    for (const auto& [status, count] : statuses_) {
+      if (status == Status::ok) found = count;
+      if (status != Status::ok) {
+        others += (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " +
+                  toString(status);
+      }
+    }
+    char text[128];
+    std::snprintf(text, sizeof text, "%zu homographies, median of %.0f inliers, %.2f ms an image",
+                  found, inliers_.empty() ? 0.0 : evaluation::median(inliers_),
+                  milliseconds_.empty() ? 0.0 : evaluation::median(milliseconds_));
+    return text + others + '\n';
+  }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }
   /// The reason for the first of them.
@@ -155,22 +187,26 @@ class Run {
   }
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
-    if (!recorded.image) throw RefusedImage("compressed image cannot be decoded");
+    if (!recorded.image) throw RefusedImage(recorded.problem);
     FramePipeline::Prepared prepared = pipeline_.pop();
     FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
                                               prepared.ahead ? &*prepared.ahead : nullptr);
-    if (matcher_.configuration().overlay) messages.overlay = matcher_.overlay();
+    const bool overlay = matcher_.configuration().overlay;
+    const sensor_msgs::ImagePtr picture = overlay || drawing_ ? matcher_.overlay() : nullptr;
+    if (overlay) messages.overlay = picture;
+    if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     messages.statistics->refused_frames = refused_;
     messages.statistics->skipped_frames = skipped;
-    if (!measured_times_) eraseTimes(*messages.statistics);
     writer_.write(messages, recorded.received);
     ++matched_;
-    found_ += messages.homography->status == MatchStatus::STATUS_OK ? 1 : 0;
+    const auto status = static_cast<Status>(messages.homography->status);
+    ++statuses_[status];
+    if (status == Status::ok) inliers_.push_back(messages.homography->inliers);
+    milliseconds_.push_back(messages.statistics->total_milliseconds);
     views_.add(recorded.image, *messages.homography);
     motion_.add(*messages.homography, cv::Size(static_cast<int>(recorded.image->width),
                                                static_cast<int>(recorded.image->height)));
     const TargetDetectionsPtr detections = targets_.find(recorded.image);
-    if (detections && !measured_times_) detections->milliseconds = 0.0;
     writer_.write(detections_topic_, detections, recorded.received);
   }
 
@@ -182,11 +218,14 @@ class Run {
   BagMotion motion_;
   BagTargets targets_;
   std::string detections_topic_;
+  std::optional<tools::VideoFile> drawing_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
-  bool measured_times_;
+  bool discards_interrupted_;
   std::size_t matched_ = 0;
-  std::size_t found_ = 0;
+  std::map<Status, std::size_t> statuses_;
+  std::vector<double> inliers_;       // where a homography was found
+  std::vector<double> milliseconds_;  // of all images
   std::uint64_t skipped_ = 0;
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
@@ -215,13 +254,14 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
 }
 
 void checkFiles(Arguments& arguments) {
-  tools::OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
   plan.write(arguments.out);
   plan.write(arguments.csv);
+  plan.writeVideo(arguments.draw);
   plan.writeVideo(arguments.views.steady.video);
   plan.write(arguments.views.steady.warps);
   plan.writeImage(arguments.views.mosaic);
@@ -231,15 +271,7 @@ void checkFiles(Arguments& arguments) {
   plan.write(arguments.motion.path);
 }
 
-/// Of the steady video.
-double pictureRate(const Arguments& arguments) {
-  if (arguments.rate > 0.0) return arguments.rate;
-  const bool video = kindOf(arguments.in) == InputKind::video;
-  const double rate = video ? rateOfVideo(arguments.in) : 0.0;
-  return rate > 0.0 ? rate : arguments.views.steady.rate;
-}
-
-Outcome matchBag(Arguments& arguments) {
+int matchBag(Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
@@ -255,46 +287,27 @@ Outcome matchBag(Arguments& arguments) {
       configurationFor(arguments.parameters, arguments.in, source->topic());
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
-  Outcome outcome{code, run.matched(), run.refused(), run.skipped(), run.found()};
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
             << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
             << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
-            << run.viewReport();
+            << run.summary() << run.viewReport();
   if (run.refused() > 0) {
-    outcome.reason = std::to_string(run.refused()) +
-                     " images could not be used, the first because: " + run.refusal();
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << outcome.reason << '\n';
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
+              << " images could not be used, the first because: " << run.refusal() << '\n';
   }
   if (!run.damage().empty()) {
-    outcome.reason += (outcome.reason.empty() ? "" : "; ") + run.damage();
+    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
     std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
-              << "matched; 'rosbag reindex' may repair a bag.\n";
+              << "matched" << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
   }
-  return outcome;
-}
-
-/// One recording of a batch: the names of the files are below its folder.
-Outcome matchInto(Arguments arguments, const std::string& input, const std::string& folder) {
-  arguments.in = input;
-  arguments.out = folder + "/matched.bag";
-  for (std::string* file :
-       {&arguments.csv, &arguments.views.steady.video, &arguments.views.steady.warps,
-        &arguments.views.mosaic, &arguments.views.mosaic_poses, &arguments.motion.path}) {
-    if (!file->empty()) file->insert(0, folder + "/");
-  }
-  arguments.measured_times = false;
-  if (arguments.parameters.threads == 0) {
-    arguments.parameters.threads =
-        std::max(1, threadsFrom(arguments.parameters) / arguments.batch.jobs);
-  }
-  return matchBag(arguments);
+  return code;
 }
 
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
-      ->configurable(false);
-  app.add_option("OUT.bag", arguments.out, "bag to write")->configurable(false);
+      ->required();
+  app.add_option("OUT.bag", arguments.out, "bag to write")->required();
   app.add_option("--topic", arguments.selection.topic,
                  "image topic in a bag, raw or compressed; not needed if there is only one");
   app.add_option("--start", arguments.selection.start,
@@ -312,7 +325,13 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
-  addBatchOptions(app, arguments.batch);
+  app.add_flag("--skip_finished", arguments.skip_finished,
+               "for one command per recording, run again until all are done (see doc/fleet.md): if "
+               "OUT.bag exists, do nothing; an interrupted run leaves no files");
+  app.add_option("--draw", arguments.draw,
+                 "write a video (mp4) of the matches in the images, as --overlay_style says")
+      ->type_name("FILE")
+      ->group("To look at");
   addViewOptions(app, arguments.views);
   addMotionArguments(app, arguments.motion);
   addTargetsArguments(app, arguments.targets);
@@ -320,26 +339,30 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   tools::addParameterOptions(app, arguments.parameters);
 }
 
-void refuseMissingNames(const Arguments& arguments) {
-  if (!arguments.batch.list.empty()) {
-    if (arguments.in.empty() || !arguments.out.empty()) {
-      throw std::invalid_argument("--batch needs one name, that of the output folder");
-    }
-    return;
+/// Throws std::invalid_argument for options that would be accepted without effect.
+void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
+  const bool keyframe = parameters.reference_mode == "keyframe";
+  const bool fixed = parameters.reference_mode == "fixed";
+  const bool posed = app.count("--targets") + app.count("--motion") > 0;
+  const struct {
+    const char* option;
+    bool used;
+    const char* condition;
+  } options[] = {
+      {"--reference_image", fixed, "--reference_mode fixed"},
+      {"--keyframe_min_overlap", keyframe, "--reference_mode keyframe"},
+      {"--keyframe_min_inliers", keyframe, "--reference_mode keyframe"},
+      {"--calibration", posed, "--targets or --motion"},
+      {"--overlay_style", parameters.overlay || app.count("--draw") > 0, "--overlay or --draw"}};
+  for (const auto& [option, used, condition] : options) {
+    if (used || app.count(option) == 0) continue;
+    throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
+                                condition + "; leave it out");
   }
-  if (arguments.in.empty() || arguments.out.empty()) {
-    throw std::invalid_argument((arguments.in.empty() ? "IN and OUT.bag are" : "OUT.bag is") +
-                                std::string(" required; see --help"));
+  if (fixed && parameters.reference_image.empty()) {
+    throw std::invalid_argument(
+        "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
   }
-}
-
-int matchBatch(CLI::App& app, Arguments& arguments) {
-  tools::stopWhenInterrupted();
-  arguments.batch.folder = std::exchange(arguments.in, "");
-  completeBatchOptions(app, arguments.parameters, arguments.batch);
-  return runBatch(arguments.batch, [&](const std::string& input, const std::string& folder) {
-    return matchInto(arguments, input, folder);
-  });
 }
 
 int run(int argc, char** argv) {
@@ -349,18 +372,25 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Matches the images of a recording as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
-  app.footer(std::string("The parameter threads is the number of images processed in parallel, and "
+  app.footer(std::string("Examples:\n"
+                         "  ktgp_bag my.bag matched.bag --csv matched.csv\n"
+                         "  ktgp_bag my.mp4 matched.bag --preset robust --draw matches.mp4\n"
+                         "  ktgp_bag 'images/*.png' matched.bag --rate 10 --mosaic map.png\n\n"
+                         "The parameter threads is the number of images processed in parallel, and "
                          "overlay\ndraws matches_image; both defaults differ from those of the "
                          "nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  refuseMissingNames(arguments);
   refuseIdleOptions(app, arguments.parameters);
   completeViewOptions(app, arguments.views, arguments.force);
   arguments.motion.force = arguments.force;
+  arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  if (!arguments.batch.list.empty()) return matchBatch(app, arguments);
-  return matchBag(arguments).exit_code;
+  if (arguments.skip_finished && std::filesystem::exists(arguments.out)) {
+    std::cerr << arguments.out << " is finished\n";
+    return tools::kExitDone;
+  }
+  return matchBag(arguments);
 }
 
 }  // namespace

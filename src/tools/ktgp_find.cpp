@@ -3,10 +3,11 @@
 #include <cstdio>
 #include <iostream>
 
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
+#include "core/util/printable.h"
+#include "files/input.h"
+#include "files/output_file.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/target_finder.h"
 #include "parameters/target_list.h"
@@ -86,8 +87,8 @@ void print(const TargetFrame& frame) {
               frame.search.known, frame.search.candidates, frame.search.features,
               frame.search.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
-    std::printf("%s %d: %s, %zu inliers, corners", d.id.c_str(), d.instance, toString(d.status),
-                d.inliers);
+    std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
+                toString(d.status), d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
     std::printf("\n");
   }
@@ -119,7 +120,7 @@ int findTargets(int argc, char** argv) {
   if (const auto code = parse(app, argc, argv)) return *code;
 
   const std::vector<TargetEntry> entries = readTargetList(arguments.targets);
-  OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   plan.read(arguments.image);
   for (const TargetEntry& entry : entries) {
     for (const std::string& file : entry.files) plan.read(file);
@@ -128,22 +129,22 @@ int findTargets(int argc, char** argv) {
   plan.writeImage(arguments.draw);
   exitWhenInterrupted();
 
-  const cv::Mat image = readGrey(arguments.image);
+  const cv::Mat image = files::readGrey(arguments.image);
   TargetFinder finder(arguments.options);
-  const std::vector<std::string> refused = addTargets(entries, readGrey, finder);
+  const std::vector<std::string> refused = addTargets(entries, finder);
   for (const std::string& reason : refused) std::cerr << "ktgp_find: " << reason << '\n';
   if (finder.ids().empty()) {
-    throw FileError(arguments.targets, "holds no target that can be used");
+    throw files::FileError(arguments.targets, "holds no target that can be used");
   }
   const TargetFrame& frame = finder.find(image);
-  if (!isStandardOutput(arguments.json)) print(frame);
+  if (!files::isStandardOutput(arguments.json)) print(frame);
   if (!arguments.json.empty()) {
-    writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
+    files::writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
   }
   if (!arguments.draw.empty()) {
     cv::Mat canvas;
     drawTargets(image, frame.detections, canvas);
-    writeImage(arguments.draw, canvas, arguments.force);
+    files::writeImage(arguments.draw, canvas, arguments.force);
   }
   const bool is_found =
       std::any_of(frame.detections.begin(), frame.detections.end(),

@@ -7,10 +7,11 @@
 #include <iostream>
 #include <optional>
 
-#include "cli/files.h"
 #include "cli/matcher_cli.h"
-#include "cli/output_file.h"
 #include "cli/program.h"
+#include "files/csv.h"
+#include "files/input.h"
+#include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
 
@@ -35,8 +36,6 @@ constexpr const char* kExamples =
     "\n"
     "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
-
-/// Precision and corner errors use the estimator's default inlier threshold.
 
 struct Arguments {
   std::string reference;
@@ -90,7 +89,7 @@ Frame load(const std::string& file, OrbExtractor& extractor) {
   using Clock = std::chrono::steady_clock;
   Frame frame;
   frame.file = file;
-  frame.image = readGrey(file);
+  frame.image = files::readGrey(file);
   const auto start = Clock::now();
   extractor.extract(frame.image, frame.features);
   frame.extraction_milliseconds =
@@ -101,7 +100,8 @@ Frame load(const std::string& file, OrbExtractor& extractor) {
 Outcome run(const Arguments& arguments) {
   const Progress progress;
   Outcome outcome;
-  if (!arguments.ground_truth.empty()) outcome.truth = readHomography(arguments.ground_truth);
+  if (!arguments.ground_truth.empty())
+    outcome.truth = files::readHomography(arguments.ground_truth);
   OrbExtractor extractor(arguments.pipeline.orb);
   KtgpMatcher matcher(arguments.pipeline.matcher);
   progress.say("finding features of " + arguments.reference);
@@ -266,16 +266,12 @@ std::string toCsv(const Outcome& outcome) {
     const auto t = static_cast<std::size_t>(c.target_index);
     const cv::Point2f& from = outcome.reference.features.keypoints[r].pt;
     const cv::Point2f& to = outcome.target.features.keypoints[t].pt;
-    char row[256];
-    std::snprintf(row, sizeof(row), "%zu,%zu,%.9g,%.9g,%.9g,%.9g,%d,%d,%.9g,%s", r, t, from.x,
-                  from.y, to.x, to.y, c.distance, c.second_distance, c.ratio(),
-                  levels[static_cast<std::size_t>(c.level)]);
-    out += row;
-    if (outcome.truth) {
-      std::snprintf(row, sizeof(row), ",%.6g", errors[i++]);
-      out += row;
-    }
-    out += '\n';
+    files::CsvRow row;
+    row.add(r).add(t).add(from.x).add(from.y).add(to.x).add(to.y);
+    row.add(c.distance).add(c.second_distance).add(c.ratio());
+    row.add(levels[static_cast<std::size_t>(c.level)]);
+    if (outcome.truth) row.add(errors[i++], 6);
+    out += row.line();
   }
   return out;
 }
@@ -284,21 +280,22 @@ void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   const FrameView reference{outcome.reference.image, outcome.reference.features};
   const FrameView target{outcome.target.image, outcome.target.features};
   if (!arguments.json.empty()) {
-    writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2), arguments.force);
+    files::writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2),
+                     arguments.force);
   }
-  if (!arguments.csv.empty()) writeText(arguments.csv, toCsv(outcome), arguments.force);
+  if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(outcome), arguments.force);
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
     drawOverlay(reference, target, outcome.result, OverlayStyle::side_by_side, canvas);
-    writeImage(arguments.draw, canvas, arguments.force);
+    files::writeImage(arguments.draw, canvas, arguments.force);
   }
   if (!arguments.draw_stages.empty()) {
     drawStages(reference, target, outcome.result, canvas);
-    writeImage(arguments.draw_stages, canvas, arguments.force);
+    files::writeImage(arguments.draw_stages, canvas, arguments.force);
   }
   if (!arguments.draw_final.empty()) {
     drawLevel(reference, target, outcome.result, Level::ktgp, canvas);
-    writeImage(arguments.draw_final, canvas, arguments.force);
+    files::writeImage(arguments.draw_final, canvas, arguments.force);
   }
 }
 
@@ -323,7 +320,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
 }
 
 void checkFiles(const Arguments& arguments) {
-  OutputPlan plan(arguments.force);
+  files::OutputPlan plan(arguments.force);
   for (const auto& file : {arguments.reference, arguments.target, arguments.ground_truth}) {
     plan.read(file);
   }
@@ -344,7 +341,8 @@ int matchTwoImages(int argc, char** argv) {
   checkFiles(arguments);
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
-  const bool to_output = isStandardOutput(arguments.json) || isStandardOutput(arguments.csv);
+  const bool to_output =
+      files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
   if (!to_output) print(outcome);
   writeFiles(arguments, outcome);
   return outcome.result.status == Status::ok ? kExitDone : kExitUnusedData;

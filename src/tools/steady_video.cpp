@@ -9,7 +9,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "cli/files.h"
+#include "files/csv.h"
+#include "files/input.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "stabilization/steady_path.h"
@@ -90,7 +91,7 @@ void SteadyVideo::writeWhole() {
   std::size_t next = 0;
   while (next < path.size()) {
     const auto recorded = images->next();
-    if (!recorded) throw tools::FileError(options_.video, "the recording has changed meanwhile");
+    if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
     // Images that were skipped or refused have no place in the path.
     if (nanosecondsOf(recorded->image->header.stamp) != path[next].stamp) continue;
@@ -118,7 +119,11 @@ void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
   ++written_;
   video_.write(picture);
   if (!options_.warps.empty()) {
-    warps_ += textOf(steady.stamp) + (steady.starts_anew ? ",1" : ",0") + textOf(steady.warp);
+    warps_ += files::CsvRow()
+                  .add(textOf(steady.stamp))
+                  .add(steady.starts_anew ? 1 : 0)
+                  .add(steady.warp)
+                  .line();
   }
   if (step && last_ && !steady.starts_anew) {
     before_.steps.push_back(*step);
@@ -142,7 +147,7 @@ void SteadyVideo::close() {
   after_.finishPart(size_);
   if (!video_.empty()) video_.close();
   if (options_.warps.empty()) return;
-  tools::writeText(options_.warps,
+  files::writeText(options_.warps,
                    "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
                    options_.force);
 }

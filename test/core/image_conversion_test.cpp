@@ -15,6 +15,8 @@
 #include <set>
 #include <string>
 
+#include "files/input.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -261,6 +263,29 @@ TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
   std::remove(path.c_str());
 }
 
+// Their black and white are not known.
+TEST(Files, OfFloatsAreRefusedWithTheSameWordsEverywhere) {
+  for (const int type : {CV_32FC1, CV_32FC3, CV_64FC1}) {
+    const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_float.tiff";
+    ASSERT_TRUE(cv::imwrite(path, cv::Mat(48, 64, type, cv::Scalar::all(0.5))));
+    const std::vector<std::function<void()>> readers{
+        [&] { files::readGrey(path); }, [&] { readImageFile("reference_image", path); },
+        [&] { readMaskFile(path); }};
+    for (const auto& read : readers) {
+      try {
+        read();
+        ADD_FAILURE() << type;
+      } catch (const std::runtime_error& error) {
+        const std::string depth = CV_MAT_DEPTH(type) == CV_32F ? "CV_32F" : "CV_64F";
+        const std::string words =
+            "has " + depth + " pixels; expected a picture of 8 or 16 bits a channel";
+        EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+      }
+    }
+    std::remove(path.c_str());
+  }
+}
+
 // Opening a pipe would block until it has a writer.
 TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_image_conversion_pipe";
@@ -271,8 +296,7 @@ TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
       readImageFile("mask_image", name);
       ADD_FAILURE() << name;
     } catch (const RefusedImage& error) {
-      EXPECT_EQ(std::string(error.what()),
-                "mask_image '" + name + "' is not a regular file; expected an image file");
+      EXPECT_EQ(std::string(error.what()), "mask_image " + name + ": is not a regular file");
     }
   }
   std::remove(path.c_str());

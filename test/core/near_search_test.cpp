@@ -5,25 +5,24 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <bitset>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <limits>
 #include <random>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 #include <vector>
 
 #include "allocation_counter.h"
 #include "core/knn/near_search.h"
 #include "instruction_sets.h"
 #include "ktgp_orb/knn_matcher.h"
+#include "plain_search.h"
 
 namespace ktgp_orb::knn {
 namespace {
 
+using test::same;
 using util::ThreadPool;
 
 const cv::Size kSize(640, 480);
@@ -50,92 +49,6 @@ Eigen::Matrix3d turnAndShift() {
   return h;
 }
 
-std::int32_t hamming(const cv::Mat& a, int row_a, const cv::Mat& b, int row_b) {
-  std::int32_t distance = 0;
-  for (int i = 0; i < kDescriptorBytes; ++i) {
-    distance += static_cast<std::int32_t>(
-        std::bitset<8>(a.at<std::uint8_t>(row_a, i) ^ b.at<std::uint8_t>(row_b, i)).count());
-  }
-  return distance;
-}
-
-/// The reference keypoints that may match a target keypoint, by the definition of
-/// KnnMatcher::matchNear.
-std::vector<std::vector<bool>> maskOf(const Features& reference, const Features& target,
-                                      const Eigen::Matrix3d& prediction, double radius) {
-  Eigen::Matrix3d h = prediction.inverse();
-  if (h(2, 2) < 0.0) h = -h;  // the image is in front of the camera
-  const auto squared_radius = static_cast<float>(radius) * static_cast<float>(radius);
-  std::vector<std::vector<bool>> mask;
-  for (const cv::KeyPoint& keypoint : target.keypoints) {
-    const Eigen::Vector3d p = h * Eigen::Vector3d(keypoint.pt.x, keypoint.pt.y, 1.0);
-    const auto u = static_cast<float>(p.x() / p.z());
-    const auto v = static_cast<float>(p.y() / p.z());
-    mask.emplace_back();
-    for (const cv::KeyPoint& candidate : reference.keypoints) {
-      const float dx = candidate.pt.x - u;
-      const float dy = candidate.pt.y - v;
-      const float xx = dx * dx;
-      const float yy = dy * dy;
-      mask.back().push_back(p.z() > 0.0 && xx + yy <= squared_radius);
-    }
-  }
-  return mask;
-}
-
-std::vector<Correspondence> bruteForce(const Features& reference, const Features& target,
-                                       const std::vector<std::vector<bool>>& mask, bool mutual) {
-  constexpr std::int32_t kNone = 1000;
-  std::vector<Correspondence> all;
-  std::vector<std::pair<std::int32_t, std::int32_t>> nearest_query(reference.size(), {kNone, -1});
-  for (std::size_t t = 0; t < target.size(); ++t) {
-    const auto number = static_cast<std::int32_t>(t);
-    Correspondence c{-1, number, kNone, kNone, Level::knn, false};
-    for (std::size_t r = 0; r < reference.size(); ++r) {
-      if (!mask[t][r]) continue;
-      const std::int32_t distance =
-          hamming(reference.descriptors, static_cast<int>(r), target.descriptors, number);
-      if (distance < c.distance) {
-        c.second_distance = c.distance;
-        c.distance = distance;
-        c.reference_index = static_cast<std::int32_t>(r);
-      } else {
-        c.second_distance = std::min(c.second_distance, distance);
-      }
-      nearest_query[r] = std::min(nearest_query[r], {distance, number});
-    }
-    if (c.reference_index < 0) c.distance = c.second_distance = 256;
-    if (c.second_distance == kNone) c.second_distance = std::max(c.distance, 128);
-    all.push_back(c);
-  }
-  for (Correspondence& c : all) {
-    c.mutual = mutual && c.reference_index >= 0 &&
-               nearest_query[static_cast<std::size_t>(c.reference_index)].second == c.target_index;
-  }
-  return all;
-}
-
-::testing::AssertionResult same(const std::vector<Correspondence>& actual,
-                                const std::vector<Correspondence>& expected) {
-  if (actual.size() != expected.size()) {
-    return ::testing::AssertionFailure() << actual.size() << " instead of " << expected.size();
-  }
-  const auto fields = [](const Correspondence& c) {
-    return std::tie(c.reference_index, c.target_index, c.distance, c.second_distance, c.level,
-                    c.mutual);
-  };
-  for (std::size_t i = 0; i < actual.size(); ++i) {
-    if (fields(actual[i]) == fields(expected[i])) continue;
-    const auto text = [](const Correspondence& c) {
-      return std::to_string(c.reference_index) + " at " + std::to_string(c.distance) + ", " +
-             std::to_string(c.second_distance) + (c.mutual ? ", mutual" : "");
-    };
-    return ::testing::AssertionFailure()
-           << "target " << i << ": " << text(actual[i]) << " instead of " << text(expected[i]);
-  }
-  return ::testing::AssertionSuccess();
-}
-
 class NearKernels : public ::testing::TestWithParam<const NearKernel*> {
  protected:
   std::vector<Correspondence> search(const Features& reference, const Features& target,
@@ -150,10 +63,9 @@ class NearKernels : public ::testing::TestWithParam<const NearKernel*> {
 
   void expectExact(const Features& reference, const Features& target,
                    const Eigen::Matrix3d& prediction, double radius) {
-    const auto mask = maskOf(reference, target, prediction, radius);
     for (const bool mutual : {false, true}) {
       EXPECT_TRUE(same(search(reference, target, prediction, radius, mutual),
-                       bruteForce(reference, target, mask, mutual)))
+                       test::plainNearSearch(reference, target, prediction, radius, mutual)))
           << (mutual ? "mutual, " : "") << "radius " << radius << ", " << reference.size() << " x "
           << target.size();
     }

@@ -79,5 +79,15 @@ TEST(OrbImages, MoveNoMoreOnceTwoFramesHaveTheirs) {
   EXPECT_EQ(frames[1].images[1].data, pixels[1]);
 }
 
+TEST(OrbExtractor, LeavesDescriptorsAloneThatSomebodyElseHolds) {
+  OrbExtractor extractor;
+  Features features;
+  extractor.extract(test::textureImage(cv::Size(320, 240), 3), features);
+  const Features kept = features;
+  const cv::Mat copy = kept.descriptors.clone();
+  extractor.extract(test::textureImage(cv::Size(320, 240), 4), features);
+  EXPECT_EQ(cv::norm(kept.descriptors, copy, cv::NORM_INF), 0.0);
+}
+
 }  // namespace
 }  // namespace ktgp_orb

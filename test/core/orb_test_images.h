@@ -4,6 +4,8 @@
 #include <cmath>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <string>
+#include <vector>
 
 namespace ktgp_orb::test {
 
@@ -29,14 +31,39 @@ inline cv::Mat textureImage(const cv::Size& size, std::uint64_t seed) {
   return image;
 }
 
-/// Rectangles of random size, place and brightness: isolated corners among flat parts.
-inline cv::Mat blockImage(const cv::Size& size, std::uint64_t seed) {
+/// Rectangles of random size, place and brightness, one for each `area` px: isolated corners among
+/// flat parts, or with less area corners everywhere.
+inline cv::Mat blockImage(const cv::Size& size, std::uint64_t seed, int area = 1500) {
   cv::Mat image(size, CV_8U, cv::Scalar(90));
   cv::RNG rng(seed);
-  for (int i = 0; i < size.area() / 1500; ++i) {
+  for (int i = 0; i < size.area() / area; ++i) {
     const cv::Point corner(rng.uniform(0, size.width), rng.uniform(0, size.height));
     const cv::Size extent(rng.uniform(3, 40), rng.uniform(3, 40));
     cv::rectangle(image, cv::Rect(corner, extent), cv::Scalar(rng.uniform(0, 256)), cv::FILLED);
+  }
+  return image;
+}
+
+/// A poster: shapes, lines and words in random places. Equal for equal seeds.
+inline cv::Mat drawnPicture(const cv::Size& size, std::uint64_t seed) {
+  cv::RNG rng(seed * 0x9e3779b97f4a7c15U + 1);
+  cv::Mat image(size, CV_8U, cv::Scalar(rng.uniform(60, 220)));
+  const auto place = [&] {
+    return cv::Point(rng.uniform(0, size.width), rng.uniform(0, size.height));
+  };
+  const auto grey = [&] { return cv::Scalar(rng.uniform(0, 256)); };
+  for (int i = 0; i < 14; ++i) {
+    cv::rectangle(image, place(), place() / 3 + place() / 3, grey(), cv::FILLED, cv::LINE_AA);
+    cv::circle(image, place(), rng.uniform(4, size.width / 10), grey(), cv::FILLED, cv::LINE_AA);
+    const std::vector<cv::Point> triangle{place(), place(), place()};
+    if (i % 4 == 0) cv::fillConvexPoly(image, triangle, grey(), cv::LINE_AA);
+  }
+  for (int i = 0; i < 40; ++i) {
+    std::string word;
+    for (int n = rng.uniform(2, 8); n > 0; --n)
+      word += static_cast<char>(rng.uniform('0', 'z' + 1));
+    cv::putText(image, word, place(), rng.uniform(0, 8), rng.uniform(0.3, 1.8), grey(),
+                rng.uniform(1, 4), cv::LINE_AA);
   }
   return image;
 }

@@ -12,6 +12,7 @@
 
 #include "alignment_scene.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "orb_test_images.h"
 
 namespace {
 
@@ -74,16 +75,7 @@ namespace ktgp_orb {
 namespace {
 
 cv::Mat picture(int shift) {
-  static const cv::Mat scene = [] {
-    cv::Mat drawn(280, 380, CV_8U, cv::Scalar(128));
-    cv::RNG random(1);
-    for (int i = 0; i < 1500; ++i) {
-      const cv::Rect place(random.uniform(0, 370), random.uniform(0, 270), random.uniform(4, 25),
-                           random.uniform(4, 25));
-      drawn(place & cv::Rect({0, 0}, drawn.size())).setTo(random.uniform(0, 256));
-    }
-    return drawn;
-  }();
+  static const cv::Mat scene = test::blockImage({380, 280}, 1, 70);
   return scene(cv::Rect(shift, shift, 320, 240)).clone();
 }
 

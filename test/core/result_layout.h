@@ -10,7 +10,6 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/lens.h"
 #include "ktgp_orb/mosaic.h"
-#include "ktgp_orb/opencv.h"
 #include "ktgp_orb/overlay.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/sequence_matcher.h"

@@ -2,25 +2,13 @@
 
 #include <gtest/gtest.h>
 
-#include <opencv2/imgproc.hpp>
+#include "orb_test_images.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
 constexpr int kWidth = 320;
 constexpr int kHeight = 240;
-
-/// Overlapping rectangles: corners everywhere.
-cv::Mat world() {
-  cv::RNG random(3);
-  cv::Mat image(600, 800, CV_8U, cv::Scalar(128));
-  for (int i = 0; i < 4000; ++i) {
-    const cv::Rect box(random.uniform(0, 790), random.uniform(0, 590), random.uniform(4, 30),
-                       random.uniform(4, 30));
-    cv::rectangle(image, box, cv::Scalar(random.uniform(0, 256)), cv::FILLED);
-  }
-  return image;
-}
 
 /// The camera's view after `i` steps of (3, 2) px.
 cv::Mat view(const cv::Mat& world, int i) {
@@ -35,7 +23,7 @@ Eigen::Matrix3d step() {
 }
 
 TEST(Sequence, FollowsASteadyCamera) {
-  const cv::Mat map = world();
+  const cv::Mat map = test::blockImage({800, 600}, 3, 120);
   SequenceEvaluator evaluator({}, {}, 5);
   for (int i = 0; i < 12; ++i) evaluator.addFrame(100.0 + 0.1 * i, view(map, i), step());
   const SequenceScore score = evaluator.score();
@@ -64,7 +52,7 @@ TEST(Sequence, FollowsASteadyCamera) {
 }
 
 TEST(Sequence, TracksAndDriftEndAtAFrameThatShowsNothing) {
-  const cv::Mat map = world();
+  const cv::Mat map = test::blockImage({800, 600}, 3, 120);
   SequenceEvaluator evaluator({}, {}, 0);
   for (int i = 0; i < 7; ++i) {
     const bool blank = i == 3;
@@ -81,7 +69,7 @@ TEST(Sequence, TracksAndDriftEndAtAFrameThatShowsNothing) {
 }
 
 TEST(Sequence, WithoutTruthThereIsNoDrift) {
-  const cv::Mat map = world();
+  const cv::Mat map = test::blockImage({800, 600}, 3, 120);
   SequenceEvaluator evaluator({}, {}, 30);
   for (int i = 0; i < 3; ++i) evaluator.addFrame(i, view(map, i), std::nullopt);
   const SequenceScore score = evaluator.score();
@@ -95,7 +83,7 @@ TEST(Sequence, OfNoFramesAndOfOne) {
   SequenceEvaluator evaluator({}, {}, 30);
   EXPECT_TRUE(evaluator.score().frames.empty());
   EXPECT_TRUE(evaluator.score().survival.empty());
-  evaluator.addFrame(0.0, view(world(), 0), std::nullopt);
+  evaluator.addFrame(0.0, view(test::blockImage({800, 600}, 3, 120), 0), std::nullopt);
   EXPECT_EQ(evaluator.score().frames.size(), 1u);
   EXPECT_TRUE(evaluator.score().survival.empty());
 }

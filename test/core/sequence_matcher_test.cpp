@@ -13,7 +13,6 @@
 #include <limits>
 #include <set>
 
-#include "allocation_counter.h"
 #include "core/homography/covariance.h"
 #include "core/sequence/motion_predictor.h"
 #include "orb_test_images.h"
@@ -371,25 +370,6 @@ TEST(SequenceMatcher, LetsGoOfImagesThatItNeedsNoMore) {
   matcher.restart();
   EXPECT_TRUE(sources[8].expired());
   EXPECT_TRUE(sources[9].expired());
-}
-
-TEST(SequenceMatcher, AllocatesNothingOnceItsBuffersHaveGrown) {
-  std::vector<cv::Mat> views;
-  for (int i = 0; i < 4; ++i) views.push_back(view(i));
-  for (ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
-    SequenceMatcher matcher(withMode(mode));
-    int n = 0;
-    const auto run = [&](int frames) {
-      for (int i = 0; i < frames; ++i, ++n) {
-        const int step = std::abs(n % 6 - 3);  // back and forth
-        EXPECT_EQ(matcher.match(views[step], 0.1 * n).match.status == Status::ok, n > 0);
-      }
-    };
-    run(24);
-    const test::AllocationCounter counter;
-    run(24);
-    EXPECT_EQ(counter.count(), 0u) << "mode " << static_cast<int>(mode);
-  }
 }
 
 TEST(SequenceMatcher, RefusesWhatCannotBeMeant) {

@@ -10,30 +10,15 @@
 #include <random>
 #include <stdexcept>
 
+#include "shaking_flight.h"
+
 namespace ktgp_orb {
 namespace {
 
 const cv::Size kSize(640, 480);
 constexpr std::int64_t kPeriod = 33'000'000;  // ns
 
-using Path = std::vector<Eigen::Matrix3d>;  // world -> frame
-
-/// A camera that pans, turns and sways slowly, with `shake` px of random jitter on top.
-Path flight(int frames, double shake, double pan = 4.0) {
-  std::mt19937 random(1);
-  std::normal_distribution<double> jitter(0.0, 1.0);
-  Path path;
-  for (int i = 0; i < frames; ++i) {
-    const double t = i / 30.0;
-    const double angle = 0.1 * std::sin(0.8 * t) + shake * 0.002 * jitter(random);
-    Eigen::Matrix3d h;
-    h << std::cos(angle), -std::sin(angle), pan * i + shake * jitter(random), std::sin(angle),
-        std::cos(angle), 30.0 * std::sin(1.1 * t) + shake * jitter(random), 0.0, 1e-5 * std::sin(t),
-        1.0;
-    path.push_back(h);
-  }
-  return path;
-}
+using test::Path;
 
 Eigen::Matrix3d step(const Path& path, std::size_t i) {
   const Eigen::Matrix3d h = path[i] * path[i - 1].inverse();
@@ -88,7 +73,7 @@ Eigen::Vector2d centre(const Eigen::Matrix3d& warp) {
 }
 
 TEST(Stabilizer, TakesTheShakeOut) {
-  const Path path = flight(200, 3.0);
+  const Path path = test::shakingFlight(200, 3.0);
   const double before = shakeBefore(path, 30);
   StabilizerOptions options;
   const auto causal = stabilized(path, options);
@@ -128,7 +113,7 @@ TEST(Stabilizer, WithoutLaterFramesFollowsAnEvenMotionWithAThirdOfAFrameDelay) {
 
 // The line through the first two or three frames of a path points anywhere.
 TEST(Stabilizer, IsSteadyFromTheFirstFramesOn) {
-  const Path path = flight(20, 3.0, 0.0);
+  const Path path = test::shakingFlight(20, 3.0, 0.0);
   EXPECT_LT(shakeAfter(path, stabilized(path, {}), 1), 0.15 * shakeBefore(path, 1));
 }
 
@@ -138,7 +123,7 @@ TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {
       StabilizerOptions options;
       options.max_crop = max_crop;
       options.lag = 5;
-      for (const SteadyFrame& frame : stabilized(flight(120, shake), options)) {
+      for (const SteadyFrame& frame : stabilized(test::shakingFlight(120, shake), options)) {
         ASSERT_LT(beyondBorder(frame.warp), 1e-6) << shake << ' ' << max_crop;
       }
     }
@@ -146,7 +131,7 @@ TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {
 }
 
 TEST(Stabilizer, StartsAnewGentlyWithoutAHomography) {
-  const Path path = flight(120, 4.0);
+  const Path path = test::shakingFlight(120, 4.0);
   Stabilizer stabilizer;
   std::vector<SteadyFrame> ready;
   for (std::size_t i = 0; i < path.size(); ++i) {
@@ -166,7 +151,7 @@ TEST(Stabilizer, StartsAnewGentlyWithoutAHomography) {
 }
 
 TEST(Stabilizer, GivesEachFrameOnceWhateverTheLag) {
-  const Path path = flight(50, 2.0);
+  const Path path = test::shakingFlight(50, 2.0);
   StabilizerOptions options;
   options.lag = 12;
   Stabilizer stabilizer(options);
@@ -188,7 +173,7 @@ TEST(Stabilizer, GivesEachFrameOnceWhateverTheLag) {
 }
 
 TEST(Stabilizer, GivesTheSameWithAKeyframeAsReference) {
-  const Path path = flight(80, 3.0, 0.5);
+  const Path path = test::shakingFlight(80, 3.0, 0.5);
   const auto expected = stabilized(path, {});
   Stabilizer stabilizer;
   std::vector<SteadyFrame> ready;

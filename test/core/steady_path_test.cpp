@@ -13,31 +13,15 @@
 #include <stdexcept>
 
 #include "ktgp_orb/stabilizer.h"
+#include "shaking_flight.h"
 
 namespace ktgp_orb {
 namespace {
 
 const cv::Size kSize(640, 480);
 
-using Path = std::vector<Eigen::Matrix3d>;  // world -> frame
+using test::Path;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
-
-/// A camera that pans, turns and sways slowly, with `shake` px of random jitter on top.
-Path flight(int frames, double shake, double pan, unsigned seed = 1) {
-  std::mt19937 random(seed);
-  std::normal_distribution<double> jitter(0.0, 1.0);
-  Path path;
-  for (int i = 0; i < frames; ++i) {
-    const double t = i / 30.0;
-    const double angle = 0.1 * std::sin(0.8 * t) + shake * 0.002 * jitter(random);
-    Eigen::Matrix3d h;
-    h << std::cos(angle), -std::sin(angle), pan * i + shake * jitter(random), std::sin(angle),
-        std::cos(angle), 30.0 * std::sin(1.1 * t) + shake * jitter(random), 0.0, 1e-5 * std::sin(t),
-        1.0;
-    path.push_back(h);
-  }
-  return path;
-}
 
 Steps stepsOf(const Path& path) {
   Steps steps(path.size());
@@ -134,7 +118,7 @@ TEST_F(SteadyPath, IsSteadierThanTheCausalOneWithTheLongestLag) {
   StabilizerOptions options;
   options.lag = 30;
   for (unsigned seed = 1; seed <= 8; ++seed) {
-    const Steps steps = stepsOf(flight(200, 3.0, 4.0, seed));
+    const Steps steps = stepsOf(test::shakingFlight(200, 3.0, 4.0, seed));
     const Path whole = steadyPath(steps, kSize, 0.1);
     const double before = jitterBefore(steps);
     const double after = jitterAfter(steps, whole);
@@ -163,14 +147,15 @@ TEST_F(SteadyPath, StandsStillAboveAShakingCamera) {
 TEST_F(SteadyPath, NeverShowsWhatIsBeyondTheBorder) {
   for (const double shake : {3.0, 30.0, 200.0}) {
     for (const double max_crop : {0.01, 0.1, 0.3, 0.4}) {
-      const Path warps = steadyPath(stepsOf(flight(120, shake, 30.0)), kSize, max_crop);
+      const Path warps =
+          steadyPath(stepsOf(test::shakingFlight(120, shake, 30.0)), kSize, max_crop);
       EXPECT_LT(beyondBorder(warps), 1e-6) << shake << ' ' << max_crop;
     }
   }
 }
 
 TEST_F(SteadyPath, CutsAndGapsBeginANewPathWithoutAJumpOfTheWindow) {
-  Steps steps = stepsOf(flight(150, 3.0, 4.0));
+  Steps steps = stepsOf(test::shakingFlight(150, 3.0, 4.0));
   for (const std::size_t lost : {50, 51, 90}) steps[lost].reset();
   Eigen::Matrix3d mirrored = Eigen::Matrix3d::Identity();
   mirrored(0, 0) = -1.0;
@@ -190,7 +175,7 @@ TEST_F(SteadyPath, CutsAndGapsBeginANewPathWithoutAJumpOfTheWindow) {
 }
 
 TEST_F(SteadyPath, ALongRecordingHasNoSeams) {
-  const Steps steps = stepsOf(flight(800, 3.0, 2.0));
+  const Steps steps = stepsOf(test::shakingFlight(800, 3.0, 2.0));
   const Path warps = steadyPath(steps, kSize, 0.1);
   EXPECT_LT(beyondBorder(warps), 1e-6);
   for (std::size_t begin = 0; begin + 50 <= steps.size(); begin += 50) {
@@ -202,7 +187,7 @@ TEST_F(SteadyPath, ALongRecordingHasNoSeams) {
 }
 
 TEST_F(SteadyPath, IsTheSameEveryTime) {
-  const Steps steps = stepsOf(flight(100, 10.0, 5.0));
+  const Steps steps = stepsOf(test::shakingFlight(100, 10.0, 5.0));
   const Path first = steadyPath(steps, kSize, 0.1);
   const Path second = steadyPath(steps, kSize, 0.1);
   for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i], second[i]) << i;

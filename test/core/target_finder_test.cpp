@@ -140,11 +140,11 @@ TEST(TargetFinder, InstancesKeepTheirNumbers) {
     return std::vector<Shown>{shown(2, 150.0 + 6 * step, 130, 0.2, 0.6),
                               shown(2, 490.0 - 6 * step, 350, 0.2, 0.6)};
   };
+  int first = -1;
   for (int step = 0; step < 5; ++step) {
     const std::vector<Shown> truth = at(step);
     const TargetFrame& frame = finder.find(frameOf(truth));
     ASSERT_EQ(frame.detections.size(), 2U) << step;
-    static int first = -1;
     if (step == 0) first = errorOf(frame.detections[0], truth[0]) < 3.0 ? 0 : 1;
     for (const DetectedTarget& d : frame.detections) {
       EXPECT_EQ(d.age, step + 1);

@@ -4,38 +4,12 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
-#include <string>
-#include <vector>
 
 #include "evaluation/rendering.h"
+#include "orb_test_images.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::test {
-
-/// A poster: shapes, lines and words in random places. Equal for equal seeds.
-inline cv::Mat drawnPicture(const cv::Size& size, std::uint64_t seed) {
-  cv::RNG rng(seed * 0x9e3779b97f4a7c15U + 1);
-  cv::Mat image(size, CV_8U, cv::Scalar(rng.uniform(60, 220)));
-  const auto place = [&] {
-    return cv::Point(rng.uniform(0, size.width), rng.uniform(0, size.height));
-  };
-  const auto grey = [&] { return cv::Scalar(rng.uniform(0, 256)); };
-  for (int i = 0; i < 14; ++i) {
-    cv::rectangle(image, place(), place() / 3 + place() / 3, grey(), cv::FILLED, cv::LINE_AA);
-    cv::circle(image, place(), rng.uniform(4, size.width / 10), grey(), cv::FILLED, cv::LINE_AA);
-    const std::vector<cv::Point> triangle{place(), place(), place()};
-    if (i % 4 == 0) cv::fillConvexPoly(image, triangle, grey(), cv::LINE_AA);
-  }
-  for (int i = 0; i < 40; ++i) {
-    std::string word;
-    for (int n = rng.uniform(2, 8); n > 0; --n)
-      word += static_cast<char>(rng.uniform('0', 'z' + 1));
-    cv::putText(image, word, place(), rng.uniform(0, 8), rng.uniform(0.3, 1.8), grey(),
-                rng.uniform(1, 4), cv::LINE_AA);
-  }
-  return image;
-}
 
 /// Where a target is in the view of a camera.
 struct Placement {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <fstream>
 #include <limits>
@@ -99,6 +100,45 @@ TEST_P(TeblidOracle, GivesTheAuthorsDescriptors) {
 
 INSTANTIATE_TEST_SUITE_P(AllFiles, TeblidOracle, testing::Values("bikes_4", "boat_3", "leuven_1"),
                          [](const auto& tested) { return std::string(tested.param); });
+
+/// Mean grey value of a square, cut at the border of the image.
+double meanOf(const cv::Mat& image, double x, double y, double radius) {
+  const int r = static_cast<int>(radius + 0.5);
+  const cv::Point centre(cvFloor(x + 0.5), cvFloor(y + 0.5));
+  const cv::Rect square(centre.x - r, centre.y - r, 2 * r + 1, 2 * r + 1);
+  return cv::mean(image(square & cv::Rect({0, 0}, image.size())))[0];
+}
+
+// The paper's definition in double precision, box by box: only where the rounding to single
+// precision matters does a bit differ.
+TEST(Teblid, ComparesTheBoxesOfThePaper) {
+  const cv::Mat image = test::textureImage({320, 240}, 4);
+  const cv::Mat integral = integralOf(image);
+  cv::RNG rng(5);
+  int wrong = 0;
+  constexpr int kKeypoints = 200;
+  for (int k = 0; k < kKeypoints; ++k) {
+    const cv::KeyPoint keypoint(rng.uniform(43.F, 277.F), rng.uniform(43.F, 197.F),
+                                rng.uniform(31.F, 60.F), rng.uniform(0.F, 360.F));
+    const double scale = keypoint.size / kTeblidPatch;
+    const double angle = keypoint.angle * CV_PI / 180.0;
+    const auto mean = [&](int u, int v, int radius) {
+      const double x = scale * (u - 0.5 * kTeblidPatch);
+      const double y = scale * (v - 0.5 * kTeblidPatch);
+      return meanOf(image, keypoint.pt.x + std::cos(angle) * x - std::sin(angle) * y,
+                    keypoint.pt.y + std::sin(angle) * x + std::cos(angle) * y, scale * radius);
+    };
+    const Descriptor actual = describe(integral, keypoint);
+    const TeblidTable& t = kTeblidTable;
+    for (int i = 0; i < kTeblidBits; ++i) {
+      const double difference = mean(t.first_x[i], t.first_y[i], t.radius[i]) -
+                                mean(t.second_x[i], t.second_y[i], t.radius[i]);
+      const bool bit = (actual[static_cast<std::size_t>(i) / 8] & (0x80 >> (i % 8))) != 0;
+      wrong += bit != (difference <= t.threshold[i]) ? 1 : 0;
+    }
+  }
+  EXPECT_LT(wrong, kKeypoints * kTeblidBits / 1000);
+}
 
 // Bits that are set for a flat image: 0 <= threshold.
 TEST(Teblid, ComparesEqualMeansInAFlatImage) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdlib>
+#include <fstream>
 #include <optional>
 #include <string>
 
@@ -21,6 +22,14 @@ inline std::optional<std::string> dataFolder() {
 /// Reference results of other implementations (KTGP_ORB_ORACLE).
 inline std::optional<std::string> oracleFolder() {
   return folderFrom("KTGP_ORB_ORACLE");
+}
+
+/// Photographs: those of Debian's package opencv-doc, or of the folder KTGP_ORB_PHOTOS.
+inline std::optional<std::string> photoFolder() {
+  if (const auto folder = folderFrom("KTGP_ORB_PHOTOS")) return folder;
+  const std::string debian = "/usr/share/doc/opencv-doc/examples/data";
+  if (!std::ifstream(debian + "/graf1.png")) return std::nullopt;
+  return debian;
 }
 
 }  // namespace ktgp_orb::test

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "cli/files.h"
+#include "files/input.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -25,7 +25,7 @@ std::string written(const std::string& text) {
 std::string refusal(const std::string& text) {
   try {
     readPoints(written(text));
-  } catch (const FileError& error) {
+  } catch (const files::FileError& error) {
     return error.what();
   }
   return "";
@@ -47,7 +47,7 @@ TEST(TruthPoints, NeedFourNumbersARowAndFourRows) {
   EXPECT_NE(refusal(kRows + "1 2 3 4 5\n1 2 3\n").find("line 6"), std::string::npos);
   EXPECT_NE(refusal("a b c d\n" + kRows).find("line 1"), std::string::npos);
   EXPECT_NE(refusal(kRows + "1 2 3 nan\n").find("line 6"), std::string::npos);
-  EXPECT_THROW(readPoints("/nowhere/at.all"), FileError);
+  EXPECT_THROW(readPoints("/nowhere/at.all"), files::FileError);
 }
 
 TEST(TruthPoints, DetermineAHomographyUnlessOnALine) {

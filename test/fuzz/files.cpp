@@ -1,8 +1,8 @@
 // Files of homographies and lists of pairs.
 #include <Eigen/LU>
 
-#include "cli/files.h"
 #include "evaluation/dataset.h"
+#include "files/input.h"
 #include "input.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) {
@@ -10,9 +10,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t siz
   using fuzz::require;
   const fuzz::MemoryFile file(bytes, size);
   try {
-    const Eigen::Matrix3d homography = tools::readHomography(file.path());
+    const Eigen::Matrix3d homography = files::readHomography(file.path());
     require(homography.allFinite() && homography.determinant() != 0.0, "H can be inverted");
-  } catch (const tools::FileError&) {
+  } catch (const files::FileError&) {
   }
   tools::Dataset dataset;
   tools::addPairs(file.path(), dataset);

@@ -13,6 +13,7 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -220,3 +221,15 @@ class MemoryFile {
 };
 
 }  // namespace ktgp_orb::fuzz
+
+/// Defines libFuzzer's function: `run` with each input. It may refuse an input, as documented, by
+/// std::invalid_argument.
+#define KTGP_ORB_FUZZ(run)                                                             \
+  extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* bytes, std::size_t size) { \
+    ktgp_orb::fuzz::Input in(bytes, size);                                             \
+    try {                                                                              \
+      run(in);                                                                         \
+    } catch (const std::invalid_argument&) {                                           \
+    }                                                                                  \
+    return 0;                                                                          \
+  }

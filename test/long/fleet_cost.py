@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""fleet_cost.py PROGRAMS: the cost table of doc/fleet.md, from recordings of the demo (640x480) in a batch: frames a
+"""fleet_cost.py PROGRAMS: the cost table of doc/fleet.md, from recordings of the demo (640x480): frames a
 second of a core's time, with 1 to all cores busy, and core hours for 10 000 h of video at 30 images a second. The
 time is that of the processor, so that other programs disturb little."""
 import os
@@ -8,7 +8,8 @@ import subprocess
 import sys
 import tempfile
 
-PROGRAMS = sys.argv[1]
+PROGRAMS = os.path.abspath(sys.argv[1])
+ONE = os.path.abspath(os.path.dirname(__file__) + '/../../examples/fleet/one_recording.sh')
 RECORDINGS, SECONDS = 4, 2
 VARIANTS = (('KTGP', ['--preset', 'ktgp']), ('robust', ['--preset', 'robust']),
             ('KTGP, stabilised', ['--preset', 'ktgp', '--stabilize', 'steady.mp4']),
@@ -27,8 +28,6 @@ def main():
         for i in range(RECORDINGS):
             subprocess.run([PROGRAMS + '/make_demo_bag', '%s/%d.bag' % (folder, i), '--seconds', str(SECONDS),
                             '--shake', '2'], check=True, stderr=subprocess.DEVNULL)
-        with open(folder + '/list', 'w') as file:
-            file.write(''.join('%s/%d.bag\n' % (folder, i) for i in range(RECORDINGS)))
         print('| | %s | core hours for 10 000 h |' % ' | '.join(
             'frames/s per core, %d core%s busy' % (n, 's' if n > 1 else '') for n in counts))
         print('|---|%s---:|' % ('---:|' * len(counts)))
@@ -36,9 +35,11 @@ def main():
             speeds = []
             for n in counts:
                 start = processor_seconds()
-                subprocess.run(['taskset', '-c', '0-%d' % (n - 1), PROGRAMS + '/ktgp_bag', '--batch', folder + '/list',
-                                '%s/%s%d' % (folder, name, n), '--jobs', str(n), '--threads', '1'] + options,
-                               check=True, stderr=subprocess.DEVNULL)
+                subprocess.run(['taskset', '-c', '0-%d' % (n - 1), 'xargs', '-P', str(n), '-I', '{}', ONE,
+                                '{}.bag', name + str(n), '--threads', '1'] + options, check=True, cwd=folder,
+                               env=dict(os.environ, PATH=PROGRAMS + ':' + os.environ['PATH']),
+                               input=''.join('%d\n' % i for i in range(RECORDINGS)).encode(),
+                               stderr=subprocess.DEVNULL)
                 speeds.append(RECORDINGS * SECONDS * 30 / (processor_seconds() - start))
             print('| %s | %s | %.0f |' % (name, ' | '.join('%.0f' % s for s in speeds), 10000 * 30 / speeds[-1]),
                   flush=True)

@@ -6,8 +6,13 @@ import concurrent.futures
 import gc
 import json
 import os
+import pickle
+import signal
 import subprocess
+import sys
 import tempfile
+import threading
+import time
 import unittest
 
 import cv2
@@ -160,13 +165,18 @@ class ModuleTest(unittest.TestCase):
             self.assertEqual(fixed.match(frame, time).status, 'ok')
 
     def test_images_without_features_have_a_status(self):
-        for image in (np.zeros((0, 0), np.uint8), np.zeros((480, 640), np.uint8), np.zeros((3, 3), np.uint8)):
+        for image in (np.zeros((480, 640), np.uint8), np.zeros((3, 3), np.uint8)):
             self.assertEqual(ktgp.match(image, self.target).status, 'too_few_features')
 
     def test_bad_input_is_named(self):
         extract, grey = ktgp.Extractor().extract, self.reference
         descriptors = np.zeros((3, 32), np.uint8)
         teblid = ktgp.Extractor('teblid').extract(grey)
+
+        def at(x, y):
+            keypoints = np.zeros((3, 6), np.float32)
+            keypoints[1, :2] = x, y
+            return keypoints
         cases = (
             (lambda: ktgp.match(grey.astype(np.float32), grey), 'reference has the type float32; expected uint8'),
             (lambda: ktgp.match(grey, grey.astype(np.int8)), 'target has the type int8; expected uint8'),
@@ -183,6 +193,11 @@ class ModuleTest(unittest.TestCase):
             (lambda: ktgp.Matcher(reference_mode='fixed'), 'reference_mode is not a parameter'),
             (lambda: ktgp.Sequence(reference_mode='last'), 'reference_mode is last'),
             (lambda: ktgp.Sequence().match(grey, float('nan')), ''),
+            (lambda: ktgp.match(np.zeros((0, 0), np.uint8), grey), 'reference is empty'),
+            (lambda: ktgp.match(grey, grey, None), 'preset is None; expected ktgp, '),
+            (lambda: ktgp.Features(at(float('nan'), 1), descriptors, (9, 9)), 'keypoint 1 is at (nan, 1'),
+            (lambda: ktgp.Features(at(1, 1e30), descriptors, (9, 9)), 'a position in the image of 9x9 px'),
+            (lambda: ktgp.Features(at(1, 9), descriptors, (9, 9)), 'keypoint 1'),
             (lambda: ktgp.Features([1], descriptors, (9, 9)), 'not a cv2.KeyPoint'),
             (lambda: ktgp.Features(np.zeros((3, 2)), descriptors, (9, 9)), 'expected (N, 6)'),
             (lambda: ktgp.Features(np.zeros((2, 6)), descriptors, (9, 9)), 'features'),
@@ -194,6 +209,125 @@ class ModuleTest(unittest.TestCase):
             self.assertIn(words, str(raised.exception))
         with self.assertRaises(TypeError):
             ktgp.Matcher().match(grey, grey)
+
+    def test_scalars_of_numpy_are_numbers(self):
+        given = ktgp.match(self.reference, self.target, T_w=np.float64(0.8), gms_rotation=np.bool_(True),
+                           features=np.int64(700))
+        self.same(given, ktgp.match(self.reference, self.target, T_w=0.8, gms_rotation=True, features=700))
+
+    def test_copies_by_pickle_are_the_same(self):
+        extractor, matcher = ktgp.Extractor(features=700), ktgp.Matcher(preset='robust')
+        features = [extractor.extract(image) for image in (self.reference, self.target)]
+        expected = matcher.match(*features)
+        self.assertEqual(expected.status, 'ok')
+        copies = pickle.loads(pickle.dumps([extractor, matcher, features, expected]))
+        self.same(copies[3], expected)
+        self.assertEqual(copies[3].stages, expected.stages)
+        self.same(copies[1].match(*copies[2]), expected)  # with the alignment, so with the images
+        np.testing.assert_array_equal(copies[0].extract(self.reference).keypoints, features[0].keypoints)
+        sequence = ktgp.Sequence(reference_mode='keyframe')
+        frame = [sequence.match(image, i) for i, image in enumerate((self.reference, self.target))][1]
+        copy = pickle.loads(pickle.dumps(frame))
+        self.same(copy, frame)
+        self.assertEqual(copy.no_reference, 'none')
+        np.testing.assert_array_equal(copy.accumulated, frame.accumulated)
+        again = pickle.loads(pickle.dumps(sequence))
+        self.assertEqual(again.match(self.reference, 5.0).no_reference, 'first_frame')
+
+    def frames(self, count, large=picture(5, (900, 1200))):
+        """A camera that moves by (12, 5) px a frame over a large picture."""
+        return [np.ascontiguousarray(large[100 + 5 * i:580 + 5 * i, 100 + 12 * i:740 + 12 * i]) for i in range(count)]
+
+    def test_targets_are_found_where_they_are(self):
+        targets = ktgp.Targets(max_instances=3)
+        poster = picture(9, (300, 400))
+        targets.add('poster', poster, width=0.8)
+        targets.add('other', [picture(10, (300, 400)), picture(11, (300, 400))])
+        self.assertEqual(targets.ids, ['poster', 'other'])
+        scene = cv2.warpPerspective(poster, TURN @ np.diag([0.8, 0.8, 1]), (640, 480))
+        found, = targets.find(scene)
+        self.assertEqual((found.id, found.instance, found.status, found.width), ('poster', 0, 'ok', 0.8))
+        corners = np.array([[[0, 0], [399, 0], [399, 299], [0, 299]]], float)
+        expected = cv2.perspectiveTransform(corners, TURN @ np.diag([0.8, 0.8, 1]))[0]
+        np.testing.assert_allclose(found.corners, expected, atol=0.5)
+        self.assertTrue(targets.remove('poster'))
+        self.assertFalse(targets.remove('poster'))
+        self.assertEqual(targets.find(scene), [])
+        with self.assertRaisesRegex(ValueError, 'too little texture'):
+            targets.add('grey', np.full((300, 400), 99, np.uint8))
+
+    def test_a_mosaic_grows_and_the_stabilizer_holds_still(self):
+        sequence, mosaic, stabilizer = ktgp.Sequence('video'), ktgp.Mosaic(), ktgp.Stabilizer(lag=5)
+        images = self.frames(20)
+        steady = []
+        for i, image in enumerate(images):
+            frame = sequence.match(image, 10 + i / 30)
+            self.assertAlmostEqual(frame.seconds, 10 + i / 30, 6)
+            self.assertIn(mosaic.add(image, frame), ('new_map', 'drawn', 'seen'))
+            steady += stabilizer.add(frame)
+        steady += stabilizer.flush()
+        self.assertEqual([round(30 * (f.seconds - 10)) for f in steady], list(range(20)))
+        self.assertEqual([f.starts_anew for f in steady], [True] + 19 * [False])
+        self.assertEqual(mosaic.image.shape[2], 4)
+        self.assertAlmostEqual(mosaic.image.shape[1], 640 + 19 * 12, delta=16)
+        np.testing.assert_allclose(mosaic.pose / mosaic.pose[2, 2], [[1, 0, -19 * 12], [0, 1, -19 * 5], [0, 0, 1]],
+                                   atol=0.5)
+        with self.assertRaises(ValueError):
+            ktgp.Mosaic(max_megapixels=0)
+
+    def test_motion_in_metres(self):
+        sequence = ktgp.Sequence('video', reference_mode='keyframe')
+        motion = ktgp.GroundMotion()
+        camera = np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1.0]])
+        for i, image in enumerate(self.frames(20)):
+            found = motion.add(sequence.match(image, i / 30), camera, height=(2.0, 0.01),
+                               down=(np.array([0, 0, 1.0]), 0.01))
+        self.assertEqual(found.status, 'ok')
+        # 12 px a frame at 500 px focal length, 2 m above: along x of the camera.
+        np.testing.assert_allclose(found.twist[:3], np.array([12, 5, 0]) * 30 * 2 / 500, atol=0.03)
+        self.assertAlmostEqual(found.pose[2, 3], 2.0, delta=0.03)
+        self.assertEqual(found.twist_covariance.shape, (6, 6))
+        with self.assertRaises(ValueError):
+            motion.add(sequence.match(image, 9.0), camera, height=(-1.0, 0.01))
+
+    def test_the_version_is_that_of_the_programs(self):
+        version = subprocess.check_output([os.path.join(TOOLS, 'ktgp_match'), '--version'], universal_newlines=True)
+        self.assertEqual(version.split()[-1], ktgp.__version__)
+
+    def test_an_object_in_use_at_a_fork_is_refused_in_the_child_and_others_work(self):
+        busy, idle = ktgp.Extractor(features=2000), ktgp.Extractor(features=300)
+        large = picture(shape=(3000, 4000))
+        expected = idle.extract(self.reference).keypoints
+        for _ in range(3):
+            started = threading.Event()
+
+            def work():
+                started.set()
+                busy.extract(large)
+            thread = threading.Thread(target=work)
+            thread.start()
+            started.wait()
+            time.sleep(0)  # the thread goes on, into the extraction
+            child = os.fork()
+            if child == 0:
+                signal.alarm(60)
+                try:
+                    same = np.array_equal(idle.extract(self.reference).keypoints, expected)
+                    busy.extract(self.reference)  # if it was not in use yet
+                    os._exit(0 if same else 3)
+                except RuntimeError as error:
+                    os._exit(0 if same and 'expected an object made after the fork' in str(error) else 4)
+            self.assertEqual(os.waitpid(child, 0)[1], 0)
+            thread.join()
+
+    def test_a_sub_interpreter_is_refused(self):
+        program = ('import _xxsubinterpreters as interpreters\n'
+                   'interpreters.run_string(interpreters.create(), "import ktgp_orb_core")')
+        run = subprocess.run([sys.executable, '-c', program], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                             timeout=60, universal_newlines=True, check=False)
+        if 'No module named' in run.stdout:
+            self.skipTest('this Python has no sub-interpreters')
+        self.assertIn('works in the main interpreter alone', run.stdout)
 
     def test_the_stubs_name_all_there_is(self):
         with open(os.path.join(os.path.dirname(ktgp.__file__), 'ktgp_orb_core.pyi')) as file:

@@ -57,6 +57,31 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertLess(errors[len(errors) // 2], 0.02)
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
 
+    def test_a_recording_that_was_cut_off_has_the_motion_up_to_there(self):
+        with open(BAG, 'rb') as file:
+            content = file.read()
+        with open(os.path.join(self.folder.name, 'cut.bag'), 'wb') as file:
+            file.write(content[:len(content) // 10])  # and without its index
+        run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), 'cut.bag', 'cut_matched.bag', '--motion',
+                              'cut.csv', '--motion_normal_source', 'imu', '--motion_base_frame='],
+                             cwd=self.folder.name, stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertIn('no index', run.stderr)
+        with open(os.path.join(self.folder.name, 'cut.csv')) as file:
+            self.assertGreater(sum(bool(row['vx']) for row in csv.DictReader(file)), 15)
+
+    def test_no_motion_at_all_is_no_success_and_every_row_says_why(self):
+        run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), BAG, 'still.bag', '--motion', 'still.csv',
+                              '--duration', '0.3', '--motion_base_frame', 'no_frame'], cwd=self.folder.name,
+                             stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertIn('motion of 0 of 10 frames', run.stderr)
+        self.assertRegex(run.stderr, '10 frames without: .*no_frame')
+        with open(os.path.join(self.folder.name, 'still.csv')) as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual({row['status'] for row in rows}, {'refused'})
+        self.assertTrue(all('no_frame' in row['reason'] for row in rows))
+
     def test_a_missing_bag_is_named(self):
         run = self.evaluate('no_such.bag')
         self.assertNotEqual(run.returncode, 0)

@@ -175,22 +175,6 @@ class BagTargetsTest(unittest.TestCase):
         with open(self.file('out.bag')) as file:
             self.assertEqual(file.read(), 'mine')
 
-    def test_a_batch_is_done_again_when_a_target_changes(self):
-        self.write_bag()
-        self.write('list.txt', 'in.bag\n')
-        command = [os.environ['KTGP_ORB_BAG'], '--batch', 'list.txt', 'results', '--targets', 'targets.yaml']
-
-        def found():
-            run = subprocess.run(command, cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                 universal_newlines=True)
-            self.assertEqual(run.returncode, 0, run.stderr)
-            messages = self.detections(bag='results/in.bag/matched.bag')
-            self.assertEqual({m.milliseconds for m in messages}, {0.0})
-            return sum(len(m.detections) for m in messages)
-        self.assertEqual(found(), len(FRAMES))
-        cv2.imwrite(self.file('poster.png'), texture(300, 400, seed=12))
-        self.assertEqual(found(), 0)
-
 
 if __name__ == '__main__':
     unittest.main()

@@ -49,7 +49,6 @@ BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a
 WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
 MATCHER = 'matches images on /camera/image_raw'
-FLEET = Skipped('needs several machines; the long test "fleet" runs the scripts')
 SMALL = ' --features 300 --repeat 1'
 # The estimator of these methods needs OpenCV 4.6.
 PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''
@@ -75,8 +74,6 @@ COMMANDS = {
     'test/long/stabilization.py': TOO_LONG,
     'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png':
         'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png',
-    'scripts/setup fleet': Skipped('installs packages; only the long test "fleet" needs them'),
-    'scripts/test -L long -R fleet': TOO_LONG,
     'scripts/test -L long -R motion': TOO_LONG,
     'dev/check_platform bullseye': TOO_LONG,
     'dev/check_platform trixie': IN_CI,
@@ -187,10 +184,12 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_bag my.mp4 matched_video.bag --csv -',
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
         "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' matched_images.bag --rate 10",
-    'rosrun ktgp_orb ktgp_bag --batch list.txt results --csv matched.csv --stabilize steady.mp4 --jobs 4':
-        'rosrun ktgp_orb ktgp_bag --batch list.txt results --csv matched.csv --stabilize steady.mp4 --jobs 4',
-    'sbatch --array=1-8 examples/fleet/slurm.sh list.txt /shared/results --csv matched.csv': FLEET,
-    'MACHINES=a,b,c examples/fleet/parallel.sh list.txt /shared/results --csv matched.csv': FLEET,
+    "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt":
+        "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt",
+    'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
+    ':::: list.txt': Skipped('needs GNU parallel; the test "recordings" runs it where it is installed'),
+    'sbatch --array=1-40 --requeue --wrap \'examples/fleet/one_recording.sh "$(sed -n ${SLURM_ARRAY_TASK_ID}p list.txt)" '
+    "results --csv matched.csv'": Skipped('needs a cluster with Slurm'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
         'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv':

@@ -1,15 +1,14 @@
 #!/usr/bin/python3
-"""ktgp_bag with videos, images of a folder, and many recordings at once."""
+"""ktgp_bag with videos, images of a folder, and many recordings."""
 
 import csv
-import ctypes
-import filecmp
 import io
-import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import time
 import unittest
 
 import cv2
@@ -23,7 +22,6 @@ from ktgp_testing import FolderCase, image_message, view
 PROGRAM = os.environ['KTGP_ORB_BAG']
 SIZE = 320, 240
 FEW = ['--features', '300']
-LIBC = ctypes.CDLL(None)
 
 
 def pictures(count, x=100):
@@ -75,6 +73,53 @@ class VideoTest(RecordingCase):
         self.assertEqual([m.status for m in messages], [1] + 11 * [0])
         self.assertGreater(messages[5].inliers, 50)
 
+    def film(self, name, *options, rate='30', seconds='2'):
+        subprocess.run(['ffmpeg', '-v', 'error', '-f', 'lavfi', '-i', 'testsrc=size=320x240:rate=%s:duration=%s' %
+                        (rate, seconds)] + list(options) + [self.path(name)], check=True)
+
+    def probed(self, name):
+        """The times of the images, from the first one on."""
+        run = subprocess.run(['ffprobe', '-v', 'error', '-select_streams', 'v', '-show_entries',
+                              'frame=best_effort_timestamp_time', '-of', 'csv=p=0', self.path(name)],
+                             stdout=subprocess.PIPE, check=True, universal_newlines=True)
+        times = np.array([float(line.strip(',')) for line in run.stdout.split()])
+        return times - times[0]
+
+    @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
+    def test_the_times_are_those_of_ffprobe(self):
+        h264 = ['-c:v', 'libx264']  # with B-frames
+        gap = ['-vf', "select='not(between(n,20,29))'", '-vsync', 'vfr']
+        self.film('b.mp4', *h264)
+        self.film('b.mkv', *h264)
+        self.film('plain.mp4', *h264, '-bf', '0')
+        self.film('three.mp4', *h264, seconds='0.1')
+        self.film('two.mp4', *h264, rate='0.2', seconds='10')
+        self.film('gap.mp4', *h264, *gap)
+        self.film('late.mkv', *h264, '-output_ts_offset', '100000')
+        self.film('late.ts', *h264, '-output_ts_offset', '10')
+        for name in ('b.mp4', 'b.mkv', 'plain.mp4', 'three.mp4', 'two.mp4', 'gap.mp4', 'late.mkv', 'late.ts'):
+            expected = self.probed(name)
+            run = self.run_program(name, 'out.bag', '--force')
+            self.assertEqual(run.returncode, 0, name + run.err)
+            found = [m.header.stamp.to_sec() for m in self.statistics('out.bag')]
+            np.testing.assert_allclose(found, expected, atol=2e-3, err_msg=name)
+            self.assertIn('%d images of' % len(expected), run.err)
+            run = self.run_program(name, 'out.bag', '--force', '--start', '0.99')
+            late = int((expected > 0.99).sum())
+            self.assertIn('%d images of' % late if late else 'no readable image in the selected time', run.err, name)
+
+    @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
+    def test_a_video_that_was_cut_off_is_called_so(self):
+        self.film('in.mkv', '-c:v', 'libx264')
+        with open(self.path('in.mkv'), 'rb') as file:
+            content = file.read()
+        with open(self.path('in.mkv'), 'wb') as file:
+            file.write(content[:len(content) // 2])
+        run = self.run_program('in.mkv', 'out.bag')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('the video is damaged or cut off', run.err)
+        self.assertNotIn('reindex', run.err)
+
     def test_the_rate_and_a_part_of_a_video(self):
         self.write_video('in.mp4')
         run = self.run_program('in.mp4', 'out.bag', '--rate', '10', '--start', '0.2', '--duration', '0.5')
@@ -90,6 +135,20 @@ class VideoTest(RecordingCase):
         steady = cv2.VideoCapture(self.path('steady.mp4'))
         self.assertEqual(steady.get(cv2.CAP_PROP_FRAME_COUNT), 12)
         self.assertAlmostEqual(steady.get(cv2.CAP_PROP_FPS), 25.0, places=3)
+
+    def test_the_matches_are_drawn_as_a_video_and_summed_up(self):
+        self.write_video('in.mp4')
+        run = self.run_program('in.mp4', 'out.bag', '--draw', 'matches.mp4')
+        self.assertEqual(run.returncode, 0, run.err)
+        self.assertRegex(run.err, r'\n11 homographies, median of [1-9]\d* inliers, \d+\.\d\d ms an image; '
+                         r'without: 1 no_reference\n')
+        video = cv2.VideoCapture(self.path('matches.mp4'))
+        self.assertEqual(video.get(cv2.CAP_PROP_FRAME_COUNT), 12)
+        video.set(cv2.CAP_PROP_POS_FRAMES, 5)
+        picture = video.read()[1].astype(int)
+        self.assertGreater((np.ptp(picture, axis=2) > 60).sum(), 100, 'strokes have colours')
+        with rosbag.Bag(self.path('out.bag')) as bag:
+            self.assertEqual(bag.get_message_count('/camera/matcher/matches_image'), 0)
 
     def test_images_of_a_folder_in_the_order_of_their_numbers(self):
         os.mkdir(self.path('images'))
@@ -114,12 +173,15 @@ class VideoTest(RecordingCase):
         run = self.run_program('images/*', 'out.bag')
         self.assertEqual(run.returncode, 1, run.err)
         self.assertIn('3 images of /camera/image_raw matched, 1 refused', run.err)
+        self.assertIn('the first because: images/2.png: cannot be read as an image', run.err)
 
     def test_what_cannot_be_read_is_said(self):
         with open(self.path('text.mp4'), 'w') as file:
             file.write('no video')
         os.mkfifo(self.path('pipe.mp4'))
         self.write_bag('in.bag')
+        run = self.run_program('text.mp4', 'out.bag')
+        self.assertEqual(len(run.err.splitlines()), 1, run.err)  # ours alone, not OpenCV's and FFmpeg's
         for arguments, expected in (
                 (['text.mp4'], 'neither a bag nor a video'), (['none.mp4'], 'is missing'),
                 (['pipe.mp4'], 'not a regular file'), (['none*.png'], 'nor one that fits it'),
@@ -143,199 +205,75 @@ class VideoTest(RecordingCase):
         self.assertEqual(sorted(os.listdir(self.folder)), ['in.bag', 'out.bag'])
 
 
-def obey_permissions():
-    """Root may read what is locked; after this and exec it may not (prctl: PR_CAPBSET_DROP of
-    CAP_DAC_OVERRIDE and CAP_DAC_READ_SEARCH)."""
-    for capability in (1, 2):
-        LIBC.prctl(24, capability, 0, 0, 0)
+class ManyRecordingsTest(RecordingCase):
+    """examples/fleet/one_recording.sh, by whatever runs commands in parallel."""
+    ONE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../examples/fleet/one_recording.sh')
+    OPTIONS = ['results', '--features', '300', '--csv', 'matched.csv', '--stabilize', 'steady.mp4']
+    FILES = ['matched.bag', 'matched.csv', 'steady.mp4']
 
-
-class BatchTest(RecordingCase):
-    OPTIONS = ['--csv', 'matched.csv', '--stabilize', 'steady.mp4']
-
-    def write_list(self, rows):
+    def start_all(self, *command):
+        names = ''.join(name + '\n' for name in self.names)
         with open(self.path('list'), 'w') as file:
-            file.write(''.join(row + '\n' for row in rows))
+            file.write(names)
+        path = os.path.dirname(PROGRAM) + ':' + os.environ['PATH']
+        with open(self.path('list')) as file:
+            return subprocess.Popen(list(command) + [self.ONE, '{}'] + self.OPTIONS +
+                                    (['::::', 'list'] if command[0] == 'parallel' else []),
+                                    cwd=self.folder, stdin=file, stderr=subprocess.PIPE, universal_newlines=True,
+                                    env=dict(os.environ, PATH=path, HOME=self.folder), preexec_fn=os.setsid)
 
-    def batch(self, folder, *arguments, **options):
-        return self.run_program('--batch', 'list', folder, *(self.OPTIONS + list(arguments)), **options)
+    def finished(self):
+        return [os.stat(self.path('results', name, 'matched.bag')).st_ino for name in self.names
+                if os.path.exists(self.path('results', name, 'matched.bag'))]
 
-    def summary(self, folder):
-        with open(self.path(folder, 'summary.csv'), newline='') as file:
-            return list(csv.DictReader(file))
-
-    def files(self, folder):
-        return sorted(os.path.relpath(os.path.join(where, name), self.path(folder))
-                      for where, _, names in os.walk(self.path(folder)) for name in names)
-
-    def assert_same(self, one, other):
-        self.assertEqual(self.files(one), self.files(other))
-        _, different, errors = filecmp.cmpfiles(self.path(one), self.path(other), self.files(one),
-                                                shallow=False)
-        self.assertEqual((different, errors), ([], []))
-
-    def write_recordings(self, count):
-        names = ['robot%d/run.bag' % i for i in range(count)]
-        for i, name in enumerate(names):
+    def check_that_a_rerun_completes_what_was_killed(self, *command):
+        self.names = ['robot%d/my run.bag' % i for i in range(4)]
+        for i, name in enumerate(self.names):
             self.write_bag(name, x=100 + 20 * i)
-        self.write_list(names)
-        return names
-
-    def test_the_results_are_the_same_whatever_the_number_of_jobs(self):
-        names = self.write_recordings(4)
-        self.write_video('in.mp4')
-        self.write_list(names + ['in.mp4'])
-        for folder, arguments in (('one', ['--jobs', '1', '--threads', '1']),
-                                  ('many', ['--jobs', '5', '--threads', '2'])):
-            run = self.batch(folder, *arguments)
-            self.assertEqual(run.returncode, 0, run.err)
-        self.assert_same('one', 'many')
-        self.assertEqual(self.files('one'), sorted(
-            [os.path.join(name, file) for name in names + ['in.mp4']
-             for file in ('manifest.json', 'matched.bag', 'matched.csv', 'steady.mp4')] +
-            ['summary.csv']))
-        self.assertEqual([(row['recording'], row['status'], row['images'], row['found'])
-                          for row in self.summary('one')],
-                         [(name, 'done', '8', '7') for name in names] + [('in.mp4', 'done', '12', '11')])
-
-    def test_parts_give_the_same_and_a_last_run_sums_up(self):
-        self.write_recordings(5)
-        for part in ('1/2', '2/2'):
-            run = self.batch('parts', '--part', part)
-            self.assertEqual(run.returncode, 0, run.err)
-        self.assertNotIn('summary.csv', self.files('parts'))
-        self.assertIn('5 were finished before', self.batch('parts').err)
-        self.batch('whole')
-        self.assert_same('parts', 'whole')
-        for part in ('0/2', '3/2', 'x', '1/2/3', '-1/2'):
-            self.assertEqual(self.batch('parts', '--part=' + part).returncode, 2, part)
-
-    def test_finished_ones_are_skipped_until_something_changes(self):
-        names = self.write_recordings(3)
-        self.batch('out')
-
-        def made(folder='out'):
-            return [os.stat(self.path(folder, name)).st_ino for name in names]
-        before = made()
-        self.assertIn('3 were finished before', self.batch('out').err)
-        self.assertEqual(made(), before)
-        self.write_bag(names[1], count=9)
-        self.assertIn('2 were finished before', self.batch('out').err)
-        after = made()
-        self.assertEqual([a == b for a, b in zip(before, after)], [True, False, True])
-        self.assertIn('0 were finished before', self.batch('out', '--T_w', '0.7').err)
-        with open(self.path('out', names[0], 'manifest.json')) as file:
-            manifest = json.load(file)
-        self.assertEqual(manifest['input_size'], os.path.getsize(self.path(names[0])))
-        manifest['program'] = 'ktgp_orb 0.0.1'
-        with open(self.path('out', names[0], 'manifest.json'), 'w') as file:
-            json.dump(manifest, file)
-        self.assertIn('2 were finished before', self.batch('out', '--T_w', '0.7').err)
-
-    def test_a_folder_that_is_no_result_is_left_alone(self):
-        names = self.write_recordings(1)
-        os.makedirs(self.path('out', names[0]))
-        with open(self.path('out', names[0], 'mine'), 'w') as file:
-            file.write('mine')
-        run = self.batch('out')
-        self.assertEqual(run.returncode, 1)
-        self.assertIn('is not the result of a batch', run.err)
-        self.assertEqual(self.files('out'), [os.path.join(names[0], 'mine'), 'summary.csv'])
-
-    def test_each_of_500_bad_inputs_has_its_line(self):
-        self.write_bag('good.bag', count=3)
-        with open(self.path('good.bag'), 'rb') as file:
-            content = file.read()
-        rows = []
-        for i in range(125):
-            for kind, data in (('damaged', content[:len(content) // 2 + i]), ('empty', b''),
-                               ('locked', content)):
-                rows.append('%s%d.bag' % (kind, i))
-                with open(self.path(rows[-1]), 'wb') as file:
-                    file.write(data)
-                if kind == 'locked':
-                    os.chmod(self.path(rows[-1]), 0)
-            rows.append('damaged%d.bag' % i)  # a duplicate
-        self.write_list(rows + ['good.bag'])
-        options = {'preexec_fn': obey_permissions} if os.getuid() == 0 else {}
-        run = self.run_program('--batch', 'list', 'out', **options)
-        self.assertEqual(run.returncode, 1, run.err[-2000:])
-        found = self.summary('out')
-        self.assertEqual([row['recording'] for row in found], rows + ['good.bag'])
-        self.assertEqual(found[-1]['status'], 'done')
-        for i, row in enumerate(found[:-1]):
-            status, code, reason = [('incomplete', '1', 'lost'), ('failed', '2', 'not a bag'),
-                                    ('failed', '2', 'cannot be opened'),
-                                    ('failed', '2', 'is the recording of row %d' % (i - 2))][i % 4]
-            self.assertEqual((row['status'], row['exit_code']), (status, code), row)
-            self.assertIn(reason, row['reason'])
-            self.assertIn('row %d: %s: exit code %s: ' % (i + 1, row['recording'], code), run.err)
-
-    def test_a_killed_batch_loses_only_the_recordings_at_work(self):
-        names = self.write_recordings(6)
-        self.batch('expected')
-        finished = 0
-        while finished < len(names) - 1:
-            run = self.start('--batch', 'list', 'out', *self.OPTIONS, '--jobs', '2',
-                             preexec_fn=os.setsid)
-            wanted = finished + 1
-            while run.poll() is None and self.finished('out', names) < wanted:
-                pass
-            os.killpg(run.pid, signal.SIGKILL)
-            run.communicate()
-            # Whatever has its name is whole.
-            now = self.finished('out', names)
-            self.assertGreaterEqual(now, wanted)
-            for name in names:
-                for file in (self.files('expected/' + name) if os.path.exists(self.path('out', name)) else ()):
-                    self.assertTrue(filecmp.cmp(self.path('expected', name, file),
-                                                self.path('out', name, file), shallow=False))
-            finished = now
-        run = self.batch('out')
-        self.assertEqual(run.returncode, 0, run.err)
-        self.assertIn('%d were finished before' % finished, run.err)
-        self.assert_same('out', 'expected')
-
-    def finished(self, folder, names):
-        return sum(os.path.exists(self.path(folder, name)) for name in names)
-
-    def test_a_worker_that_is_killed_is_listed_and_the_others_go_on(self):
-        names = self.write_recordings(3)
-        self.write_bag(names[0], count=400)
-        run = self.start('--batch', 'list', 'out', '--jobs', '1')
-        children = '/proc/%d/task/%d/children' % (run.pid, run.pid)
-        worker = ''
-        while not worker and run.poll() is None:
-            with open(children) as file:
-                worker = file.read().split(' ')[0]
-        os.kill(int(worker), signal.SIGKILL)
+        run = self.start_all(*command)
+        while len(self.finished()) < 2 and run.poll() is None:
+            time.sleep(0.01)
+        os.killpg(run.pid, signal.SIGKILL)
+        run.communicate()
+        before = self.finished()
+        run = self.start_all(*command)
         _, err = run.communicate(timeout=300)
-        self.assertEqual(run.returncode, 1, err)
-        self.assertEqual([(row['status'], row['exit_code'], row['reason']) for row in self.summary('out')],
-                         [('failed', '137', 'ended by signal 9')] + 2 * [('done', '0', '')])
+        self.assertEqual(run.returncode, 0, err)
+        self.assertEqual(err.count('matched.bag is finished'), len(before), err)
+        self.assertLessEqual(set(before), set(self.finished()))
+        for name in self.names:
+            self.assertLessEqual(set(self.FILES), set(os.listdir(self.path('results', name))))
+            with rosbag.Bag(self.path('results', name, 'matched.bag')) as bag:
+                self.assertEqual(bag.get_message_count('/camera/matcher/homography'), 8)
+            with open(self.path('results', name, 'matched.csv')) as file:
+                self.assertEqual(len(file.readlines()), 9)
 
-    def test_ctrl_c_leaves_only_whole_results(self):
-        names = self.write_recordings(6)
-        run = self.start('--batch', 'list', 'out', '--jobs', '1')
-        while run.poll() is None and self.finished('out', names) < 1:
-            pass
+    def test_a_rerun_of_xargs_completes_what_was_killed(self):
+        self.check_that_a_rerun_completes_what_was_killed('xargs', '-d', '\n', '-P', '2', '-I', '{}')
+
+    @unittest.skipIf(shutil.which('parallel') is None, 'GNU parallel is not installed')
+    def test_a_rerun_of_parallel_completes_what_was_killed(self):
+        self.check_that_a_rerun_completes_what_was_killed('parallel', '--will-cite', '-q', '-j', '2')
+
+    def test_strange_rows_harm_no_other_recording(self):
+        self.write_bag('good.bag')
+        self.names = ['.', '/', 'no.bag', 'good.bag', '$(touch evil)', '..']
+        run = self.start_all('xargs', '-d', '\n', '-P', '2', '-I', '{}')
+        _, err = run.communicate(timeout=300)
+        self.assertEqual(run.returncode, 123, err)
+        self.assertIn('no.bag: is missing', err)
+        self.assertFalse(os.path.exists(self.path('evil')))
+        self.assertEqual(sorted(os.listdir(self.path('results', 'good.bag'))), self.FILES)
+
+    def test_an_interrupted_run_leaves_no_files(self):
+        self.write_bag('in.bag', count=400)
+        run = self.start('--skip_finished', 'in.bag', 'out.bag', '--csv', 'out.csv')
+        while not any('unfinished' in name for name in os.listdir(self.folder)) and run.poll() is None:
+            time.sleep(0.001)
         run.send_signal(signal.SIGTERM)
         _, err = run.communicate(timeout=300)
-        self.assertIn(run.returncode, (0, 130), err)
-        self.assertFalse(os.path.exists(self.path('out', '.unfinished')), err)
-        self.assertEqual(self.batch('out').returncode, 0)
-
-    def test_names_that_do_not_belong_into_a_folder_are_refused(self):
-        self.write_recordings(1)
-        for option in (['--csv', '-'], ['--mosaic', '/tmp/map.png']):
-            run = self.run_program('--batch', 'list', 'out', *option)
-            self.assertEqual(run.returncode, 2, run.err)
-            self.assertIn('in a batch, expected a name', run.err)
-        run = self.run_program('--batch', 'list')
-        self.assertIn('needs one name, that of the output folder', run.err)
-        run = self.run_program('--batch', 'none', 'out')
-        self.assertEqual(run.returncode, 2)
-        self.assertIn('none: cannot be opened', run.err)
+        self.assertEqual(run.returncode, 130, err)
+        self.assertEqual(os.listdir(self.folder), ['in.bag'])
 
 
 if __name__ == '__main__':

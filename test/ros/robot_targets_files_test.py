@@ -66,7 +66,7 @@ class TargetsFilesTest(FolderCase):
     def test_a_full_disk_changes_nothing(self):
         kept = self.path('kept.yaml')
         # So long that the list does not fit, either, once the test adds the second one.
-        long_id = 'x' * (LIMIT - 2000)
+        long_frame = 'x' * (LIMIT - 2000)
         cv2.imwrite(self.path('first.png'), POSTER)
         cv2.imwrite(self.path('other.png'), SMALL)
         with open(kept, 'w') as file:
@@ -87,7 +87,7 @@ class TargetsFilesTest(FolderCase):
             wait_until(lambda: state() == (2, ['first']), 'both are read')
             refused('.png: cannot be written', 'add', 'large', [image(texture(150, 200, seed=25)), image(LARGE)], 0.0, '')
             refused('.png: cannot be written', 'replace', 'first', [image(LARGE)], 0.0, '')
-            refused('cannot be written', 'add', 2 * long_id, [image(texture(150, 200, seed=23))], 0.0, '')
+            refused('cannot be written', 'add', 'long', [image(texture(150, 200, seed=23))], 0.0, 2 * long_frame)
             self.assertEqual(state(), (2, ['first']))
             answer = call('/full', 'replace', 'other', [image(texture(150, 200, seed=24))], 0.0, 'shelf')
             self.assertTrue(answer.success, answer.message)
@@ -95,8 +95,8 @@ class TargetsFilesTest(FolderCase):
                 self.assertIn('frame: shelf', file.read())
         # A list that is too long already: nothing can be removed, either.
         with open(kept, 'w') as file:
-            for name, picture in ((2 * long_id, 'other'), ('first', 'first')):
-                file.write('- {id: %s, image: %s.png}\n' % (name, picture))
+            file.write('- {id: other, image: other.png, frame: %s}\n- {id: first, image: first.png}\n' %
+                       (2 * long_frame))
         with node('/full', limit_files, file=kept):
             wait_until(lambda: state() == (2, ['first']), 'both are read')
             refused('cannot be written', 'remove', 'first')
@@ -117,6 +117,32 @@ class TargetsFilesTest(FolderCase):
                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
         self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', run.stdout)
         self.assertIn('Not a directory', run.stdout)
+
+    def test_a_file_belongs_to_one_node_and_an_empty_one_counts_as_none(self):
+        kept = self.path('kept.yaml')
+        open(kept, 'w').close()  # as after a power cut
+        cv2.imwrite(self.path('poster.png'), POSTER)
+        with open(self.path('targets.yaml'), 'w') as file:
+            file.write('- {image: poster.png}\n')
+        victim = self.path('victim')
+        with open(victim, 'w') as file:
+            file.write('mine')
+        for name in ('kept.yaml.unfinished', 'kept.unfinished0.yaml'):
+            os.symlink(victim, self.path(name))
+        with node('/owner', file=kept, targets=self.path('targets.yaml')):
+            answer = call('/owner', 'add', 'small', [image(SMALL)], 0.0, '')
+            self.assertTrue(answer.success, answer.message)
+            rospy.set_param('/second/file', kept)
+            run = subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=second'],
+                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
+            self.assertIn(kept + ': is in use by another node', run.stdout)
+            answer = call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections
+            self.assertEqual((answer.known, [d.id for d in answer.detections]), (2, ['poster']))
+        with open(victim) as file:
+            self.assertEqual(file.read(), 'mine')
+        with node('/owner', file=kept):  # free again
+            wait_until(lambda: call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections.known == 2,
+                       'both are kept')
 
     def test_answers_frames_and_services_while_it_reads_many_targets(self):
         count = 150

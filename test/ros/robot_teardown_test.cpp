@@ -42,7 +42,7 @@ cv::Mat noise(const cv::Size& size) {
 /// The files for parameters.
 struct Files {
   PictureFile large{"large", noise({8000, 6000})};
-  PictureFile reference{"reference", test::texture(kSize)};
+  PictureFile reference{"reference", test::textureImage(kSize, 1)};
   PictureFile mask{"mask", cv::Mat(kSize, CV_8U, cv::Scalar(255))};
 };
 

@@ -14,10 +14,11 @@
 #include <cstdlib>
 #include <functional>
 #include <mutex>
-#include <opencv2/imgproc.hpp>
 #include <string>
 #include <thread>
 #include <vector>
+
+#include "orb_test_images.h"
 
 /// Common code of the tests that load the nodelet into their own process: the sanitizers then see
 /// all of it, and pointers can be compared on both sides.
@@ -33,22 +34,6 @@ inline bool waitUntil(const std::function<bool()>& condition) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   return true;
-}
-
-/// Grey picture with corners at several scales everywhere.
-inline cv::Mat texture(const cv::Size& size) {
-  cv::RNG random(1);
-  cv::Mat sum = cv::Mat::zeros(size, CV_32F);
-  for (const int cell : {4, 8, 16, 32}) {
-    cv::Mat blocks(size.height / cell + 1, size.width / cell + 1, CV_32F);
-    random.fill(blocks, cv::RNG::UNIFORM, 0.0, 60.0);
-    cv::Mat enlarged;
-    cv::resize(blocks, enlarged, {}, cell, cell, cv::INTER_NEAREST);
-    sum += enlarged(cv::Rect({0, 0}, size));
-  }
-  cv::Mat picture;
-  sum.convertTo(picture, CV_8U);
-  return picture;
 }
 
 /// A grey image as a camera sends it.
@@ -70,7 +55,7 @@ inline sensor_msgs::ImagePtr imageMessage(const cv::Mat& image, const ros::Time&
 class View {
  public:
   explicit View(const cv::Size& size)
-      : size_(size), texture_(texture({size.width + 200, size.height + 120})) {}
+      : size_(size), texture_(textureImage({size.width + 200, size.height + 120}, 1)) {}
 
   sensor_msgs::ImagePtr image(int number, const ros::Time& stamp) const {
     const int step = std::abs(number % 80 - 40);

@@ -2,7 +2,7 @@
 foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_stream robot_teardown
     robot_views_teardown)
   add_executable(${name}_test EXCLUDE_FROM_ALL ${name}_test.cpp)
-  target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR})
+  target_include_directories(${name}_test PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${PROJECT_SOURCE_DIR}/test/core)
   target_link_libraries(${name}_test ktgp_orb_nodelets ktgp_orb_warnings ${KTGP_ORB_GTEST_MAIN}
     Threads::Threads)
   ktgp_orb_reuse_precompiled(ktgp_orb_test_headers ${name}_test)
@@ -10,7 +10,6 @@ foreach(name robot_heap robot_loading robot_overload robot_reconfigure robot_str
   ktgp_orb_rostest(${name} ${name}.test)
 endforeach()
 # Like heap_test it replaces malloc, and it needs function names for addresses.
-target_include_directories(robot_heap_test PRIVATE ${PROJECT_SOURCE_DIR}/test/core)
 target_link_libraries(robot_heap_test ${CMAKE_DL_LIBS})
 ktgp_orb_rostest(robot_inputs robot_inputs.test)
 ktgp_orb_rostest(robot_consumers robot_consumers.test)

@@ -46,6 +46,18 @@ class KtgpEvaluate(ToolCase):
         with open(self.folder / "out.csv", newline="", encoding="utf-8") as file:
             return run, list(csv.DictReader(file))
 
+    def test_a_method_that_fails_on_a_pair_fails_there_alone(self):
+        file = self.folder / "data/first/img3.pgm"
+        header, pixels = file.read_bytes().split(b"\n255\n", 1)
+        width, height = map(int, header.split()[1:])
+        file.write_bytes(b"P5\n%d %d\n255\n" % (width, height - 50) + pixels[:width * (height - 50)])
+        run, rows = self.rows("data/first", "--methods", "KTGP,FLOW")
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertRegex(run.stderr, "^ktgp_evaluate: first 1-3: FLOW failed: OpenCV: .+\n$")
+        self.assertEqual([(r["pair"], r["method"]) for r in rows if r["problem"]], [("1-3", "FLOW")])
+        self.assertEqual([r["found"] for r in rows], ["true", "true", "true", "false"] + 6 * ["true"])
+        self.assertIn("FLOW", run.stdout)
+
     def test_oxford_folder(self):
         run, rows = self.rows("data/first")
         self.assertEqual(run.returncode, 0, run.stderr)

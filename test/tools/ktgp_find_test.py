@@ -1,5 +1,6 @@
 """Runs ktgp_find as a program."""
 import json
+import os
 import unittest
 
 from tool_case import HEIGHT, WIDTH, ToolCase, picture, write_pgm
@@ -40,6 +41,16 @@ class KtgpFind(ToolCase):
         found, = self.detections()
         self.assertEqual([found[name] for name in ("id", "image", "width", "frame")],
                          ["map", 1, 0.8, "wall"])
+
+    def test_strange_ids_forge_nothing_and_long_ones_are_refused(self):
+        (self.folder / "list.yaml").write_text(
+            '- {id: "a\\n[FATAL] battery\\e[31m", image: posters/poster1.pgm}\n'
+            f'- {{id: {300 * "x"}, image: posters/poster2.pgm}}\n')
+        run = self.find("scene.pgm", "list.yaml", "--json", "out.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("a\\x0a[FATAL] battery\\x1b[31m 0: ok", run.stdout)
+        self.assertEqual(self.detections()[0]["id"], "a\n[FATAL] battery\x1b[31m")
+        self.assertIn(f'target "{200 * "x"}...": the id has 300 bytes; expected at most 256', run.stderr)
 
     def test_names_refused_targets_and_searches_the_others(self):
         (self.folder / "posters" / "broken.png").write_text("no image")
@@ -92,10 +103,18 @@ class KtgpFind(ToolCase):
         (self.folder / "empty").mkdir()
         lists = {"a.yaml": ("{", "cannot be read as YAML"), "b.yaml": ("x: 1", "no list"),
                  "c.yaml": ("- {id: a}", "line 1: it has no image"),
-                 "d.yaml": ("- {id: a, image: b, colour: c}", "\"colour\" is unknown")}
+                 "d.yaml": ("- {id: a, image: b, colour: c}", "\"colour\" is unknown"),
+                 "e.yaml": ("- {id: a, image: b}\n- {images: t0.png}", "line 2: images is no list of files"),
+                 "f.yaml": ("- {image: b, width: wide}", "line 1: width is no number of metres"),
+                 "g.yaml": ("- {id: a, id: b, image: c}", "\"id\" occurs twice"),
+                 "h.yaml": ("- {image: b}\n---\n- {image: c}", "several YAML documents"),
+                 "\x1b[31m.yaml": ("x: 1", "\\x1b[31m.yaml: is no list")}
         for name, (text, _) in lists.items():
             (self.folder / name).write_text(text)
-        lists.update({"missing": (None, "is missing"), "empty": (None, "without images")})
+        os.mkfifo(self.folder / "pipe")
+        lists.update({"missing": (None, f"is missing; expected a folder or a YAML list; it was looked for in "
+                                  f"{self.folder}"), "empty": (None, "without images"),
+                      "pipe": (None, "neither a folder nor a file")})
         for name, (_, reason) in lists.items():
             run = self.find("scene.pgm", name)
             self.assertEqual(run.returncode, 2, name)

@@ -226,8 +226,13 @@ class KtgpMatch(ToolCase):
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         self.assertEqual(run.returncode, 0)
-        for text in ("Examples:", "--T_w", "[0.01, 1]", "0.66", "Exit code"):
+        for text in ("Examples:", "--T_w", "[0.01, 1]", "0.66", "Exit code", "--help-all"):
             self.assertIn(text, run.stdout)
+        self.assertNotIn("--fast_threshold", run.stdout)
+        everything = self.match("--help-all")
+        self.assertEqual(everything.returncode, 0)
+        self.assertIn("--fast_threshold", everything.stdout)
+        self.assertEqual(self.match("a.pgm", "b.pgm", "--fast_threshold", "30").returncode, 0)
 
     def test_missing_argument(self):
         run = self.match("a.pgm")

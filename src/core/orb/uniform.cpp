@@ -66,39 +66,33 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
 }
 
 void UniformChoice::share(int levels) {
-  const auto for_each_cell = [&](auto&& visit) {
-    for (int i = 0; i < levels; ++i) {
-      for (Cell& cell : levels_[i].cells) visit(cell);
-    }
-  };
-  // The largest share for all cells that does not keep too many corners.
-  const auto kept_at = [&](int share) {
-    int sum = 0;
-    for_each_cell([&](const Cell& cell) { sum += std::min(cell.size(), share); });
-    return sum;
-  };
-  int share = 0;
-  int beyond = features_ + 1;
-  while (beyond - share > 1) {
-    const int middle = share + (beyond - share) / 2;
-    if (kept_at(middle) <= features_) {
-      share = middle;
-    } else {
-      beyond = middle;
+  // From the poorest cell on: what a cell has less than the equal share of the rest is shared by
+  // the others.
+  sizes_.clear();
+  for (int i = 0; i < levels; ++i) {
+    for (const Cell& cell : levels_[i].cells) sizes_.push_back(cell.size());
+  }
+  std::sort(sizes_.begin(), sizes_.end());
+  std::int64_t left = features_;
+  auto cells = static_cast<std::int64_t>(sizes_.size());
+  for (const int size : sizes_) {
+    if (size * cells > left) break;
+    left -= size;
+    --cells;
+  }
+  // Without such cells every cell keeps all.
+  const std::int64_t share = cells > 0 ? left / cells : features_;
+  const std::int64_t rest = cells > 0 ? left % cells : 0;
+  std::int64_t richer = 0;
+  for (int i = 0; i < levels; ++i) {
+    for (Cell& cell : levels_[i].cells) {
+      cell.kept = static_cast<int>(std::min<std::int64_t>(cell.size(), share));
+      if (cell.size() <= share) continue;
+      // The rest goes, one each, to some of the richer cells, evenly spread as in Bresenham's line.
+      if ((richer + 1) * rest / cells > richer * rest / cells) ++cell.kept;
+      ++richer;
     }
   }
-  // The remaining keypoints go, one each, to cells spread evenly among those that have more
-  // corners.
-  int richer = 0;
-  for_each_cell([&](const Cell& cell) { richer += cell.size() > share ? 1 : 0; });
-  const std::int64_t left = std::min(features_ - kept_at(share), richer);
-  std::int64_t visited = 0;
-  for_each_cell([&](Cell& cell) {
-    cell.kept = std::min(cell.size(), share);
-    if (cell.size() <= share) return;
-    if ((visited + 1) * left / richer > visited * left / richer) ++cell.kept;
-    ++visited;
-  });
 }
 
 void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbKernels& kernels,

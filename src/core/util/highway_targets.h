@@ -13,6 +13,7 @@
 // Processors with only SSSE3 are too rare.
 #define HWY_DISABLED_TARGETS (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 
-// Whether an instruction set has vectors; without vectors the plain loops are faster. For use after
+// Whether an instruction set has vectors. Without (riscv64, s390x) the plain loops run: Highway's
+// emulation of vectors is slower, and GCC before 12.3 does not compile it. For use after
 // foreach_target.h.
 #define KTGP_ORB_HAS_VECTORS (HWY_TARGET != HWY_SCALAR && HWY_TARGET != HWY_EMU128)

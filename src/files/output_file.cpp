@@ -1,4 +1,4 @@
-#include "cli/output_file.h"
+#include "files/output_file.h"
 
 #include <fcntl.h>
 #include <sys/syscall.h>
@@ -13,9 +13,9 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 
-#include "cli/files.h"
+#include "files/input.h"
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::files {
 namespace {
 
 namespace fs = std::filesystem;
@@ -69,11 +69,15 @@ std::string reason() {
   throw FileError(path, what);
 }
 
-void write(const OutputFile& file, const char* data, std::size_t size) {
-  std::ofstream out(file.unfinished(), std::ios::binary);
-  out.write(data, static_cast<std::streamsize>(size));
-  out.close();
-  if (!out) fail(file.path());
+/// Sets errno where the bytes cannot be brought to the disk.
+bool synchronised(const std::string& path, int flags) {
+  const int descriptor = open(path.c_str(), flags | O_CLOEXEC);
+  if (descriptor < 0) return false;
+  const bool done = fsync(descriptor) == 0 || errno == EINVAL;  // a file system without it
+  const int error = errno;
+  close(descriptor);
+  errno = error;
+  return done;
 }
 
 }  // namespace
@@ -152,7 +156,9 @@ OutputFile::~OutputFile() {
   if (!unfinished_.empty()) unlink(unfinished_.c_str());
 }
 
+// Without the first fsync, the name could survive a power cut and the contents not.
 void OutputFile::commit() {
+  if (!synchronised(unfinished_, O_RDONLY)) fail(path_);
   const bool done = force_ ? std::rename(unfinished_.c_str(), target_.c_str()) == 0
                            : renameToNew(unfinished_.c_str(), target_.c_str());
   if (!done && errno == EEXIST) {
@@ -161,6 +167,7 @@ void OutputFile::commit() {
   }
   if (!done) fail(path_);
   unfinished_.clear();
+  synchronised(fs::path(target_).parent_path().string(), O_RDONLY | O_DIRECTORY);
 }
 
 bool isStandardOutput(const std::string& output) {
@@ -190,8 +197,15 @@ void writeText(const std::string& file, const std::string& text, bool force) {
     return;
   }
   OutputFile out(file, force);
-  write(out, text.data(), text.size());
+  write(out, text);
   out.commit();
+}
+
+void write(const OutputFile& file, const std::string& bytes) {
+  std::ofstream out(file.unfinished(), std::ios::binary);
+  out << bytes;
+  out.close();
+  if (!out || !synchronised(file.unfinished(), O_RDONLY)) fail(file.path());
 }
 
 void writeImage(const OutputFile& file, const cv::Mat& image) {
@@ -203,7 +217,7 @@ void writeImage(const OutputFile& file, const cv::Mat& image) {
     throw FileError(file.path(), "cannot be written (" + error.err + ")");
   }
   if (!encoded) throw FileError(file.path(), "cannot be written");
-  write(file, reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  write(file, std::string(bytes.begin(), bytes.end()));
 }
 
 void writeImage(const std::string& file, const cv::Mat& image, bool force) {
@@ -212,4 +226,4 @@ void writeImage(const std::string& file, const cv::Mat& image, bool force) {
   out.commit();
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::files

@@ -5,13 +5,16 @@
 #include <stdexcept>
 #include <string>
 
-namespace ktgp_orb::tools {
+#include "core/util/printable.h"
 
-/// A file that cannot be read, parsed or written. The message begins with its name.
+namespace ktgp_orb::files {
+
+/// A file that cannot be read, parsed or written. The message begins with its name, as far as that
+/// can be printed.
 class FileError : public std::runtime_error {
  public:
   FileError(const std::string& file, const std::string& what)
-      : std::runtime_error(file + ": " + what) {}
+      : std::runtime_error(util::printable(file) + ": " + what) {}
 };
 
 /// The disk, or the user's share of it, is full.
@@ -24,7 +27,12 @@ class FullDisk : public FileError {
 /// terminal could block.
 void requireRegularFile(const std::string& file);
 
-/// The image as 8-bit grey; 16-bit images are stretched as in the nodelet. Throws FileError.
+/// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that
+/// this package reads passes through here. Throws FileError, also for other depths (float, 32
+/// bits), whose black and white nobody knows.
+cv::Mat readPicture(const std::string& file, int flags);
+
+/// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the
@@ -32,4 +40,4 @@ cv::Mat readGrey(const std::string& file);
 /// form an invertible matrix. The file may be a pipe.
 Eigen::Matrix3d readHomography(const std::string& file);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::files

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace ktgp_orb::tools {
+namespace ktgp_orb::files {
 
 /// The files that a program reads and writes, checked before any work. An output is refused if it
 /// exists (unless `force`), is not a regular file, is one of the inputs or another output (links
@@ -26,8 +26,8 @@ class OutputPlan {
   std::vector<std::string> outputs_;  ///< links resolved
 };
 
-/// A file that gets its name only when it is complete: it is written under a temporary name beside
-/// it, and renamed.
+/// A file that gets its name only when it is complete and on the disk: it is written under a
+/// temporary name beside it, and renamed.
 class OutputFile {
  public:
   /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
@@ -57,11 +57,13 @@ bool isStandardOutput(const std::string& output);
 /// since libraries do not say; `otherwise`: the reason where that works.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
-/// Both throw FileError, also for a full disk; then an existing file is unchanged. A text may go to
+/// All throw FileError, also for a full disk; then an existing file is unchanged. A text may go to
 /// the standard output.
 void writeText(const std::string& file, const std::string& text, bool force);
+/// The bytes of the file, without commit.
+void write(const OutputFile& file, const std::string& bytes);
 /// The ending of the name selects the format. The first does not commit.
 void writeImage(const OutputFile& file, const cv::Mat& image);
 void writeImage(const std::string& file, const cv::Mat& image, bool force);
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::files

@@ -1,4 +1,4 @@
-#include "cli/files.h"
+#include "files/input.h"
 
 #include <Eigen/LU>
 #include <filesystem>
@@ -9,9 +9,7 @@
 
 #include "core/util/grey_levels.h"
 
-namespace ktgp_orb::tools {
-
-using util::stretchTo8Bit;
+namespace ktgp_orb::files {
 
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // an invalid name counts as a missing file
@@ -20,19 +18,26 @@ void requireRegularFile(const std::string& file) {
   if (!std::filesystem::is_regular_file(status)) throw FileError(file, "is not a regular file");
 }
 
-cv::Mat readGrey(const std::string& file) {
+cv::Mat readPicture(const std::string& file, int flags) {
   requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
-  cv::Mat image;
+  cv::Mat picture;
   try {
-    image = cv::imread(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+    picture = cv::imread(file, flags);
   } catch (const cv::Exception& error) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
-  if (image.empty()) throw FileError(file, "cannot be read as an image");
-  if (image.depth() == CV_16U) return stretchTo8Bit(image);
-  if (image.depth() != CV_8U) throw FileError(file, "has neither 8 nor 16 bits");
-  return image;
+  if (picture.empty()) throw FileError(file, "cannot be read as an image");
+  if (picture.depth() != CV_8U && picture.depth() != CV_16U) {
+    throw FileError(file, std::string("has ") + cv::depthToString(picture.depth()) +
+                              " pixels; expected a picture of 8 or 16 bits a channel");
+  }
+  return picture;
+}
+
+cv::Mat readGrey(const std::string& file) {
+  const cv::Mat picture = readPicture(file, cv::IMREAD_GRAYSCALE | cv::IMREAD_ANYDEPTH);
+  return picture.depth() == CV_16U ? util::stretchTo8Bit(picture) : picture;
 }
 
 Eigen::Matrix3d readHomography(const std::string& file) {
@@ -52,4 +57,4 @@ Eigen::Matrix3d readHomography(const std::string& file) {
   return homography;
 }
 
-}  // namespace ktgp_orb::tools
+}  // namespace ktgp_orb::files

@@ -1,9 +1,0 @@
-#!/usr/bin/env bash
-# The recordings of a list on machines with ssh: MACHINES=a,b,c parallel.sh LIST FOLDER [OPTIONS of ktgp_bag]
-# Without MACHINES: on this one. LIST and FOLDER are on a disk that all of them have, under one path.
-set -euo pipefail
-list=$(realpath "$1") folder=$(realpath -m "$2")
-shift 2
-parts=$(grep -cv -e '^[[:space:]]*#' -e '^[[:space:]]*$' "$list")
-seq "$parts" | parallel --will-cite --workdir "$PWD" --env KTGP_BAG --jobs 100% --sshlogin "${MACHINES:-:}" \
-  "${KTGP_BAG:-ktgp_bag}" --batch "$list" "$folder" --jobs 1 --part "{}/$parts" "$@"

@@ -1,0 +1,38 @@
+#include "files/csv.h"
+
+#include <cstdio>
+
+namespace ktgp_orb::files {
+
+CsvRow& CsvRow::addField(const std::string& field) {
+  if (!empty_) text_ += ',';
+  empty_ = false;
+  text_ += field;
+  return *this;
+}
+
+CsvRow& CsvRow::add(const std::string& text) {
+  if (text.find_first_of(",\"\r\n") == std::string::npos) return addField(text);
+  std::string quoted = "\"";
+  for (const char c : text) quoted.append(c == '"' ? 2 : 1, c);
+  return addField(quoted + '"');
+}
+
+CsvRow& CsvRow::add(double number, int digits) {
+  char text[40];
+  std::snprintf(text, sizeof text, "%.*g", digits, number);
+  return addField(text);
+}
+
+CsvRow& CsvRow::add(const Eigen::Matrix3d& matrix) {
+  constexpr int kExact = 17;  // digits of a double
+  for (int i = 0; i < 9; ++i) add(matrix(i / 3, i % 3), kExact);
+  return *this;
+}
+
+CsvRow& CsvRow::skip(std::size_t fields) {
+  for (std::size_t i = 0; i < fields; ++i) addField("");
+  return *this;
+}
+
+}  // namespace ktgp_orb::files

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <type_traits>
+
+namespace ktgp_orb::files {
+
+/// A row of a table as text (RFC 4180): a field with a comma, a quote or a line break is in quotes.
+class CsvRow {
+ public:
+  CsvRow& add(const std::string& text);
+  CsvRow& add(double number, int digits = 9);
+  template <typename Integer, typename = std::enable_if_t<std::is_integral_v<Integer>>>
+  CsvRow& add(Integer number) {
+    return addField(std::to_string(number));
+  }
+  /// Nine fields, row by row, without any rounding.
+  CsvRow& add(const Eigen::Matrix3d& matrix);
+  /// Empty fields.
+  CsvRow& skip(std::size_t fields);
+
+  /// With the end of the line.
+  std::string line() const { return text_ + '\n'; }
+
+ private:
+  CsvRow& addField(const std::string& field);
+
+  std::string text_;
+  bool empty_ = true;  // no field yet
+};
+
+}  // namespace ktgp_orb::files

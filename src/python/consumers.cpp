@@ -1,0 +1,310 @@
+// What is built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
+#include <pybind11/stl.h>
+
+#include <optional>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "ktgp_orb/ground_motion.h"
+#include "ktgp_orb/mosaic.h"
+#include "ktgp_orb/stabilizer.h"
+#include "ktgp_orb/target_finder.h"
+#include "python/arrays.h"
+#include "python/frame_match.h"
+#include "python/match.h"
+
+namespace ktgp_orb::python {
+namespace {
+
+using Homography = std::optional<Eigen::Matrix3d>;
+
+Homography homographyOf(const FrameMatch& frame) {
+  return frame.status == "ok" ? Homography(frame.homography) : std::nullopt;
+}
+
+class Targets {
+ public:
+  Targets(int features, int views, double search_radius, int max_instances)
+      : finder_([&] {
+          TargetFinderOptions options;
+          options.features = features;
+          options.views = views;
+          options.search_radius = search_radius;
+          options.max_instances = max_instances;
+          return options;
+        }()) {}
+
+  void add(const std::string& id, const py::object& images, double width) {
+    Target target{id, {}, width, ""};
+    const bool several = py::isinstance<py::list>(images) || py::isinstance<py::tuple>(images);
+    const py::list list = several ? py::list(images) : py::list(py::make_tuple(images));
+    for (const py::handle& image : list) {
+      target.images.push_back(
+          greyImage(py::reinterpret_borrow<py::object>(image), "image").pixels.clone());
+    }
+    const Shared::Use use(shared_);
+    finder_.add(target);
+  }
+  bool remove(const std::string& id) {
+    const Shared::Use use(shared_);
+    return finder_.remove(id);
+  }
+  std::vector<std::string> ids() {
+    const Shared::Use use(shared_);
+    return finder_.ids();
+  }
+  std::vector<DetectedTarget> find(const py::object& image) {
+    const ImageArray grey = greyImage(image, "image");
+    const Shared::Use use(shared_);
+    return finder_.find(grey.pixels).detections;
+  }
+
+ private:
+  TargetFinder finder_;
+  Shared shared_;
+};
+
+void defineTargets(py::module_& module) {
+  py::class_<DetectedTarget>(module, "DetectedTarget", "A flat target in an image.")
+      .def_readonly("id", &DetectedTarget::id)
+      .def_readonly("instance", &DetectedTarget::instance, "From 0; of several copies in an image.")
+      .def_property_readonly(
+          "status", [](const DetectedTarget& d) { return toString(d.status); },
+          "\"ok\", or \"model_rejected\": another target explains the place better.")
+      .def_property_readonly(
+          "corners",
+          [](const DetectedTarget& d) {
+            Eigen::Matrix<double, 4, 2, Eigen::RowMajor> corners;
+            for (int i = 0; i < 4; ++i) corners.row(i) = d.corners[static_cast<std::size_t>(i)];
+            return corners;
+          },
+          "(4, 2) float64: upper left, upper right, lower right, lower left, px.")
+      .def_property_readonly(
+          "homography", [](const DetectedTarget& d) { return d.homography.homography; },
+          "(3, 3) float64: image of the target to this image, px.")
+      .def_property_readonly(
+          "covariance", [](const DetectedTarget& d) { return d.homography.covariance; },
+          "(8, 8) float64: see Match.covariance.")
+      .def_readonly("inliers", &DetectedTarget::inliers)
+      .def_readonly("log_false_alarms", &DetectedTarget::log_false_alarms,
+                    "log10 of the expected number of false alarms.")
+      .def_readonly("width", &DetectedTarget::width, "As given to add, m.");
+  const TargetFinderOptions usual;
+  py::class_<Targets>(module, "Targets",
+                      "Finds many known flat pictures in images. Threads may share an object.")
+      .def(py::init<int, int, double, int>(), py::arg("features") = usual.features,
+           py::arg("views") = usual.views, py::arg("search_radius") = usual.search_radius,
+           py::arg("max_instances") = usual.max_instances,
+           "features: keypoints of a target's image; views: 1, or 5 with tilted ones;\n"
+           "search_radius: px around the predicted position; max_instances: copies of one target. "
+           "Raises ValueError.")
+      .def("add", &Targets::add, py::arg("id"), py::arg("images"), py::arg("width") = 0.0,
+           "images: an image of the whole target and nothing else, or a list of them; width in m, "
+           "0: "
+           "not known.\nRaises ValueError with the reason.")
+      .def("remove", &Targets::remove, py::arg("id"), "False if there is no such target.")
+      .def_property_readonly("ids", &Targets::ids, "In the order in which they were added.")
+      .def("find", &Targets::find, py::arg("image"),
+           "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
+           "are followed.");
+}
+
+class PyMosaic {
+ public:
+  PyMosaic(double max_megapixels, bool keyframes, double keyframe_overlap, double min_motion,
+           bool gain, double patience)
+      : mosaic_([&] {
+          MosaicOptions options;
+          options.max_megapixels = max_megapixels;
+          options.keyframes = keyframes;
+          options.keyframe_overlap = keyframe_overlap;
+          options.min_motion = min_motion;
+          options.gain = gain;
+          options.patience = patience;
+          return options;
+        }()) {}
+
+  std::string add(const py::object& image, const FrameMatch& frame) {
+    const ImageArray pixels = imageArray(image, "image");
+    const Shared::Use use(shared_);
+    mosaic_.follow(frame.stamp, frame.reference_stamp, homographyOf(frame));
+    return toString(mosaic_.place(frame.stamp, pixels.pixels));
+  }
+  py::array image() {
+    cv::Mat map;
+    {
+      const Shared::Use use(shared_);
+      map = mosaic_.image();
+    }
+    return py::array_t<std::uint8_t>({map.rows, map.cols, 4}, map.data);
+  }
+  Homography pose() {
+    const Shared::Use use(shared_);
+    return mosaic_.pose();
+  }
+
+ private:
+  Mosaic mosaic_;
+  Shared shared_;
+};
+
+void defineMosaic(py::module_& module) {
+  const MosaicOptions usual;
+  py::class_<PyMosaic>(module, "Mosaic",
+                       "A picture of a plane, made of the frames of a camera. Threads may share an "
+                       "object.")
+      .def(py::init<double, bool, double, double, bool, double>(),
+           py::arg("max_megapixels") = usual.max_megapixels, py::arg("keyframes") = usual.keyframes,
+           py::arg("keyframe_overlap") = usual.keyframe_overlap,
+           py::arg("min_motion") = usual.min_motion, py::arg("gain") = usual.gain,
+           py::arg("patience") = usual.patience,
+           "doc/views.md describes the options. Raises ValueError.")
+      .def(
+          "add", &PyMosaic::add, py::arg("image"), py::arg("frame"),
+          "The next image and its FrameMatch. Returns \"drawn\", \"seen\" (hardly moved, or full), "
+          "\"new_map\" or \"lost\".")
+      .def_property_readonly(
+          "image", &PyMosaic::image,
+          "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where "
+          "nothing was seen.")
+      .def_property_readonly("pose", &PyMosaic::pose,
+                             "(3, 3) float64: map to the last image, px; None where it is lost.");
+}
+
+class PyStabilizer {
+ public:
+  PyStabilizer(double strength, int lag, double max_crop)
+      : stabilizer_({strength, lag, max_crop}) {}
+
+  std::vector<SteadyFrame> add(const FrameMatch& frame) {
+    const Shared::Use use(shared_);
+    std::vector<SteadyFrame> ready;
+    stabilizer_.add(frame.stamp, frame.reference_stamp, homographyOf(frame), frame.image_size,
+                    ready);
+    return ready;
+  }
+  std::vector<SteadyFrame> flush() {
+    const Shared::Use use(shared_);
+    std::vector<SteadyFrame> ready;
+    stabilizer_.flush(ready);
+    return ready;
+  }
+
+ private:
+  Stabilizer stabilizer_;
+  Shared shared_;
+};
+
+void defineStabilizer(py::module_& module) {
+  py::class_<SteadyFrame>(module, "SteadyFrame", "A frame and its place in the steady picture.")
+      .def_property_readonly(
+          "seconds", [](const SteadyFrame& f) { return secondsOf(f.stamp); },
+          "Of the frame, as given to Sequence.match.")
+      .def_readonly("warp", &SteadyFrame::warp,
+                    "(3, 3) float64: frame to steady picture of the same size, px, as for "
+                    "cv2.warpPerspective.")
+      .def_readonly("starts_anew", &SteadyFrame::starts_anew,
+                    "Not connected to the frame before: a scene cut, for example.");
+  const StabilizerOptions usual;
+  py::class_<PyStabilizer>(module, "Stabilizer",
+                           "Smooths the path of a camera. Threads may share an object.")
+      .def(py::init<double, int, double>(), py::arg("strength") = usual.strength,
+           py::arg("lag") = usual.lag, py::arg("max_crop") = usual.max_crop,
+           "strength: s, faster motion is removed; lag: later frames to wait for; max_crop: share "
+           "that may be\ncut off at each border. Raises ValueError.")
+      .def("add", &PyStabilizer::add, py::arg("frame"),
+           "The next FrameMatch of a Sequence. Returns the SteadyFrames that are known now.")
+      .def("flush", &PyStabilizer::flush, "The SteadyFrames that still wait.");
+}
+
+class PyGroundMotion {
+ public:
+  PyGroundMotion(const Eigen::Matrix4d& camera_to_base, double ground_slope, double scale_deviation)
+      : motion_([&] {
+          GroundMotionOptions options;
+          options.camera_to_base.matrix() = camera_to_base;
+          options.ground_slope = ground_slope;
+          options.scale_deviation = scale_deviation;
+          return options;
+        }()) {}
+
+  GroundEstimate add(const FrameMatch& frame, const Eigen::Matrix3d& camera,
+                     const std::optional<std::pair<double, double>>& height,
+                     const std::optional<std::pair<Eigen::Vector3d, double>>& down) {
+    GroundFrame given;
+    given.stamp = frame.stamp;
+    given.reference_stamp = frame.reference_stamp;
+    given.homography = homographyOf(frame);
+    given.covariance = frame.covariance;
+    given.plane_deviation = frame.plane_deviation;
+    given.camera = camera;
+    if (height) {
+      given.height.emplace();
+      std::tie(given.height->metres, given.height->deviation) = *height;
+    }
+    if (down) {
+      given.down.emplace();
+      std::tie(given.down->direction, given.down->deviation) = *down;
+    }
+    const Shared::Use use(shared_);
+    return motion_.add(given);
+  }
+
+ private:
+  GroundMotion motion_;
+  Shared shared_;
+};
+
+void defineGroundMotion(py::module_& module) {
+  py::class_<GroundEstimate>(module, "GroundEstimate", "Position and velocity of the base.")
+      .def_property_readonly(
+          "status", [](const GroundEstimate& e) { return toString(e.status); },
+          "\"ok\": pose and twist; \"started\", \"resumed\": a pose alone; else why there is none.")
+      .def_property_readonly(
+          "pose",
+          [](const GroundEstimate& e) {
+            return e.hasPose() ? std::make_optional<Eigen::Matrix4d>(e.base_to_odometry.matrix())
+                               : std::nullopt;
+          },
+          "(4, 4) float64: base to odometry frame, m, z up from the ground; None: not known.")
+      .def_readonly("pose_covariance", &GroundEstimate::pose_covariance,
+                    "(6, 6) float64: x, y, z (m), rotations about the axes (rad).")
+      .def_property_readonly(
+          "twist",
+          [](const GroundEstimate& e) {
+            using Vector6 = Eigen::Matrix<double, 6, 1>;
+            return e.hasTwist() ? std::make_optional<Vector6>(e.twist) : std::nullopt;
+          },
+          "(6,) float64: velocity (m/s) and angular velocity (rad/s) in the base frame; None: not "
+          "known.")
+      .def_readonly("twist_covariance", &GroundEstimate::twist_covariance)
+      .def_readonly("height", &GroundEstimate::height, "Of the camera above the ground, m.");
+  const GroundMotionOptions usual;
+  py::class_<PyGroundMotion>(module, "GroundMotion",
+                             "Motion in metres of a calibrated camera that looks at flat ground. "
+                             "Threads may share an object.")
+      .def(py::init<const Eigen::Matrix4d&, double, double>(),
+           py::arg("camera_to_base") = Eigen::Matrix4d(Eigen::Matrix4d::Identity()),
+           py::arg("ground_slope") = usual.ground_slope,
+           py::arg("scale_deviation") = usual.scale_deviation,
+           "camera_to_base: (4, 4), from the camera's frame (x right, y down, z forward); "
+           "doc/motion.md describes\nthe others. Raises ValueError.")
+      .def(
+          "add", &PyGroundMotion::add, py::arg("frame"), py::arg("camera"),
+          py::arg("height") = py::none(), py::arg("down") = py::none(),
+          "The next FrameMatch of a Sequence; camera: (3, 3), K in px; height: (m, deviation in m) "
+          "above the ground;\ndown: (direction to the ground in the camera's frame, length 1; "
+          "deviation in rad). Returns GroundEstimate.\nRaises ValueError.");
+}
+
+}  // namespace
+
+void defineConsumers(py::module_& module) {
+  defineTargets(module);
+  defineMosaic(module);
+  defineStabilizer(module);
+  defineGroundMotion(module);
+}
+
+}  // namespace ktgp_orb::python
