@@ -2,6 +2,7 @@
 """Velocity and odometry of a camera that is moved over a picture of the ground: right in metres with every
 source of height and normal, or refused with the reason."""
 
+import itertools
 import sys
 import unittest
 
