@@ -223,11 +223,19 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
   predict(follows ? estimate.gap - seconds : estimate.gap);
   GroundFrame begin = frame;
-  if (follows) {  // the readings as they were at the reference
-    if (begin.height) begin.height->age -= seconds;
-    const Eigen::Matrix3d turn =
-        frame.turn ? frame.turn->rotation : motion::rotationAbout(seconds * camera_twist.tail<3>());
-    if (begin.down) begin.down->direction = turn * begin.down->direction;
+  if (follows) {  // the readings at the reference, as far as the last velocity tells them
+    const double doubt = seconds * estimate.gap;
+    if (begin.height) {
+      begin.height->age -= seconds;
+      begin.height->deviation = std::hypot(begin.height->deviation, doubt * options.acceleration);
+    }
+    if (begin.down) {
+      const Eigen::Matrix3d turn = frame.turn
+                                       ? frame.turn->rotation
+                                       : motion::rotationAbout(seconds * camera_twist.tail<3>());
+      begin.down->direction = turn * begin.down->direction;
+      begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
+    }
   }
   widenForReadings(begin);
   useReadings(begin);
