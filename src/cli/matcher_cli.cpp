@@ -42,6 +42,7 @@ std::string typeName(const ParameterRow& row) {
 
 /// The values of the command line while it is parsed.
 struct Given {
+  std::string usual_preset;  ///< without --preset and --params; may be empty
   std::string preset;
   std::string file;
   std::map<std::string, std::string> values;
@@ -50,7 +51,8 @@ struct Given {
   void applyTo(Parameters& parameters) const {
     const std::string usual = parameters.descriptor;
     std::set<std::string> names;
-    if (!preset.empty()) names.merge(readPreset(preset, parameters));
+    const std::string& first = preset.empty() && file.empty() ? usual_preset : preset;
+    if (!first.empty()) names.merge(readPreset(first, parameters));
     if (!file.empty()) names.merge(readParameterFile(file, parameters));
     for (const auto& [name, text] : values) {
       setParameter(*findParameter(name), text, parameters);
@@ -60,7 +62,9 @@ struct Given {
       parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
     }
     const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
-    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
+    for (const std::string& text : {note, noteOnFixed(parameters)}) {
+      if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
+    }
   }
 };
 
@@ -88,18 +92,22 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
 
 /// `done` is called with the values after parsing.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
-                const std::function<void(const Parameters&)>& done) {
+                const std::string& preset, const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
+  given->usual_preset = preset;
+  Parameters shown = defaults;
+  if (!preset.empty()) readPreset(preset, shown);
   const char* const group = "Parameters";
   app.add_option("--preset", given->preset, "preset to start from: " + namesOfPresets())
       ->type_name("NAME")
+      ->default_str(preset)
       ->group(group);
   app.add_option("--params", given->file,
                  "YAML file of parameters, as `rosparam dump` and `dynparam dump` write it")
       ->type_name("FILE")
       ->group(group);
   for (const ParameterRow& row : parameterRows()) {
-    if (wanted(row)) addOption(app, row, defaults, given);
+    if (wanted(row)) addOption(app, row, shown, given);
   }
   app.callback([given, defaults, done] {
     Parameters parameters = defaults;
@@ -140,12 +148,12 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
 }  // namespace
 
 void addParameterOptions(CLI::App& app, Parameters& parameters) {
-  addOptions(app, decidesARecording, parameters,
+  addOptions(app, decidesARecording, parameters, "",
              [&](const Parameters& given) { parameters = given; });
 }
 
-void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
-  addOptions(app, decidesAPair, options.parameters, [&](const Parameters& parameters) {
+void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset) {
+  addOptions(app, decidesAPair, options.parameters, preset, [&](const Parameters& parameters) {
     options = pipelineOptions(parameters);
     const OrbExtractor checked_extractor(options.orb);
     const KtgpMatcher checked_matcher(options.matcher);

@@ -10,20 +10,6 @@ namespace {
 using util::GreyStretch;
 using util::requireInRange;
 
-/// The values of dynamic_reconfigure by the names of the table.
-Parameters parametersFrom(const KtgpConfig& config) {
-  Parameters p;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) p.name = config.name;
-#define KTGP_INT(name, value, low, high, unit, text) p.name = config.name;
-#define KTGP_DOUBLE(name, value, low, high, unit, text) p.name = config.name;
-#define KTGP_STRING(name, value, text) p.name = config.name;
-#define KTGP_CHOICE(name, value, text, choices) p.name = config.name;
-#include "parameters/table.def"
-#include "parameters/table_end.def"
-  return p;
-}
-
 GreyStretch stretchFrom(const Parameters& parameters) {
   GreyStretch stretch;
   if (parameters.stretch == "percentile") {
@@ -42,6 +28,19 @@ GreyStretch stretchFrom(const Parameters& parameters) {
 }
 
 }  // namespace
+
+Parameters parametersFrom(const KtgpConfig& config) {
+  Parameters p;
+#define KTGP_GROUP(name)
+#define KTGP_BOOL(name, value, text) p.name = config.name;
+#define KTGP_INT(name, value, low, high, unit, text) p.name = config.name;
+#define KTGP_DOUBLE(name, value, low, high, unit, text) p.name = config.name;
+#define KTGP_STRING(name, value, text) p.name = config.name;
+#define KTGP_CHOICE(name, value, text, choices) p.name = config.name;
+#include "parameters/table.def"
+#include "parameters/table_end.def"
+  return p;
+}
 
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number) {
   return configurationFrom(parametersFrom(config), number);

@@ -31,6 +31,9 @@ struct Configuration {
   int threads = 1;
 };
 
+/// The values of dynamic_reconfigure by the names of the table.
+Parameters parametersFrom(const KtgpConfig& config);
+
 /// Everything except what comes from files and messages, which is null: the reference image, the
 /// masks, the lens. Throws std::invalid_argument for values out of their limits, including NaN.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);

@@ -142,6 +142,26 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& 
   }
 }
 
+sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message) {
+  cv_bridge::CvImage image;
+  image.header = message.header;
+  if (message.data.empty()) return nullptr;
+  try {
+    image.image = cv::imdecode(message.data, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {  // data that OpenCV takes for an image too large for it
+    return nullptr;
+  }
+  const int type = image.image.type();
+  const bool one_channel = image.image.channels() == 1;
+  for (const Format& format : formats()) {
+    // OpenCV's order of colours comes first in the list.
+    const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
+    if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
+  }
+  if (image.image.empty() || image.encoding.empty()) return nullptr;
+  return image.toImageMsg();
+}
+
 cv::Mat notBlack(const cv::Mat& image) {
   const int colours = std::min(3, image.channels());  // a fourth is opacity
   cv::Mat mask;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
 #include <opencv2/core.hpp>
@@ -28,6 +29,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStr
 /// fits.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
                   cv::Mat& buffer);
+
+/// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
+/// the Bayer pattern that begins the message's format. Null for data that is no image.
+sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
 
 /// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
 /// that no pixel is copied within one nodelet manager. Throws as greyImage does.

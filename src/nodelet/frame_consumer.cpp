@@ -67,7 +67,7 @@ void FrameConsumer::subscribe() {
   // If publisher and subscriber of one process start at the same time, ROS may connect them twice
   // and deliver everything twice.
   image_sub_ = transport_->subscribe(
-      "image", queue_size_,
+      image_topic_, queue_size_,
       [this](const sensor_msgs::ImageConstPtr& image) {
         if (last_image_.lock() == image) return;
         last_image_ = image;

@@ -29,15 +29,16 @@ void ImageNodelet::onInit() {
 
 void ImageNodelet::openInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
                              int queue_size) {
-  transport_hints_ =
-      std::make_unique<image_transport::TransportHints>("raw", ros::TransportHints(), private_node);
-  const std::string transport = transport_hints_->getTransport();
+  const ImageInput input =
+      imageInput(node, private_node.param<std::string>("image_transport", "raw"));
+  // Its last argument is the parameter that would choose another plugin.
+  transport_hints_ = std::make_unique<image_transport::TransportHints>(
+      input.plugin, ros::TransportHints(), private_node, "image_transport_plugin");
   queue_size_ =
       static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)));
-  image_topic_ = node.resolveName("image");
+  image_topic_ = input.topic;
   camera_info_topic_ = image_transport::getCameraInfoTopic(image_topic_);
-  requireTransport(node, transport);
-  image_watch_ = std::make_unique<InputWatch>(image_topic_, transport);
+  image_watch_ = std::make_unique<InputWatch>(image_topic_, input.transport);
 }
 
 void ImageNodelet::connectionsChanged() {
@@ -91,8 +92,9 @@ bool ImageNodelet::clockStands() {
 
 void ImageNodelet::watch(InputWatch& watch, bool subscribed, std::uint64_t arrived,
                          std::uint32_t publishers) {
-  // A paused bag is not a broken camera; a clock that never started is an error.
-  if (clock_stands_ && !clockIsMissing()) return;
+  // A paused bag is not a broken camera, nor is one that bag.launch has not yet begun to play (it
+  // sets this parameter); any other clock that never started is an error.
+  if (clock_stands_ && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) return;
   const std::string warning = watch.tick(subscribed, arrived, publishers);
   if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
 }

@@ -18,7 +18,7 @@ using Lock = std::lock_guard<std::mutex>;
 
 void MatcherNodelet::subscribe() {
   new_subscription_ = true;
-  image_sub_ = transport_->subscribe("image", queue_size_, &MatcherNodelet::imageArrived, this,
+  image_sub_ = transport_->subscribe(image_topic_, queue_size_, &MatcherNodelet::imageArrived, this,
                                      *transport_hints_);
   listening_ = true;
   monitor_.setListening(true);

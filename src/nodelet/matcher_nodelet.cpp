@@ -170,6 +170,9 @@ void MatcherNodelet::reconfigured(KtgpConfig& config) {
     configureFrom(config);
     const std::string note = noteOnRatioThreshold(config.T_w, config.descriptor);
     if (described_anew && !note.empty()) NODELET_WARN("%s", note.c_str());
+    const bool is_fixed_anew = !configured_ || config.reference_mode != config_.reference_mode;
+    const std::string on_fixed = noteOnFixed(parametersFrom(config));
+    if (is_fixed_anew && !on_fixed.empty()) NODELET_INFO("%s", on_fixed.c_str());
     config_ = config;
     configured_ = true;
     monitor_.setParameterError("");

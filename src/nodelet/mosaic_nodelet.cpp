@@ -12,6 +12,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <vector>
 
+#include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
 #include "nodelet/frame_consumer.h"

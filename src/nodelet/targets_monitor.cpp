@@ -27,6 +27,11 @@ void TargetsMonitor::done(const TargetDetections& message) {
   refusal_.clear();
   last_ = message;
   found_ = message.detections.size();
+  ambiguous_.clear();
+  for (const TargetDetection& target : message.detections) {
+    if (target.ambiguity.empty()) continue;
+    ambiguous_ = target.id + " looks the same " + target.ambiguity + ": its pose is one of several";
+  }
   last_.detections.clear();
 }
 
@@ -59,6 +64,11 @@ void TargetsMonitor::report(diagnostic_updater::DiagnosticStatusWrapper& report)
   } else {
     report.summary(DiagnosticStatus::OK, "searches targets");
   }
+  if (!last_.at_limit.empty()) {
+    report.mergeSummary(DiagnosticStatus::WARN,
+                        "max_instances of " + last_.at_limit + " were found; there may be more");
+  }
+  if (!ambiguous_.empty()) report.mergeSummary(DiagnosticStatus::WARN, ambiguous_);
   if (waiting_ == 0 && last_.known == 0 && images_ > 0) {
     report.mergeSummary(DiagnosticStatus::WARN, "no target is known");
   }

@@ -34,6 +34,7 @@ class TargetsMonitor {
   std::string refusal_;  // of the last image; empty: it was used
   std::uint64_t refused_targets_ = 0;
   std::string target_refusal_;
+  std::string ambiguous_;  // a target of the last image that is
   std::size_t waiting_ = 0;
   TargetDetections last_;  // the last one, without detections
   std::size_t found_ = 0;

@@ -41,6 +41,7 @@ class TargetsNodelet : public ImageNodelet {
   void search(const sensor_msgs::ImageConstPtr& image);
   void publish(const TargetDetectionsPtr& message, const cv::Mat& grey, const TargetFrame& frame);
   void say(const std::string& problem);
+  std::string sayAmbiguity(const std::string& id);
   bool add(SetTarget::Request& request, SetTarget::Response& response);
   bool replace(SetTarget::Request& request, SetTarget::Response& response);
   bool remove(RemoveTarget::Request& request, RemoveTarget::Response& response);
@@ -147,7 +148,7 @@ void TargetsNodelet::configure(TargetsConfig& config) {
   try {
     requireFinite(config);
     pixels_ = pixelsFrom(config.calibration, image_topic_);
-    finder_.setSearch(config.search_ms, config.search_radius);
+    finder_.setSearch(config.search_ms, config.smallest_side, config.max_instances);
   } catch (const std::invalid_argument& error) {
     NODELET_ERROR("new parameters are refused, the old ones stay: %s", error.what());
     config = config_;
@@ -181,7 +182,7 @@ void TargetsNodelet::targetsChanged() {
 void TargetsNodelet::subscribe() {
   // As in FrameConsumer: within a process everything may arrive twice.
   image_sub_ = transport_->subscribe(
-      "image", queue_size_,
+      image_topic_, queue_size_,
       [this](const sensor_msgs::ImageConstPtr& image) {
         if (last_image_.lock() == image) return;
         last_image_ = image;
@@ -247,12 +248,28 @@ void TargetsNodelet::say(const std::string& problem) {
   said_ = problem;
 }
 
+/// How the new target looks like itself in another pose, also in the log; else an empty text.
+std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
+  std::string text = finder_.ambiguity(id);
+  if (text.empty()) return text;
+  text = "target \"" + id + "\" looks the same " + text +
+         ": its pose is one of several, and is not sent to tf";
+  NODELET_WARN("%s", text.c_str());
+  return text;
+}
+
 bool TargetsNodelet::add(SetTarget::Request& request, SetTarget::Response& response) {
-  return change(response, [&] { book_.add(request); });
+  return change(response, [&] {
+    book_.add(request);
+    response.message = sayAmbiguity(request.id);
+  });
 }
 
 bool TargetsNodelet::replace(SetTarget::Request& request, SetTarget::Response& response) {
-  return change(response, [&] { book_.replace(request); });
+  return change(response, [&] {
+    book_.replace(request);
+    response.message = sayAmbiguity(request.id);
+  });
 }
 
 bool TargetsNodelet::remove(RemoveTarget::Request& request, RemoveTarget::Response& response) {

@@ -2,6 +2,7 @@
 
 #include <sstream>
 #include <stdexcept>
+#include <tuple>
 
 namespace ktgp_orb {
 namespace {
@@ -50,14 +51,39 @@ MatcherOptions matcherOptions(const Parameters& p) {
   return matcher;
 }
 
+/// The methods that decide how far the views of a pair may differ.
+auto methodsOf(const Parameters& p) {
+  return std::tie(p.features, p.distribution, p.descriptor, p.T_w, p.mutual, p.gms, p.growth,
+                  p.views, p.guided, p.alignment);
+}
+
 }  // namespace
+
+bool choosesForFixed(const Parameters& parameters) {
+  return parameters.reference_mode == "fixed" && methodsOf(parameters) == methodsOf(Parameters{});
+}
+
+std::string noteOnFixed(const Parameters& parameters) {
+  if (!choosesForFixed(parameters)) return {};
+  return "reference_mode is fixed, and nothing was set that decides how far views may differ: uses "
+         "preset robust with views 13, features 5000 and distribution uniform";
+}
 
 PipelineOptions pipelineOptions(const Parameters& parameters) {
   requireValid(parameters);
   return {orbOptions(parameters), matcherOptions(parameters), parameters};
 }
 
-SequenceOptions sequenceOptions(const Parameters& parameters) {
+SequenceOptions sequenceOptions(const Parameters& given) {
+  Parameters parameters = given;
+  if (choosesForFixed(given)) {
+    parameters.features = 5000;
+    parameters.distribution = "uniform";
+    parameters.T_w = 1.0;
+    parameters.mutual = parameters.growth = parameters.guided = true;
+    parameters.gms = false;
+    parameters.views = 13;
+  }
   const PipelineOptions pipeline = pipelineOptions(parameters);
   SequenceOptions sequence;
   sequence.orb = pipeline.orb;

@@ -19,8 +19,15 @@ struct PipelineOptions {
 /// values that the core refuses.
 PipelineOptions pipelineOptions(const Parameters& parameters);
 
-/// The same for a sequence, with the options of the reference.
+/// The same for a sequence, with the options of the reference. A fixed reference is seen from
+/// anywhere; the paper's method is for neighbouring frames. So reference_mode fixed uses what pairs
+/// with strongly different views need, unless one of the parameters that decide it was set.
 SequenceOptions sequenceOptions(const Parameters& parameters);
+
+/// Whether sequenceOptions() chooses for a fixed reference, and the message for the user; else
+/// empty.
+bool choosesForFixed(const Parameters& parameters);
+std::string noteOnFixed(const Parameters& parameters);
 
 /// The new value of `threshold` (T_w) when the descriptor changes and T_w is not set: the default
 /// of the new kind (see ratioThreshold) if it was the default of the old kind; otherwise unchanged.

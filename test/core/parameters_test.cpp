@@ -73,6 +73,26 @@ TEST(Parameters, SayWhereTheRatioThresholdIsAnotherDescriptors) {
             "T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better (doc/tuning.md)");
 }
 
+/// The paper's method is for neighbouring frames; a fixed reference is seen from anywhere.
+TEST(Parameters, ChooseTheMethodForAFixedReferenceUnlessOneIsSet) {
+  Parameters parameters;
+  EXPECT_FALSE(sequenceOptions(parameters).matcher.growth.enabled);
+  EXPECT_EQ(noteOnFixed(parameters), "");
+  parameters.reference_mode = "fixed";
+  const SequenceOptions chosen = sequenceOptions(parameters);
+  EXPECT_TRUE(chosen.matcher.growth.enabled && chosen.matcher.guided.enabled);
+  EXPECT_FALSE(chosen.matcher.gms.enabled);
+  EXPECT_EQ(chosen.matcher.growth.views, 13);
+  EXPECT_NE(noteOnFixed(parameters), "");
+  for (const auto& [name, value] : {std::pair("growth", "true"), std::pair("T_w", "0.7"),
+                                    std::pair("features", "3000")}) {
+    Parameters set = parameters;
+    setParameter(*findParameter(name), value, set);
+    EXPECT_TRUE(sequenceOptions(set).matcher.gms.enabled) << name;
+    EXPECT_EQ(noteOnFixed(set), "") << name;
+  }
+}
+
 TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {
   Parameters parameters;
   EXPECT_EQ(overlayStyleFrom(parameters), OverlayStyle::flow);
