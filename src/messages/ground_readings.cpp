@@ -57,6 +57,19 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
+// Where an Imu does not say its own, and of tf; about each axis.
+constexpr double kNormalDeviation = 0.5 * kDegree;
+constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
+
+/// The largest standard deviation of the first `axes` axes; `usual` where the covariance is zero,
+/// which means that it is not known.
+template <typename Covariance>
+double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < axes; ++i) largest = std::max(largest, covariance[4 * i]);
+  return largest > 0.0 ? std::sqrt(largest) : usual;
+}
+
 /// Why the range of a message is none.
 std::string whyNone(const sensor_msgs::Range& range) {
   const double value = range.range;
@@ -319,7 +332,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   if (config_.normal_source == "motion") return std::nullopt;
   if (config_.normal_source == "imu") return downOfImu(image);
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
   if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
   const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
@@ -352,7 +365,7 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
   if (!found) return std::nullopt;
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = deviationOf(imu->orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
       imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
@@ -366,6 +379,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
+  double deviation = kGyroDeviation;
   std::string frame;
   bool has_none = false;
   for (const sensor_msgs::Imu& imu : imus_) {
@@ -374,6 +388,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     if (has_none || !isFinite(imu.angular_velocity)) continue;
     sum += vector(imu.angular_velocity);
     count += 1.0;
+    deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
@@ -389,7 +404,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   TurnReading reading;
   const double angle = angles.norm();
   if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
-  reading.deviation = config_.gyro_deviation * kDegree * length;
+  reading.deviation = deviation * length;
   return reading;
 }
 
