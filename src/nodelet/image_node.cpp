@@ -9,7 +9,7 @@ namespace {
 
 using Lock = std::lock_guard<std::mutex>;
 
-constexpr int kPatience = 3;  // s without a message
+constexpr int kSilence = 3;  // s without a message
 
 /// Whether ROS time is simulated and its clock never started.
 bool clockIsMissing() {
@@ -150,7 +150,7 @@ void NodeBase::watchInputs(bool clock_stands) {
     if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
     const std::string warning = watch->tick(listening, input->arrived(), publishers);
     if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
-    if (silence.empty() && watch->silentSeconds() > kPatience) {
+    if (silence.empty() && watch->silentSeconds() > kSilence) {
       silence = noneOn(input->what(), input->topic(), watch->trouble());
     }
   }
