@@ -24,11 +24,6 @@ using std_srvs::Trigger;
 
 constexpr double kPatience = 1.0;  // s without a usable height or normal
 
-/// There is no reason where the newest reading was already used for an earlier frame.
-std::string none(const std::string& what, const std::string& why) {
-  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
-}
-
 std::string number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", value);
@@ -143,17 +138,7 @@ void GroundWork::process(const MatchConstPtr& match) {
 
 /// Why nothing is published for a frame; empty: it is.
 std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Time& stamp) {
-  constexpr double kLimit = GroundEstimate::kContradiction;
-  const std::string contradicts = " contradicts the homography";
-  const std::string height = estimate.height_misfit > kLimit
-                                 ? "that of " + readings_.heightSource() + contradicts
-                                 : readings_.noHeight();
-  const std::string normal = estimate.down_misfit > kLimit
-                                 ? "that of " + readings_.normalSource() + contradicts
-                                 : readings_.noNormal();
-  const std::string not_used = !height.empty()   ? "height: " + height
-                               : !normal.empty() ? "normal: " + normal
-                                                 : readings_.noTurn();
+  const std::string not_used = readings_.notUsed(estimate);
   diagnosis_.setProblem("not used", not_used, false);
   diagnosis_.setValue("not used", util::printable(not_used, 600));
   if (estimate.height_used) last_height_ = stamp;
@@ -161,30 +146,9 @@ std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Tim
   const auto is_old = [&](const ros::Time& last) {
     return last > stamp || (stamp - last).toSec() > kPatience;
   };
-  switch (estimate.status) {
-    case GroundStatus::no_homography:
-      return "the matcher found no homography";
-    case GroundStatus::no_covariance:
-      return "the homography has no covariance";
-    case GroundStatus::no_height:
-      return none("height", height);
-    case GroundStatus::no_normal:
-      return "no normal: " + (normal.empty() ? "the motion does not show it yet" : normal);
-    case GroundStatus::contradiction:
-      return "the homography contradicts the height and the normal of earlier frames";
-    case GroundStatus::looks_away:
-      return "the camera looks above the horizon: its tf, or the direction of gravity, is wrong";
-    case GroundStatus::stamp_went_back:
-      return "the stamp went back: the odometry begins anew";
-    case GroundStatus::not_finite:
-      return "numbers too large to compute with: the odometry begins anew";
-    case GroundStatus::ok:
-    case GroundStatus::started:
-    case GroundStatus::resumed:
-      break;
-  }
-  if (is_old(last_height_)) return none("height", height);
-  if (is_old(last_normal_)) return none("normal", normal);
+  if (!estimate.hasPose()) return readings_.problemOf(estimate);
+  if (is_old(last_height_)) return noReading("height", readings_.heightTrouble(estimate));
+  if (is_old(last_normal_)) return noReading("normal", readings_.normalTrouble(estimate));
   return "";
 }
 
@@ -198,6 +162,10 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
   diagnosis_.setValue("normal, deviation (rad)", number(estimate.tilt_deviation));
   diagnosis_.setValue("height, deviations off", number(estimate.height_misfit));
   diagnosis_.setValue("normal, deviations off", number(estimate.down_misfit));
+  diagnosis_.setValue("rotation, deviations off", number(estimate.turn_misfit));
+  diagnosis_.setValue("homography, deviations off", number(estimate.homography_misfit));
+  diagnosis_.setValue("readout time of the shutter (s)", number(estimate.readout_time));
+  diagnosis_.setValue("readout time, deviation (s)", number(estimate.readout_deviation));
   diagnosis_.setValue("deviation from a plane (px)", number(plane_deviation));
   if (estimate.gap > 0.0) diagnosis_.setValue("last gap (s)", number(estimate.gap));
 }

@@ -6,7 +6,7 @@
 namespace ktgp_orb {
 namespace {
 
-const std::string kCompressed = "compressed";
+const std::string kCompressedTransport = "compressed";
 const std::string kOwnPlugin = "ktgp_compressed";  // see compressed_subscriber.cpp
 
 }  // namespace
@@ -31,19 +31,20 @@ bool Input::isNew(const boost::shared_ptr<const void>& message) {
 
 ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport) {
   ImageSource source{node.resolveName("image"), transport, transport};
-  const std::string suffix = "/" + kCompressed;
+  const std::string suffix = "/" + kCompressedTransport;
   const std::size_t stem = source.topic.size() - std::min(source.topic.size(), suffix.size());
   const bool named = source.topic.compare(stem, std::string::npos, suffix) == 0;
-  if (named && (transport == "raw" || transport == kCompressed)) {
+  if (named && (transport == "raw" || transport == kCompressedTransport)) {
     source.topic.erase(stem);
-    source.transport = source.plugin = kCompressed;
+    source.transport = source.plugin = kCompressedTransport;
   }
   const auto installed = image_transport::ImageTransport(node).getLoadableTransports();
   const auto isInstalled = [&installed](const std::string& plugin) {
     return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
            installed.end();
   };
-  if (source.transport == kCompressed && !isInstalled(kCompressed)) source.plugin = kOwnPlugin;
+  if (source.transport == kCompressedTransport && !isInstalled(kCompressedTransport))
+    source.plugin = kOwnPlugin;
   if (isInstalled(source.plugin)) return source;
   throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
                               transport +

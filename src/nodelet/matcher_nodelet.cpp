@@ -27,9 +27,6 @@ constexpr const char* kReferenceLost =
 
 constexpr double kMinShare = 0.5;  // of frames with a homography; below it there is a warning
 
-constexpr std::size_t kImage = 1;  // kinds of jobs
-constexpr std::size_t kConfiguration = 2;
-
 }  // namespace
 
 /// Images in, matches and homographies out. doc/topics.md describes topics and services.
@@ -59,6 +56,9 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   void rereadReference(bool at_once);
   void matchPair(MatchPair::Request& request, MatchPair::Response& response);
   void setReference();
+
+  static constexpr std::size_t kImage = 1;  // kinds of jobs
+  static constexpr std::size_t kConfiguration = 2;
 
   // Set at the start
   ImageInput* images_ = nullptr;

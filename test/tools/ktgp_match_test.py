@@ -266,7 +266,7 @@ class KtgpMatch(ToolCase):
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
         self.assertEqual(run.returncode, 0)
-        for text in ("Examples:", "--T_w", "[0.01, 1]", "--preset NAME [photo]", "Exit code", "--help-all"):
+        for text in ("Examples:", "--T_w", "[0.01, 1]", "--preset NAME", "Preset photo, the default", "Exit code", "--help-all"):
             self.assertIn(text, run.stdout)
         self.assertNotIn("--fast_threshold", run.stdout)
         everything = self.match("--help-all")
