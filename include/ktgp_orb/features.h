@@ -39,6 +39,9 @@ struct Features {
   bool empty() const { return keypoints.empty(); }
 };
 
+/// Throws std::invalid_argument unless `features` is empty or has a positive image size.
+void requireImageSize(const Features& features, const std::string& name);
+
 /// Throws std::invalid_argument unless `features` has one 32-byte CV_8U descriptor row per keypoint
 /// and, if it has keypoints, a positive image size. The message begins with `name` ("reference",
 /// "target").

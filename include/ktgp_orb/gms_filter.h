@@ -48,8 +48,9 @@ struct GmsResult {
 /// The result equals that of the GMS authors' program, match for match. That program does not check
 /// for keypoints on or beyond the right and bottom border; here they are in no cell.
 ///
-/// The cost grows with the number of matches and occupied cells, plus one short pass over the cells
-/// of the target grid for each of its four copies. Buffers are reused from call to call.
+/// The matches are sorted by their pair of cells. So the cost grows with the number of matches and
+/// occupied cells, plus a short pass over the cells of the target grid for each of its four copies
+/// and each scale. Buffers are reused from call to call.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class GmsFilter {

@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "ktgp_orb/prosac_homography.h"
 
@@ -21,16 +23,34 @@ struct PlanarPose {
   /// Of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad), in this order;
   /// NaN where the covariance of the homography is not known.
   Covariance6 covariance = Covariance6::Zero();
+  /// Squared distance of its homography from the given one in units of the covariance; 0 where that
+  /// is not known. Two degrees of freedom.
+  double squared_error = 0.0;
+  /// Likelihood of this pose against the other one, 0..1; 1: there is no other one.
+  double share = 1.0;
 };
 
-/// The pose from the homography reference image -> camera image and its covariance (see
-/// ProsacResult). `camera`: K of an image without distortion, px; `reference_size`: px;
+struct PlanarPoses {
+  /// None, one, or two, the likelier one first: seen nearly from the front, and from afar, a plane
+  /// that tilts to the left looks as if it tilted to the right.
+  std::vector<PlanarPose> poses;
+  std::string problem;  ///< why there is none
+};
+
+/// The poses from the homography reference image -> camera image and its covariance (see
+/// UncertainHomography). `camera`: K of an image without distortion, px; `reference_size`: px;
 /// `target_width`: the width that the whole reference image shows, m.
 ///
-/// Starts with the decomposition K^-1 H = [r1 r2 t] (Zhang, PAMI 2000), then finds the pose whose
-/// homography is nearest to H, weighted by H's covariance. Empty for a homography that no target in
-/// front of the camera gives. Throws std::invalid_argument for an empty size, and for a width or
-/// focal length that is not positive.
+/// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014), and finds from each the pose
+/// whose homography is nearest to the given one, weighted by its covariance (Levenberg-Marquardt).
+/// None for a homography that no target in front of the camera gives, and where neither start
+/// converges. Throws std::invalid_argument for an empty size, and for a width or focal length that
+/// is not positive.
+PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+                        const Eigen::Matrix3d& camera, const cv::Size& reference_size,
+                        double target_width);
+
+/// The likeliest of these.
 std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
                                      const Covariance8& covariance, const Eigen::Matrix3d& camera,
                                      const cv::Size& reference_size, double target_width);

@@ -24,7 +24,8 @@ struct Target {
   /// example by day and by night).
   std::vector<cv::Mat> images;
   double width = 0.0;  ///< what the images show from left to right, m; 0: not known
-  std::string frame;   ///< name for the caller (tf); not used here
+  /// Name for the caller (tf). No other target has it, also not as FRAME_1 ... of its instances.
+  std::string frame;
 };
 
 struct TargetFinderOptions {
@@ -43,9 +44,12 @@ struct TargetFinderOptions {
   /// Images that each image of a target is searched as: 1: itself, at full and at half size; 5:
   /// also four views of it with a tilt of 2, at both sizes.
   int views = 5;
-  /// How far a target that was seen in the last frame, and was not found otherwise, may be from its
-  /// predicted position, px, 0..1000. 0: it gets no second search.
-  double search_radius = 48.0;
+  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. Below 80 px
+  /// the frame is made twice as large before the extraction, if it then has at most 2500 px: about
+  /// half of the targets of this size are found by default. This takes a multiple of the time, so
+  /// it is done while nothing is followed, or something small, or something was lost, and in each
+  /// eighth frame.
+  double smallest_side = 45.0;
   /// Time for the targets that were not seen in the last frame, ms per frame; a tenth of it while
   /// other targets are followed. Infinite: all that have a chance are tried on every frame. A part
   /// of the index and one target are always searched. The extraction and the targets of the last
@@ -65,6 +69,9 @@ struct DetectedTarget {
   cv::Size image_size;    ///< of that image, px
   double width = 0.0;     ///< Target::width
   std::string frame;      ///< Target::frame
+  /// How its picture looks like itself in another pose, such as "turned by 180 degrees": then this
+  /// pose is one of several. Empty: it does not.
+  std::string ambiguity;
   /// The outer corners of the first and last pixels' centres in the frame: upper left, upper right,
   /// lower right, lower left of the target's image; px.
   std::array<Eigen::Vector2d, 4> corners;
@@ -75,7 +82,9 @@ struct DetectedTarget {
   std::size_t inliers = 0;  ///< keypoints that agree with it
   double log_false_alarms = 0.0;  ///< log10 of the expected number of false alarms
   int age = 0;  ///< frames in which this instance was seen one after the other, this one included
-  bool predicted = false;  ///< found near its predicted position, after the search had not found it
+  /// Its keypoints were not found, but the image looks like its picture near the predicted
+  /// position. Rests on the frame before; the chance of a false alarm is larger.
+  bool predicted = false;
   /// What the homography was fitted to: positions in the target's image and in the frame, px.
   PointPairs pairs;
 };
@@ -88,6 +97,8 @@ struct TargetSearch {
   /// Frames within which all keypoints are looked up in the index and every candidate is tried, if
   /// it stays one: 1 if this was done.
   std::size_t frames_for_all = 1;
+  /// A target of which max_instances were found, so that there may be more; empty: none.
+  std::string at_limit;
   std::size_t features = 0;  ///< keypoints of the frame
   double extraction_milliseconds = 0.0;
   double milliseconds = 0.0;  ///< extraction and search
@@ -116,9 +127,9 @@ struct TargetFrame {
 ///
 /// The targets of the last frame come first. Then search_ms limits how many keypoints are looked up
 /// in the index, in turn, and how many candidates are tried: in order of their support, each second
-/// one in turn. What is tried depends on this time. What is found does not: a search gives the same
-/// bits whenever it is done. Only the second search near the predicted position
-/// (DetectedTarget::predicted) needs a detection in the frame before.
+/// one in turn. What is tried depends on this time. What is found does not, apart from two things
+/// that depend on what was seen before: whether the frame is made larger (smallest_side), and what
+/// is followed by the images alone (DetectedTarget::predicted).
 ///
 /// An instance belongs to one thread at a time.
 class TargetFinder {
@@ -130,14 +141,14 @@ class TargetFinder {
   TargetFinder& operator=(TargetFinder&&) noexcept;
 
   const TargetFinderOptions& options() const;
-  /// TargetFinderOptions::search_ms and search_radius from the next frame on. Throws as the
-  /// constructor does, without any change.
-  void setSearch(double search_ms, double search_radius);
+  /// These TargetFinderOptions from the next frame on. Throws as the constructor does, without any
+  /// change.
+  void setSearch(double search_ms, double smallest_side, int max_instances);
 
   /// Throws std::invalid_argument with the reason, without any change, for an empty or known id, no
   /// image or one of another type, a width that is negative or not finite, an image with too little
-  /// texture, and one that shows the same as another target, so that the two could not be told
-  /// apart.
+  /// texture, one that shows the same as another target, so that the two could not be told apart,
+  /// and a frame that meets another target's.
   void add(const Target& target);
   /// The same in place of the target with this id, which must exist.
   void replace(const Target& target);
@@ -146,6 +157,8 @@ class TargetFinder {
   /// In the order in which they were added.
   std::vector<std::string> ids() const;
   bool knows(const std::string& id) const;
+  /// DetectedTarget::ambiguity of the target with this id; empty if there is no such target.
+  std::string ambiguity(const std::string& id) const;
 
   /// `image`: 8-bit grey; otherwise std::invalid_argument.
   const TargetFrame& find(const cv::Mat& image);

@@ -8,8 +8,12 @@
 #include <vector>
 
 #include "core/util/grey_levels.h"
+#include "core/util/printable.h"
 
 namespace ktgp_orb::files {
+
+FileError::FileError(const std::string& file, const std::string& what)
+    : std::runtime_error(util::printable(file) + ": " + what) {}
 
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // an invalid name counts as a missing file

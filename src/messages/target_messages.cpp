@@ -6,6 +6,7 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
+#include "core/util/keypoint_position.h"
 #include "messages/pose_message.h"
 
 namespace ktgp_orb {
@@ -38,6 +39,7 @@ TargetDetection messageOf(const DetectedTarget& target) {
   message.predicted = target.predicted;
   message.width = target.width;
   message.frame = target.frame;
+  message.ambiguity = target.ambiguity;
   return message;
 }
 
@@ -72,8 +74,7 @@ bool wantsPose(const TargetDetection& message) {
 
 }  // namespace
 
-std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
-                                             const PixelCamera& camera) {
+PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera) {
   UncertainHomography found = target.homography;
   if (camera.lens) {
     std::vector<cv::KeyPoint> points;
@@ -84,13 +85,14 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
     // Patches of the alignment that overlap share their noise, so they count once.
     const double apart = target.aligned ? kPatchSide : 0.0;
     pairs_.clear();
+    pairs_.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
     for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
       pairs_.reference.push_back(target.pairs.reference[i]);
       pairs_.target.emplace_back(points[i].pt.x, points[i].pt.y);
       pairs_.quality.push_back(target.pairs.quality[i]);
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
-    if (result_.status != Status::ok) return std::nullopt;
+    if (result_.status != Status::ok) return {{}, "its pairs do not agree without the distortion"};
     found = result_.answer;
     if (target.aligned) {
       const auto evidence =
@@ -98,8 +100,8 @@ std::optional<PlanarPose> DetectedPose::find(const DetectedTarget& target,
       refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
     }
   }
-  return planarPose(found.homography, found.covariance, camera.camera, target.image_size,
-                    target.width);
+  return planarPoses(found.homography, found.covariance, camera.camera, target.image_size,
+                     target.width);
 }
 
 void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
@@ -122,6 +124,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
   message->tried = static_cast<std::uint32_t>(frame.search.tried);
   message->frames_for_all = static_cast<std::uint32_t>(frame.search.frames_for_all);
   message->milliseconds = frame.search.milliseconds;
+  message->at_limit = frame.search.at_limit;
   return message;
 }
 
@@ -133,18 +136,27 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
     TargetDetection& detection = message.detections[i];
     if (!wantsPose(detection)) continue;
     try {
+      if (detection.frame == message.header.frame_id && !detection.frame.empty()) {
+        throw std::invalid_argument("the frame of " + detection.id + ", " + detection.frame +
+                                    ", is the camera's; expected one of its own");
+      }
       if (detection.width <= 0.0) {
         throw std::invalid_argument("the width of " + detection.id + ", which has the frame " +
                                     detection.frame + ", is not known");
       }
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
-      const auto found = pose.find(frame.detections[i], *camera);
-      if (!found) {
-        throw std::invalid_argument("the homography of " + detection.id +
-                                    " is not the view of a target in front of the camera");
+      const PlanarPoses found = pose.find(frame.detections[i], *camera);
+      if (found.poses.empty()) throw std::invalid_argument(detection.id + ": " + found.problem);
+      const PlanarPose& best = found.poses.front();
+      if (!best.covariance.allFinite()) {
+        throw std::invalid_argument(detection.id + ": the homography has no covariance");
       }
       detection.has_pose = 1;
-      detection.pose = toMessage(found->target_to_camera, found->covariance);
+      detection.pose = toMessage(best.target_to_camera, best.covariance);
+      detection.pose_share = best.share;
+      if (found.poses.size() < 2) continue;
+      const PlanarPose& other = found.poses.back();
+      detection.other_pose = toMessage(other.target_to_camera, other.covariance);
     } catch (const std::invalid_argument& error) {
       message.no_pose = error.what();
     }
@@ -154,7 +166,8 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message) {
   std::vector<geometry_msgs::TransformStamped> transforms;
   for (const TargetDetection& target : message.detections) {
-    if (target.has_pose == 0 || target.frame.empty()) continue;
+    // Of several poses, tf could only have one, and nobody would know.
+    if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
     std::string child = target.frame;
     if (target.instance > 0) child += "_" + std::to_string(target.instance);
     transforms.push_back(transformOf(message.header, child, target.pose.pose));

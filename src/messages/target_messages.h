@@ -23,7 +23,7 @@ class DetectedPose {
   /// Empty if it is not the view of a target in front of the camera. With lens distortion, no
   /// homography maps a flat target to the image. Then the pairs of the detection are rectified, and
   /// a homography is fitted to them.
-  std::optional<PlanarPose> find(const DetectedTarget& target, const PixelCamera& camera);
+  PlanarPoses find(const DetectedTarget& target, const PixelCamera& camera);
 
  private:
   ProsacHomography prosac_;

@@ -42,33 +42,61 @@ float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]
   return total;
 }
 
+/// Width and height of the picture where its middle is in the frame, px.
+cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& picture) {
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(
+      homography, {0.5 * (picture.width - 1), 0.5 * (picture.height - 1)});
+  return {jacobian.col(0).norm() * picture.width, jacobian.col(1).norm() * picture.height};
+}
+
 cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
   return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)};
 }
 
 }  // namespace
 
-/// Both on one canvas, no finer than the picture is seen in the frame.
+/// The picture made as large as `size`, and the frame on the same canvas with a margin around it.
 void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+                        const cv::Size& size, const cv::Size& margin,
                         const std::vector<cv::Mat>& pyramid, double scale_factor) {
   const cv::Size& whole = picture.image.size();
-  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
-  const double across = jacobian.col(0).norm() * whole.width;
-  const double down = jacobian.col(1).norm() * whole.height;
-  columns_ = blocksAlong(across);
-  rows_ = blocksAlong(down);
-  const cv::Size size(columns_ * kSide, rows_ * kSide);
+  const cv::Size2d seen = sizeIn(homography, whole);
   shrink(picture, size, cv::INTER_LINEAR, picture_);
-
-  const Eigen::Matrix3d to_picture = homography::resizing(size, whole);
-  const double finer = std::min(across / size.width, down / size.height);  // than the canvas
+  Eigen::Matrix3d to_picture = homography::resizing(size, whole);
+  to_picture.col(2) -= to_picture.leftCols<2>() * Eigen::Vector2d(margin.width, margin.height);
+  const double finer = std::min(seen.width / size.width, seen.height / size.height);
   const auto finest = static_cast<std::size_t>(
       std::max(0.0, std::floor(std::log(std::max(finer, 1.0)) / std::log(scale_factor))));
   const cv::Mat& level = pyramid[std::min(finest, pyramid.size() - 1)];
   const Eigen::Matrix3d to_level = homography::resizing(pyramid[0].size(), level.size());
-  cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture), size,
-                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT, 0);
+  cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture),
+                      size + margin + margin, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
+                      cv::BORDER_CONSTANT, 0);
+}
+
+bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+                        const std::vector<cv::Mat>& pyramid, double scale_factor, double radius,
+                        Eigen::Matrix3d& located) {
+  constexpr double kLongest = 48.0;  // px of the canvas; more takes time, and finds the same place
+  constexpr double kLeastAlike = 0.4;  // correlation; afterwards the blocks are compared
+  const cv::Size2d seen = sizeIn(homography, picture.image.size());
+  const double scale = std::min(1.0, kLongest / std::max(seen.width, seen.height));
+  const cv::Size size(std::max(kSide, cvRound(scale * seen.width)),
+                      std::max(kSide, cvRound(scale * seen.height)));
+  const int reach = std::max(1, cvRound(scale * radius));
+  sample(picture, homography, size, {reach, reach}, pyramid, scale_factor);
+  cv::Mat correlation;
+  cv::matchTemplate(frame_, picture_, correlation, cv::TM_CCOEFF_NORMED);
+  double best = 0.0;
+  cv::Point place;
+  cv::minMaxLoc(correlation, nullptr, &best, nullptr, &place);
+  if (!(best > kLeastAlike)) return false;
+  const Eigen::Matrix3d to_picture = homography::resizing(size, picture.image.size());
+  Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
+  shift.topRightCorner<2, 1>() =
+      to_picture.topLeftCorner<2, 2>() * Eigen::Vector2d(place.x - reach, place.y - reach);
+  located = homography * shift;
+  return homography::scaleLastToOne(located);
 }
 
 void Appearance::cut(const cv::Mat& image, float least_deviation,
@@ -118,14 +146,17 @@ void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& pic
 Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
                                            const std::vector<cv::Mat>& pyramid, double scale_factor,
-                                           double tests) {
+                                           double tests, double above_neighbours) {
   constexpr float kPictureDeviation = 6.F;  // grey values
   constexpr float kFrameDeviation = 3.F;
-  constexpr double kAboveLargest = 1.5;
   constexpr double kFewest = 6.0;
   constexpr double kFewestToDiffer = 12.0;
   constexpr double kLeastShare = 0.3;  // of the blocks in view; the others may be hidden
-  sample(picture, homography, pyramid, scale_factor);
+  // One canvas for both, no finer than the picture is seen in the frame.
+  const cv::Size2d seen = sizeIn(homography, picture.image.size());
+  columns_ = blocksAlong(seen.width);
+  rows_ = blocksAlong(seen.height);
+  sample(picture, homography, {columns_ * kSide, rows_ * kSide}, {0, 0}, pyramid, scale_factor);
   cut(picture_, kPictureDeviation, of_picture_);
   cut(frame_, kFrameDeviation, of_frame_);
   markSeen(homography, picture.image.size(), pyramid[0].size());
@@ -157,7 +188,7 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   Similarity similarity;
   similarity.agreement = own_hits / std::max(own_count, 1.0);
   similarity.differs = own_count >= kFewestToDiffer && similarity.agreement < kLeastShare;
-  const double least_share = std::max(kLeastShare, kAboveLargest * largest);
+  const double least_share = std::max(kLeastShare, above_neighbours * largest);
   if (own_hits < kFewest || similarity.agreement < least_share) {
     similarity.log_false_alarms = std::numeric_limits<double>::infinity();
     return similarity;

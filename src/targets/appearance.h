@@ -21,10 +21,23 @@ class Appearance {
     bool differs = false;    ///< most blocks in view have texture and do not look alike
   };
 
+  /// How many times more of the blocks must look alike at their own place than at any place near
+  /// it: a facade or lines of text nearly look alike one window or one line further. Where a track
+  /// says which of these places it is, the own one must only be the best.
+  static constexpr double kAboveNeighbours = 1.5;
+  static constexpr double kAboveNeighboursOfTrack = 1.0;
+
   /// `pyramid`: of the frame, neighbouring levels differ by `scale_factor`. `tests`: how many
   /// pictures and homographies are compared in all.
   Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-                     const std::vector<cv::Mat>& pyramid, double scale_factor, double tests);
+                     const std::vector<cv::Mat>& pyramid, double scale_factor, double tests,
+                     double above_neighbours = kAboveNeighbours);
+
+  /// Moves a homography by up to `radius` px of the frame to where the images look most alike.
+  /// False, without a result, if they do not anywhere.
+  bool locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
+              const std::vector<cv::Mat>& pyramid, double scale_factor, double radius,
+              Eigen::Matrix3d& located);
 
  private:
   struct Block {
@@ -32,8 +45,8 @@ class Appearance {
     bool is_seen = true;  // in the frame
     float values[64];     // mean 0, length 1
   };
-  void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-              const std::vector<cv::Mat>& pyramid, double scale_factor);
+  void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography, const cv::Size& size,
+              const cv::Size& margin, const std::vector<cv::Mat>& pyramid, double scale_factor);
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;
   void markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture, const cv::Size& frame);
 

@@ -47,11 +47,16 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.found.estimate.homography);
 }
 
-/// Whether chance explains `one` clearly less. Where only a part that both have is seen, both have
-/// nearly the same support, and it could be either.
+/// How little chance explains it: minus log10 of the false alarms that were to be expected.
+double significanceOf(const FoundTarget& one) {
+  return -one.found.log_false_alarms;
+}
+
+/// Where only a part that both have is seen, both have nearly the same support, and it could be
+/// either.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
-  return other.found.log_false_alarms > kRatio * one.found.log_false_alarms;
+  return significanceOf(other) < kRatio * significanceOf(one);
 }
 
 /// Whether it looks less like its picture than `around` does, although light and blur are the same.
@@ -104,7 +109,9 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 
 bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store) {
   constexpr double kShare = 0.6;
-  return coversTexture(found, store) &&
+  // Of the blocks, which are those of one sharp image: with a logo in common, the others differ.
+  constexpr double kLeastAgreement = 0.75;
+  return found.found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store), outlineOf(size, Eigen::Matrix3d::Identity()),
                        kShare);
 }

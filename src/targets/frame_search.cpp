@@ -7,6 +7,8 @@
 #include <numeric>
 #include <utility>
 
+#include "core/homography/transform.h"
+
 namespace ktgp_orb::targets {
 namespace {
 
@@ -78,15 +80,15 @@ const std::vector<Candidate>& FrameSearch::candidates() {
 
 /// Most targets are found by the pairs that take little time. If few of these agree with each
 /// other, more pairs seldom help.
-void FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
-  if (searchWith(tables_, target, found)) return;
-  if (most_votes_ < kFewestThoroughVotes) return;
+int FrameSearch::search(StoredTarget& target, std::vector<FoundTarget>& found) {
+  const int count = searchWith(tables_, target, found);
+  if (count > 0 || most_votes_ < kFewestThoroughVotes) return count;
   if (!std::exchange(is_thorough_set_, true)) thorough_tables_.setFrame(bits_);
-  searchWith(thorough_tables_, target, found);
+  return searchWith(thorough_tables_, target, found);
 }
 
-bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
-                             std::vector<FoundTarget>& found) {
+int FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
+                            std::vector<FoundTarget>& found) {
   pairs_.resize(std::max(pairs_.size(), target.pictures.size()));
   for (std::size_t i = 0; i < target.pictures.size(); ++i) {
     const std::uint32_t number = target.pictures[i];
@@ -101,7 +103,7 @@ bool FrameSearch::searchWith(FrameTables& tables, StoredTarget& target,
     if (count == 0) taken_.assign(features_->size(), 0);
     take(result);
   }
-  return count > 0;
+  return count;
 }
 
 /// Searches the pictures of the target in the keypoints that are not taken, until one is found.
@@ -131,29 +133,27 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
 }
 
 void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
-                             const Eigen::Matrix3d& prediction, std::vector<FoundTarget>& found) {
-  taken_.assign(features_->size(), 0);
-  bool is_first = true;
-  for (const FoundTarget& other : found) {
-    if (other.target != &target) continue;
-    take(other);
-    is_first = false;
-  }
-  if (!is_first) setRest();
-  PictureSearch& search = is_first ? whole_ : rest_;
+                             const Eigen::Matrix3d& prediction, double radius,
+                             std::vector<FoundTarget>& found) {
   FoundTarget result;
   TargetPicture& picture = store_.picture(number);
-  if (!search.fromPrediction(picture, prediction, static_cast<float>(options_.search_radius),
-                             store_.pictureCount(), result.found)) {
+  if (!whole_.follow(picture, prediction, radius, result.found) ||
+      !PictureSearch::isDetermined(picture, result.found)) {
     return;
   }
-  search.align(picture, result.found);
-  if (!PictureSearch::isDetermined(picture, result.found)) return;
-  if (!search.confirm(picture, store_.pictureCount(), result.found)) return;
+  const auto middleOf = [&](const FoundTarget& one) {
+    const cv::Size& size = store_.picture(one.picture).image.size();
+    return homography::project(one.found.estimate.homography,
+                               {0.5 * (size.width - 1), 0.5 * (size.height - 1)});
+  };
   result.target = &target;
   result.picture = number;
   result.predicted = true;
-  found.push_back(std::move(result));
+  const Eigen::Vector2d middle = middleOf(result);
+  const bool is_there = std::any_of(found.begin(), found.end(), [&](const FoundTarget& other) {
+    return other.target == &target && (middleOf(other) - middle).norm() < radius;
+  });
+  if (!is_there) found.push_back(std::move(result));
 }
 
 /// Marks the keypoints that agree with this instance, and all others within its outline: the next

@@ -48,18 +48,18 @@ class FrameSearch {
   /// order of their pictures' numbers.
   const std::vector<Candidate>& candidates();
 
-  /// Appends all instances of the target.
-  void search(StoredTarget& target, std::vector<FoundTarget>& found);
-  /// Looks for one more instance near a prediction (picture's `image` -> frame, px), apart from
-  /// those of this target in `found`; appends it.
+  /// Appends all instances of the target, at most the options' number; returns how many.
+  int search(StoredTarget& target, std::vector<FoundTarget>& found);
+  /// Looks for one more instance within `radius` px of a prediction (picture's `image` -> frame,
+  /// px), by the images alone, apart from those of this target in `found`; appends it.
   void searchNear(StoredTarget& target, std::uint32_t picture, const Eigen::Matrix3d& prediction,
-                  std::vector<FoundTarget>& found);
+                  double radius, std::vector<FoundTarget>& found);
 
  private:
   static constexpr int kKeyBits = 13;
   static constexpr int kThoroughKeyBits = 11;  // four times as many comparisons
 
-  bool searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
+  int searchWith(FrameTables& tables, StoredTarget& target, std::vector<FoundTarget>& found);
   bool searchOnce(StoredTarget& target, FoundTarget& result);
   void take(const FoundTarget& found);
   void setRest();

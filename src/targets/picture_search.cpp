@@ -4,30 +4,18 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "core/homography/covariance.h"
 #include "core/homography/transform.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr float kFirstRadius = 16.F;    // px
-constexpr float kRadiusAfterFit = 7.F;  // a fit to many seeds predicts better
-constexpr float kSettleRadius = 10.F;
-constexpr float kLastRadius = 4.F;
-constexpr float kRadiusFactor = 0.83F;  // per round
-constexpr double kFirstReach = 90.0;    // px of the picture
-constexpr double kReachFactor = 1.4;
-constexpr int kRounds = 7;
-constexpr std::size_t kFewestPairs = 8;
+using growth::Grower;
+using growth::kTargetPlan;
 
-constexpr double kLogMaxFalseAlarms = -8.0;
-
-/// Wrong seeds, which take most of the time, seldom have so many.
-std::size_t fewestExact(int round) {
-  return std::min<std::size_t>(3 + static_cast<std::size_t>(round), kFewestPairs);
-}
+constexpr float kRadiusAfterFit = 7.F;  // px; a fit to many seeds predicts better than one seed
 
 Eigen::Vector2d middleOf(const cv::Size& size) {
   return {0.5 * (size.width - 1), 0.5 * (size.height - 1)};
@@ -39,12 +27,6 @@ float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
   const double across = jacobian.col(0).norm() * size.width;
   const double down = jacobian.col(1).norm() * size.height;
   return static_cast<float>(std::min(across, down));
-}
-
-float medianOf(std::vector<float>& values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 }  // namespace
@@ -78,7 +60,8 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
     const Eigen::Vector2d centre = seed.from.cast<double>();
     const Eigen::Matrix3d affine = affineOf(seed, seeds);
     Eigen::Matrix3d map = affine;
-    if (fitSeeds(seeds, map) && settle(picture, centre, kRadiusAfterFit, map) &&
+    if (fitSeeds(seeds, map) &&
+        grower_.settle(centre, kRadiusAfterFit, picture.frames, matcher_, map) &&
         accept(picture, map, pictures, found)) {
       return true;
     }
@@ -91,113 +74,50 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
 /// Where many seeds agree, they give the homography at once, without growth from one of them.
 bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map) {
   constexpr std::size_t kMany = 24;
-  for (const float radius : {kFirstRadius, 0.5F * kFirstRadius}) {
-    near_pairs_.clear();
+  for (const float radius : {kTargetPlan.first_radius, 0.5F * kTargetPlan.first_radius}) {
+    seed_pairs_.clear();
     for (const Seed& seed : seeds) {
       const Eigen::Vector2d from = seed.from.cast<double>();
       const Eigen::Vector2d to = seed.to.cast<double>();
-      if (homography::errorOf(map, from, to) < radius) near_pairs_.push_back({from, to});
+      if (homography::errorOf(map, from, to) < radius) seed_pairs_.push_back({from, to});
     }
-    if (near_pairs_.size() < kMany || !refit(radius, map)) return false;
+    if (seed_pairs_.size() < kMany || !growth::refit(seed_pairs_, radius, map)) return false;
   }
   return true;
 }
 
-/// Moves the prediction to where most keypoints within the radius are, then grows it.
-bool PictureSearch::fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction,
-                                   float radius, std::size_t pictures, FoundPicture& found) {
-  constexpr std::size_t kFewest = 6;
-  constexpr double kEverywhere = std::numeric_limits<float>::max();
-  const Eigen::Vector2d middle = middleOf(picture.image.size());
-  tried_.clear();
-  if (!picture.frames.predict(prediction, middle, kEverywhere, matcher_.imageSize(),
-                              predictions_)) {
+/// A wrong place would have to be within the radius, and to look like the picture better than the
+/// places around it do. So fewer false alarms are possible than anywhere in the frame for any
+/// picture, and the bar is lower.
+bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
+                           FoundPicture& found) {
+  constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
+  if (images_.empty()) return false;
+  aligned_ = {};
+  if (!appearance_.locate(picture, prediction, images_, scale_factor_, radius,
+                          aligned_.homography) ||
+      !aligner_.align(picture, images_, aligned_, aligned_pairs_) ||
+      !homography::keepsPlaneInView(aligned_.homography,
+                                    homography::imageCorners(picture.image.size(), {}))) {
     return false;
   }
-  matcher_.match(predictions_, picture.frames.bits(), {}, radius, near_);
-  if (near_.size() < kFewest) return false;
-  shift_x_.clear();
-  shift_y_.clear();
-  for (const growth::LocalMatch& match : near_) {
-    const growth::LocalFrame& from =
-        picture.frames.frames()[static_cast<std::size_t>(match.reference)];
-    const growth::LocalFrame& to = matcher_.frame(match.target);
-    const Eigen::Vector2d p = homography::project(prediction, {from.x, from.y});
-    shift_x_.push_back(to.x - static_cast<float>(p.x()));
-    shift_y_.push_back(to.y - static_cast<float>(p.y()));
-  }
-  Eigen::Matrix3d map = prediction;
-  map.row(0) += static_cast<double>(medianOf(shift_x_)) * map.row(2).eval();
-  map.row(1) += static_cast<double>(medianOf(shift_y_)) * map.row(2).eval();
-  return grow(picture, middle, pictures, map, found);
-}
-
-/// The matches near the positions that the map predicts.
-bool PictureSearch::matchNear(TargetPicture& picture, const Eigen::Matrix3d& map,
-                              const Eigen::Vector2d& centre, double reach, float radius) {
-  growth::ReferenceFrames& frames = picture.frames;
-  if (!frames.predict(map, centre, reach, matcher_.imageSize(), predictions_)) return false;
-  matcher_.match(predictions_, frames.bits(), {}, radius, near_);
-  near_pairs_.clear();
-  for (const growth::LocalMatch& match : near_) {
-    const growth::LocalFrame& from = frames.frames()[static_cast<std::size_t>(match.reference)];
-    const growth::LocalFrame& to = matcher_.frame(match.target);
-    near_pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
-  }
-  return near_pairs_.size() >= kFewestPairs;
-}
-
-/// Those of the last matchNear() that are within the last radius.
-std::size_t PictureSearch::exactPairs() const {
-  constexpr float kSquared = kLastRadius * kLastRadius;
-  return static_cast<std::size_t>(std::count_if(
-      near_.begin(), near_.end(),
-      [](const growth::LocalMatch& match) { return match.squared_error < kSquared; }));
-}
-
-/// Grows the region around the centre where the map holds. Unlike growth::Grower it does not need
-/// many matches, since a target may be small in the frame; the images decide later.
-bool PictureSearch::expand(TargetPicture& picture, const Eigen::Vector2d& centre,
-                           Eigen::Matrix3d& map) {
-  double reach = kFirstReach;
-  float radius = kFirstRadius;
-  const cv::Size& size = picture.image.size();
-  const double all = Eigen::Vector2d(std::max(centre.x(), size.width - centre.x()),
-                                     std::max(centre.y(), size.height - centre.y()))
-                         .norm();
-  for (int round = 0; round < kRounds && (reach < all || radius > kSettleRadius); ++round) {
-    if (!matchNear(picture, map, centre, reach, radius)) return false;
-    if (exactPairs() < fewestExact(round) || !refit(radius, map)) return false;
-    reach *= kReachFactor;
-    radius = std::max(kLastRadius, radius * kRadiusFactor);
-  }
-  return settle(picture, centre, kFirstRadius, map);
-}
-
-/// The whole picture. Parts that were out of reach so far may be off by `radius` px.
-bool PictureSearch::settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
-                           Eigen::Matrix3d& map) {
-  constexpr double kEverywhere = std::numeric_limits<float>::max();
-  for (; radius >= kLastRadius; radius *= 0.5F) {
-    if (!matchNear(picture, map, centre, kEverywhere, radius)) return false;
-    if (!refit(radius, map)) return false;
-  }
-  return matchNear(picture, map, centre, kEverywhere, kLastRadius);
-}
-
-bool PictureSearch::refit(float radius, Eigen::Matrix3d& map) const {
-  constexpr std::size_t kFewestForHomography = 12;
-  const double scale = 0.5 * radius;
-  if (near_pairs_.size() >= kFewestForHomography &&
-      growth::fitHomography(near_pairs_, scale, map)) {
-    return true;
-  }
-  return growth::fitAffine(near_pairs_, scale, map);
+  grower_.search(aligned_.homography, middleOf(picture.image.size()), Grower::kEverywhere,
+                 Grower::kLastRadius, picture.frames, matcher_);
+  takePairs(found);
+  found.estimate = aligned_;
+  found.aligned = true;
+  std::swap(found.pairs, aligned_pairs_);
+  const Appearance::Similarity seen =
+      appearance_.compare(picture, aligned_.homography, images_, scale_factor_, kPlaces,
+                          Appearance::kAboveNeighboursOfTrack);
+  found.log_false_alarms = seen.log_false_alarms;
+  found.agreement = seen.agreement;
+  return found.log_false_alarms < kLogMaxOfTrack;
 }
 
 bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
                          std::size_t pictures, Eigen::Matrix3d map, FoundPicture& found) {
-  if (!expand(picture, centre, map)) return false;
+  if (!grower_.grow(centre, picture.frames, matcher_, map)) return false;
   tried_.push_back(map);
   return accept(picture, map, pictures, found);
 }
@@ -207,7 +127,6 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundPicture& found) {
-  constexpr double kEverywhere = std::numeric_limits<float>::max();
   if (images_.empty() || !aligner_.grow(picture, images_, centre, map, found.estimate)) {
     return false;
   }
@@ -215,8 +134,10 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
                                     homography::imageCorners(picture.image.size(), {}))) {
     return false;
   }
-  if (!matchNear(picture, found.estimate.homography, centre, kEverywhere, kLastRadius))
+  if (!grower_.search(found.estimate.homography, centre, Grower::kEverywhere, Grower::kLastRadius,
+                      picture.frames, matcher_)) {
     return false;
+  }
   takePairs(found);
   return isSeen(picture, pictures, found);
 }
@@ -230,8 +151,9 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   if (!final_.trusted) return false;
   // A copy beside this one is no period of the picture.
   const float longest_period = 0.6F * extentOf(map, picture.image.size());
-  const growth::Judgement judgement = verdict_.judge(predictions_, picture.frames, kFirstRadius,
-                                                     kAllSeeds, matcher_, longest_period);
+  const growth::Judgement judgement =
+      verdict_.judge(grower_.predictions(), picture.frames, kTargetPlan.first_radius, kAllSeeds,
+                     matcher_, longest_period);
   found.log_false_alarms = judgement.log_false_alarms + std::log10(static_cast<double>(pictures));
   return found.log_false_alarms < kLogMaxFalseAlarms;
 }
@@ -272,26 +194,28 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   evidence.by_cell = true;
+  evidence.errors.rounding = util::kKeypointRounding;
   if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
     return false;
   }
   finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
   dropOutliers(found);
-  return found.pairs.size() >= kFewestPairs &&
+  return found.pairs.size() >= kTargetPlan.fewest_pairs &&
          homography::keepsPlaneInView(found.estimate.homography,
                                       homography::imageCorners(size, {}));
 }
 
-/// Those of the last matchNear().
+/// Those of the last search of the grower.
 void PictureSearch::takePairs(FoundPicture& found) const {
   found.aligned = false;
   found.pairs.clear();
   found.keypoints.clear();
-  for (std::size_t i = 0; i < near_pairs_.size(); ++i) {
-    found.pairs.reference.push_back(near_pairs_[i].reference);
-    found.pairs.target.push_back(near_pairs_[i].target);
-    found.pairs.quality.push_back(near_[i].distance / 256.0);
-    const std::int32_t keypoint = near_[i].target;
+  for (std::size_t i = 0; i < grower_.pairs().size(); ++i) {
+    const growth::LocalMatch& match = grower_.matches()[i];
+    found.pairs.reference.push_back(grower_.pairs()[i].reference);
+    found.pairs.target.push_back(grower_.pairs()[i].target);
+    found.pairs.quality.push_back(match.distance / 256.0);
+    const std::int32_t keypoint = match.target;
     found.keypoints.push_back(numbers_.empty() ? keypoint
                                                : numbers_[static_cast<std::size_t>(keypoint)]);
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/growth/grower.h"
 #include "core/growth/local_matcher.h"
 #include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
@@ -42,9 +43,10 @@ class PictureSearch {
   /// explain. `pictures`: known, which chance has as many opportunities.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
                  FoundPicture& found);
-  /// `prediction`: right within about `radius` px.
-  bool fromPrediction(TargetPicture& picture, const Eigen::Matrix3d& prediction, float radius,
-                      std::size_t pictures, FoundPicture& found);
+  /// For a picture that was seen in the last frame, without its keypoints: the images are compared
+  /// near the predicted place, then aligned. `prediction`: right within about `radius` px.
+  bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
+              FoundPicture& found);
   /// Corrects the homography by the images.
   void align(const TargetPicture& picture, FoundPicture& found);
   /// Compares the images again if they agreed little before the alignment. False if most of what is
@@ -52,6 +54,11 @@ class PictureSearch {
   bool confirm(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
   /// False where so little of the picture is in view that its corners could be anywhere.
   static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
+
+  /// log10 of the false alarms expected of one target that is searched anywhere, and of one that is
+  /// followed.
+  static constexpr double kLogMaxFalseAlarms = -8.0;
+  static constexpr double kLogMaxOfTrack = -4.0;
 
   static constexpr int kMostSeeds = 8;
   /// What is tried for one picture in a frame, at most; chance has so many opportunities. Seeds
@@ -64,14 +71,7 @@ class PictureSearch {
             Eigen::Matrix3d map, FoundPicture& found);
   bool growByImages(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
                     const Eigen::Matrix3d& map, FoundPicture& found);
-  bool matchNear(TargetPicture& picture, const Eigen::Matrix3d& map, const Eigen::Vector2d& centre,
-                 double reach, float radius);
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
-  std::size_t exactPairs() const;
-  bool expand(TargetPicture& picture, const Eigen::Vector2d& centre, Eigen::Matrix3d& map);
-  bool settle(TargetPicture& picture, const Eigen::Vector2d& centre, float radius,
-              Eigen::Matrix3d& map);
-  bool refit(float radius, Eigen::Matrix3d& map) const;
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
               FoundPicture& found);
   /// Corrects `start` by the images. True: `found` has the result.
@@ -90,6 +90,7 @@ class PictureSearch {
   std::vector<cv::Mat> images_;
   Appearance appearance_;
   growth::LocalMatcher matcher_;
+  growth::Grower grower_{growth::kTargetPlan};
   std::vector<std::int32_t> numbers_;
   growth::Verdict verdict_;
   homography::HomographyRefiner refiner_;
@@ -99,10 +100,7 @@ class PictureSearch {
   UncertainHomography aligned_;
   PointPairs aligned_pairs_;
   std::vector<Eigen::Matrix3d> tried_;
-  std::vector<growth::Prediction> predictions_;
-  std::vector<growth::LocalMatch> near_;
-  std::vector<growth::PlacePair> near_pairs_;
-  std::vector<float> shift_x_, shift_y_;
+  std::vector<growth::PlacePair> seed_pairs_;
 };
 
 }  // namespace ktgp_orb::targets

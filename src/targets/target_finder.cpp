@@ -6,6 +6,8 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include "core/homography/covariance.h"
@@ -14,6 +16,7 @@
 #include "core/util/printable.h"
 #include "targets/conflicts.h"
 #include "targets/frame_search.h"
+#include "targets/searched_frame.h"
 #include "targets/target_store.h"
 #include "targets/tracks.h"
 
@@ -22,10 +25,16 @@ namespace {
 
 using targets::Candidate;
 using targets::FoundTarget;
+using targets::SearchedFrame;
 using targets::StoredTarget;
 using targets::TargetPicture;
 using targets::Track;
 using Clock = std::chrono::steady_clock;
+
+constexpr double kUnlimited = std::numeric_limits<double>::infinity();
+/// How far a target that was seen in the last frame may be from its predicted position, px of the
+/// frame.
+constexpr double kSearchRadius = 48.0;
 
 double millisecondsSince(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
@@ -51,17 +60,18 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
-  util::requireInRange("search_radius", options.search_radius, 0.0, 1000.0);
-  util::requireInRange("search_ms", options.search_ms, 0.0,
-                       std::numeric_limits<double>::infinity());
+  util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
+  util::requireInRange("search_ms", options.search_ms, 0.0, kUnlimited);
   util::requireInRange("max_instances", options.max_instances, 1, 1000);
 }
 
-/// The same homography for the image as it was given, before it was made smaller.
-UncertainHomography ofFullImage(const TargetPicture& picture, const UncertainHomography& found) {
-  UncertainHomography full = homography::chained(found, {targets::toStored(picture)});
-  full.plane_deviation = found.plane_deviation;
-  return full;
+/// The same homography for the images as they were given, before they were resized.
+UncertainHomography ofGivenImages(const TargetPicture& picture, const UncertainHomography& found,
+                                  const SearchedFrame& frame) {
+  UncertainHomography given = homography::chained(
+      {frame.toFrame()}, homography::chained(found, {targets::toStored(picture)}));
+  given.plane_deviation = found.plane_deviation / frame.scale();
+  return given;
 }
 
 void setCorners(DetectedTarget& detection) {
@@ -75,7 +85,7 @@ void setCorners(DetectedTarget& detection) {
   }
 }
 
-DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
+DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const SearchedFrame& frame,
                            targets::TargetStore& store) {
   const TargetPicture& picture = store.picture(found.picture);
   const StoredTarget& target = *found.target;
@@ -83,11 +93,12 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
   detection.id = target.id;
   detection.width = target.width;
   detection.frame = target.frame;
+  detection.ambiguity = target.ambiguity;
   detection.instance = track.instance;
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  detection.homography = ofFullImage(picture, found.found.estimate);
+  detection.homography = ofGivenImages(picture, found.found.estimate, frame);
   detection.aligned = found.found.aligned;
   detection.inliers = found.found.keypoints.size();
   detection.log_false_alarms = found.found.log_false_alarms;
@@ -95,8 +106,39 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
   detection.pairs = found.found.pairs;
   const Eigen::Matrix3d to_full = targets::toStored(picture).inverse();
   for (Eigen::Vector2d& p : detection.pairs.reference) p = homography::project(to_full, p);
+  for (Eigen::Vector2d& p : detection.pairs.target) p = homography::project(frame.toFrame(), p);
   setCorners(detection);
   return detection;
+}
+
+/// What a search remembers of the frames before.
+struct Sequence {
+  std::uint64_t number = 0;  // of the frame, from 1
+  std::size_t turn = 0;      // the keypoint from which on the next frame looks them up
+  targets::Tracks tracks;
+  std::unordered_map<const StoredTarget*, std::uint64_t> last_tried;  // number of the frame
+};
+
+/// Those with most votes and those that have waited longest, by turns, each once.
+std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
+  const auto lastTried = [&](const Candidate& candidate) {
+    const auto found = sequence.last_tried.find(candidate.target);
+    return found == sequence.last_tried.end() ? 0 : found->second;
+  };
+  std::vector<Candidate> by_turn = by_votes;
+  std::stable_sort(by_votes.begin(), by_votes.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.votes > b.votes; });
+  std::stable_sort(by_turn.begin(), by_turn.end(), [&](const Candidate& a, const Candidate& b) {
+    return lastTried(a) < lastTried(b);
+  });
+  std::vector<Candidate> order;
+  std::unordered_set<const StoredTarget*> chosen;
+  for (std::size_t i = 0; i < by_votes.size(); ++i) {
+    for (const Candidate& candidate : {by_turn[i], by_votes[i]}) {
+      if (chosen.insert(candidate.target).second) order.push_back(candidate);
+    }
+  }
+  return order;
 }
 
 }  // namespace
@@ -104,7 +146,7 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track,
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
-        extractor(o.orb),
+        frame(o),
         check_extractor(checkOptions(o)),
         store(options),
         search(options, store) {
@@ -114,29 +156,29 @@ struct TargetFinder::Impl {
   static OrbOptions checkOptions(const TargetFinderOptions& options);
   void requireDifferent(const std::string& id, const std::vector<TargetPicture>& pictures,
                         const StoredTarget* replaced);
+  void requireOwnFrame(const Target& target, const StoredTarget* replaced) const;
   void add(const Target& target, StoredTarget* replaced);
+  void remove(const StoredTarget& target);
   void searchFollowed();
   std::size_t lookUp(std::size_t count, const Budget& budget);
   double timeForOthers() const;
   void searchOthers();
   void tryTarget(StoredTarget& target);
+  bool wantsSmall() const;
   void searchMissing();
+  void refine(FoundTarget& one);
   void publish();
-  const TargetFrame& find(const Features& given, Clock::time_point start);
+  const TargetFrame& find(Clock::time_point start);
 
   TargetFinderOptions options;
-  OrbExtractor extractor;
+  SearchedFrame frame;
   OrbExtractor check_extractor;
   targets::TargetStore store;
   targets::FrameSearch search;
-  targets::Tracks tracks;
-  std::uint64_t frame_number = 0;
-  Features features;
+  Sequence sequence;
+  targets::PictureAligner aligner;
   std::vector<FoundTarget> found;
-  std::size_t turn = 0;            // where the next frame begins to look keypoints up
-  std::vector<Candidate> others;   // not seen in the last frame; those with most votes first
-  std::vector<Candidate> in_turn;  // the same; those that have waited longest first
-  std::vector<Track> track_of;     // for each one in `found`
+  std::vector<Track> track_of;  // for each one in `found`
   TargetFrame answer;
 };
 
@@ -173,27 +215,51 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   }
 }
 
+/// A frame of tf has one parent. Instance 1 of `door` has the frame `door_1`.
+void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarget* replaced) const {
+  if (target.frame.empty()) return;
+  const auto isInstanceOf = [](const std::string& longer, const std::string& frame) {
+    return longer.size() > frame.size() + 1 && longer.compare(0, frame.size(), frame) == 0 &&
+           longer[frame.size()] == '_' &&
+           longer.find_first_not_of("0123456789", frame.size() + 1) == std::string::npos;
+  };
+  for (const auto& other : store.targets()) {
+    if (other.get() == replaced || other->frame.empty()) continue;
+    if (other->frame != target.frame && !isInstanceOf(other->frame, target.frame) &&
+        !isInstanceOf(target.frame, other->frame)) {
+      continue;
+    }
+    throw std::invalid_argument("target \"" + target.id + "\": the frame \"" + target.frame +
+                                "\" meets the frame \"" + other->frame + "\" of target \"" +
+                                other->id + "\"; expected one that no instance of another has");
+  }
+}
+
 void TargetFinder::Impl::add(const Target& target, StoredTarget* replaced) {
+  requireOwnFrame(target, replaced);
   // The views take most of the time; what is refused does without them.
   std::vector<TargetPicture> pictures = store.prepare(target, 1);
   requireDifferent(target.id, pictures, replaced);
   if (options.views > 1) pictures = store.prepare(target, options.views);
-  if (replaced != nullptr) {
-    tracks.forget(*replaced);
-    store.remove(*replaced);
-  }
+  if (replaced != nullptr) remove(*replaced);
   store.add(target, std::move(pictures));
 }
 
+void TargetFinder::Impl::remove(const StoredTarget& target) {
+  sequence.tracks.forget(target);
+  sequence.last_tried.erase(&target);
+  store.remove(target);
+}
+
 void TargetFinder::Impl::tryTarget(StoredTarget& target) {
-  target.last_tried = frame_number;
+  sequence.last_tried[&target] = sequence.number;
   ++answer.search.tried;
-  search.search(target, found);
+  if (search.search(target, found) == options.max_instances) answer.search.at_limit = target.id;
 }
 
 void TargetFinder::Impl::searchFollowed() {
   for (const auto& target : store.targets()) {
-    if (tracks.wasSeen(*target)) tryTarget(*target);
+    if (sequence.tracks.wasSeen(*target)) tryTarget(*target);
   }
 }
 
@@ -203,6 +269,7 @@ void TargetFinder::Impl::searchFollowed() {
 std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) {
   constexpr std::size_t kPart = 128;
   std::size_t done = 0;
+  std::size_t& turn = sequence.turn;
   while (done < count && (done == 0 || !budget.isOver(0.5))) {
     search.lookUp(turn + done, kPart);
     done += kPart;
@@ -218,37 +285,32 @@ double TargetFinder::Impl::timeForOthers() const {
   return (found.empty() ? 1.0 : kShareWhileFollowing) * options.search_ms;
 }
 
-/// Tries the candidates that were not seen in the last frame until the time has passed: first the
-/// one that has waited longest, then the one with most votes, and so on. The first one is always
-/// tried.
+/// Tries the candidates that were not seen in the last frame until the time has passed; the first
+/// two are always tried: the one that has waited longest, and the one with most votes.
 void TargetFinder::Impl::searchOthers() {
+  constexpr std::size_t kAlways = 2;
   const Budget budget(timeForOthers());
   const std::size_t frames = lookUp(answer.search.features, budget);
-  others.clear();
+  std::vector<Candidate> others;
   for (const Candidate& candidate : search.candidates()) {
-    if (candidate.target->last_tried != frame_number) others.push_back(candidate);
+    const auto tried = sequence.last_tried.find(candidate.target);
+    const bool is_tried = tried != sequence.last_tried.end() && tried->second == sequence.number;
+    if (!is_tried) others.push_back(candidate);
   }
   answer.search.candidates = answer.search.tried + others.size();
-  in_turn = others;
-  std::stable_sort(others.begin(), others.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.votes > b.votes; });
-  std::stable_sort(in_turn.begin(), in_turn.end(), [](const Candidate& a, const Candidate& b) {
-    return a.target->last_tried < b.target->last_tried;
-  });
-  for (std::size_t i = 0; i < others.size() && (i == 0 || !budget.isOver()); ++i) {
-    for (const Candidate& candidate : {in_turn[i], others[i]}) {
-      const bool is_tried = candidate.target->last_tried == frame_number;
-      if (!is_tried && (i == 0 || !budget.isOver())) tryTarget(*candidate.target);
-    }
+  std::size_t tried = 0;
+  for (const Candidate& candidate : inOrder(std::move(others), sequence)) {
+    if (tried++ >= kAlways && budget.isOver()) break;
+    tryTarget(*candidate.target);
   }
   answer.search.frames_for_all = frames + answer.search.candidates - answer.search.tried;
 }
 
 void TargetFinder::Impl::searchMissing() {
-  if (options.search_radius == 0.0) return;
-  for (const Track& track : tracks.missing()) {
+  for (const Track& track : sequence.tracks.missing()) {
     StoredTarget* target = store.find(track.target->id);
-    search.searchNear(*target, track.picture, targets::predicted(track), found);
+    search.searchNear(*target, track.picture, targets::predicted(track),
+                      frame.scale() * kSearchRadius, found);
   }
 }
 
@@ -256,7 +318,7 @@ void TargetFinder::Impl::publish() {
   answer.detections.clear();
   const std::vector<std::uint8_t> is_doubtful = targets::conflicts(found, store);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    DetectedTarget detection = detectionOf(found[i], track_of[i], store);
+    DetectedTarget detection = detectionOf(found[i], track_of[i], frame, store);
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
@@ -266,8 +328,38 @@ void TargetFinder::Impl::publish() {
             });
 }
 
-const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_point start) {
-  ++frame_number;
+/// Whether the frame is made larger, so that small targets are found: while nothing is followed, or
+/// something small, or something was lost, and in each eighth frame for what is new. So a robot
+/// that tracks large targets has time for other work.
+bool TargetFinder::Impl::wantsSmall() const {
+  constexpr std::uint64_t kEach = 8;
+  if (options.smallest_side >= SearchedFrame::kSmallSide) return false;
+  return sequence.number % kEach == 0 ||
+         sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
+}
+
+/// Corrects the homography by the pixels of the frame itself, where these are finer than those that
+/// were searched, and coarser than the picture's.
+void TargetFinder::Impl::refine(FoundTarget& one) {
+  constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
+  if (frame.own().empty() || !(frame.scale() < 1.0)) return;
+  const TargetPicture& picture = store.picture(one.picture);
+  UncertainHomography estimate = homography::chained({frame.toFrame()}, one.found.estimate);
+  const Eigen::Vector2d middle(0.5 * picture.image.cols, 0.5 * picture.image.rows);
+  const Eigen::Matrix2d stretch = homography::jacobianByPoint(estimate.homography, middle);
+  if (stretch.determinant() > kMostStretch * kMostStretch) return;
+  PointPairs pairs;
+  if (!aligner.align(picture, frame.own(), estimate, pairs)) return;
+  const Eigen::Matrix3d to_searched = frame.toFrame().inverse();
+  one.found.estimate = homography::chained({to_searched}, estimate);
+  for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);
+  one.found.pairs = std::move(pairs);
+}
+
+const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
+  const Features& given = frame.features();
+  targets::Tracks& tracks = sequence.tracks;
+  tracks.setScale(frame.scale());
   answer.search = {};
   answer.search.known = store.targets().size();
   answer.search.features = given.size();
@@ -282,6 +374,7 @@ const TargetFrame& TargetFinder::Impl::find(const Features& given, Clock::time_p
   tracks.assign(found, store, track_of);
   const auto count = static_cast<std::ptrdiff_t>(found.size());
   searchMissing();
+  for (FoundTarget& one : found) refine(one);
   tracks.assign({found.begin() + count, found.end()}, store, track_of);
   publish();
   tracks.endFrame();
@@ -299,10 +392,11 @@ const TargetFinderOptions& TargetFinder::options() const {
   return impl_->options;
 }
 
-void TargetFinder::setSearch(double search_ms, double search_radius) {
+void TargetFinder::setSearch(double search_ms, double smallest_side, int max_instances) {
   TargetFinderOptions changed = impl_->options;
   changed.search_ms = search_ms;
-  changed.search_radius = search_radius;
+  changed.smallest_side = smallest_side;
+  changed.max_instances = max_instances;
   requireUsable(changed);
   impl_->options = changed;
 }
@@ -326,8 +420,7 @@ void TargetFinder::replace(const Target& target) {
 bool TargetFinder::remove(const std::string& id) {
   const StoredTarget* target = impl_->store.find(id);
   if (target == nullptr) return false;
-  impl_->tracks.forget(*target);
-  impl_->store.remove(*target);
+  impl_->remove(*target);
   return true;
 }
 
@@ -341,10 +434,16 @@ bool TargetFinder::knows(const std::string& id) const {
   return impl_->store.find(id) != nullptr;
 }
 
+std::string TargetFinder::ambiguity(const std::string& id) const {
+  const StoredTarget* target = impl_->store.find(id);
+  return target == nullptr ? "" : target->ambiguity;
+}
+
 const TargetFrame& TargetFinder::find(const cv::Mat& image) {
   const Clock::time_point start = Clock::now();
-  impl_->extractor.extract(image, impl_->features);
-  return impl_->find(impl_->features, start);
+  ++impl_->sequence.number;
+  impl_->frame.set(image, impl_->wantsSmall());
+  return impl_->find(start);
 }
 
 const TargetFrame& TargetFinder::find(const Features& features) {
@@ -354,18 +453,18 @@ const TargetFrame& TargetFinder::find(const Features& features) {
                                 " descriptors; expected " +
                                 toString(impl_->options.orb.descriptor));
   }
-  return impl_->find(features, Clock::now());
+  ++impl_->sequence.number;
+  impl_->frame.set(features);
+  return impl_->find(Clock::now());
 }
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
-  const targets::Tracks followed = impl_->tracks;
-  const double search_ms = impl_->options.search_ms;
+  const Sequence followed = std::exchange(impl_->sequence, {});
+  const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);
   const auto restore = [&] {
-    impl_->tracks = followed;
+    impl_->sequence = followed;
     impl_->options.search_ms = search_ms;
   };
-  impl_->tracks.clear();
-  impl_->options.search_ms = std::numeric_limits<double>::infinity();
   try {
     find(image);
   } catch (...) {
@@ -377,7 +476,7 @@ const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
 }
 
 void TargetFinder::restart() {
-  impl_->tracks.clear();
+  impl_->sequence.tracks.clear();
 }
 
 }  // namespace ktgp_orb

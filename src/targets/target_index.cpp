@@ -3,41 +3,17 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/util/random.h"
-
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr int kMinKeyBits = 8;
-// Cells with more items are skipped: many pictures have these bits, so they say little.
-constexpr std::uint32_t kFullest = 48;
-constexpr int kMostOtherBits = 8;  // of the 32 bits that are not part of the key, may differ
-
-std::uint32_t otherBits(const growth::Bits& bits, int table) {
-  return static_cast<std::uint32_t>(bits[static_cast<std::size_t>(table) % bits.size()] >> 16);
+/// About as many cells as descriptors.
+int keyBitsFor(std::size_t descriptors) {
+  int bits = 8;
+  while (bits < BitTables::kMaxKeyBits && std::size_t{1} << bits < descriptors) ++bits;
+  return bits;
 }
 
 }  // namespace
-
-TargetIndex::TargetIndex() {
-  util::Random random(1);
-  for (auto& table : places_) {
-    for (std::size_t i = 0; i < kMaxKeyBits; ++i) {
-      do {
-        table[i] = static_cast<std::uint8_t>(random.below(256));
-      } while (std::find(table, table + i, table[i]) != table + i);
-    }
-  }
-}
-
-std::uint32_t TargetIndex::keyOf(const growth::Bits& bits, int table, int key_bits) const {
-  std::uint32_t key = 0;
-  for (int i = 0; i < key_bits; ++i) {
-    const std::uint8_t place = places_[table][i];
-    key = key << 1 | static_cast<std::uint32_t>(bits[place >> 6] >> (place & 63) & 1);
-  }
-  return key;
-}
 
 void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bits) {
   if (pictures_.size() <= picture) {
@@ -91,37 +67,10 @@ void TargetIndex::mergeFrom(std::size_t first) {
     for (std::size_t i = 0; i < pictures_.size(); ++i)
       is_used_[i] = pictures_[i] != nullptr ? 1 : 0;
   }
-  build(merged);
+  const std::vector<Entry>& entries = merged.entries;
+  merged.tables.build(entries.size(), keyBitsFor(entries.size()),
+                      [&](std::size_t e) -> const growth::Bits& { return bitsOf(entries[e]); });
   segments_.push_back(std::move(merged));
-}
-
-void TargetIndex::build(Segment& segment) const {
-  segment.key_bits = kMinKeyBits;
-  while (segment.key_bits < kMaxKeyBits &&
-         std::size_t{1} << segment.key_bits < segment.entries.size()) {
-    ++segment.key_bits;
-  }
-  const std::size_t keys = std::size_t{1} << segment.key_bits;
-  std::vector<std::uint32_t> key_of(segment.entries.size());
-  for (int t = 0; t < kTables; ++t) {
-    Table& table = segment.tables[t];
-    table.start.assign(keys + 1, 0);
-    for (std::size_t e = 0; e < key_of.size(); ++e) {
-      key_of[e] = keyOf(bitsOf(segment.entries[e]), t, segment.key_bits);
-      ++table.start[key_of[e]];
-    }
-    std::uint32_t sum = 0;
-    for (std::uint32_t& start : table.start) {
-      sum += start;
-      start = sum;
-    }
-    table.items.resize(key_of.size());
-    // As in FrameTables: the ends of the cells become their beginnings.
-    for (std::size_t e = key_of.size(); e-- > 0;) {
-      table.items[--table.start[key_of[e]]] = {static_cast<std::uint32_t>(e),
-                                               otherBits(bitsOf(segment.entries[e]), t)};
-    }
-  }
 }
 
 void TargetIndex::search(const std::vector<growth::Bits>& wanted,
@@ -138,50 +87,30 @@ void TargetIndex::search(const std::vector<growth::Bits>& wanted,
   }
 }
 
-/// Works in steps; each one fetches the memory that the next one needs.
+/// In steps; each one fetches the memory that the next one needs.
 void TargetIndex::searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                                 const std::uint32_t* queries, std::size_t count) {
-  keys_.clear();
-  for (std::size_t i = 0; i < count; ++i) {
-    for (int t = 0; t < kTables; ++t) {
-      keys_.push_back(keyOf(wanted[queries[i]], t, segment.key_bits));
-      __builtin_prefetch(&segment.tables[t].start[keys_.back()]);
-    }
-  }
-  runs_.clear();
-  for (std::size_t i = 0; i < keys_.size(); ++i) {
-    const Table& table = segment.tables[i % kTables];
-    Run run{table.start[keys_[i]], table.start[keys_[i] + 1]};
-    if (run.end - run.begin > kFullest) run.end = run.begin;
-    __builtin_prefetch(table.items.data() + run.begin);
-    runs_.push_back(run);
-  }
-  near_.clear();
-  for (std::size_t i = 0; i < runs_.size(); ++i) {
-    const std::size_t place = i / kTables;
-    const Table& table = segment.tables[i % kTables];
-    const std::uint32_t others = otherBits(wanted[queries[place]], static_cast<int>(i % kTables));
-    for (std::uint32_t k = runs_[i].begin; k < runs_[i].end; ++k) {
-      const Item& item = table.items[k];
-      if (growth::countBits(item.some_bits ^ others) > kMostOtherBits) continue;
-      near_.push_back({item.entry, static_cast<std::uint32_t>(place), nullptr});
-      __builtin_prefetch(&segment.entries[item.entry]);
-    }
-  }
-  for (Near& near : near_) {
-    const Entry& entry = segment.entries[near.entry];
-    if (pictures_[entry.picture] == nullptr) continue;
-    near.bits = &bitsOf(entry);
-    __builtin_prefetch(near.bits);
-  }
-  for (const Near& near : near_) {
-    if (near.bits == nullptr) continue;
-    const std::uint32_t query = queries[near.place];
-    const int distance = growth::distance(*near.bits, wanted[query]);
-    if (distance > kMaxDistance) continue;
-    const Entry& entry = segment.entries[near.entry];
-    keep({entry.picture, entry.keypoint, query, distance}, nearest_[near.place]);
-  }
+  segment.tables.find(
+      0, BitTables::kTables, count,
+      [&](std::uint32_t q) -> const growth::Bits& { return wanted[queries[q]]; }, similar_);
+  const auto pairs = similar_.pairs.begin();
+  auto end = pairs + static_cast<std::ptrdiff_t>(similar_.count);
+  std::for_each(pairs, end, [&](const BitTables::Similar& pair) {
+    __builtin_prefetch(&segment.entries[pair.item]);
+  });
+  end = std::remove_if(pairs, end, [&](const BitTables::Similar& pair) {
+    const Entry& entry = segment.entries[pair.item];
+    const bool is_removed = pictures_[entry.picture] == nullptr;
+    if (!is_removed) __builtin_prefetch(&bitsOf(entry));
+    return is_removed;
+  });
+  std::for_each(pairs, end, [&](const BitTables::Similar& pair) {
+    const Entry& entry = segment.entries[pair.item];
+    const std::uint32_t query = queries[pair.query];
+    const int distance = growth::distance(bitsOf(entry), wanted[query]);
+    if (distance > kMaxDistance) return;
+    keep({entry.picture, entry.keypoint, query, distance}, nearest_[pair.query]);
+  });
 }
 
 /// Inserts the hit among the nearest ones, which are kept in order.

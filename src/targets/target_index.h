@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/growth/local_frame.h"
+#include "targets/bit_tables.h"
 
 namespace ktgp_orb::targets {
 
@@ -15,14 +16,9 @@ struct IndexHit {
   std::int32_t distance;   ///< Hamming
 };
 
-/// Finds most of the descriptors of all pictures that are similar to a given one, by
-/// locality-sensitive hashing: each of several tables sorts the descriptors by some of their bits
-/// (Indyk & Motwani, STOC 1998). The bits are drawn once, from a fixed seed, so the same pictures
-/// give the same hits.
+/// Finds most of the descriptors of all pictures that are similar to a given one.
 class TargetIndex {
  public:
-  TargetIndex();
-
   /// Whether a picture may be added under this number: nothing of an earlier one is left.
   bool isFree(std::uint32_t picture) const {
     return picture >= is_used_.size() || is_used_[picture] == 0;
@@ -44,29 +40,16 @@ class TargetIndex {
   static constexpr std::size_t kNearest = 8;
 
  private:
-  static constexpr int kTables = 8;
-  static constexpr int kMaxKeyBits = 20;
-
   struct Entry {
     std::uint32_t picture;
     std::uint32_t keypoint;
   };
-  struct Item {
-    std::uint32_t entry;
-    std::uint32_t some_bits;  // not part of the key; enough to see that most items differ
-  };
-  struct Table {
-    std::vector<std::uint32_t> start;  // of each key in items, and the end
-    std::vector<Item> items;
-  };
   /// The tables for some of the pictures.
   struct Segment {
-    int key_bits = 0;
     std::vector<Entry> entries;
-    Table tables[kTables];
+    BitTables tables{48, 8};
   };
 
-  std::uint32_t keyOf(const growth::Bits& bits, int table, int key_bits) const;
   const growth::Bits& bitsOf(const Entry& entry) const {
     return (*pictures_[entry.picture])[entry.keypoint];
   }
@@ -81,20 +64,9 @@ class TargetIndex {
   std::vector<Segment> segments_;                           // the largest first
   std::size_t removed_ = 0;                                 // entries
   bool is_changing_ = false;                                // since the last optimise()
-  std::uint8_t places_[kTables][kMaxKeyBits];  // in the descriptor, of the bits of the key
   // Queries are searched in blocks: the memory for one is fetched during the work on the others.
   static constexpr std::size_t kBlock = 32;
-  struct Run {
-    std::uint32_t begin, end;  // items
-  };
-  struct Near {
-    std::uint32_t entry;
-    std::uint32_t place;  // of the query, in the block
-    const growth::Bits* bits;
-  };
-  std::vector<std::uint32_t> keys_;
-  std::vector<Run> runs_;
-  std::vector<Near> near_;
+  BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
 };
 

@@ -17,9 +17,16 @@ constexpr int kBorder = 48;  // px
 // Least distance of a keypoint from the border of the target, in diameters of its patch: beyond the
 // border the frame shows something else.
 constexpr double kInside = 0.35;
-// Of the pyramids of the image and of its half. Together they reach a fifth of its size, and each
-// level has enough keypoints.
+// Of the pyramid of each size. Together they reach a tenth of the image's size, and each level has
+// enough keypoints.
 constexpr int kLevels = 5;
+/// A size that the image and its tilted views are stored at.
+struct StoredSize {
+  double scale;
+  double features;  // share of those of the image
+};
+constexpr StoredSize kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
+constexpr double kLeastSize = 40.0;  // px, longer side
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   scale = std::min(1.0, largest_side / static_cast<double>(std::max(image.cols, image.rows)));
@@ -48,6 +55,7 @@ void keepInside(const cv::Size& target, ReferenceView& view) {
   const Eigen::Matrix2d from_view = view.to_view.leftCols<2>().inverse();
   const double scale = std::sqrt(std::abs(from_view.determinant()));
   Features& features = view.features;
+  if (features.empty()) return;  // of a narrow picture
   std::size_t kept = 0;
   for (std::size_t i = 0; i < features.size(); ++i) {
     const cv::KeyPoint& keypoint = features.keypoints[i];
@@ -103,10 +111,12 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   options.distribution = KeypointDistribution::ranked;
   options.levels = std::min(orb.levels, kLevels);
   ReferenceViews made;
-  options.max_features = features;
-  addViews(picture.image, 1.0, options, views, made);
-  options.max_features = features * 2 / 3;
-  addViews(picture.image, 0.5, options, views, made);
+  for (const StoredSize& size : kSizes) {
+    const int longer = std::max(picture.image.cols, picture.image.rows);
+    if (size.scale < 1.0 && size.scale * longer < kLeastSize) break;
+    options.max_features = static_cast<int>(size.features * features);
+    addViews(picture.image, size.scale, options, views, made);
+  }
 
   // The image itself comes first; its keypoints become those of the reference.
   Features own = std::move(made.front().features);

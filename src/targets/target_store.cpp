@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "core/util/printable.h"
+#include "targets/ambiguity.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -51,6 +52,9 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   stored->id = target.id;
   stored->width = target.width;
   stored->frame = target.frame;
+  for (const TargetPicture& picture : pictures) {
+    if (stored->ambiguity.empty()) stored->ambiguity = ambiguityOf(picture);
+  }
   std::uint32_t number = freeNumbers(pictures.size());
   pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
   for (TargetPicture& picture : pictures) {

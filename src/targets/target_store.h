@@ -16,8 +16,8 @@ struct StoredTarget {
   std::string id;
   double width = 0.0;
   std::string frame;
+  std::string ambiguity;                ///< see ambiguityOf(); of the first picture that has one
   std::vector<std::uint32_t> pictures;  ///< numbers in the store
-  std::uint64_t last_tried = 0;         ///< number of the frame
 };
 
 /// All targets, their pictures, and the index of their keypoints.

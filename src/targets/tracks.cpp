@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "core/homography/transform.h"
 
@@ -26,6 +27,28 @@ Place placeOf(const FoundTarget& found, TargetStore& store) {
 }
 
 }  // namespace
+
+void Tracks::setScale(double scale) {
+  const double by = scale / std::exchange(scale_, scale);
+  if (by == 1.0) return;
+  // The centre of the first pixel stays at 0, 0.
+  const Eigen::Vector2d shift = Eigen::Vector2d::Constant(0.5 * (by - 1.0));
+  Eigen::Matrix3d resize = Eigen::Matrix3d::Identity();
+  resize.topLeftCorner<2, 2>() *= by;
+  resize.topRightCorner<2, 1>() = shift;
+  for (Track& track : tracks_) {
+    track.map = (resize * track.map).eval();
+    track.middle = by * track.middle + shift;
+    track.velocity *= by;
+    track.extent *= by;
+  }
+}
+
+bool Tracks::needsLargerFrame(double side) const {
+  return tracks_.empty() || std::any_of(tracks_.begin(), tracks_.end(), [&](const Track& track) {
+           return track.unseen > 0 || 2.0 * track.extent < 1.5 * side * scale_;
+         });
+}
 
 void Tracks::beginFrame() {
   for (Track& track : tracks_) track.is_matched = false;

@@ -25,6 +25,11 @@ struct Track {
 /// Gives each instance of a target a number that stays while the instance is followed.
 class Tracks {
  public:
+  /// From now on, px are those of frames made larger by `scale`.
+  void setScale(double scale);
+  /// Whether nothing is followed, or something whose longer side is below 1.5 `side`, px of the
+  /// frame as it was given, or something was lost.
+  bool needsLargerFrame(double side) const;
   /// Before a frame.
   void beginFrame();
   /// Gives each detection the nearest track of the same target, if it is nearer than the extent;
@@ -47,6 +52,7 @@ class Tracks {
   int freeNumber(const StoredTarget& target) const;
 
   std::vector<Track> tracks_;
+  double scale_ = 1.0;
 };
 
 /// Where the picture is expected in the next frame.

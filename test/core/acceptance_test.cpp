@@ -146,7 +146,7 @@ void expectChainOfThePaper(const Pair& pair) {
     ++passed_gms;
     const cv::Point2f& x = reference.keypoints[static_cast<std::size_t>(found.reference_index)].pt;
     const cv::Point2f& y = target.keypoints[i].pt;
-    const double error = reprojectionError(result.homography, {x.x, x.y}, {y.x, y.y});
+    const double error = reprojectionError(result.answer.homography, {x.x, x.y}, {y.x, y.y});
     ASSERT_EQ(found.level == Level::ktgp, error < options.prosac.max_error) << i;
   }
   EXPECT_GT(passed_gms, 20u) << "the pair is too hard to test anything";
@@ -156,8 +156,9 @@ void expectChainOfThePaper(const Pair& pair) {
 double errorOf(const Pair& pair, const MatcherOptions& options) {
   MatchResult result;
   KtgpMatcher(options).match(featuresOf(pair.reference), featuresOf(pair.target), result);
-  return result.status == Status::ok ? test::cornerError(result.homography, pair.truth, kSize)
-                                     : 1000.0;
+  return result.status == Status::ok
+             ? test::cornerError(result.answer.homography, pair.truth, kSize)
+             : 1000.0;
 }
 
 /// The same for OpenCV: ORB, brute force with the same ratio test, RANSAC.
@@ -211,6 +212,7 @@ void expectNothingBetween(const std::vector<cv::Mat>& pictures) {
   options.gms.threshold = 0.0;
   KtgpMatcher matcher(options);
   std::vector<Features> features;
+  features.reserve(pictures.size());
   for (const cv::Mat& picture : pictures) features.push_back(featuresOf(picture));
   for (std::size_t i = 0; i < features.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {

@@ -125,6 +125,90 @@ TEST(TargetFinder, CornersAreWhereTheHomographyAndItsCovarianceSay) {
   EXPECT_EQ(right, count);
 }
 
+/// Its height, 0.73 of the width, is 45 px: half of the keypoints' usual reach.
+TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfTheFrame) {
+  TargetFinder finder = finderOf(3);
+  TargetFinderOptions options;
+  options.smallest_side = 80.0;
+  TargetFinder without = finderOf(3, options);
+  int found = 0, found_without = 0;
+  for (int i = 0; i < 6; ++i) {
+    const Shown truth = shown(i % 3, 150.0 + 60 * i, 200.0, 0.1 * i, 45.0 / kPoster.height, i);
+    const cv::Mat image = frameOf({truth}, 1000U + static_cast<unsigned>(i));
+    const DetectedTarget* small = detectionOf(finder.findAlone(image), truth.number);
+    found += small != nullptr ? 1 : 0;
+    if (small != nullptr) {
+      EXPECT_LT(errorOf(*small, truth), 1.0);
+    }
+    found_without += detectionOf(without.findAlone(image), truth.number) != nullptr ? 1 : 0;
+  }
+  EXPECT_GE(found, 5);
+  EXPECT_LT(found_without, found);
+}
+
+/// The pyramid does not reach a target that fills a photograph of 12 megapixels.
+TEST(TargetFinder, FindsTargetsInLargePhotographs) {
+  TargetFinder finder = finderOf(3);
+  cv::Mat photo;
+  cv::resize(frameOf({shown(1, 320, 240, 0.3, 1.6), shown(2, 60, 60, 0.2, 0.3)}), photo,
+             cv::Size(4000, 3000), 0, 0, cv::INTER_CUBIC);
+  const Eigen::Matrix3d larger =
+      (Eigen::Matrix3d() << 6.25, 0, 2.625, 0, 6.25, 2.625, 0, 0, 1).finished();
+  const TargetFrame& frame = finder.find(photo);
+  for (const Shown& one : {shown(1, 320, 240, 0.3, 1.6), shown(2, 60, 60, 0.2, 0.3)}) {
+    const DetectedTarget* found = detectionOf(frame, one.number);
+    ASSERT_NE(found, nullptr) << one.number;
+    EXPECT_LT(test::errorInView(larger * one.homography, found->homography.homography, kPoster,
+                                photo.size()),
+              1.0)
+        << one.number;
+  }
+}
+
+/// Blurred so much that no keypoint is left: the images alone say where it is.
+TEST(TargetFinder, FollowsByTheImagesWhatHasNoKeypoints) {
+  TargetFinder finder = finderOf(3);
+  int followed = 0;
+  for (int step = 0; step < 12; ++step) {
+    const Shown truth = shown(1, 250.0 + 7 * step, 240.0, 0.4, 0.5);
+    cv::Mat image = frameOf({truth});
+    if (step >= 4) cv::GaussianBlur(image, image, cv::Size(), 3.5);
+    const DetectedTarget* found = detectionOf(finder.find(image), 1);
+    if (step < 4) {
+      ASSERT_NE(found, nullptr);
+    }
+    if (found == nullptr) continue;
+    EXPECT_LT(errorOf(*found, truth), 3.0) << step;
+    EXPECT_EQ(found->age, step + 1) << step;
+    followed += step >= 4 && found->predicted ? 1 : 0;
+  }
+  EXPECT_GE(followed, 7);
+  // It is not there any more.
+  EXPECT_EQ(detectionOf(finder.find(frameOf({})), 1), nullptr);
+}
+
+/// Pictures much wider than high have no keypoints in some of their views.
+TEST(TargetFinder, BannersAreTargets) {
+  for (const cv::Size size : {cv::Size(1600, 240), cv::Size(1600, 170)}) {
+    TargetFinder finder;
+    Target banner;
+    banner.id = "banner";
+    banner.images = {test::drawnPicture(size, 5)};
+    finder.add(banner);
+    cv::Mat frame = test::drawnPicture(kFrame, 900), image;
+    frame.convertTo(frame, CV_32F);
+    Placement p;
+    p.zoom = 600.0 / size.width;
+    const Eigen::Matrix3d truth = test::homographyOf(p, size);
+    test::place(banner.images[0], truth, frame);
+    frame.convertTo(image, CV_8U);
+    const TargetFrame& found = finder.find(image);
+    ASSERT_EQ(found.detections.size(), 1U) << size;
+    EXPECT_LT(test::errorInView(truth, found.detections[0].homography.homography, size, kFrame),
+              1.0);
+  }
+}
+
 TEST(TargetFinder, AnEmptySceneHasNoTarget) {
   TargetFinder finder = finderOf(12);
   for (std::uint64_t i = 0; i < 10; ++i) {
@@ -267,6 +351,121 @@ TEST(TargetFinder, APictureWithTextureInItsMiddleIsTheSameAsItsCopy) {
   EXPECT_NE(reasonOf(finder, copy).find("shows the same as target \"sparse\""), std::string::npos);
 }
 
+/// Ten signs with one logo: only the text differs.
+TEST(TargetFinder, SignsWithOneLogoAreTenTargets) {
+  TargetFinder finder;
+  const cv::Mat logo = test::drawnPicture({200, 200}, 77);
+  cv::Mat frame;
+  for (int i = 0; i < 10; ++i) {
+    Target sign;
+    sign.id = "sign" + std::to_string(i);
+    cv::Mat image = test::drawnPicture({400, 240}, 100U + static_cast<unsigned>(i));
+    logo.copyTo(image(cv::Rect(10, 20, 200, 200)));
+    sign.images = {image};
+    EXPECT_EQ(reasonOf(finder, sign), "");
+    if (i == 4) cv::copyMakeBorder(image, frame, 120, 120, 120, 120, cv::BORDER_REFLECT);
+  }
+  std::vector<std::string> found;
+  for (const DetectedTarget& one : finder.find(frame).detections) {
+    if (one.status == Status::ok) found.push_back(one.id);
+  }
+  EXPECT_EQ(found, std::vector<std::string>{"sign4"});
+}
+
+/// A picture that is a part of another one's picture, and known by itself.
+TEST(TargetFinder, ATargetInsideAnotherOneIsFound) {
+  for (const double share : {0.25, 0.3, 0.5}) {
+    TargetFinder finder;
+    Target outer, inner;
+    outer.id = "outer";
+    inner.id = "inner";
+    inner.images = {test::drawnPicture({300, 220}, 31)};
+    cv::Mat image = test::drawnPicture({1000, 740}, 30), small;
+    cv::resize(inner.images[0], small, cv::Size(), share / 0.3, share / 0.3, cv::INTER_AREA);
+    small.copyTo(image(cv::Rect(cv::Point(310, 220), small.size())));
+    outer.images = {image};
+    finder.add(outer);
+    finder.add(inner);
+    cv::Mat frame;
+    cv::resize(image, frame, cv::Size(640, 474), 0, 0, cv::INTER_AREA);
+    const TargetFrame& found = finder.find(frame);
+    ASSERT_EQ(found.detections.size(), 2U) << share;
+    for (const DetectedTarget& one : found.detections) EXPECT_EQ(one.status, Status::ok) << share;
+  }
+}
+
+TEST(TargetFinder, NamesWhatLooksTheSameInAnotherPose) {
+  const auto ambiguityOf = [](const cv::Mat& picture) {
+    TargetFinder finder;
+    Target target;
+    target.id = "t";
+    target.images = {picture};
+    finder.add(target);
+    const TargetFrame& frame = finder.find(picture);
+    for (const DetectedTarget& one : frame.detections) {
+      EXPECT_EQ(one.ambiguity, finder.ambiguity("t"));
+    }
+    return finder.ambiguity("t");
+  };
+  // A playing card.
+  const cv::Mat half = test::drawnPicture({240, 170}, 8);
+  cv::Mat turned, card;
+  cv::rotate(half, turned, cv::ROTATE_180);
+  cv::vconcat(half, turned, card);
+  EXPECT_EQ(ambiguityOf(card), "turned by 180 degrees");
+  // A facade: eight equal windows in a row, three rows of other ones.
+  cv::Mat facade;
+  for (unsigned row = 0; row < 3; ++row) {
+    cv::Mat windows;
+    cv::repeat(test::drawnPicture({50, 80}, 40 + row), 1, 8, windows);
+    row == 0 ? windows.copyTo(facade) : cv::vconcat(facade, windows, facade);
+  }
+  EXPECT_EQ(ambiguityOf(facade).rfind("moved by 1", 0), 0U) << ambiguityOf(facade);
+  cv::Mat board(320, 400, CV_8U);
+  for (int y = 0; y < board.rows; ++y) {
+    for (int x = 0; x < board.cols; ++x) {
+      board.at<std::uint8_t>(y, x) = (x / 40 + y / 40) % 2 == 0 ? 30 : 220;
+    }
+  }
+  EXPECT_NE(ambiguityOf(board), "");
+  for (std::uint64_t i = 0; i < 12; ++i) {
+    EXPECT_EQ(ambiguityOf(test::drawnPicture({300, 220}, i)), "") << i;
+  }
+}
+
+TEST(TargetFinder, AFrameBelongsToOneTarget) {
+  TargetFinder finder;
+  Target door = poster(0), other = poster(1);
+  door.frame = "door";
+  finder.add(door);
+  for (const char* frame : {"door", "door_1", "door_12"}) {
+    other.frame = frame;
+    EXPECT_NE(reasonOf(finder, other).find("meets the frame \"door\" of target \"poster0\""),
+              std::string::npos)
+        << frame;
+  }
+  for (const char* frame : {"door_a", "door_", "doo", ""}) {
+    other.frame = frame;
+    EXPECT_EQ(reasonOf(finder, other), "") << frame;
+    finder.remove(other.id);
+  }
+  finder.replace(door);
+}
+
+TEST(TargetFinder, SaysThatThereMayBeMoreCopies) {
+  TargetFinderOptions options;
+  options.max_instances = 2;
+  TargetFinder finder = finderOf(2, options);
+  std::vector<Shown> copies;
+  for (int i = 0; i < 3; ++i) copies.push_back(shown(1, 110.0 + 210 * i, 240, 0.1, 0.6, 0.0));
+  const TargetFrame& frame = finder.find(frameOf(copies));
+  EXPECT_EQ(frame.detections.size(), 2U);
+  EXPECT_EQ(frame.search.at_limit, "poster1");
+  finder.setSearch(20.0, 45.0, 4);
+  EXPECT_EQ(finder.find(frameOf(copies)).detections.size(), 3U);
+  EXPECT_EQ(frame.search.at_limit, "");
+}
+
 TEST(TargetFinder, ForgetsRemovedTargetsAndFindsReplacedOnes) {
   TargetFinder finder = finderOf(5);
   const cv::Mat frame = frameOf({shown(1, 170, 240), shown(3, 470, 240)});
@@ -363,6 +562,7 @@ TEST(TargetFinder, WhatLooksDifferentInMostPartsIsNotFound) {
 
 TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   TargetFinderOptions options;
+  options.smallest_side = 80.0;  // else what is followed decides whether a frame is made larger
   TargetFinder all = finderOf(16, options);
   options.search_ms = 0.0;  // one target on each frame, in turn
   TargetFinder few = finderOf(16, options);
@@ -385,12 +585,14 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
 }
 
 TEST(TargetFinder, WhatIsFollowedDoesNotWaitForTheBudget) {
-  TargetFinder finder = finderOf(16);
+  TargetFinderOptions options;
+  options.smallest_side = 80.0;  // else the frame of the first search is made larger
+  TargetFinder finder = finderOf(16, options);
   const std::vector<Shown> truth{shown(4, 170, 240), shown(11, 470, 240)};
   const cv::Mat image = frameOf(truth);
   const std::vector<DetectedTarget> expected = finder.find(image).detections;
   ASSERT_EQ(expected.size(), 2U);
-  finder.setSearch(0.0, 48.0);
+  finder.setSearch(0.0, 80.0, 8);
   for (int age = 2; age < 6; ++age) {
     const TargetFrame& frame = finder.find(image);
     ASSERT_EQ(frame.detections.size(), 2U);
@@ -426,8 +628,8 @@ TEST(TargetFinder, TheSameFramesGiveTheSameBits) {
 
 TEST(TargetFinder, AnImageAloneChangesNothing) {
   TargetFinder finder = finderOf(4);
-  finder.setSearch(0.0, 48.0);
-  EXPECT_THROW(finder.setSearch(-1.0, 48.0), std::invalid_argument);
+  finder.setSearch(0.0, 80.0, 8);
+  EXPECT_THROW(finder.setSearch(-1.0, 80.0, 8), std::invalid_argument);
   const cv::Mat image = frameOf({shown(2, 200, 240)});
   while (finder.find(image).detections.empty()) {
   }

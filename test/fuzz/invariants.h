@@ -8,12 +8,13 @@ namespace ktgp_orb::fuzz {
 inline void requireSound(const ProsacResult& result, const PointPairs& pairs, double threshold) {
   require(result.mask.size() == pairs.size() || result.status == Status::too_few_matches,
           "a mask entry for each pair");
-  require(result.status == Status::ok || result.homography.isZero(0.0), "no H unless ok");
+  require(result.status == Status::ok || result.answer.homography.isZero(0.0), "no H unless ok");
   if (result.status != Status::ok) return;
-  require(result.homography.allFinite(), "H is finite");
+  require(result.answer.homography.allFinite(), "H is finite");
   std::size_t inliers = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = reprojectionError(result.homography, pairs.reference[i], pairs.target[i]);
+    const double error =
+        reprojectionError(result.answer.homography, pairs.reference[i], pairs.target[i]);
     require((result.mask[i] == 1) == (error < threshold), "the mask is that of H");
     inliers += result.mask[i];
   }
@@ -58,10 +59,10 @@ inline void requireSound(const MatchResult& result, const Features& reference,
     require(stages[s].output == countAtLeast(all, static_cast<Level>(s)), "levels are the counts");
   }
   if (result.status != Status::ok) {
-    require(result.homography.isZero(0.0) && result.inliers == 0, "no H unless ok");
+    require(result.answer.homography.isZero(0.0) && result.inliers == 0, "no H unless ok");
     return;
   }
-  require(result.homography.allFinite(), "H is finite");
+  require(result.answer.homography.allFinite(), "H is finite");
   require(std::isfinite(result.rmse), "rmse is finite");
   require(result.inliers == countAtLeast(all, Level::ktgp) + result.guided.size(),
           "final matches are those of level ktgp and the guided ones");
@@ -78,7 +79,7 @@ inline void requireSound(const MatchResult& result, const Features& reference,
 
 inline void requireEqual(const MatchResult& a, const MatchResult& b, const char* what) {
   require(a.status == b.status && a.inliers == b.inliers, what);
-  require(a.homography == b.homography, what);
+  require(a.answer.homography == b.answer.homography, what);
   require(a.correspondences.size() == b.correspondences.size(), what);
   for (std::size_t i = 0; i < a.correspondences.size(); ++i) {
     require(a.correspondences[i].level == b.correspondences[i].level, what);

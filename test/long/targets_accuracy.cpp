@@ -103,7 +103,7 @@ std::vector<Answer> answersOf(const TargetFrame& frame) {
 /// Until one of the targets in the view is found, with a budget of 20 ms.
 double framesToFirst(const World& world, const View& view, TargetFinder& finder) {
   constexpr int kMost = 60;
-  finder.setSearch(20.0, 48.0);
+  finder.setSearch(20.0, finder.options().smallest_side, 8);
   finder.restart();
   for (int number = 1; number <= kMost; ++number) {
     Score score;
@@ -126,7 +126,7 @@ void measure(World& world, std::size_t frames) {
     const View view = makeView(world, 1000 + i);
     if (view.truths.empty()) continue;
     finder.restart();
-    finder.setSearch(std::numeric_limits<double>::infinity(), 48.0);
+    finder.setSearch(std::numeric_limits<double>::infinity(), finder.options().smallest_side, 8);
     const double start = processorMilliseconds();
     const TargetFrame& answer = finder.find(view.image);
     score.milliseconds.push_back(processorMilliseconds() - start);

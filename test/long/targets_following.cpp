@@ -95,7 +95,7 @@ void follow(const World& world, TargetFinder& finder, double search_ms, bool noi
             std::size_t frames) {
   constexpr std::size_t kPerScene = 60;
   Score score;
-  finder.setSearch(search_ms, finder.options().search_radius);
+  finder.setSearch(search_ms, finder.options().smallest_side, 8);
   std::vector<std::size_t> shown(kShown);
   for (std::size_t f = 0; f < frames; ++f) {
     const std::size_t in_scene = f % kPerScene;
@@ -190,7 +190,7 @@ cv::Mat otherScene(const std::vector<cv::Mat>& scenes, std::size_t number) {
 
 void searchElsewhere(const World& world, TargetFinder& finder, std::size_t frames) {
   const std::vector<cv::Mat> scenes = otherScenes(world);
-  finder.setSearch(std::numeric_limits<double>::infinity(), finder.options().search_radius);
+  finder.setSearch(std::numeric_limits<double>::infinity(), finder.options().smallest_side, 8);
   std::size_t wrong = 0, wrong_frames = 0, tried = 0;
   for (std::size_t f = 0; f < frames; ++f) {
     finder.restart();

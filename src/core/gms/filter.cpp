@@ -27,14 +27,6 @@ int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
 }
 
-void requireSize(const Features& features, const std::string& name) {
-  if (features.empty() || (features.image_size.width > 0 && features.image_size.height > 0)) return;
-  throw std::invalid_argument(name + " has image size " +
-                              std::to_string(features.image_size.width) + "x" +
-                              std::to_string(features.image_size.height) +
-                              "; expected the width and height of its image in pixels");
-}
-
 bool isIndexOf(const Features& features, std::int32_t index) {
   return index >= 0 && static_cast<std::size_t>(index) < features.size();
 }
@@ -225,8 +217,8 @@ const GmsOptions& GmsFilter::options() const {
 GmsResult GmsFilter::filter(const Features& reference, const Features& target,
                             std::vector<Correspondence>& correspondences) {
   if (!impl_->options.enabled) return passAll(correspondences);
-  requireSize(reference, "reference");
-  requireSize(target, "target");
+  requireImageSize(reference, "reference");
+  requireImageSize(target, "target");
   Impl& impl = *impl_;
   impl.takeIn(reference, target, correspondences);
   impl.winner.kept = 0;

@@ -1,79 +1,83 @@
 #include "core/growth/grower.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
-#include <limits>
 
 namespace ktgp_orb::growth {
 namespace {
 
-constexpr int kRounds = 10;
-constexpr std::size_t kMaxLastRounds = 4;
-constexpr double kFirstReach = 120.0;       // px of the reference
-constexpr double kReachFactor = 4.0 / 3.0;  // per round
 constexpr std::size_t kFewestForHomography = 12;
 
-/// Matches within the last radius that a round needs. A right seed has found several times as many.
-/// A wrong seed seldom has as many twice in a row; wrong seeds take nearly all of the time.
-std::size_t fewest(int round) {
-  return std::min<std::size_t>(4 + 2 * static_cast<std::size_t>(round), kFewestForHomography);
+/// Of the farthest keypoint of the reference from the centre, px.
+double farthest(const Eigen::Vector2d& centre, const ReferenceFrames& reference) {
+  double squared = 0.0;
+  for (const LocalFrame& frame : reference.frames()) {
+    squared = std::max(squared, (Eigen::Vector2d(frame.x, frame.y) - centre).squaredNorm());
+  }
+  return std::sqrt(squared);
 }
 
 }  // namespace
 
+bool refit(const std::vector<PlacePair>& pairs, float radius, Eigen::Matrix3d& map) {
+  const double scale = 0.5 * radius;
+  if (pairs.size() >= kFewestForHomography && fitHomography(pairs, scale, map)) return true;
+  return fitAffine(pairs, scale, map);
+}
+
 bool Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
                     float radius, ReferenceFrames& reference, LocalMatcher& matcher) {
+  matches_.clear();
+  pairs_.clear();
   if (!reference.predict(map, centre, reach, matcher.imageSize(), predictions_)) return false;
   matcher.match(predictions_, reference.bits(), {}, radius, matches_);
-  pairs_.clear();
   for (const LocalMatch& m : matches_) {
     const LocalFrame& from = reference.frames()[static_cast<std::size_t>(m.reference)];
     const LocalFrame& to = matcher.frame(m.target);
     pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
   }
-  return true;
+  return pairs_.size() >= plan_.fewest_pairs;
 }
 
-std::size_t Grower::exactPairs(const Eigen::Matrix3d& map) const {
-  constexpr double kSquared = double{kLastRadius} * kLastRadius;
-  const auto is_exact = [&](const PlacePair& pair) {
-    const Eigen::Vector3d p = map * pair.reference.homogeneous();
-    return (p.hnormalized() - pair.target).squaredNorm() < kSquared;
-  };
-  return static_cast<std::size_t>(std::count_if(pairs_.begin(), pairs_.end(), is_exact));
-}
-
-bool Grower::refit(float radius, Eigen::Matrix3d& map) const {
-  const double scale = 0.5 * radius;
-  if (pairs_.size() >= kFewestForHomography && fitHomography(pairs_, scale, map)) return true;
-  return fitAffine(pairs_, scale, map);
+std::size_t Grower::exactPairs() const {
+  constexpr float kSquared = kLastRadius * kLastRadius;
+  return static_cast<std::size_t>(
+      std::count_if(matches_.begin(), matches_.end(),
+                    [](const LocalMatch& match) { return match.squared_error < kSquared; }));
 }
 
 bool Grower::grow(const Eigen::Vector2d& centre, ReferenceFrames& reference, LocalMatcher& matcher,
                   Eigen::Matrix3d& map) {
-  double reach = kFirstReach;
-  float radius = kFirstRadius;
-  const float shrink = std::pow(kLastRadius / kFirstRadius, 1.F / (kRounds - 1));
-  for (int round = 0; round < kRounds; ++round) {
+  const double all = farthest(centre, reference);
+  double reach = plan_.first_reach;
+  float radius = plan_.first_radius;
+  std::size_t exact = plan_.first_exact;
+  for (int round = 0; round < plan_.rounds; ++round) {
+    if (reach >= all && radius <= plan_.enough_radius) break;
     if (!search(map, centre, reach, radius, reference, matcher)) return false;
-    if (exactPairs(map) < fewest(round) || !refit(radius, map)) return false;
-    reach *= kReachFactor;
-    radius *= shrink;
+    if (exactPairs() < std::min(exact, plan_.most_exact) || !refit(pairs_, radius, map)) {
+      return false;
+    }
+    exact += plan_.more_exact;
+    reach *= plan_.reach_factor;
+    radius = std::max(kLastRadius, radius * plan_.radius_factor);
   }
-  return settle(centre, reference, matcher, map);
+  return settle(centre, plan_.settle_radius, reference, matcher, map);
 }
 
-bool Grower::settle(const Eigen::Vector2d& centre, ReferenceFrames& reference,
+bool Grower::settle(const Eigen::Vector2d& centre, float radius, ReferenceFrames& reference,
                     LocalMatcher& matcher, Eigen::Matrix3d& map) {
-  constexpr double kEverywhere = std::numeric_limits<float>::max();
-  for (std::size_t round = 0, before = 0;; ++round) {
+  for (; radius > kLastRadius; radius *= 0.5F) {
+    if (!search(map, centre, kEverywhere, radius, reference, matcher)) return false;
+    if (!refit(pairs_, radius, map)) return false;
+  }
+  std::size_t before = 0;
+  for (int round = 0;; ++round) {
     if (!search(map, centre, kEverywhere, kLastRadius, reference, matcher)) return false;
-    if (pairs_.size() < kFewestForHomography) return false;
-    if (pairs_.size() <= before || round == kMaxLastRounds) return true;
+    if (pairs_.size() < plan_.most_exact) return false;
+    if (pairs_.size() <= before || round == plan_.last_rounds) return true;
     before = pairs_.size();
-    if (!refit(kLastRadius, map)) return false;
+    if (!refit(pairs_, kLastRadius, map)) return false;
   }
 }
 

@@ -12,6 +12,7 @@
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "core/homography/estimate.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -68,7 +69,7 @@ struct HomographyGrowth::Impl {
   void tryStart(const GrowthStart& start, GrowthResult& result);
   void judge(const Eigen::Matrix3d& map, GrowthResult& result);
   void sortGrown();
-  void meetRepeats(GrowthResult& result);
+  void growFromRepeats(GrowthResult& result);
   void choose(GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
   void collect(const Grown& chosen, GrowthResult& result) const;
@@ -76,7 +77,7 @@ struct HomographyGrowth::Impl {
   GrowthOptions options;
   growth::ReferenceFrames reference;
   growth::LocalMatcher matcher;
-  growth::Grower grower;
+  growth::Grower grower{growth::kScenePlan};
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
   homography::Finaliser finaliser;
@@ -183,15 +184,16 @@ void HomographyGrowth::Impl::tryFrom(Eigen::Matrix3d map, const Eigen::Vector2d&
 void HomographyGrowth::Impl::tryStart(const GrowthStart& start, GrowthResult& result) {
   const bool in_sight = start.homography.row(2).dot(start.centre.homogeneous()) > 0.0;
   Eigen::Matrix3d map = in_sight ? start.homography : Eigen::Matrix3d(-start.homography);
-  if (grower.settle(start.centre, reference, matcher, map)) judge(map, result);
+  if (grower.settle(start.centre, growth::kScenePlan.settle_radius, reference, matcher, map))
+    judge(map, result);
 }
 
-/// Judges `map`, which the grower has just left.
+/// Tests the significance of `map`, the grower's last result.
 void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& result) {
   tried.push_back(map);
   ++result.judged;
   const growth::Judgement judgement = verdict.judge(
-      grower.predictions(), reference, growth::Grower::kFirstRadius, options.seeds, matcher);
+      grower.predictions(), reference, growth::kScenePlan.first_radius, options.seeds, matcher);
   if (grown_count == grown.size()) grown.emplace_back();
   Grown& kept = grown[grown_count++];
   kept.map = map;
@@ -199,10 +201,10 @@ void HomographyGrowth::Impl::judge(const Eigen::Matrix3d& map, GrowthResult& res
   kept.matches = grower.matches();
   kept.pairs = grower.pairs();
   kept.repeats = verdict.repeats();
-  kept.met_repeats = false;
+  kept.grew_from_repeats = false;
 }
 
-/// Those least explained by chance first.
+/// The most significant hypothesis first.
 void HomographyGrowth::Impl::sortGrown() {
   order.resize(grown_count);
   std::iota(order.begin(), order.end(), std::size_t{0});
@@ -214,12 +216,12 @@ void HomographyGrowth::Impl::sortGrown() {
 }
 
 /// Grows the best one again from positions that look alike, until none of these is better.
-void HomographyGrowth::Impl::meetRepeats(GrowthResult& result) {
+void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
   constexpr int kMostTimes = 3;
   for (int i = 0; i < kMostTimes && grown_count > 0; ++i) {
     sortGrown();
     Grown& best = grown[order.front()];
-    if (!growth::isAccepted(best) || std::exchange(best.met_repeats, true)) return;
+    if (!growth::isAccepted(best) || std::exchange(best.grew_from_repeats, true)) return;
     const Eigen::Vector2d middle = growth::middleOf(best.pairs);
     const Eigen::Matrix3d map = best.map;  // tryFrom may move the buffers
     repeats = best.repeats;
@@ -268,6 +270,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   evidence.by_cell = true;
+  evidence.errors.rounding = util::kKeypointRounding;
   result.found =
       refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
   if (result.found) {
@@ -351,7 +354,7 @@ void HomographyGrowth::find(const Features& reference, const ReferenceViews* vie
     ++result.seeds;
     impl.tryFrom(impl.firstMap(seed), impl.placeOf(seed), result);
   }
-  impl.meetRepeats(result);
+  impl.growFromRepeats(result);
   impl.choose(result);
 }
 

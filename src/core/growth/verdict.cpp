@@ -99,12 +99,12 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
 
   // As if the decoys had no matches: most rejected homographies need no decoys.
   const auto matched = static_cast<std::size_t>(own.back());
-  Judgement hope{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
+  Judgement at_best{matched, matched, 0.0, std::numeric_limits<double>::infinity()};
   for (const double n : own) {
-    hope.log_false_alarms =
-        std::min(hope.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
+    at_best.log_false_alarms =
+        std::min(at_best.log_false_alarms, log_tests + logChance(n - 4.0, 1.0 / kDecoys, 1.0));
   }
-  if (!(hope.log_false_alarms < kLogMaxFalseAlarms)) return hope;
+  if (!(at_best.log_false_alarms < kLogMaxFalseAlarms)) return at_best;
 
   std::size_t d = 0;
   for (const double length : kShifts) {
@@ -114,10 +114,10 @@ Judgement Verdict::judge(const std::vector<Prediction>& predictions,
     }
   }
   largest_.fill(0.0);
-  for (const Decoy& decoy : decoys_) raise(decoy);
+  for (const Decoy& decoy : decoys_) include(decoy);
   Judgement judgement = best(own, own_chances, log_tests);
   if (!(judgement.log_false_alarms < kLogMaxFalseAlarms)) return judgement;
-  meetRepeats(predictions, reference, longest_period, matcher);
+  compareWithRepeats(predictions, reference, longest_period, matcher);
   return best(own, own_chances, log_tests);
 }
 
@@ -139,18 +139,18 @@ Judgement Verdict::best(const Counts& own, double own_chances, double log_tests)
   return judgement;
 }
 
-void Verdict::meetRepeats(const std::vector<Prediction>& predictions,
-                          const ReferenceFrames& reference, float longest_period,
-                          LocalMatcher& matcher) {
+void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
+                                 const ReferenceFrames& reference, float longest_period,
+                                 LocalMatcher& matcher) {
   for (const cv::Point2f& shift : repeats_.find(predictions, reference.bits(), matcher)) {
     if (std::hypot(shift.x, shift.y) > longest_period) continue;
     const auto chances =
         static_cast<double>(matcher.match(predictions, reference.bits(), shift, kRadius, matches_));
-    raise({chances, count(matches_, reference, matcher)});
+    include({chances, count(matches_, reference, matcher)});
   }
 }
 
-void Verdict::raise(const Decoy& decoy) {
+void Verdict::include(const Decoy& decoy) {
   constexpr double kFewChances = 5.0;  // for fewer, a single match would count too much
   for (std::size_t k = 0; k < kLevels; ++k) {
     largest_[k] = std::max(largest_[k], decoy.counts[k] / std::max(decoy.chances, kFewChances));

@@ -78,8 +78,9 @@ class Verdict {
   };
   Chance chanceAt(std::size_t k) const;
   Judgement best(const Counts& own, double own_chances, double log_tests) const;
-  void meetRepeats(const std::vector<Prediction>& predictions, const ReferenceFrames& reference,
-                   float longest_period, LocalMatcher& matcher);
+  void compareWithRepeats(const std::vector<Prediction>& predictions,
+                          const ReferenceFrames& reference, float longest_period,
+                          LocalMatcher& matcher);
   bool isNew(const LocalFrame& frame, std::vector<std::uint64_t>& cells);
 
   struct Decoy {
@@ -87,7 +88,7 @@ class Verdict {
     Counts counts;
   };
   static constexpr std::size_t kDecoys = 48;
-  void raise(const Decoy& decoy);
+  void include(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
   Counts largest_{};  // of all decoys and repeats, matches per opportunity

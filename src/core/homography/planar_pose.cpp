@@ -1,12 +1,15 @@
 #include "ktgp_orb/planar_pose.h"
 
 #include <Eigen/LU>
-#include <Eigen/SVD>
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/calib3d.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
+#include "core/homography/transform.h"
 #include "core/util/small_matrix.h"
 
 namespace ktgp_orb {
@@ -52,30 +55,161 @@ Eigen::Isometry3d moved(const Eigen::Isometry3d& pose, const Vector6& step) {
   return out;
 }
 
-std::optional<Eigen::Isometry3d> decomposed(const Eigen::Matrix3d& homography,
-                                            const Eigen::Matrix3d& camera,
-                                            const Eigen::Matrix3d& target_from_reference) {
-  Eigen::Matrix3d plane = camera.inverse() * homography * target_from_reference.inverse();
-  const double scale = std::sqrt(plane.col(0).norm() * plane.col(1).norm());
-  if (!(scale > 0.0) || !plane.allFinite()) return std::nullopt;
-  plane /= plane(2, 2) < 0.0 ? -scale : scale;  // the target is in front of the camera
-  Eigen::Matrix3d axes;
-  axes << plane.col(0), plane.col(1), plane.col(0).cross(plane.col(1));
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(axes, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
-  pose.linear() = svd.matrixU() * svd.matrixV().transpose();
-  pose.translation() = plane.col(2);
-  // In front of the camera, with its face towards it.
-  const bool seen = pose.linear().col(2).dot(pose.translation()) > 0.0;
-  if (!seen || pose.translation().z() <= 0.0) return std::nullopt;
-  return pose;
+/// In front of the camera, with its face towards it.
+bool isSeen(const Eigen::Isometry3d& pose) {
+  return pose.translation().z() > 0.0 && pose.linear().col(2).dot(pose.translation()) > 0.0;
+}
+
+/// Both solutions of IPPE from the corners; only those in front of the camera, with the target's
+/// face towards it.
+std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
+                                        const Eigen::Matrix3d& camera, const cv::Size& size,
+                                        const Eigen::Matrix3d& target_from_reference) {
+  std::vector<cv::Point3d> on_target;
+  std::vector<cv::Point2d> on_image;  // with f = 1
+  const Eigen::Matrix3d to_plane = camera.inverse() * homography;
+  const double sign =
+      to_plane.row(2).dot(Eigen::Vector3d(0.5 * size.width, 0.5 * size.height, 1.0));
+  for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
+    const Eigen::Vector3d p = to_plane * corner.homogeneous();
+    if (!(p.z() * sign > 0.0)) return {};
+    const Eigen::Vector2d t = homography::project(target_from_reference, corner);
+    on_target.emplace_back(t.x(), t.y(), 0.0);
+    on_image.emplace_back(p.x() / p.z(), p.y() / p.z());
+  }
+  std::vector<cv::Mat> turns, shifts;
+  std::vector<Eigen::Isometry3d> starts;
+  try {
+    cv::solvePnPGeneric(on_target, on_image, cv::Matx33d::eye(), cv::noArray(), turns, shifts,
+                        false, cv::SOLVEPNP_IPPE);
+  } catch (const cv::Exception&) {
+    return {};  // the corners are on a line
+  }
+  for (std::size_t i = 0; i < turns.size(); ++i) {
+    cv::Matx33d turn;
+    cv::Rodrigues(turns[i], turn);
+    Eigen::Isometry3d pose = Eigen::Isometry3d::Identity();
+    pose.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(turn.val);
+    pose.translation() = Eigen::Map<const Eigen::Vector3d>(shifts[i].ptr<double>());
+    if (pose.matrix().allFinite() && isSeen(pose)) starts.push_back(pose);
+  }
+  return starts;
+}
+
+/// Finds the pose whose homography is nearest to a given one.
+class PoseFit {
+ public:
+  PoseFit(const Eigen::Matrix3d& homography, const util::SmallMatrix& whitening,
+          const Eigen::Matrix3d& camera, const Eigen::Matrix3d& target_from_reference)
+      : wanted_(entries(homography)),
+        whitening_(whitening),
+        camera_(camera),
+        target_from_reference_(target_from_reference) {}
+
+  /// Levenberg-Marquardt from `pose`; empty if it does not converge in front of the camera.
+  std::optional<PlanarPose> from(Eigen::Isometry3d pose) const {
+    constexpr int kMostSteps = 100;
+    constexpr double kSmallStep = 1e-9;  // rad, and share of the distance
+    double damping = 1e-3;
+    double error = errorOf(pose);
+    for (int i = 0; i < kMostSteps; ++i) {
+      const util::SmallMatrix rows = jacobianAt(pose);
+      const Vector8 rest = wanted_ - entriesOf(pose);
+      const util::SmallMatrix normal = util::times(rows.transpose(), rows);
+      util::SmallMatrix damped = normal;
+      damped.diagonal() *= 1.0 + damping;
+      const util::SmallMatrix right = util::times(rows.transpose(), util::times(whitening_, rest));
+      const Vector6 step = util::times(util::inverseOf(damped), right);
+      const Eigen::Isometry3d next = moved(pose, step);
+      const double next_error = errorOf(next);
+      if (!step.allFinite() || !(next_error <= error)) {
+        damping *= 10.0;
+        if (damping > 1e12) break;
+        continue;
+      }
+      pose = next;
+      error = next_error;
+      damping = std::max(1e-12, 0.1 * damping);
+      if (step.head<3>().norm() > kSmallStep * pose.translation().norm() ||
+          step.tail<3>().norm() > kSmallStep) {
+        continue;
+      }
+      PlanarPose found;
+      found.target_to_camera = pose;
+      found.covariance = util::inverseOf(normal);
+      found.squared_error = error;
+      if (!isSeen(pose) || !found.covariance.allFinite()) break;
+      return found;
+    }
+    return std::nullopt;
+  }
+
+ private:
+  Vector8 entriesOf(const Eigen::Isometry3d& pose) const {
+    return entries(homographyOf(pose, camera_, target_from_reference_));
+  }
+
+  double errorOf(const Eigen::Isometry3d& pose) const {
+    const Vector8 rest = wanted_ - entriesOf(pose);
+    return util::times(whitening_, rest).squaredNorm();
+  }
+
+  /// In units of the homography's deviation, by x, y, z and the rotations.
+  util::SmallMatrix jacobianAt(const Eigen::Isometry3d& pose) const {
+    constexpr double kStep = 1e-6;  // rad, and share of the distance
+    Matrix86 slope;
+    for (int i = 0; i < 6; ++i) {
+      const double size = i < 3 ? kStep * pose.translation().z() : kStep;
+      const Vector6 step = size * Vector6::Unit(i);
+      slope.col(i) = (entriesOf(moved(pose, step)) - entriesOf(moved(pose, -step))) / (2.0 * size);
+    }
+    return util::times(whitening_, slope);
+  }
+
+  Vector8 wanted_;
+  util::SmallMatrix whitening_;
+  Eigen::Matrix3d camera_, target_from_reference_;
+};
+
+/// W with W covariance W' = I. Entries of H differ in size by five orders of magnitude, so each is
+/// taken in units of its own deviation.
+std::optional<util::SmallMatrix> whiteningOf(const Covariance8& covariance) {
+  const Vector8 deviation = covariance.diagonal().cwiseSqrt();
+  if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return std::nullopt;
+  const Covariance8 correlation =
+      deviation.cwiseInverse().asDiagonal() * covariance * deviation.cwiseInverse().asDiagonal();
+  const auto whitening = util::whiteningOf(correlation);
+  if (!whitening) return std::nullopt;
+  return util::SmallMatrix(*whitening * deviation.cwiseInverse().asDiagonal());
+}
+
+/// Adds a pose, unless it is one that is there already. The likeliest comes first, and one that is
+/// much less likely is left out.
+void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
+  constexpr double kSame = 1e-4;         // rad
+  constexpr double kLeastShare = 0.001;  // of the likelihood
+  if (poses.empty()) {
+    poses.push_back(pose);
+    return;
+  }
+  PlanarPose& first = poses.front();
+  const Eigen::AngleAxisd between(Eigen::Matrix3d(first.target_to_camera.linear().transpose() *
+                                                  pose.target_to_camera.linear()));
+  if (std::abs(between.angle()) < kSame) return;
+  poses.push_back(pose);
+  if (pose.squared_error < first.squared_error) std::swap(poses[0], poses[1]);
+  poses[0].share = 1.0 / (1.0 + std::exp(-0.5 * (poses[1].squared_error - poses[0].squared_error)));
+  poses[1].share = 1.0 - poses[0].share;
+  if (poses[1].share >= kLeastShare) return;
+  poses[0].share = 1.0;
+  poses.pop_back();
 }
 
 }  // namespace
 
-std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
-                                     const Covariance8& covariance, const Eigen::Matrix3d& camera,
-                                     const cv::Size& reference_size, double target_width) {
+PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
+                        const Eigen::Matrix3d& camera, const cv::Size& reference_size,
+                        double target_width) {
   if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
   if (!(target_width > 0.0)) {
     throw std::invalid_argument("target width is " + std::to_string(target_width) +
@@ -86,45 +220,39 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
                                 std::to_string(camera(1, 1)) + "; expected more than 0 px");
   }
   const Eigen::Matrix3d scale = targetFromReference(reference_size, target_width);
-  const auto start = decomposed(homography, camera, scale);
-  if (!start) return std::nullopt;
-  PlanarPose result;
-  result.target_to_camera = *start;
-  result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
-
-  // Entries of H differ in size by five orders of magnitude: each is in units of its own deviation.
-  const Vector8 deviation = covariance.diagonal().cwiseSqrt();
-  if (!deviation.allFinite() || !(deviation.minCoeff() > 0.0)) return result;
-  const Covariance8 correlation =
-      deviation.cwiseInverse().asDiagonal() * covariance * deviation.cwiseInverse().asDiagonal();
-  const auto of_correlation = util::whiteningOf(correlation);
-  if (!of_correlation) return result;
-  const util::SmallMatrix whitening = *of_correlation * deviation.cwiseInverse().asDiagonal();
-  const Vector8 wanted = entries(homography);
-  Eigen::Isometry3d pose = *start;
-  util::SmallMatrix rows;
-  for (int iteration = 0; iteration < 10; ++iteration) {
-    const Vector8 now = entries(homographyOf(pose, camera, scale));
-    Matrix86 slope;
-    for (int i = 0; i < 6; ++i) {
-      constexpr double kStep = 1e-6;  // rad, and share of the distance
-      const double size = i < 3 ? kStep * pose.translation().z() : kStep;
-      const Vector6 step = size * Vector6::Unit(i);
-      slope.col(i) = (entries(homographyOf(moved(pose, step), camera, scale)) -
-                      entries(homographyOf(moved(pose, -step), camera, scale))) /
-                     (2.0 * size);
-    }
-    rows = util::times(whitening, slope);
-    const Vector8 rest = wanted - now;
-    const Vector6 step = util::leastSquares(rows, util::times(whitening, rest)).solution;
-    if (!step.allFinite() || step.tail<3>().norm() > 0.5) return result;
-    pose = moved(pose, step);
-    if (step.norm() < 1e-12 * (1.0 + pose.translation().norm())) break;
+  PlanarPoses result;
+  const auto starts = startsOf(homography, camera, reference_size, scale);
+  if (starts.empty()) {
+    result.problem = "the homography is not the view of a target in front of the camera";
+    return result;
   }
-  if (pose.translation().z() <= 0.0) return result;
-  result.target_to_camera = pose;
-  result.covariance = util::inverseOf(util::times(rows.transpose(), rows));
+  const auto whitening = whiteningOf(covariance);
+  if (!whitening) {
+    PlanarPose exact;
+    exact.target_to_camera = starts.front();
+    exact.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    result.poses = {exact};
+    return result;
+  }
+  const PoseFit fit(homography, *whitening, camera, scale);
+  for (const Eigen::Isometry3d& start : starts) {
+    if (const auto pose = fit.from(start)) add(*pose, result.poses);
+  }
+  if (result.poses.empty()) {
+    result.problem =
+        "no pose near those of its corners has this homography: the search for it "
+        "does not converge";
+  }
   return result;
+}
+
+std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
+                                     const Covariance8& covariance, const Eigen::Matrix3d& camera,
+                                     const cv::Size& reference_size, double target_width) {
+  const PlanarPoses found =
+      planarPoses(homography, covariance, camera, reference_size, target_width);
+  if (found.poses.empty()) return std::nullopt;
+  return found.poses.front();
 }
 
 }  // namespace ktgp_orb

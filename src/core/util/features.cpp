@@ -24,6 +24,14 @@ void requireDescriptors(const cv::Mat& descriptors, const std::string& name) {
   }
 }
 
+void requireImageSize(const Features& features, const std::string& name) {
+  if (features.empty() || (features.image_size.width > 0 && features.image_size.height > 0)) return;
+  throw std::invalid_argument(name + " has image size " +
+                              std::to_string(features.image_size.width) + "x" +
+                              std::to_string(features.image_size.height) +
+                              "; expected the width and height of its image in pixels");
+}
+
 void requireValid(const Features& features, const std::string& name) {
   requireDescriptors(features.descriptors, name);
   const auto rows = static_cast<std::size_t>(features.descriptors.rows);
@@ -32,12 +40,7 @@ void requireValid(const Features& features, const std::string& name) {
                                 " keypoints but " + std::to_string(rows) +
                                 " descriptor rows; expected one row per keypoint");
   }
-  if (!features.empty() && (features.image_size.width <= 0 || features.image_size.height <= 0)) {
-    throw std::invalid_argument(name + " has image size " +
-                                std::to_string(features.image_size.width) + "x" +
-                                std::to_string(features.image_size.height) +
-                                "; expected the width and height of its image in pixels");
-  }
+  requireImageSize(features, name);
 }
 
 }  // namespace ktgp_orb

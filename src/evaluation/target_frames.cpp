@@ -1,0 +1,295 @@
+#include "evaluation/target_frames.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+#include "core/homography/transform.h"
+#include "files/input.h"
+
+namespace ktgp_orb::tools {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+using Points = std::vector<Eigen::Vector2d>;
+
+/// What is known about a target in one source.
+struct Label {
+  std::size_t row;
+  std::string id;
+  Points on_target;
+  std::map<std::size_t, Points> in_frame;  // by the number of the frame; a photograph has frame 0
+};
+
+/// Those of one photograph or video.
+struct Source {
+  std::string name;
+  std::vector<Label> labels;
+};
+
+Points pointsOf(const json& rows) {
+  Points points;
+  for (const json& row : rows)
+    points.emplace_back(row.at(0).get<double>(), row.at(1).get<double>());
+  return points;
+}
+
+std::string idOf(const std::string& file) {
+  return fs::path(file).stem().string();
+}
+
+std::vector<Source> readLabels(const std::string& folder, LabelledTargets& searched) {
+  const std::string file = (fs::path(folder) / "labels.json").string();
+  files::requireRegularFile(file);
+  std::vector<Source> sources;
+  try {
+    std::ifstream in(file);
+    const json labels = json::parse(in);
+    for (const auto& [name, entry] : labels.items()) {
+      const std::size_t blank = name.find(' ');
+      if (blank == std::string::npos) {
+        throw files::FileError(file,
+                               "\"" + name + "\" is not \"TARGET IMAGE\" or \"TARGET VIDEO\"");
+      }
+      Label label{
+          searched.rows.size(), idOf(name.substr(0, blank)), pointsOf(entry.at("target")), {}};
+      if (entry.contains("image")) label.in_frame[0] = pointsOf(entry["image"]);
+      const json frames = entry.value("frames", json::object());
+      for (const auto& [number, points] : frames.items()) {
+        label.in_frame[std::stoul(number)] = pointsOf(points);
+      }
+      for (const auto& [number, points] : label.in_frame) {
+        if (points.size() == label.on_target.size()) continue;
+        throw files::FileError(file, "\"" + name + "\" has " + std::to_string(points.size()) +
+                                         " points in frame " + std::to_string(number) +
+                                         "; expected " + std::to_string(label.on_target.size()) +
+                                         ", as in the target");
+      }
+      LabelledTarget row;
+      row.target = name.substr(0, blank);
+      row.source = name.substr(blank + 1);
+      row.frames = label.in_frame.size();
+      const auto same = [&](const Source& source) { return source.name == row.source; };
+      auto source = std::find_if(sources.begin(), sources.end(), same);
+      if (source == sources.end()) source = sources.insert(sources.end(), {row.source, {}});
+      source->labels.push_back(std::move(label));
+      searched.rows.push_back(std::move(row));
+    }
+  } catch (const json::exception& error) {
+    throw files::FileError(file, error.what());
+  }
+  return sources;
+}
+
+/// Mean distance of the labelled points, px.
+double errorOf(const DetectedTarget& found, const Points& on_target, const Points& in_frame) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < on_target.size(); ++i) {
+    sum += homography::errorOf(found.homography.homography, on_target[i], in_frame[i]);
+  }
+  return sum / static_cast<double>(on_target.size());
+}
+
+bool isIn(const std::vector<Label>& labels, const std::string& id) {
+  return std::any_of(labels.begin(), labels.end(),
+                     [&](const Label& label) { return label.id == id; });
+}
+
+class Searcher {
+ public:
+  Searcher(const std::string& folder, const TargetFinderOptions& options, LabelledTargets& searched)
+      : finder_(options), searched_(searched) {
+    for (const LabelledTarget& row : searched.rows) {
+      const std::string id = idOf(row.target);
+      if (finder_.knows(id)) continue;
+      Target target;
+      target.id = id;
+      target.images = {files::readGrey((fs::path(folder) / row.target).string())};
+      try {
+        finder_.add(target);
+      } catch (const std::invalid_argument& error) {
+        searched.problems.emplace_back(error.what());
+      }
+    }
+  }
+
+  /// Each labelled frame by itself, at all sizes.
+  void searchAlone(const Source& source, std::size_t number, const cv::Mat& frame) {
+    for (std::size_t s = 0; s < kLabelledSizes.size(); ++s) {
+      const bool is_labelled =
+          std::any_of(source.labels.begin(), source.labels.end(),
+                      [&](const Label& label) { return label.in_frame.count(number) > 0; });
+      if (!is_labelled) return;
+      cv::Mat small = frame;
+      if (s > 0) {
+        cv::resize(frame, small, {}, kLabelledSizes[s], kLabelledSizes[s], cv::INTER_AREA);
+      }
+      const Eigen::Matrix3d to_small = homography::resizing(frame.size(), small.size());
+      const TargetFrame& answer = finder_.findAlone(small);
+      for (const Label& label : source.labels) {
+        const auto points = label.in_frame.find(number);
+        if (points == label.in_frame.end()) continue;
+        Points in_small;
+        for (const Eigen::Vector2d& p : points->second) {
+          in_small.push_back(homography::project(to_small, p));
+        }
+        if (isFound(answer, label, in_small)) ++searched_.rows[label.row].found[s];
+      }
+      countOthers(answer, source);
+      if (source.labels[0].in_frame.size() > 1) times_[s].push_back(answer.search.milliseconds);
+    }
+  }
+
+  /// From the first frame of a video to the last one.
+  void follow(const Source& source, std::size_t number, const cv::Mat& frame) {
+    if (number == 0) {
+      finder_.restart();
+      gaps_.assign(source.labels.size(), 0);
+    }
+    const TargetFrame& answer = finder_.find(frame);
+    for (std::size_t i = 0; i < source.labels.size(); ++i) {
+      const Label& label = source.labels[i];
+      LabelledTarget& row = searched_.rows[label.row];
+      ++row.all_frames;
+      const auto points = label.in_frame.find(number);
+      if (points != label.in_frame.end() && isFound(answer, label, points->second)) ++row.followed;
+      const bool is_seen = std::any_of(answer.detections.begin(), answer.detections.end(),
+                                       [&](const DetectedTarget& found) {
+                                         return found.id == label.id && found.status == Status::ok;
+                                       });
+      gaps_[i] = is_seen ? 0 : gaps_[i] + 1;
+      row.longest_gap = std::max(row.longest_gap, gaps_[i]);
+    }
+    countOthers(answer, source);
+  }
+
+  void storeTimes() {
+    for (std::size_t s = 0; s < times_.size(); ++s) {
+      std::vector<double>& times = times_[s];
+      if (times.empty()) continue;
+      std::sort(times.begin(), times.end());
+      searched_.milliseconds[s] = times[times.size() / 2];
+    }
+  }
+
+ private:
+  bool isFound(const TargetFrame& answer, const Label& label, const Points& in_frame) {
+    bool is_found = false;
+    for (const DetectedTarget& found : answer.detections) {
+      if (found.id != label.id || found.status != Status::ok) continue;
+      const double error = errorOf(found, label.on_target, in_frame);
+      is_found |= error < kFoundWithin;
+      // Where there are several of it, only one is labelled.
+      if (found.instance == 0 && error > kWrongTargetBeyond) ++searched_.rows[label.row].wrong;
+    }
+    return is_found;
+  }
+
+  void countOthers(const TargetFrame& answer, const Source& source) {
+    for (const DetectedTarget& found : answer.detections) {
+      if (found.status != Status::ok || isIn(source.labels, found.id)) continue;
+      ++searched_.rows[source.labels[0].row].others;
+    }
+  }
+
+  TargetFinder finder_;
+  LabelledTargets& searched_;
+  std::vector<std::size_t> gaps_;  // frames since the last answer, for each label of the video
+  std::array<std::vector<double>, kLabelledSizes.size()> times_;
+};
+
+std::string line(const char* format, const std::string& first, const std::string& second,
+                 std::size_t frames, const std::array<std::string, kLabelledSizes.size()>& cells,
+                 const std::string& followed, const std::string& gap, std::size_t wrong,
+                 std::size_t others) {
+  std::array<char, 300> text{};
+  std::snprintf(text.data(), text.size(), format, first.c_str(), second.c_str(), frames,
+                cells[0].c_str(), cells[1].c_str(), cells[2].c_str(), cells[3].c_str(),
+                cells[4].c_str(), followed.c_str(), gap.c_str(), wrong, others);
+  return text.data();
+}
+
+std::string shareOf(std::size_t part, std::size_t all) {
+  if (all == 0) return "-";
+  std::array<char, 16> text{};
+  std::snprintf(text.data(), text.size(), "%.3f",
+                static_cast<double>(part) / static_cast<double>(all));
+  return text.data();
+}
+
+}  // namespace
+
+LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOptions& options) {
+  LabelledTargets searched;
+  const std::vector<Source> sources = readLabels(folder, searched);
+  Searcher searcher(folder, options, searched);
+  for (const Source& source : sources) {
+    const std::string file = (fs::path(folder) / source.name).string();
+    const bool is_video =
+        searched.rows[source.labels[0].row].frames > 1 || source.labels[0].in_frame.count(0) == 0;
+    if (!is_video) {
+      searcher.searchAlone(source, 0, files::readGrey(file));
+      continue;
+    }
+    cv::VideoCapture video(file);
+    cv::Mat colour, grey;
+    std::size_t number = 0;
+    for (; video.read(colour); ++number) {
+      cv::cvtColor(colour, grey, cv::COLOR_BGR2GRAY);
+      searcher.follow(source, number, grey);
+      searcher.searchAlone(source, number, grey);
+    }
+    if (number == 0) searched.problems.push_back(file + ": cannot be read as a video");
+  }
+  searcher.storeTimes();
+  return searched;
+}
+
+std::string toTable(const LabelledTargets& searched) {
+  constexpr const char* kRow = "%-14s %-20s %6zu  %6s %6s %6s %6s %6s  %8s %5s %6zu %9zu\n";
+  constexpr const char* kHead =
+      "Share of the labelled images in which the target is found within 5 px: each image by "
+      "itself\n"
+      "at five sizes, and in the whole video. Wrong: beyond 15 px. Ids: of targets that are not "
+      "there.\n\n"
+      "target         source               labels       1     .5    .35    .25    .18  followed   "
+      "gap  wrong wrong ids\n";
+  std::string out = kHead;
+  std::array<std::size_t, kLabelledSizes.size()> found{};
+  std::size_t labels = 0, in_videos = 0, followed = 0, wrong = 0, others = 0, gap = 0;
+  for (const LabelledTarget& row : searched.rows) {
+    std::array<std::string, kLabelledSizes.size()> cells;
+    for (std::size_t s = 0; s < cells.size(); ++s) {
+      cells[s] = shareOf(row.found[s], row.frames);
+      found[s] += row.found[s];
+    }
+    const std::size_t of_video = row.all_frames > 0 ? row.frames : 0;
+    out += line(kRow, row.target, row.source, row.frames, cells, shareOf(row.followed, of_video),
+                row.all_frames > 0 ? std::to_string(row.longest_gap) : "-", row.wrong, row.others);
+    labels += row.frames;
+    in_videos += of_video;
+    followed += row.followed;
+    wrong += row.wrong;
+    others += row.others;
+    gap = std::max(gap, row.longest_gap);
+  }
+  std::array<std::string, kLabelledSizes.size()> cells;
+  for (std::size_t s = 0; s < cells.size(); ++s) cells[s] = shareOf(found[s], labels);
+  out += line(kRow, "all", "", labels, cells, shareOf(followed, in_videos), std::to_string(gap),
+              wrong, others);
+  std::array<char, 160> times{};
+  const auto& ms = searched.milliseconds;
+  std::snprintf(times.data(), times.size(),
+                "ms, median of videos                       %6.1f %6.1f %6.1f %6.1f %6.1f\n", ms[0],
+                ms[1], ms[2], ms[3], ms[4]);
+  return out + times.data();
+}
+
+}  // namespace ktgp_orb::tools

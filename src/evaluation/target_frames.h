@@ -1,0 +1,48 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "ktgp_orb/target_finder.h"
+
+/// Targets in photographs and videos with labels, see doc/targets.md.
+namespace ktgp_orb::tools {
+
+/// Sizes at which each labelled image is searched by itself; 1: as it is.
+constexpr std::array<double, 5> kLabelledSizes{1.0, 0.5, 0.35, 0.25, 0.18};
+constexpr double kFoundWithin = 5.0;  ///< px of the searched image, mean of the labelled points
+constexpr double kWrongTargetBeyond = 15.0;  ///< px, the same; a wrong answer
+
+/// One target in one photograph or video.
+struct LabelledTarget {
+  std::string target;      ///< file in the folder; its name without the ending is the id
+  std::string source;      ///< photograph or video, the same
+  std::size_t frames = 0;  ///< with a label
+  std::array<std::size_t, kLabelledSizes.size()> found{};
+  std::size_t wrong = 0;  ///< of all answers, those beyond kWrongTargetBeyond at any size
+  /// A video is also searched from its first frame to its last one.
+  std::size_t all_frames = 0;
+  std::size_t followed = 0;     ///< labelled frames in which it was found
+  std::size_t longest_gap = 0;  ///< frames in a row without an answer
+  std::size_t others = 0;       ///< answers with the id of a target that is not labelled there
+};
+
+struct LabelledTargets {
+  std::vector<LabelledTarget> rows;
+  std::vector<std::string> problems;  ///< one line each, beginning with the file's name
+  std::array<double, kLabelledSizes.size()> milliseconds{};  ///< median of the frames of videos
+};
+
+/// Searches all targets of FOLDER/labels.json in all its photographs and videos. The file is an
+/// object with `"TARGET IMAGE": {"target": points, "image": points}` for a photograph and
+/// `"TARGET VIDEO": {"target": points, "frames": {"NUMBER": points, ...}}` for a video. Points are
+/// [x, y] in px, origin at the centre of the top-left pixel. Throws
+/// files::FileError.
+LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOptions& options);
+
+/// For the terminal.
+std::string toTable(const LabelledTargets& searched);
+
+}  // namespace ktgp_orb::tools

@@ -1,0 +1,98 @@
+#include "targets/ambiguity.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "core/homography/transform.h"
+#include "targets/appearance.h"
+#include "targets/picture_aligner.h"
+
+namespace ktgp_orb::targets {
+namespace {
+
+constexpr double kSide = 96.0;           // px of the copy that is moved over itself
+constexpr double kLeastMove = 0.08;      // of the side; less is the same place
+constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
+constexpr double kLeastAgreement = 0.6;  // of the blocks
+constexpr double kLeastOverlap = 0.5;
+constexpr int kMostPlaces = 4;  // for each turn
+
+/// px of the copy -> px of the copy turned clockwise by so many quarters.
+Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
+  Eigen::Matrix3d map = Eigen::Matrix3d::Identity();
+  cv::Size now = size;
+  for (int i = 0; i < quarters; ++i) {
+    Eigen::Matrix3d quarter;
+    quarter << 0, -1, now.height - 1, 1, 0, 0, 0, 0, 1;
+    map = (quarter * map).eval();
+    std::swap(now.width, now.height);
+  }
+  return map;
+}
+
+/// Whether the picture looks like itself under the map, about.
+bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
+  const std::vector<cv::Mat> image{picture.image};
+  UncertainHomography exact;
+  exact.homography = map;
+  PointPairs pairs;
+  PictureAligner().align(picture, image, exact, pairs);
+  if (homography::overlap(exact.homography, picture.image.size()) < kLeastOverlap) return false;
+  return Appearance().compare(picture, exact.homography, image, 2.0, 1.0).agreement >=
+         kLeastAgreement;
+}
+
+std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
+  std::string name;
+  if (quarters != 0) name = "turned by " + std::to_string(90 * quarters) + " degrees";
+  for (const int axis : {0, 1}) {
+    if (std::abs(moved(axis)) < kLeastMove) continue;
+    name += (name.empty() ? "moved by " : ", moved by ") +
+            std::to_string(std::abs(cvRound(100.0 * moved(axis)))) + " % of its " +
+            (axis == 0 ? "width" : "height");
+  }
+  return name;
+}
+
+}  // namespace
+
+std::string ambiguityOf(const TargetPicture& picture) {
+  const cv::Size whole = picture.image.size();
+  const double scale = std::min(1.0, kSide / std::max(whole.width, whole.height));
+  const cv::Size size(std::max(8, cvRound(scale * whole.width)),
+                      std::max(8, cvRound(scale * whole.height)));
+  cv::Mat copy, turned, correlation;
+  shrink(picture, size, cv::INTER_AREA, copy);
+  const Eigen::Matrix3d to_copy = homography::resizing(whole, size);
+  for (int quarters = 0; quarters < 4; ++quarters) {
+    if (quarters == 0) {
+      turned = copy;
+    } else {
+      cv::rotate(copy, turned, quarters - 1);
+    }
+    const cv::Size half(std::min(turned.cols, copy.cols) / 2, std::min(turned.rows, copy.rows) / 2);
+    const cv::Point corner((turned.cols - half.width) / 2, (turned.rows - half.height) / 2);
+    cv::matchTemplate(copy, turned(cv::Rect(corner, half)), correlation, cv::TM_CCOEFF_NORMED);
+    for (int i = 0; i < kMostPlaces; ++i) {
+      double best = 0.0;
+      cv::Point place;
+      cv::minMaxLoc(correlation, nullptr, &best, nullptr, &place);
+      if (!(best > kLeastAlike)) break;
+      const auto reach = cvRound(0.5 * kLeastMove * std::max(size.width, size.height));
+      cv::circle(correlation, place, std::max(1, reach), cv::Scalar(-1.0), cv::FILLED);
+      const Eigen::Vector2d shift(place.x - corner.x, place.y - corner.y);
+      Eigen::Matrix3d moving = Eigen::Matrix3d::Identity();
+      moving.topRightCorner<2, 1>() = shift;
+      const Eigen::Matrix3d map = to_copy.inverse() * moving * turning(quarters, size) * to_copy;
+      const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
+      const Eigen::Vector2d moved = (homography::project(map, middle) - middle)
+                                        .cwiseQuotient(Eigen::Vector2d(whole.width, whole.height));
+      if (quarters == 0 && moved.lpNorm<Eigen::Infinity>() < kLeastMove) continue;
+      if (looksTheSame(picture, map)) return nameOf(quarters, moved);
+    }
+  }
+  return "";
+}
+
+}  // namespace ktgp_orb::targets

@@ -1,0 +1,127 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <numeric>
+#include <vector>
+
+#include "core/growth/local_frame.h"
+
+namespace ktgp_orb::targets {
+
+/// Finds the descriptors of a set that are similar to a given one without a comparison with all.
+/// Each of eight tables sorts them by a key, the first bits of another 32 of their 256 bits
+/// (multi-index hashing: Norouzi, Punjani & Fleet, CVPR 2012). Keeps its buffers.
+class BitTables {
+ public:
+  static constexpr std::size_t kTables = 8;
+  static constexpr int kMaxKeyBits = 20;
+
+  /// `fullest_cell`: cells with more descriptors are skipped; many have these bits, so they say
+  /// little. `most_other_bits`: that may differ of 32 bits that are not part of the key.
+  BitTables(std::uint32_t fullest_cell, int most_other_bits)
+      : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
+
+  /// `bitsOf(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
+  /// fewer find more and take longer.
+  template <typename BitsOf>
+  void build(std::size_t count, int key_bits, BitsOf bitsOf) {
+    key_bits_ = key_bits;
+    for (std::size_t t = 0; t < kTables; ++t) {
+      Table& table = tables_[t];
+      table.start.assign((std::size_t{1} << key_bits) + 1, 0);
+      for (std::size_t i = 0; i < count; ++i) {
+        ++table.start[keyOf(bitsOf(i), t)];
+      }
+      std::partial_sum(table.start.begin(), table.start.end(), table.start.begin());
+      table.items.resize(count);
+      // `start` has the ends of the cells here. Each item moves one of them down, so it has their
+      // beginnings afterwards. Backwards, so that the items of a cell keep their order.
+      for (std::size_t i = count; i-- > 0;) {
+        table.items[--table.start[keyOf(bitsOf(i), t)]] = {static_cast<std::uint32_t>(i),
+                                                           otherBits(bitsOf(i), t)};
+      }
+    }
+  }
+
+  struct Item {
+    std::uint32_t number;
+    std::uint32_t some_bits;  // not part of the key; enough to see that most items differ
+  };
+  struct Similar {
+    std::uint32_t query;
+    std::uint32_t item;
+  };
+  /// Buffers of find(), which several objects can share, and its result.
+  struct Found {
+    std::vector<Similar> pairs;
+    std::size_t count = 0;  // of them
+
+    struct Run {
+      std::uint32_t query, others, begin, end;
+      const Item* items;
+    };
+    std::vector<Run> runs;
+  };
+
+  /// The descriptors with the key of a query in one of the tables from `first` to before `end`, and
+  /// few other bits that differ. `wantedOf(q)`: the descriptor of query q, below `queries`. In
+  /// steps, each of which fetches the memory that the next one needs.
+  template <typename WantedOf>
+  void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wantedOf,
+            Found& found) const {
+    std::vector<typename Found::Run>& runs = found.runs;
+    runs.clear();
+    for (std::uint32_t q = 0; q < queries; ++q) {
+      for (std::size_t t = first; t < end; ++t) {
+        const std::uint32_t key = keyOf(wantedOf(q), t);
+        __builtin_prefetch(&tables_[t].start[key]);
+        runs.push_back({q, otherBits(wantedOf(q), t), key, 0, tables_[t].items.data()});
+      }
+    }
+    std::size_t t = first, used = 0, items = 0;
+    for (const typename Found::Run run : runs) {
+      const std::uint32_t* start = &tables_[t].start[run.begin];
+      if (++t == end) t = first;
+      const std::uint32_t length = start[1] - start[0];
+      // Most cells are empty, but which ones is random: written without a branch.
+      runs[used] = {run.query, run.others, start[0], start[1], run.items};
+      const bool is_used = length > 0 && length <= fullest_cell_;
+      used += static_cast<std::size_t>(is_used);
+      items += is_used ? length : 0;
+      __builtin_prefetch(run.items + start[0]);
+    }
+    if (found.pairs.size() < items + 1) found.pairs.resize(items + 1);
+    found.count = 0;
+    for (std::size_t r = 0; r < used; ++r) {
+      const typename Found::Run& run = runs[r];
+      for (std::uint32_t i = run.begin; i < run.end; ++i) {
+        found.pairs[found.count] = {run.query, run.items[i].number};
+        found.count += static_cast<std::size_t>(
+            growth::countBits(run.items[i].some_bits ^ run.others) <= most_other_bits_);
+      }
+    }
+  }
+
+ private:
+  struct Table {
+    std::vector<std::uint32_t> start;  // of each key in the items, and the end
+    std::vector<Item> items;
+  };
+
+  std::uint32_t keyOf(const growth::Bits& bits, std::size_t table) const {
+    return static_cast<std::uint32_t>(bits[table / 2] >> (32 * (table % 2))) &
+           ((1U << key_bits_) - 1U);
+  }
+  /// 32 bits of the next word.
+  static std::uint32_t otherBits(const growth::Bits& bits, std::size_t table) {
+    return static_cast<std::uint32_t>(bits[(table / 2 + 1) % bits.size()] >> 16);
+  }
+
+  std::uint32_t fullest_cell_;
+  int most_other_bits_;
+  int key_bits_ = 0;
+  Table tables_[kTables];
+};
+
+}  // namespace ktgp_orb::targets

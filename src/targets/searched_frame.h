@@ -1,0 +1,46 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/orb_extractor.h"
+#include "ktgp_orb/target_finder.h"
+
+namespace ktgp_orb::targets {
+
+/// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints, so
+/// the frame is made twice as large where such targets are wanted. A frame above kLargestFrame is
+/// made smaller: the pyramid does not reach a target that fills it. Keeps its buffers.
+class SearchedFrame {
+ public:
+  explicit SearchedFrame(const TargetFinderOptions& options);
+
+  /// `image` must live until the next call. `wants_small`: targets below kSmallSide are wanted.
+  void set(const cv::Mat& image, bool wants_small);
+  /// Features that were found elsewhere, as they are.
+  void set(const Features& features);
+
+  const Features& features() const { return *features_; }
+  /// px of the searched frame per px of the frame.
+  double scale() const { return scale_; }
+  /// Searched frame -> frame, px.
+  const Eigen::Matrix3d& toFrame() const { return to_frame_; }
+  /// The frame itself, if it was given; its level 0 only.
+  const std::vector<cv::Mat>& own() const { return own_; }
+
+  static constexpr double kSmallSide = 80.0;  ///< px of the frame; shorter side of a target
+  static constexpr int kLargestFrame = 2500;  ///< px, longer side
+
+ private:
+  OrbExtractor extractor_;
+  OrbExtractor small_extractor_;  // for the frame made larger
+  cv::Mat resized_;
+  std::vector<cv::Mat> own_;
+  Features extracted_;
+  const Features* features_ = &extracted_;
+  double scale_ = 1.0;
+  Eigen::Matrix3d to_frame_ = Eigen::Matrix3d::Identity();
+};
+
+}  // namespace ktgp_orb::targets
