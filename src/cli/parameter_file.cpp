@@ -91,6 +91,7 @@ void readPreset(const std::string& name, Parameters& parameters) {
 std::string namesOfPresets() {
   std::string names;
   for (const auto& preset : presets()) names += (names.empty() ? "" : ", ") + preset.first;
+  return names;
 }
 
 }  // namespace ktgp_orb::tools

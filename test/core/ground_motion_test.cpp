@@ -643,8 +643,12 @@ TEST(GroundMotion, TheGroundIsAnotherOneAfterAWhile) {
       EXPECT_GT(estimate.height_misfit, GroundEstimate::kContradiction);
       EXPECT_NEAR(estimate.height, flight.truth(i).position.z(), 0.1);
     }
-    if (i >= 2) EXPECT_EQ(estimate.status, GroundStatus::ok) << i;
-    if (i >= 130) EXPECT_NEAR(estimate.height, 1.3 * flight.truth(i).position.z(), 0.1) << i;
+    if (i >= 2) {
+      EXPECT_EQ(estimate.status, GroundStatus::ok) << i;
+    }
+    if (i >= 130) {
+      EXPECT_NEAR(estimate.height, 1.3 * flight.truth(i).position.z(), 0.1) << i;
+    }
   }
 }
 
@@ -656,7 +660,9 @@ TEST(GroundMotion, AGyroscopeThatIsWrongDoesLittleHarm) {
     EXPECT_TRUE(outcome.always_known);
     EXPECT_LT(outcome.velocity, usual + 0.1) << factor;
     EXPECT_LT(outcome.nees, 8.0) << factor;
-    if (factor < 0.0) EXPECT_NEAR(outcome.turn_ratio, factor, 0.2);
+    if (factor < 0.0) {
+      EXPECT_NEAR(outcome.turn_ratio, factor, 0.2);
+    }
   }
 }
 
