@@ -11,6 +11,7 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/ktgp_orbConfigVersion.cma
   COMPATIBILITY SameMinorVersion)
 configure_file(cmake/ktgp_orbConfig.cmake.in ktgp_orbConfig.cmake @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/ktgp_orbConfig.cmake ${PROJECT_BINARY_DIR}/ktgp_orbConfigVersion.cmake
+    cmake/ktgp_orb-extras.cmake
   DESTINATION ${ktgp_orb_config})
 foreach(component core views)
   configure_file(cmake/ktgp_orb_${component}.pc.in ktgp_orb_${component}.pc @ONLY)

@@ -38,8 +38,11 @@ catkin_package(
     cv_bridge diagnostic_updater dynamic_reconfigure geometry_msgs image_transport message_runtime
     nav_msgs nodelet pluginlib rosbag roscpp sensor_msgs std_msgs std_srvs tf2_ros visualization_msgs
   DEPENDS EIGEN3 OpenCV
+  CFG_EXTRAS ktgp_orb-extras.cmake
 )
 
+# Installed programs are in lib/ktgp_orb, the libraries in lib; Debian's packages have them where the linker looks.
+set(CMAKE_INSTALL_RPATH "$ORIGIN;$ORIGIN/..")
 option(KTGP_ORB_CMAKE_PACKAGE "Install the CMake package for programs without ROS, too" OFF)
 if(KTGP_ORB_CMAKE_PACKAGE)
   include(cmake/cmake_package.cmake)
@@ -49,11 +52,12 @@ install(DIRECTORY include/${PROJECT_NAME}/
 install(DIRECTORY config launch rviz
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Their first line names /usr/bin/python3, which has ROS, for any python3 on PATH.
-install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/start_rqt
+install(PROGRAMS scripts/camera_motion scripts/in_parent_namespace scripts/play_bag scripts/sliders
+  scripts/start_rqt
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 # Launch files call it by its path in their own package.
 #catkin_lint: ignore_once wrong_bin_install_destination
 install(PROGRAMS scripts/keep_sim_time
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/scripts)
-install(FILES nodelet_plugins.xml
+install(FILES image_transport_plugins.xml nodelet_plugins.xml
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -1,6 +1,7 @@
 # Sourced by scripts that need bare Debian systems (minbase and git). Needs root. Mirror and proxy are those of
 # this machine's apt. Downloads and the bare root are kept in ~/.cache/ktgp_orb/platform.
 # shellcheck shell=bash
+case ${1:-} in -h | --help) sed -n '2,/^[^#]/s/^# \{0,1\}//p' "$0" && exit 0 ;; esac
 say() { echo "$(basename "$0"): $*"; }
 
 # prepare_base SUITE: sets cache and base; makes the bare root if there is none. One run of a suite at a time.

@@ -8,7 +8,10 @@ int main(int argc, char** argv) {
   if (argc != 2) return 2;
   cv::VideoCapture video(argv[1]);
   const double rate = video.get(cv::CAP_PROP_FPS);
-  ktgp_orb::SequenceMatcher matcher;  // default options: each frame to the one before
+  ktgp_orb::SequenceOptions options;
+  // Errors add up from keyframe to keyframe; with `previous`, from frame to frame.
+  options.reference.mode = ktgp_orb::ReferenceMode::keyframe;
+  ktgp_orb::SequenceMatcher matcher(options);
   cv::Mat colour, grey;
   for (int i = 0; video.read(colour); ++i) {
     cv::cvtColor(colour, grey, cv::COLOR_BGR2GRAY);

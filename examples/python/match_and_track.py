@@ -17,7 +17,7 @@ def read(path):
 
 
 def match(first, second):
-    found = ktgp.match(first, second, preset='robust')
+    found = ktgp.match(first, second, preset='photo')
     print('%s: %d inliers, found by %s' % (found.status, found.inlier_count, found.found_by))
     for stage in found.stages:
         print('  %(name)-8s %(input)5d -> %(output)5d  %(milliseconds)6.2f ms' % stage)
@@ -41,7 +41,8 @@ def track(path):
     """Prints where the centre of the first frame is in each frame of a video."""
     video = cv2.VideoCapture(path)
     rate = video.get(cv2.CAP_PROP_FPS) or 30.0
-    sequence = ktgp.Sequence()
+    # The errors of `accumulated` add up from keyframe to keyframe; with 'previous', from frame to frame.
+    sequence = ktgp.Sequence(reference_mode='keyframe')
     count = 0
     while True:
         there, image = video.read()

@@ -17,9 +17,9 @@ struct AlignmentOptions {
   bool enabled = true;  ///< false: the homography stays PROSAC's
   int points = 400;     ///< correspondences that are aligned at most, 12..100000
   /// Inlier threshold of the homography, px, > 0; KtgpMatcher sets it to ProsacOptions::max_error.
-  /// A keypoint agrees with the aligned homography within this error. The scale of the errors of
-  /// the aligned points is at least a third of it. Both hold for images of 640x480 px and grow in
-  /// proportion to the diagonal of the reference image.
+  /// The fit uses aligned points within twice this error, and a scale of their errors of at least a
+  /// third of it. Both hold for images of 640x480 px and grow in proportion to the diagonal of the
+  /// reference image.
   double max_error = 3.0;
 };
 
@@ -29,7 +29,7 @@ enum class AlignmentStatus : std::uint8_t {
   ok = 1,              ///< the homography is the aligned one
   no_images = 2,       ///< a frame has no images (see OrbOptions::images)
   too_few_points = 3,  ///< fewer than twelve points could be aligned
-  not_better = 4,      ///< the aligned homography is not better supported than the one before
+  not_better = 4,      ///< the keypoints determine the homography better than the aligned points
 };
 
 /// The enumerator's own name, e.g. "too_few_points".
@@ -74,8 +74,8 @@ struct AlignmentResult {
 /// compared with the pyramid level of the larger one that is nearest in scale. Then H is estimated
 /// from the aligned points by maximum likelihood, with a scale of the errors of at least a pixel
 /// (see AlignmentOptions::max_error): no scene is exactly a plane, and with a smaller scale the fit
-/// would follow the part of the scene that has most points. H stays unchanged where the aligned
-/// points scatter like keypoints (more than a third of their variance).
+/// would follow the part of the scene that has most points. The answer is the
+/// aligned H unless the keypoints determine the corners of the image better.
 ///
 /// The answer is the same for every instruction set.
 ///

@@ -50,6 +50,7 @@ struct GroundFrame {
   Covariance8 covariance = Covariance8::Zero();          ///< see UncertainHomography
   double plane_deviation = 0.0;                          ///< px, >= 0; the same
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
+  cv::Size size;  ///< of the image, px; without it the shutter counts as a global one
   std::optional<HeightReading> height;
   std::optional<DownReading> down;
   std::optional<TurnReading> turn;
@@ -61,6 +62,9 @@ struct GroundMotionOptions {
   /// Standard deviation of the slope of the ground from one keyframe to the next, >= 0: 0.01 is 1 m
   /// in 100 m. Old readings of height and normal count less after each keyframe.
   double ground_slope = 0.002;
+  /// Time from the exposure of the first row of an image to that of the last one, s; 0: all at
+  /// once, a global shutter; below 0: not known. It is estimated, except for 0.
+  double readout_time = -1.0;
   /// Standard deviation of a constant relative error of all lengths, such as that of a height that
   /// was measured once, >= 0.
   double scale_deviation = 0.0;
@@ -74,16 +78,18 @@ struct GroundMotionOptions {
 
 /// What is known after a frame.
 enum class GroundStatus : std::uint8_t {
-  ok = 0,               ///< pose and twist
-  started = 1,          ///< the first frame: a pose without a twist
-  resumed = 2,          ///< the first frame after a gap: a pose with a larger covariance, no twist
-  no_homography = 3,    ///< none was found
-  no_covariance = 4,    ///< the homography has no usable covariance, so nothing can be weighted
-  no_height = 5,        ///< no height was given yet
-  no_normal = 6,        ///< the normal was not given, and the motion does not show it yet
-  contradiction = 7,    ///< the homography contradicts earlier frames, and is not used
+  ok = 0,             ///< pose and twist
+  started = 1,        ///< the first frame: a pose without a twist
+  resumed = 2,        ///< the first frame after a gap: a pose with a larger covariance, and a twist
+                      ///< only where the reference is the frame just before
+  no_homography = 3,  ///< none was found
+  no_covariance = 4,  ///< the homography has no usable covariance, so nothing can be weighted
+  no_height = 5,      ///< no height was given yet
+  no_normal = 6,      ///< the normal was not given, and the motion does not show it yet
+  contradiction = 7,  ///< the homography is a jump after earlier frames, and is not used
   stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
   not_finite = 9,       ///< numbers too large to compute with: everything begins anew
+  looks_away = 10,      ///< the camera looks above the horizon, by the direction that was given
 };
 
 /// The enumerator's own name, e.g. "no_height".
@@ -102,19 +108,31 @@ struct GroundEstimate {
   Twist6 twist = Twist6::Zero();
   Covariance6 twist_covariance = Covariance6::Zero();
 
+  bool has_twist = false;  ///< see hasTwist()
+
   double height = 0.0;          ///< camera above the ground, m
   double tilt_deviation = 0.0;  ///< standard deviation of the normal about one axis, rad
   double gap = 0.0;             ///< s without connection, before a frame with status resumed
-  bool height_used = false;
-  bool down_used = false;
   /// By how many standard deviations a given reading differs from what the homography and the
-  /// earlier readings predict; beyond kContradiction it is not used. 0: not given.
+  /// earlier readings predict, and the homography from what a flat ground and they predict. Beyond
+  /// kContradiction it hardly counts. 0: not given.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
+  double turn_misfit = 0.0;
+  double homography_misfit = 0.0;
   static constexpr double kContradiction = 6.0;
+  bool height_used = false;  ///< given, and its misfit is within kContradiction
+  bool down_used = false;
+  /// What the given turns are, compared with those that the pictures show: 1 is expected, -1: an
+  /// angular velocity that counts the other way, 57.3: in degrees. 0: too little was seen.
+  double turn_ratio = 0.0;
+  /// The readout time of a rolling shutter, as far as the pictures show it, and its standard
+  /// deviation, s.
+  double readout_time = 0.0;
+  double readout_deviation = 0.0;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }
-  bool hasTwist() const { return status == GroundStatus::ok; }
+  bool hasTwist() const { return hasPose() && has_twist; }
 };
 
 /// Metric motion of a calibrated camera that looks at flat ground, from homographies.

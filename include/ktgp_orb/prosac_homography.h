@@ -32,6 +32,10 @@ struct PointPairs {
   /// Standard deviation of each pair's error per coordinate, px in the target, > 0. Empty: all are
   /// alike, and nothing is known of their size.
   std::vector<double> noise{};
+  /// Standard deviation per coordinate that rounding gives each position, px, >= 0: 1/sqrt(12) for
+  /// whole pixels. Neighbouring pairs that move alike are rounded alike, so their agreement does
+  /// not show it.
+  double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
   void clear() {
@@ -39,6 +43,7 @@ struct PointPairs {
     target.clear();
     quality.clear();
     noise.clear();
+    rounding = 0.0;
   }
   /// What the error of pair `i` counts in: its noise, or 1 px.
   double noiseOf(std::size_t i) const { return noise.empty() ? 1.0 : noise[i]; }

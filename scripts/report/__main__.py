@@ -47,7 +47,7 @@ class Tools:
         """A picture of ktgp_match as JPEG."""
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "out.png"
-            self.run("ktgp_match", reference, target, kind, out)
+            self.run("ktgp_match", reference, target, "--preset", "ktgp", kind, out)
             with Image.open(out) as image:
                 height = round(image.height * PICTURE_WIDTH / image.width)
                 jpeg = io.BytesIO()

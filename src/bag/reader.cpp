@@ -1,6 +1,5 @@
 #include "bag/reader.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CompressedImage.h>
 
 #include <algorithm>
@@ -8,6 +7,7 @@
 #include <utility>
 
 #include "bag/messages.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {
@@ -23,11 +23,8 @@ std::string joined(const std::set<std::string>& names) {
 }
 
 RecordedImage decoded(const sensor_msgs::CompressedImage& message, const ros::Time& received) {
-  try {
-    return {cv_bridge::toCvCopy(message)->toImageMsg(), received};
-  } catch (const std::exception&) {  // cv_bridge::Exception, cv::Exception
-    return {nullptr, received, "compressed image cannot be decoded"};
-  }
+  if (const auto image = decodedImage(message)) return {image, received};
+  return {nullptr, received, "compressed image cannot be decoded"};
 }
 
 class BagImages : public ImageSource {

@@ -42,27 +42,19 @@ std::string typeName(const ParameterRow& row) {
 
 /// The values of the command line while it is parsed.
 struct Given {
+  std::string usual_preset;  ///< without --preset and --params; may be empty
   std::string preset;
   std::string file;
   std::map<std::string, std::string> values;
 
   /// Throws std::invalid_argument.
   void applyTo(Parameters& parameters) const {
-    const std::string usual = parameters.descriptor;
-    std::set<std::string> names;
-    if (!preset.empty()) names.merge(readPreset(preset, parameters));
-    if (!file.empty()) names.merge(readParameterFile(file, parameters));
-    for (const auto& [name, text] : values) {
-      setParameter(*findParameter(name), text, parameters);
-      names.insert(name);
-    }
-    if (names.count("T_w") == 0) {
-      parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
-    }
-    const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
-    for (const std::string& text : {note, noteOnFixed(parameters)}) {
-      if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
-    }
+    const std::string& first = preset.empty() && file.empty() ? usual_preset : preset;
+    if (!first.empty()) readPreset(first, parameters);
+    if (!file.empty()) readParameterFile(file, parameters);
+    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
+    const std::string note = noteOnFixed(parameters);
+    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
   }
 };
 
@@ -90,18 +82,33 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
 
 /// `done` is called with the values after parsing.
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
-                const std::function<void(const Parameters&)>& done) {
+                const std::string& preset, const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
+  given->usual_preset = preset;
+  Parameters shown = defaults;
+  if (!preset.empty()) readPreset(preset, shown);
   const char* const group = "Parameters";
   app.add_option("--preset", given->preset, "preset to start from: " + namesOfPresets())
       ->type_name("NAME")
+      ->default_str(preset)
       ->group(group);
   app.add_option("--params", given->file,
                  "YAML file of parameters, as `rosparam dump` and `dynparam dump` write it")
       ->type_name("FILE")
       ->group(group);
   for (const ParameterRow& row : parameterRows()) {
-    if (wanted(row)) addOption(app, row, defaults, given);
+    if (wanted(row)) addOption(app, row, shown, given);
+  }
+  for (const std::string& name : removedParameters("matcher")) {  // not shown by --help
+    if (name == "overlay") continue;  // the name of an option of the programs
+    app.add_option_function<std::string>(
+           "--" + name,
+           [name](const std::string& /*value*/) {
+             throw CLI::ValidationError(
+                 "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
+           })
+        ->group("")
+        ->expected(0, 1);
   }
   app.callback([given, defaults, done] {
     Parameters parameters = defaults;
@@ -142,12 +149,12 @@ nlohmann::json valueOf(const ParameterRow& row, const Parameters& parameters) {
 }  // namespace
 
 void addParameterOptions(CLI::App& app, Parameters& parameters) {
-  addOptions(app, decidesARecording, parameters,
+  addOptions(app, decidesARecording, parameters, "",
              [&](const Parameters& given) { parameters = given; });
 }
 
-void addPipelineOptions(CLI::App& app, PipelineOptions& options) {
-  addOptions(app, decidesAPair, options.parameters, [&](const Parameters& parameters) {
+void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset) {
+  addOptions(app, decidesAPair, options.parameters, preset, [&](const Parameters& parameters) {
     options = pipelineOptions(parameters);
     const OrbExtractor checked_extractor(options.orb);
     const KtgpMatcher checked_matcher(options.matcher);

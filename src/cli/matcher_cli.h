@@ -18,8 +18,9 @@ using ktgp_orb::PipelineOptions;
 /// expected.
 void addParameterOptions(CLI::App& app, Parameters& parameters);
 
-/// The same for the parameters that determine the result for a pair of images.
-void addPipelineOptions(CLI::App& app, PipelineOptions& options);
+/// The same for the parameters that determine the result for a pair of images. `preset` is used
+/// where the command line has neither --preset nor --params; empty: none.
+void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::string& preset = "");
 
 /// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);

@@ -46,6 +46,9 @@ const char* version() {
 }
 
 int runProgram(const char* name, const std::function<int()>& program) {
+  // A reader that has seen enough ("| head") must not leave half a file: the other outputs are
+  // completed.
+  std::signal(SIGPIPE, SIG_IGN);
   const int code = runAndReport(name, program);
   std::cout.flush();
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0 || !std::cout) {

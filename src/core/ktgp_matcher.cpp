@@ -232,6 +232,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
                                            const std::optional<Eigen::Matrix3d>& initial,
                                            MatchResult& result) {
   pairs.clear();
+  pairs.rounding = util::kKeypointRounding;
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
     pairs.reference.push_back(position(reference, c.reference_index));

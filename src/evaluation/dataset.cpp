@@ -236,7 +236,7 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
   const std::optional<WarpLimits> limits = warpLimits(name);
   if (!limits) {
     throw std::invalid_argument("there are no warps " + name +
-                                "; use small, medium, large or extreme");
+                                "; use tiny, small, medium, large or extreme");
   }
   std::vector<std::string> files;
   for (const std::string& path : paths) {

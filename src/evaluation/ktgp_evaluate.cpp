@@ -193,7 +193,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_flag("--list-methods", arguments.list_methods, "list the methods and exit");
   const char* const warps = "Warps";
   app.add_option("--warps", arguments.warps,
-                 "make pairs from images: small, medium, large or extreme, or several "
+                 "make pairs from images: tiny, small, medium, large or extreme, or several "
                  "separated by commas")
       ->type_name("NAMES")
       ->group(warps);

@@ -175,6 +175,7 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
             const Features& reference = m.own ? m.own->reference : scene.reference;
             const Features& target = m.own ? m.own->target : scene.target;
             PointPairs pairs;
+            pairs.rounding = util::kKeypointRounding;
             for (const Correspondence& c : m.matches) {
               pairs.reference.push_back(position(reference, c.reference_index));
               pairs.target.push_back(position(target, c.target_index));

@@ -105,6 +105,7 @@ cv::Mat toGrey(const cv::Mat& view) {
 }  // namespace
 
 std::optional<WarpLimits> warpLimits(const std::string& name) {
+  if (name == "tiny") return WarpLimits{0.2, 1.002, 0.1, 1.5};  // what a slow camera sees
   if (name == "small") return WarpLimits{2.0, 1.04, 2.0, 20.0};
   if (name == "medium") return WarpLimits{25.0, 1.4, 20.0, 60.0};
   if (name == "large") return WarpLimits{180.0, 2.2, 40.0, 80.0};

@@ -22,7 +22,7 @@ struct WarpLimits {
   bool always_degraded = false;  ///< not only every second target
 };
 
-/// "small", "medium", "large" or "extreme"; empty for another name.
+/// "tiny", "small", "medium", "large" or "extreme"; empty for another name.
 std::optional<WarpLimits> warpLimits(const std::string& name);
 
 constexpr int kWarpWidth = 640;

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -120,6 +121,16 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
 
 }  // namespace
 
+void requireSmall(const std::string& name, const sensor_msgs::Image& image) {
+  constexpr double kMost = 64.0;
+  const double megapixels = 1e-6 * image.width * static_cast<double>(image.height);
+  if (megapixels <= kMost) return;
+  std::ostringstream text;
+  text << name << " is " << image.width << "x" << image.height << " (" << megapixels
+       << " megapixels); expected " << kMost << " at most";
+  throw RefusedImage(text.str());
+}
+
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch) {
   cv::Mat buffer;
   return greyImage(message, stretch, buffer);
@@ -140,6 +151,26 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& 
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be converted to grey: " + error.what());
   }
+}
+
+sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message) {
+  cv_bridge::CvImage image;
+  image.header = message.header;
+  if (message.data.empty()) return nullptr;
+  try {
+    image.image = cv::imdecode(message.data, cv::IMREAD_UNCHANGED);
+  } catch (const cv::Exception&) {  // data that OpenCV takes for an image too large for it
+    return nullptr;
+  }
+  const int type = image.image.type();
+  const bool one_channel = image.image.channels() == 1;
+  for (const Format& format : formats()) {
+    // OpenCV's order of colours comes first in the list.
+    const bool sent = one_channel && message.format.rfind(format.encoding + ";", 0) == 0;
+    if (format.type == type && (sent || image.encoding.empty())) image.encoding = format.encoding;
+  }
+  if (image.image.empty() || image.encoding.empty()) return nullptr;
+  return image.toImageMsg();
 }
 
 cv::Mat notBlack(const cv::Mat& image) {

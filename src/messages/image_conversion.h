@@ -1,5 +1,6 @@
 #pragma once
 
+#include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
 #include <opencv2/core.hpp>
@@ -18,6 +19,10 @@ class RefusedImage : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
+/// and time of a request are bounded.
+void requireSmall(const std::string& name, const sensor_msgs::Image& image);
+
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
 /// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
@@ -28,6 +33,10 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStr
 /// fits.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
                   cv::Mat& buffer);
+
+/// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
+/// the Bayer pattern that begins the message's format. Null for data that is no image.
+sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
 
 /// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
 /// that no pixel is copied within one nodelet manager. Throws as greyImage does.

@@ -6,6 +6,7 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
+#include "core/util/keypoint_position.h"
 #include "messages/pose_message.h"
 
 namespace ktgp_orb {
@@ -84,6 +85,7 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
     // Patches of the alignment that overlap share their noise, so they count once.
     const double apart = target.aligned ? kPatchSide : 0.0;
     pairs_.clear();
+    pairs_.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
     for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
       pairs_.reference.push_back(target.pairs.reference[i]);
       pairs_.target.emplace_back(points[i].pt.x, points[i].pt.y);

@@ -1,6 +1,7 @@
 #include "motion/ground_filter.h"
 
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 namespace ktgp_orb::motion {
@@ -19,14 +20,31 @@ namespace {
 constexpr double kOfKeyframe = 0.6;
 constexpr double kOfFrame = 0.4;
 
+/// How many times its variance the noise of a measurement has that differs from what was expected
+/// by `misfit` standard deviations: the weight of Student's t distribution with `kFreedom` degrees
+/// of freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
+double studentNoise(double misfit, int dimensions) {
+  constexpr double kFreedom = 4.0;
+  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+}
+
 }  // namespace
+
+void GroundFilter::setReadout(double seconds, double deviation) {
+  readout_ = seconds;
+  covariance_.row(kReadout).setZero();
+  covariance_.col(kReadout).setZero();
+  covariance_(kReadout, kReadout) = deviation * deviation;
+}
 
 void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
   frame_position_.setZero();
   frame_yaw_ = 0.0;
   map_.setIdentity();
   now_ = before_ = pose;
+  const double readout_variance = covariance_(kReadout, kReadout);
   covariance_.setZero();
+  covariance_(kReadout, kReadout) = readout_variance;
   covariance_.block<6, 6>(kNow, kNow) = covariance;
   moveFrame();
 }
@@ -37,22 +55,15 @@ void GroundFilter::moveFrame() {
   const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
   const Eigen::RowVector3d up = now_.axes.row(2);
-  Eigen::Matrix<double, 9, 9> slope = Eigen::Matrix<double, 9, 9>::Identity();
-  slope.block<2, 2>(0, 3) = turn.topLeftCorner<2, 2>();  // of the frame by the pose
+  StateCovariance slope = StateCovariance::Zero();
+  slope.topLeftCorner<4, 4>().setIdentity();  // frame and readout time
   slope(0, 2) = -way.y();
   slope(1, 2) = way.x();
-  slope.block<1, 3>(2, 6) = up;
-  slope.block<2, 2>(3, 3).setZero();  // of the pose
-  slope.block<3, 3>(6, 6) -= up.transpose() * up;
-  Eigen::Matrix<double, 9, 9> both;
-  both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
-      covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
-  both = propagated(slope, both);
-  covariance_.setZero();
-  covariance_.block<3, 3>(kFrame, kFrame) = both.topLeftCorner<3, 3>();
-  covariance_.block<3, 6>(kFrame, kNow) = both.topRightCorner<3, 6>();
-  covariance_.block<6, 3>(kNow, kFrame) = both.bottomLeftCorner<6, 3>();
-  covariance_.block<6, 6>(kNow, kNow) = both.bottomRightCorner<6, 6>();
+  slope.block<2, 2>(kFrame, kNow) = turn.topLeftCorner<2, 2>();
+  slope.block<1, 3>(kFrame + 2, kNow + 3) = up;
+  slope(kNow + 2, kNow + 2) = 1.0;
+  slope.bottomRightCorner<3, 3>() = Eigen::Matrix3d::Identity() - up.transpose() * up;
+  covariance_ = propagated(slope, covariance_);
   frame_position_ += way.head<2>();
   now_.position.head<2>().setZero();
 }
@@ -91,29 +102,57 @@ Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {
   return covarianceOfBoth() - times(known.transpose(), known);
 }
 
+/// With the rolling shutter taken out, as far as it is known.
+Eigen::Matrix3d GroundFilter::straightened(const ImageMotion& motion) const {
+  Eigen::Matrix<double, 3, 3, Eigen::RowMajor> h = motion.homography;
+  Eigen::Map<Vector8>(h.data()) += readout_ * motion.by_readout;
+  return h;
+}
+
 void GroundFilter::setKeyframe(const ImageMotion& motion, bool at_reference) {
   moveFrame();
   const Eigen::Matrix3d from_keyframe =
-      at_reference ? Eigen::Matrix3d::Identity() : motion.homography;
+      at_reference ? Eigen::Matrix3d::Identity() : straightened(motion);
   map_ = imageFromGround(now_).inverse() * from_keyframe;
   map_ /= map_.norm();
   const Eigen::Matrix3d h = imageFromGround(now_) * map_;
-  const Matrix86 by_pose = -times(mapFromEntries(h), byPose(h, map_, now_));
-  const Matrix8 by_noise = mapFromEntries(motion.homography);
-  covariance_.middleRows<8>(kMap) = times(by_pose, covariance_.middleRows<6>(kNow));
+  const Matrix8 by_homography = mapFromEntries(from_keyframe);
+  Eigen::Matrix<double, 8, kSize> slope = Eigen::Matrix<double, 8, kSize>::Zero();
+  slope.middleCols<6>(kNow) = -times(mapFromEntries(h), byPose(h, map_, now_));
+  if (!at_reference) slope.col(kReadout) = by_homography * motion.by_readout;
+  covariance_.middleRows<8>(kMap) = times(slope, covariance_);
   covariance_.middleCols<8>(kMap) = covariance_.middleRows<8>(kMap).transpose().eval();
-  covariance_.block<8, 8>(kMap, kMap) = propagated(by_pose, covariance_.block<6, 6>(kNow, kNow)) +
-                                        kOfKeyframe * propagated(by_noise, motion.covariance);
+  covariance_.block<8, 8>(kMap, kMap) =
+      times(slope, covariance_.middleCols<8>(kMap)) +
+      kOfKeyframe * propagated(mapFromEntries(motion.homography), motion.covariance);
 }
 
-bool GroundFilter::advance(const ImageMotion& motion) {
-  const auto whitening = whiteningOf(kOfFrame * motion.covariance);
-  const auto start = poseFrom(motion.homography * map_.inverse());
+std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
+  const GroundFilter before = *this;
+  if (!fit(motion, 1.0)) return std::nullopt;
+  const Innovation innovation = innovationOf(constraints_, constraints_by_state_, 1.0);
+  const double noise = studentNoise(innovation.misfit, 2);
+  if (noise > 1.0) {
+    *this = before;
+    if (!fit(motion, noise)) {
+      *this = before;
+      return std::nullopt;
+    }
+  }
+  update(constraints_, constraints_by_state_, 1.0);
+  return innovation;
+}
+
+/// The most likely pose for the homography with `noise` times its variances.
+bool GroundFilter::fit(const ImageMotion& motion, double noise) {
+  const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
+  const Eigen::Matrix3d seen = straightened(motion);
+  const auto start = poseFrom(seen * map_.inverse());
   if (!start || !whitening) return false;
   CameraPose pose = *start;
   for (int iteration = 0; iteration < 5; ++iteration) {
     const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-    const Vector8 residual = entriesOf(motion.homography) - entriesOf(h);
+    const Vector8 residual = entriesOf(seen) - entriesOf(h);
     const Vector6 step =
         leastSquares(times(*whitening, byPose(h, map_, pose)), times(*whitening, residual))
             .solution;
@@ -123,102 +162,123 @@ bool GroundFilter::advance(const ImageMotion& motion) {
   }
   if (!(pose.position.z() > 0.0)) return false;
 
-  // The new pose follows the map and the noise; the homography has two more numbers.
+  // The new pose follows the readout time, the map and the noise.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-  Eigen::Matrix<double, 8, 9> residual_and_map;
-  residual_and_map << entriesOf(motion.homography) - entriesOf(h), byMap(h);
+  Eigen::Matrix<double, 8, 10> residual_and_slope;
+  residual_and_slope << entriesOf(seen) - entriesOf(h), -motion.by_readout, byMap(h);
   const SmallMatrix by_pose = times(*whitening, byPose(h, map_, pose));
-  const LeastSquares fit = leastSquares(by_pose, times(*whitening, residual_and_map));
-  const Eigen::Matrix<double, 6, 8> pose_by_map = -fit.solution.rightCols(8);
-  rest_ = fit.rest.col(0);
-  rest_by_map_ = fit.rest.rightCols(8);
+  const LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
+  constraints_ = solved.rest.col(0);
+  constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
+  Eigen::Matrix<double, 6, kSize> slope = Eigen::Matrix<double, 6, kSize>::Zero();
+  slope.middleCols<9>(kReadout) = -solved.solution.rightCols(9);
 
   before_ = now_;
   now_ = pose;
   covariance_.middleRows<6>(kBefore) = covariance_.middleRows<6>(kNow).eval();
   covariance_.middleCols<6>(kBefore) = covariance_.middleCols<6>(kNow).eval();
-  covariance_.middleRows<6>(kNow) = times(pose_by_map, covariance_.middleRows<8>(kMap));
+  covariance_.middleRows<6>(kNow) = times(slope, covariance_);
   covariance_.middleCols<6>(kNow) = covariance_.middleRows<6>(kNow).transpose().eval();
-  covariance_.block<6, 6>(kNow, kNow) =
-      propagated(pose_by_map, covariance_.block<8, 8>(kMap, kMap)) +
-      inverseOf(times(by_pose.transpose(), by_pose));
+  covariance_.block<6, 6>(kNow, kNow) = times(slope, covariance_.middleCols<6>(kNow)) +
+                                        inverseOf(times(by_pose.transpose(), by_pose));
   return true;
 }
 
-double GroundFilter::useRest(double limit) {
-  Eigen::Matrix<double, 2, kSize> slope = Eigen::Matrix<double, 2, kSize>::Zero();
-  slope.middleCols<8>(kMap) = rest_by_map_;
-  return update(rest_, slope, 1.0, limit);
+Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& slope,
+                                      double variance) const {
+  SmallMatrix expected = propagated(slope, covariance_);
+  const double known = expected.trace();
+  expected.diagonal().array() += variance;
+  const double square = propagated(residual.transpose(), inverseOf(expected))(0, 0);
+  const auto dimensions = static_cast<double>(residual.rows());
+  return {std::sqrt(square), (residual.squaredNorm() - known) / (dimensions * variance)};
 }
 
-double GroundFilter::use(const TurnReading& reading, double limit) {
-  Eigen::Matrix<double, 3, 6> slope_before;
-  const PoseRows<3> rows = rowsOf(reading, now_, before_, slope_before);
-  Eigen::Matrix<double, 3, kSize> slope = Eigen::Matrix<double, 3, kSize>::Zero();
-  slope.middleCols<6>(kBefore) = slope_before;
-  slope.rightCols<6>() = rows.slope;
-  return update(rows.residual, slope, rows.deviation * rows.deviation, limit);
-}
-
-double GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance,
-                            double limit) {
+/// Kalman's update with noise of Student's t distribution: what differs by more than normal noise
+/// does counts with a larger variance, so a wrong reading can do little harm.
+void GroundFilter::update(const SmallRef& residual, const SmallRef& slope, double variance) {
+  const double misfit = innovationOf(residual, slope, variance).misfit;
+  if (!std::isfinite(misfit)) return;
+  const double noise = variance * studentNoise(misfit, static_cast<int>(residual.rows()));
   const SmallMatrix cross_covariance = times(covariance_, slope.transpose());
   SmallMatrix expected = times(slope, cross_covariance);
-  expected.diagonal().array() += variance;
-  const SmallMatrix information = inverseOf(expected);
-  const double misfit = std::sqrt(propagated(residual.transpose(), information)(0, 0));
-  if (!(misfit <= limit)) return misfit;
-  const SmallMatrix gain = times(cross_covariance, information);
+  expected.diagonal().array() += noise;
+  const SmallMatrix gain = times(cross_covariance, inverseOf(expected));
   correct(times(gain, residual));
   // Joseph's form, (I - K S) P (I - K S)' + K R K': one factor alone rounds to an indefinite matrix
   // where readings are nearly exact.
   covariance_ -= times(gain, cross_covariance.transpose());
   covariance_ -= times(times(covariance_, slope.transpose()), gain.transpose());
-  covariance_ += variance * times(gain, gain.transpose());
+  covariance_ += noise * times(gain, gain.transpose());
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
-  return misfit;
+}
+
+namespace {
+
+/// Turned about the keyframe and scaled about the ground below it.
+CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, double scale,
+                      const Eigen::Vector3d& center) {
+  const Eigen::Matrix3d rotation = rotationAbout(turn);
+  return {rotation * pose.axes, (1.0 + scale) * (center + rotation * (pose.position - center))};
+}
+
+}  // namespace
+
+/// The step of the state, to first order, where the ground as a whole turns about the keyframe and
+/// scales: both poses follow, and the pictures stay as they are.
+GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
+                                             const CameraPose& keyframe) const {
+  const auto stepOf = [&](const CameraPose& pose) {
+    Vector6 step;
+    step << turn.cross(pose.position - keyframe.position) + scale * pose.position,
+        pose.axes.transpose() * turn;
+    return step;
+  };
+  const Eigen::Matrix3d h = imageFromGround(keyframe) * map_;
+  State step = State::Zero();
+  step.segment<8>(kMap) = -(mapFromEntries(h) * (byPose(h, map_, keyframe) * stepOf(keyframe)));
+  step.segment<6>(kBefore) = stepOf(before_);
+  step.segment<6>(kNow) = stepOf(now_);
+  return step;
+}
+
+void GroundFilter::widen(double scale_variance, double tilt_variance) {
+  const auto keyframe = poseFrom(map_.inverse());
+  if (!keyframe) return;
+  const auto add = [&](const Eigen::Vector3d& turn, double scale) {
+    const State step = groundStep(turn, scale, *keyframe);
+    covariance_ += step * step.transpose();
+  };
+  add(Eigen::Vector3d::Zero(), std::sqrt(scale_variance));
+  for (const int axis : {0, 1}) add(std::sqrt(tilt_variance) * Eigen::Vector3d::Unit(axis), 0.0);
 }
 
 /// Tilt and scale of the ground are less certain by far than how the frames lie to each other, in
-/// the first frames by a thousand times. So the poses and the map follow them together, rotated
-/// about the keyframe and scaled; only what is left is a linear step.
-void GroundFilter::correct(const Eigen::Matrix<double, kSize, 1>& error) {
-  frame_position_ += error.segment<2>(kFrame);
-  frame_yaw_ += error(kFrame + 2);
-  Vector8 entries = error.segment<8>(kMap);
-  Vector6 of_before = error.segment<6>(kBefore);
-  Vector6 of_now = error.segment<6>(kNow);
+/// the first frames by a thousand times. A step along them is not small, so it is retracted to the
+/// state by the rotation and the scaling themselves; only what is left is added to first order.
+void GroundFilter::correct(const State& error) {
+  State left = error;
   if (const auto keyframe = poseFrom(map_.inverse())) {
     const Eigen::Vector3d center = keyframe->position;
-    Eigen::Vector3d turn = now_.axes * of_now.tail<3>();
+    Eigen::Vector3d turn = now_.axes * error.tail<3>();
     turn.z() = 0.0;
-    const double rise = of_now(2) - turn.cross(now_.position - center).z();
+    const double rise = error(kNow + 2) - turn.cross(now_.position - center).z();
     const double scale = rise / now_.position.z();
-    const auto linear = [&](const CameraPose& pose) {
-      Vector6 step;
-      step << turn.cross(pose.position - center) + scale * pose.position,
-          pose.axes.transpose() * turn;
-      return step;
-    };
-    const auto follow = [&](const CameraPose& pose) {
-      const Eigen::Matrix3d rotation = rotationAbout(turn);
-      return CameraPose{rotation * pose.axes,
-                        (1.0 + scale) * (center + rotation * (pose.position - center))};
-    };
+    left -= groundStep(turn, scale, *keyframe);
     const Eigen::Matrix3d h = imageFromGround(*keyframe) * map_;
-    entries += mapFromEntries(h) * (byPose(h, map_, *keyframe) * linear(*keyframe));
-    of_before -= linear(before_);
-    of_now -= linear(now_);
-    map_ = imageFromGround(follow(*keyframe)).inverse() * h;
+    map_ = imageFromGround(withGround(*keyframe, turn, scale, center)).inverse() * h;
     map_ /= map_.norm();
-    before_ = follow(before_);
-    now_ = follow(now_);
+    before_ = withGround(before_, turn, scale, center);
+    now_ = withGround(now_, turn, scale, center);
   }
-  const Eigen::Matrix<double, 9, 1> all =
-      (Eigen::Matrix<double, 9, 1>() << entries, 0.0).finished();
-  map_ += map_ * Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(all.data());
-  before_ = moved(before_, of_before);
-  now_ = moved(now_, of_now);
+  frame_position_ += left.segment<2>(kFrame);
+  frame_yaw_ += left(kFrame + 2);
+  readout_ += left(kReadout);
+  const Eigen::Matrix<double, 9, 1> entries =
+      (Eigen::Matrix<double, 9, 1>() << left.segment<8>(kMap), 0.0).finished();
+  map_ += map_ * Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(entries.data());
+  before_ = moved(before_, left.segment<6>(kBefore));
+  now_ = moved(now_, left.segment<6>(kNow));
 }
 
 }  // namespace ktgp_orb::motion

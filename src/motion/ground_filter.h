@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <optional>
 
 #include "core/util/small_matrix.h"
 #include "motion/rows.h"
@@ -9,6 +11,13 @@ namespace ktgp_orb::motion {
 
 using util::SmallMatrix;
 using util::SmallRef;
+
+/// How a measurement differs from what was expected.
+struct Innovation {
+  double misfit = 0.0;  ///< standard deviations
+  double noise =
+      0.0;  ///< mean square of its noise as this one shows it: 1 if its variance is right
+};
 
 /// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
 /// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
@@ -19,9 +28,14 @@ using util::SmallRef;
 /// disagree, and that would turn the large uncertainty of x, y and yaw into wrong corrections.
 class GroundFilter {
  public:
-  /// Errors: x, y and yaw of the frame of the keyframe (3), E of the map (8), steps of the pose
-  /// before (6) and of the pose now (6).
-  static constexpr int kFrame = 0, kMap = 3, kBefore = 11, kNow = 17, kSize = 23;
+  /// Errors: x, y and yaw of the frame of the keyframe (3), the readout time (1), E of the map (8),
+  /// steps of the pose before (6) and of the pose now (6).
+  static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
+
+  /// The readout time of the shutter, s, and its standard deviation; 0, 0: it does not roll.
+  void setReadout(double seconds, double deviation);
+  double readout() const { return readout_; }
+  double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 
   /// A pose in the odometry, without a map.
   void start(const CameraPose& pose, const Matrix6& covariance);
@@ -29,29 +43,32 @@ class GroundFilter {
   /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which a
   /// share belongs to the keyframe.
   void setKeyframe(const ImageMotion& motion, bool at_reference);
-  /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. False,
-  /// without any change: no pose fits.
-  bool advance(const ImageMotion& motion);
+  /// The pose now becomes the one before, and `motion` leads from the keyframe to a new one. The
+  /// homography has eight numbers and a pose six: the two constraints that are left correct the map
+  /// and the readout time. Returns by how many standard deviations they differ from what was
+  /// expected; such a homography counts with as much more noise. Empty, without any change: no pose
+  /// fits.
+  std::optional<Innovation> advance(const ImageMotion& motion);
 
-  /// What the newest pose has beyond the six numbers of a pose, its two other numbers, tells about
-  /// the map. Returns by how many standard deviations it differs from the expectation; nothing
-  /// changes beyond `limit`. The same for readings of the newest pose.
-  double useRest(double limit);
+  /// Corrects everything by a reading of the newest pose. What differs from the expectation by more
+  /// than noise does is weighed down: see update().
   template <int kRows>
-  double use(const PoseRows<kRows>& rows, double limit) {
-    Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
-    slope.template rightCols<6>() = rows.slope;
-    return update(rows.residual, slope, rows.deviation * rows.deviation, limit);
+  void use(const PoseRows<kRows>& rows) {
+    update(rows.residual, byState(rows), rows.deviation * rows.deviation);
   }
-  double use(const TurnReading& reading, double limit);
+  template <int kRows>
+  Innovation innovationOf(const PoseRows<kRows>& rows) const {
+    return innovationOf(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  }
+  /// The ground may be another one: adds variances of its height, as a share of the height, and of
+  /// its tilt. Poses and map follow it together.
+  void widen(double scale_variance, double tilt_variance);
 
   /// In the frame of the keyframe.
   const CameraPose& now() const { return now_; }
   const CameraPose& before() const { return before_; }
   /// False where numbers were too large to compute with: nothing after that can be.
   bool isFinite() const { return now_.position.allFinite() && covariance_.allFinite(); }
-  /// Adds to the covariance of the newest pose.
-  void addCovariance(const Matrix6& more) { covariance_.bottomRightCorner<6, 6>() += more; }
   /// The newest pose in the odometry, and its covariance.
   CameraPose pose() const;
   Matrix6 covariance() const;
@@ -63,20 +80,35 @@ class GroundFilter {
   Eigen::Matrix<double, 12, 12> noiseOfBoth() const;
 
  private:
-  using Matrix23 = Eigen::Matrix<double, kSize, kSize>;
+  using State = Eigen::Matrix<double, kSize, 1>;
+  using StateCovariance = Eigen::Matrix<double, kSize, kSize>;
 
+  template <int kRows>
+  static Eigen::Matrix<double, kRows, kSize> byState(const PoseRows<kRows>& rows) {
+    Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
+    slope.template middleCols<6>(kBefore) = rows.slope_before;
+    slope.template rightCols<6>() = rows.slope;
+    return slope;
+  }
   void moveFrame();
-  double update(const SmallRef& residual, const SmallRef& slope, double variance, double limit);
-  void correct(const Eigen::Matrix<double, kSize, 1>& error);
+  Eigen::Matrix3d straightened(const ImageMotion& motion) const;
+  bool fit(const ImageMotion& motion, double noise);
+  Innovation innovationOf(const SmallRef& residual, const SmallRef& slope, double variance) const;
+  void update(const SmallRef& residual, const SmallRef& slope, double variance);
+  State groundStep(const Eigen::Vector3d& turn, double scale, const CameraPose& keyframe) const;
+  void correct(const State& error);
 
   Eigen::Vector2d frame_position_ = Eigen::Vector2d::Zero();
   double frame_yaw_ = 0.0;
   Eigen::Matrix3d map_ = Eigen::Matrix3d::Identity();  // G: image of the keyframe -> ground
   CameraPose before_;
   CameraPose now_;
-  Matrix23 covariance_ = Matrix23::Zero();
-  Eigen::Vector2d rest_ = Eigen::Vector2d::Zero();  // of the newest homography, deviation 1
-  Eigen::Matrix<double, 2, 8> rest_by_map_ = Eigen::Matrix<double, 2, 8>::Zero();
+  double readout_ = 0.0;  // s
+  StateCovariance covariance_ = StateCovariance::Zero();
+  // The two constraints of the newest homography, with unit noise, and their derivatives by the
+  // readout time and the map.
+  Eigen::Vector2d constraints_ = Eigen::Vector2d::Zero();
+  Eigen::Matrix<double, 2, kSize> constraints_by_state_ = Eigen::Matrix<double, 2, kSize>::Zero();
 };
 
 }  // namespace ktgp_orb::motion

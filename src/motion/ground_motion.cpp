@@ -10,6 +10,7 @@
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
 #include "motion/relief.h"
+#include "motion/shutter.h"
 #include "motion/twist_noise.h"
 #include "motion/validity.h"
 
@@ -19,14 +20,15 @@ namespace {
 using motion::CameraPose;
 using motion::GroundFilter;
 using motion::ImageMotion;
+using motion::Innovation;
 using motion::Matrix6;
 using motion::Vector6;
 using util::propagated;
 
-constexpr double kNoLimit = 1e300;
 constexpr double kHomographyLimit = 10.0;  // deviations
-constexpr int kPatience = 10;              // contradictions one after the other
+constexpr int kPatience = 10;              // frames that are refused, one after the other
 constexpr double kUnknownTilt = 0.35;      // rad
+constexpr double kHorizon = 0.1;  // share of the optical axis along the direction to the ground
 constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
 /// Rotation by `yaw` about z.
@@ -38,6 +40,28 @@ double yawOf(const Eigen::Matrix3d& axes) {
   return std::atan2(axes(1, 0), axes(0, 0));
 }
 
+/// What the innovations of measurements of one kind tell about their noise: covariance matching
+/// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
+struct Innovations {
+  double variance = 1.0;   // as a multiple of the given one: running mean
+  int contradictions = 0;  // one after the other
+
+  void add(const Innovation& innovation) {
+    constexpr double kMeasurements = 30.0;
+    constexpr double kMost = 100.0;  // that a single one counts
+    constexpr double kDoubt = 4.0;   // deviations
+    variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
+    contradictions = innovation.misfit > kDoubt ? contradictions + 1 : 0;
+  }
+  double factor() const { return std::max(1.0, variance); }
+  /// The variance of the state that lets it follow readings that contradict again and again: a
+  /// single one does no harm, after about five of them they are right.
+  double doubt(double residual) const {
+    constexpr double kShare = 0.02;
+    return kShare * contradictions * residual * residual;
+  }
+};
+
 }  // namespace
 
 struct GroundMotion::Impl {
@@ -48,13 +72,21 @@ struct GroundMotion::Impl {
 
   const GroundEstimate& add(const GroundFrame& frame);
   void forget();
+  void setReadout();
   GroundStatus follow(const GroundFrame& frame);
   GroundStatus beginAt(const GroundFrame& frame, const ImageMotion& image);
+  GroundStatus resume(const GroundFrame& frame, const ImageMotion& image);
+  GroundStatus placed(const GroundFrame& frame, const ImageMotion& image, GroundStatus status);
+  bool isTiltKnown() const { return estimate.tilt_deviation <= options.max_tilt_deviation; }
   GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
   CameraPose firstPose(const GroundFrame& frame) const;
   CameraPose onGround(const GroundFrame& frame, const CameraPose& pose) const;
   void predict(double seconds);
   void useReadings(const GroundFrame& frame);
+  template <int kRows>
+  double use(motion::PoseRows<kRows> rows, Innovations& of_kind);
+  void useTurn(const TurnReading& turn);
+  bool isJump(double seconds, double since_last) const;
   void widenForReadings(const GroundFrame& frame);
   void roughen();
   void moveToDestination();
@@ -71,6 +103,7 @@ struct GroundMotion::Impl {
   bool is_connected = false;  // the map of the keyframe is valid
   std::int64_t last_stamp = 0;
   std::int64_t newest_stamp = 0;  // also of frames without a homography
+  std::int64_t before_stamp = 0;  // of the frame before that
   bool has_frame = false;
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
@@ -79,7 +112,14 @@ struct GroundMotion::Impl {
   Matrix6 camera_twist_covariance = Matrix6::Zero();
   motion::TwistNoise twist_noise;
   motion::Relief relief;
-  int contradictions = 0;
+  motion::Shutter shutter;
+  Innovations of_homography;
+  Innovations of_height;
+  Innovations of_down;
+  Innovations of_turn;
+  double turn_given_and_seen = 0.0;  // sums of products, rad²
+  double turn_seen = 0.0;
+  int contradictions = 0;  // jumps one after the other
   std::optional<Destination> destination;
 };
 
@@ -90,11 +130,14 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   }
   estimate = {};
   const bool went_back = has_frame && frame.stamp < newest_stamp;
+  before_stamp = newest_stamp;
   newest_stamp = frame.stamp;
   has_frame = true;
   if (went_back) has_pose = is_connected = false;
   estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
   if (!filter.isFinite()) forget();
+  estimate.readout_time = filter.readout();
+  estimate.readout_deviation = filter.readoutDeviation();
   if (estimate.hasPose()) {
     last_stamp = frame.stamp;
     const motion::CameraMotion camera{filter.pose(), filter.covariance(), camera_twist,
@@ -111,20 +154,32 @@ void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
   filter = {};
+  setReadout();
   twist_noise = {};
   relief = {};
   has_pose = is_connected = false;
 }
 
+void GroundMotion::Impl::setReadout() {
+  constexpr double kUnknown = 0.01;  // s; most cameras need less than 30 ms
+  constexpr double kShare = 0.1;     // of what was given
+  const double known = std::max(options.readout_time, 0.0);
+  filter.setReadout(known, options.readout_time < 0.0 ? kUnknown : kShare * known);
+}
+
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
+  if (frame.down && !(frame.down->direction.z() > kHorizon)) return GroundStatus::looks_away;
   if (!frame.homography) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.covariance)) return GroundStatus::no_covariance;
-  const ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  image.covariance *= of_homography.factor();
+  image.by_readout =
+      shutter.add(image.homography, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   const bool from_last = frame.reference_stamp == last_stamp;
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
-      roughen();
       filter.setKeyframe(image, true);
+      roughen();
       twist_noise.beginKeyframe();
       keyframe_stamp = frame.reference_stamp;
     }
@@ -135,62 +190,107 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
 
 /// A pose for a frame that nothing connects to the frames before it.
 GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMotion& image) {
-  const bool resumes = has_pose;
-  if (!resumes && !frame.height) return GroundStatus::no_height;
-  if (resumes) {
-    estimate.gap = sinceLast(frame);
-    predict(estimate.gap);
-  } else {
-    const CameraPose first = firstPose(frame);
-    if (!meetsGround(*frame.height, first)) {
-      estimate.height_misfit = std::numeric_limits<double>::infinity();
-      return GroundStatus::no_height;
-    }
-    Vector6 variances;
-    const double exact = kOrigin * frame.height->metres;
-    variances << exact * exact, exact * exact, 0.0, 0.0, 0.0, kOrigin * kOrigin;
-    Matrix6 covariance = variances.asDiagonal();
-    covariance.bottomRightCorner<3, 3>() =
-        first.axes.transpose() * covariance.bottomRightCorner<3, 3>() * first.axes;
-    filter.start(first, covariance);
-    origin = Eigen::Vector3d::Zero();
-    camera_twist.setZero();
-    camera_twist_covariance.setZero();
-    camera_twist_covariance.diagonal().head<3>().setConstant(std::pow(options.acceleration, 2));
-    camera_twist_covariance.diagonal().tail<3>().setConstant(
-        std::pow(options.turn_acceleration, 2));
+  if (has_pose) return resume(frame, image);
+  if (!frame.height) return GroundStatus::no_height;
+  const CameraPose first = firstPose(frame);
+  if (!meetsGround(*frame.height, first)) {
+    estimate.height_misfit = std::numeric_limits<double>::infinity();
+    return GroundStatus::no_height;
   }
+  Vector6 variances;
+  const double exact = kOrigin * frame.height->metres;
+  variances << exact * exact, exact * exact, 0.0, 0.0, 0.0, kOrigin * kOrigin;
+  Matrix6 covariance = variances.asDiagonal();
+  covariance.bottomRightCorner<3, 3>() =
+      first.axes.transpose() * covariance.bottomRightCorner<3, 3>() * first.axes;
+  filter.start(first, covariance);
+  origin = Eigen::Vector3d::Zero();
+  camera_twist.setZero();
+  camera_twist_covariance.setZero();
+  camera_twist_covariance.diagonal().head<3>().setConstant(std::pow(options.acceleration, 2));
+  camera_twist_covariance.diagonal().tail<3>().setConstant(std::pow(options.turn_acceleration, 2));
   widenForReadings(frame);
   useReadings(frame);
+  return placed(frame, image, GroundStatus::started);
+}
+
+/// After a gap the last velocity leads to the reference, and the homography from there to the
+/// frame. That is a velocity, too, where the reference is the frame just before.
+GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMotion& image) {
+  const GroundFilter before = filter;
+  estimate.gap = sinceLast(frame);
+  const bool follows = frame.reference_stamp == before_stamp && before_stamp > last_stamp;
+  const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
+  predict(follows ? estimate.gap - seconds : estimate.gap);
+  GroundFrame begin = frame;
+  if (follows) {  // the readings at the reference, as far as the last velocity tells them
+    const double doubt = seconds * estimate.gap;
+    if (begin.height) {
+      begin.height->age -= seconds;
+      begin.height->deviation = std::hypot(begin.height->deviation, doubt * options.acceleration);
+    }
+    if (begin.down) {
+      const Eigen::Matrix3d turn = frame.turn
+                                       ? frame.turn->rotation
+                                       : motion::rotationAbout(seconds * camera_twist.tail<3>());
+      begin.down->direction = turn * begin.down->direction;
+      begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
+    }
+  }
+  widenForReadings(begin);
+  useReadings(begin);
+  if (!follows) return placed(frame, image, GroundStatus::resumed);
+  filter.setKeyframe(image, true);
+  const auto innovation = filter.advance(image);
+  if (!innovation || isJump(seconds, estimate.gap)) {
+    filter = before;
+    return GroundStatus::contradiction;
+  }
+  twist_noise.beginKeyframe();
+  keyframe_stamp = frame.reference_stamp;
+  keyframe_position = filter.pose().position;
+  if (frame.turn) useTurn(*frame.turn);
+  measureTwist(seconds);
+  if (destination) return placed(frame, image, GroundStatus::resumed);
+  is_connected = true;
+  return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
+}
+
+/// The reference of `image` becomes the keyframe of the newest pose, which no map has led to.
+GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
+                                        GroundStatus status) {
   contradictions = 0;
   if (destination) moveToDestination();
   beginMap(frame, image);
   has_pose = is_connected = true;
-  if (estimate.tilt_deviation > options.max_tilt_deviation) return GroundStatus::no_normal;
-  return resumes ? GroundStatus::resumed : GroundStatus::started;
+  return isTiltKnown() ? status : GroundStatus::no_normal;
 }
 
 /// A pose from the homography to the keyframe.
 GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMotion& image) {
   const GroundFilter before = filter;
-  if (!filter.advance(image) || !(filter.useRest(kHomographyLimit) <= kHomographyLimit)) {
+  const auto innovation = filter.advance(image);
+  if (innovation) {
+    estimate.homography_misfit = innovation->misfit;
+    of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise});
+  }
+  if (!(estimate.homography_misfit < kHomographyLimit) || !innovation ||
+      isJump(sinceLast(frame), sinceLast(frame))) {
     filter = before;
     if (++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }
   const Eigen::Vector3d& position = filter.now().position;
   relief.add(frame.plane_deviation / frame.camera(0, 0), position.head<2>().norm() / position.z());
-  if (frame.turn) filter.use(*frame.turn, kNoLimit);
+  contradictions = 0;
+  if (frame.turn) useTurn(*frame.turn);
   useReadings(frame);
   measureTwist(sinceLast(frame));
   if (destination) {
     moveToDestination();
     beginMap(frame, image);
   }
-  // The ground is not where earlier frames saw it: begin with the readings, at the next frame.
-  if (contradictions >= kPatience) is_connected = false;
-  if (estimate.tilt_deviation > options.max_tilt_deviation) return GroundStatus::no_normal;
-  return GroundStatus::ok;
+  return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
 }
 
 /// The pose with the given height and normal, and the base where it was: it turns as little as
@@ -257,41 +357,72 @@ void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   filter.start(placed, filter.covariance() + more);
 }
 
+/// Uses a reading with the noise that readings of its kind have shown. Returns its misfit.
+template <int kRows>
+double GroundMotion::Impl::use(motion::PoseRows<kRows> rows, Innovations& of_kind) {
+  const Innovation innovation = filter.innovationOf(rows);
+  of_kind.add(innovation);
+  rows.deviation *= std::sqrt(of_kind.factor());
+  filter.use(rows);
+  return innovation.misfit;
+}
+
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   const double limit = GroundEstimate::kContradiction;
-  const CameraPose now = filter.now();
   if (frame.height) {
+    const CameraPose now = filter.now();
     const double rise = now.axes.row(2).dot(camera_twist.head<3>());
-    estimate.height_misfit = filter.use(rowsOf(relief.widened(*frame.height), now, rise), limit);
+    const motion::PoseRows<1> rows = rowsOf(relief.widened(*frame.height), now, rise);
+    estimate.height_misfit = std::numeric_limits<double>::infinity();
+    if (std::isfinite(rows.residual(0))) {
+      estimate.height_misfit = use(rows, of_height);
+      filter.widen(of_height.doubt(rows.residual(0) / now.position.z()), 0.0);
+    }
     estimate.height_used = estimate.height_misfit <= limit;
   }
   if (frame.down) {
-    estimate.down_misfit = filter.use(rowsOf(relief.widened(*frame.down), filter.now()), limit);
+    const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
+    estimate.down_misfit = use(rows, of_down);
+    filter.widen(0.0, of_down.doubt(rows.residual.norm()));
     estimate.down_used = estimate.down_misfit <= limit;
   }
-  const bool contradicts =
-      (frame.height && !estimate.height_used) || (frame.down && !estimate.down_used);
-  if (contradicts) ++contradictions;
-  if (!contradicts && (frame.height || frame.down)) contradictions = 0;
   const Eigen::Matrix3d& axes = filter.now().axes;
   const Eigen::Matrix3d turn =
       axes * filter.covariance().bottomRightCorner<3, 3>() * axes.transpose();
   estimate.tilt_deviation = std::sqrt(std::max(turn(0, 0), turn(1, 1)));
 }
 
+void GroundMotion::Impl::useTurn(const TurnReading& turn) {
+  const Eigen::Vector3d given = motion::turnOf(turn.rotation);
+  const Eigen::Vector3d seen = motion::turnOf(filter.before().axes.transpose() * filter.now().axes);
+  constexpr double kForget = 0.99;
+  constexpr double kLeast = 1e-3;  // rad²
+  turn_given_and_seen = kForget * turn_given_and_seen + given.dot(seen);
+  turn_seen = kForget * turn_seen + seen.squaredNorm();
+  estimate.turn_ratio = turn_seen > kLeast ? turn_given_and_seen / turn_seen : 0.0;
+  estimate.turn_misfit = use(rowsOf(turn, filter.now(), filter.before()), of_turn);
+}
+
+/// Whether the newest pose is farther from where the last velocity leads than a vehicle can go: the
+/// homography may be off by a period of repetitive ground.
+bool GroundMotion::Impl::isJump(double seconds, double since_last) const {
+  constexpr double kSpeed = 0.5;          // m/s
+  constexpr double kAcceleration = 10.0;  // m/s²
+  constexpr double kDeviations = 4.0;
+  const CameraPose& before = filter.before();
+  const Eigen::Vector3d velocity =
+      before.axes.transpose() * (filter.now().position - before.position) / seconds;
+  const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
+  return !((velocity - camera_twist.head<3>()).norm() <
+           kSpeed + kAcceleration * since_last + kDeviations * deviation);
+}
+
 /// The ground of the next keyframe is not quite that of this one.
 void GroundMotion::Impl::roughen() {
-  const CameraPose& now = filter.now();
-  const double height = now.position.z();
   const Eigen::Vector3d position = filter.pose().position;
-  const double share = (position - keyframe_position).norm() / height;
+  const double share = (position - keyframe_position).norm() / position.z();
   const double variance = options.ground_slope * options.ground_slope * share;
-  Matrix6 more = Matrix6::Zero();
-  more(2, 2) = height * height * variance;
-  const Eigen::Vector3d level(1.0, 1.0, 0.0);
-  more.bottomRightCorner<3, 3>() =
-      variance * (now.axes.transpose() * level.asDiagonal() * now.axes);
-  filter.addCovariance(more);
+  filter.widen(variance, variance);
   keyframe_position = position;
 }
 
@@ -330,6 +461,7 @@ void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& i
 }
 
 void GroundMotion::Impl::measureTwist(double seconds) {
+  estimate.has_twist = true;
   camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
   const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
   camera_twist_covariance = propagated(slope, filter.covarianceOfBoth());
@@ -340,6 +472,7 @@ void GroundMotion::Impl::measureTwist(double seconds) {
 
 GroundMotion::GroundMotion(const GroundMotionOptions& options) : impl_(std::make_unique<Impl>()) {
   setOptions(options);
+  impl_->setReadout();
 }
 GroundMotion::~GroundMotion() = default;
 GroundMotion::GroundMotion(GroundMotion&&) noexcept = default;
@@ -351,7 +484,9 @@ const GroundMotionOptions& GroundMotion::options() const {
 
 void GroundMotion::setOptions(const GroundMotionOptions& options) {
   motion::requireValid(options);
+  const bool other_shutter = options.readout_time != impl_->options.readout_time;
   impl_->options = options;
+  if (other_shutter) impl_->setReadout();
 }
 
 const GroundEstimate& GroundMotion::add(const GroundFrame& frame) {

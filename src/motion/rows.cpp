@@ -96,7 +96,6 @@ bool meetsGround(const HeightReading& reading, const CameraPose& pose) {
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise) {
   PoseRows<1> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation * reading.metres);
-  rows.slope.setZero();
   const Eigen::RowVector3d up = pose.axes.row(2);  // in the camera's frame
   if (reading.beam_direction.isZero()) {
     rows.residual(0) = reading.metres + rise * reading.age - pose.position.z();
@@ -126,14 +125,13 @@ PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose) {
   return rows;
 }
 
-PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before,
-                   Eigen::Matrix<double, 3, 6>& slope_before) {
+PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before) {
   const Eigen::Matrix3d predicted = before.axes.transpose() * pose.axes;
   PoseRows<3> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation);
   rows.residual = turnOf(predicted.transpose() * reading.rotation);
   rows.slope << Eigen::Matrix3d::Zero(), Eigen::Matrix3d::Identity();
-  slope_before << Eigen::Matrix3d::Zero(), -predicted.transpose();
+  rows.slope_before << Eigen::Matrix3d::Zero(), -predicted.transpose();
   return rows;
 }
 

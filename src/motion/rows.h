@@ -16,6 +16,8 @@ using Matrix86 = Eigen::Matrix<double, 8, 6>;
 struct ImageMotion {
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
   Matrix8 covariance = Matrix8::Zero();
+  /// What a rolling shutter takes from the entries per second of its readout time, see Shutter.
+  Vector8 by_readout = Vector8::Zero();
 };
 
 /// From pixels, `camera`: K. A deviation of 1e-6 is added to that of each entry, so that none is 0
@@ -34,11 +36,13 @@ Matrix8 byMap(const Eigen::Matrix3d& h);
 /// E for which h (I + E) has other entries by one.
 Matrix8 mapFromEntries(const Eigen::Matrix3d& h);
 
-/// A linearised measurement of a pose: residual ~ slope * step + noise of the given deviation.
+/// A linearised measurement of the newest pose, and of the one before: residual ~ slope * step +
+/// slope_before * step of the pose before + noise of the given deviation.
 template <int kRows>
 struct PoseRows {
   Eigen::Matrix<double, kRows, 1> residual;
-  Eigen::Matrix<double, kRows, 6> slope;
+  Eigen::Matrix<double, kRows, 6> slope = Eigen::Matrix<double, kRows, 6>::Zero();
+  Eigen::Matrix<double, kRows, 6> slope_before = Eigen::Matrix<double, kRows, 6>::Zero();
   double deviation = 0.0;
 };
 
@@ -51,9 +55,7 @@ bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 
-/// Measured and predicted rotation since the pose `before`; the slope by a step of `before` is in
-/// `slope_before`.
-PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before,
-                   Eigen::Matrix<double, 3, 6>& slope_before);
+/// Of the rotation since the pose `before`.
+PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before);
 
 }  // namespace ktgp_orb::motion

@@ -28,6 +28,11 @@ void requireValid(const GroundMotionOptions& options) {
   requireAtLeastZero("scale_deviation", options.scale_deviation);
   requireAtLeastZero("acceleration", options.acceleration);
   requireAtLeastZero("turn_acceleration", options.turn_acceleration);
+  if (!(options.readout_time < 1.0)) {
+    throw std::invalid_argument("readout_time is " + std::to_string(options.readout_time) +
+                                "; expected less than 1 s, 0 for a global shutter, below 0 where "
+                                "it is not known");
+  }
   if (!(options.max_tilt_deviation > 0.0)) {
     throw std::invalid_argument("max_tilt_deviation is " +
                                 std::to_string(options.max_tilt_deviation) +
@@ -128,6 +133,8 @@ const char* toString(GroundStatus status) {
       return "stamp_went_back";
     case GroundStatus::not_finite:
       return "not_finite";
+    case GroundStatus::looks_away:
+      return "looks_away";
   }
   return "unknown";
 }

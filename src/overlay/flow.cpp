@@ -50,7 +50,8 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
   }
 }
 
-/// The border of the reference image mapped by the homography.
+}  // namespace
+
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas) {
   if (result.status != Status::ok) return;
@@ -65,8 +66,6 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
   cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
   cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
 }
-
-}  // namespace
 
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas) {

@@ -8,4 +8,9 @@ namespace ktgp_orb::overlay {
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas);
 
+/// The border of the reference image mapped by the homography, if there is one, into the target's
+/// part of the canvas.
+void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
+                 cv::Mat& canvas);
+
 }  // namespace ktgp_orb::overlay

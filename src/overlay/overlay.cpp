@@ -15,6 +15,7 @@ using overlay::darken;
 using overlay::drawDifference;
 using overlay::drawFlow;
 using overlay::drawMatches;
+using overlay::drawOutline;
 using overlay::drawPanel;
 using overlay::Typeface;
 
@@ -46,9 +47,12 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
     case OverlayStyle::flow:
       drawFlow(reference, target, result, canvas);
       break;
-    case OverlayStyle::side_by_side:
+    case OverlayStyle::side_by_side: {
       drawMatches(reference, target, result, Level::ktgp, true, canvas);
+      cv::Mat right = canvas(cv::Rect({reference.image.cols, 0}, target.image.size()));
+      drawOutline(reference.image.size(), result, Typeface(canvas.size()).stroke(), right);
       break;
+    }
     case OverlayStyle::difference:
       drawDifference(reference, target, result, canvas);
       break;

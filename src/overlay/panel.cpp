@@ -36,7 +36,7 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                                   homography::imageCorners(reference_size, {}))
           .target;
   if (!std::isfinite(deviation)) return text;
-  std::snprintf(buffer, sizeof buffer, "  corners %.*f px", deviation < 10.0 ? 2 : 0, deviation);
+  std::snprintf(buffer, sizeof buffer, "  corners +-%.*f px", deviation < 10.0 ? 2 : 0, deviation);
   text += buffer;
   if (result.answer.plane_deviation > 0.0) {
     std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.answer.plane_deviation);

@@ -8,9 +8,10 @@
 
 namespace ktgp_orb::overlay {
 
-// Capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they are illegible.
+// Capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they are illegible,
+// also in a window 400 px wide.
 Typeface::Typeface(const cv::Size& size)
-    : scale_(std::clamp(std::min(size.width / 1500.0, size.height / 1100.0), 0.38, 3.0)),
+    : scale_(std::clamp(std::min(size.width / 1100.0, size.height / 800.0), 0.38, 3.0)),
       line_height_(static_cast<int>(std::lround(38.0 * scale_))),
       stroke_(std::max(1, static_cast<int>(std::lround(1.6 * scale_)))) {}
 

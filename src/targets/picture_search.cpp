@@ -7,6 +7,7 @@
 
 #include "core/homography/covariance.h"
 #include "core/homography/transform.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -193,6 +194,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   evidence.by_cell = true;
+  evidence.errors.rounding = util::kKeypointRounding;
   if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
     return false;
   }

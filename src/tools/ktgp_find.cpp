@@ -82,7 +82,12 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
           {"detections", detections}};
 }
 
-void print(const TargetFrame& frame) {
+bool isFound(const TargetFrame& frame) {
+  return std::any_of(frame.detections.begin(), frame.detections.end(),
+                     [](const DetectedTarget& target) { return target.status == Status::ok; });
+}
+
+void print(const TargetFrame& frame, const TargetFinderOptions& options) {
   std::printf("known targets: %zu, with a chance: %zu, keypoints: %zu, %.1f ms\n",
               frame.search.known, frame.search.candidates, frame.search.features,
               frame.search.milliseconds);
@@ -91,6 +96,13 @@ void print(const TargetFrame& frame) {
                 toString(d.status), d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
     std::printf("\n");
+  }
+  const bool is_default = options.orb.max_features == TargetFinderOptions().orb.max_features;
+  if (!isFound(frame)) {
+    std::printf("none found%s\n",
+                is_default
+                    ? ". For small or distant targets try: --features 8000 --target-features 2000"
+                    : "");
   }
 }
 
@@ -137,7 +149,7 @@ int findTargets(int argc, char** argv) {
     throw files::FileError(arguments.targets, "holds no target that can be used");
   }
   const TargetFrame& frame = finder.find(image);
-  if (!files::isStandardOutput(arguments.json)) print(frame);
+  if (!files::isStandardOutput(arguments.json)) print(frame, arguments.options);
   if (!arguments.json.empty()) {
     files::writeText(arguments.json, textOf(toJson(arguments, frame, refused), 2), arguments.force);
   }
@@ -146,10 +158,7 @@ int findTargets(int argc, char** argv) {
     drawTargets(image, frame.detections, canvas);
     files::writeImage(arguments.draw, canvas, arguments.force);
   }
-  const bool is_found =
-      std::any_of(frame.detections.begin(), frame.detections.end(),
-                  [](const DetectedTarget& target) { return target.status == Status::ok; });
-  return is_found ? kExitDone : kExitUnusedData;
+  return isFound(frame) ? kExitDone : kExitUnusedData;
 }
 
 }  // namespace

@@ -9,6 +9,8 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
+#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -24,18 +26,24 @@ constexpr const char* kDescription =
     "Matches image B (target) to image A (reference) with KTGP-ORB and prints what each stage\n"
     "keeps: nearest neighbours (knn), ratio filter (tf), motion statistics (gms), PROSAC "
     "(prosac).\n"
-    "The homography maps pixels of A to pixels of B.";
+    "The homography maps pixels of A to pixels of B. Preset photo, the default, finds most.";
 
 constexpr const char* kExamples =
     "Examples:\n"
     "  ktgp_match img1.ppm img2.ppm\n"
     "  ktgp_match img1.ppm img4.ppm --ground-truth H1to4p     errors against the known homography\n"
     "  ktgp_match a.png b.png --draw matches.png --csv matches.csv --json result.json\n"
-    "  ktgp_match a.png b.png --gms_rotation --gms_scale      the camera rolled or zoomed\n"
-    "  ktgp_match a.png b.png --T_w 0.8                       for few matches: keep more of them\n"
+    "  ktgp_match a.png b.png --preset ktgp                   the paper's chain, for frames of a "
+    "video\n"
+    "  ktgp_match a.png b.png --params tuned.yaml             what a node with these parameters "
+    "does\n"
     "\n"
     "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
+
+/// A larger standard deviation of a corner, px, deserves a warning: a match counts as right within
+/// it.
+constexpr double kUncertainCorner = 3.0;
 
 struct Arguments {
   std::string reference;
@@ -47,6 +55,7 @@ struct Arguments {
   std::string draw_stages;
   std::string draw_final;
   bool force = false;
+  bool features_by_area = false;
   PipelineOptions pipeline;
 };
 
@@ -85,31 +94,59 @@ class Progress {
   bool shown_ = isatty(STDERR_FILENO) != 0;
 };
 
-Frame load(const std::string& file, OrbExtractor& extractor) {
+/// Preset photo's keypoints are for up to a megapixel; larger images have more details to tell
+/// apart.
+int featuresFor(double pixels, int up_to_a_megapixel) {
+  constexpr double kMost = 8000.0;
+  return static_cast<int>(std::min(kMost, up_to_a_megapixel * std::max(1.0, 1e-6 * pixels)));
+}
+
+void extract(OrbExtractor& extractor, Frame& frame) {
   using Clock = std::chrono::steady_clock;
-  Frame frame;
-  frame.file = file;
-  frame.image = files::readGrey(file);
   const auto start = Clock::now();
   extractor.extract(frame.image, frame.features);
   frame.extraction_milliseconds =
       std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  return frame;
 }
 
-Outcome run(const Arguments& arguments) {
+/// Simulated views take longer than all the rest, so they come where the growth finds nothing
+/// without them.
+void match(const PipelineOptions& options, const Progress& progress, Outcome& outcome) {
+  KtgpMatcher matcher(options.matcher);
+  const Features& reference = outcome.reference.features;
+  progress.say("matching");
+  matcher.match(reference, outcome.target.features, outcome.result);
+  const GrowthOptions& growth = options.matcher.growth;
+  if (outcome.result.status == Status::ok || !growth.enabled || growth.views == 0) return;
+  progress.say("matching with simulated views of " + outcome.reference.file);
+  const ReferenceViews views = simulateViews(outcome.reference.image, options.orb, growth.views);
+  MatchHints hints;
+  hints.views = &views;
+  matcher.match(reference, outcome.target.features, hints, outcome.result);
+}
+
+Outcome run(Arguments& arguments) {
   const Progress progress;
   Outcome outcome;
   if (!arguments.ground_truth.empty())
     outcome.truth = files::readHomography(arguments.ground_truth);
+  outcome.reference.file = arguments.reference;
+  outcome.target.file = arguments.target;
+  for (Frame* frame : {&outcome.reference, &outcome.target})
+    frame->image = files::readGrey(frame->file);
+  if (arguments.features_by_area) {
+    const double pixels = static_cast<double>(
+        std::max(outcome.reference.image.total(), outcome.target.image.total()));
+    int& features = arguments.pipeline.parameters.features;
+    features = featuresFor(pixels, features);
+    arguments.pipeline.orb.max_features = features;
+  }
   OrbExtractor extractor(arguments.pipeline.orb);
-  KtgpMatcher matcher(arguments.pipeline.matcher);
-  progress.say("finding features of " + arguments.reference);
-  outcome.reference = load(arguments.reference, extractor);
-  progress.say("finding features of " + arguments.target);
-  outcome.target = load(arguments.target, extractor);
-  progress.say("matching");
-  matcher.match(outcome.reference.features, outcome.target.features, outcome.result);
+  for (Frame* frame : {&outcome.reference, &outcome.target}) {
+    progress.say("finding features of " + frame->file);
+    extract(extractor, *frame);
+  }
+  match(arguments.pipeline, progress, outcome);
 
   for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
     StageQuality& stage = outcome.stages[i];
@@ -159,10 +196,35 @@ void printAlignment(const AlignmentResult& alignment) {
               toString(alignment.status), alignment.rmse_before, alignment.rmse_after);
 }
 
-void printHomography(const Outcome& outcome) {
+/// The largest standard deviation of a corner of A in B, px.
+double cornerDeviation(const Outcome& outcome) {
+  return homography::cornerDeviation(outcome.result.answer.homography,
+                                     outcome.result.answer.covariance,
+                                     homography::imageCorners(outcome.reference.image.size(), {}))
+      .target;
+}
+
+/// What to try where nothing was found, and why.
+const char* advice(const Outcome& outcome, const PipelineOptions& options) {
+  const MatcherOptions& matcher = options.matcher;
+  if (outcome.result.status == Status::too_few_features) {
+    return "an image has hardly any corners: is it sharp, bright and textured? A lower "
+           "--fast_threshold finds weaker ones";
+  }
+  if (!matcher.growth.enabled || matcher.growth.views == 0 ||
+      options.orb.descriptor != DescriptorKind::teblid) {
+    return "these settings are for neighbouring frames of a video; --preset photo finds more "
+           "where the views differ";
+  }
+  return "no plane that both images show was recognised. If they do show one: --features 20000 for "
+         "small details, or cut both images to the common part";
+}
+
+void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   const MatchResult& result = outcome.result;
   if (outcome.result.status != Status::ok) {
-    std::printf("\nno homography: %s\n", toString(outcome.result.status));
+    std::printf("\nno homography: %s\ntry: %s\n", toString(outcome.result.status),
+                advice(outcome, options));
     return;
   }
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
@@ -172,6 +234,13 @@ void printHomography(const Outcome& outcome) {
                 result.answer.homography(row, 1), result.answer.homography(row, 2));
   }
   printAlignment(result.alignment);
+  const double deviation = cornerDeviation(outcome);
+  std::printf("standard deviation of the least certain corner: %.3g px\n", deviation);
+  if (!(deviation < kUncertainCorner)) {
+    std::printf(
+        "warning: uncertain where there are no inliers: they are few, blurred, or in one part "
+        "of the image only\n");
+  }
   if (outcome.truth) {
     std::printf("corner error against the ground truth: %.3f px\n",
                 evaluation::cornerError(result.answer.homography, *outcome.truth,
@@ -179,11 +248,11 @@ void printHomography(const Outcome& outcome) {
   }
 }
 
-void print(const Outcome& outcome) {
+void print(const Outcome& outcome, const PipelineOptions& options) {
   printFrame("reference", outcome.reference);
   printFrame("target", outcome.target);
   printStages(outcome);
-  printHomography(outcome);
+  printHomography(outcome, options);
 }
 
 json toJson(const evaluation::ErrorSummary& summary) {
@@ -242,6 +311,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
   out["plane_deviation"] = result.answer.plane_deviation;
+  out["corner_deviation"] = cornerDeviation(outcome);
   out["covariance"] = json::array();
   for (Eigen::Index i = 0; i < 64; ++i)
     out["covariance"].push_back(result.answer.covariance(i / 8, i % 8));
@@ -316,7 +386,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
   file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
   addCommonOptions(app, arguments.force);
-  addPipelineOptions(app, arguments.pipeline);
+  addPipelineOptions(app, arguments.pipeline, "photo");
 }
 
 void checkFiles(const Arguments& arguments) {
@@ -337,13 +407,15 @@ int matchTwoImages(int argc, char** argv) {
   app.footer(kExamples);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
+  const bool photo = app.count("--preset") == 0 || app["--preset"]->as<std::string>() == "photo";
+  arguments.features_by_area = photo && app.count("--params") + app.count("--features") == 0;
 
   checkFiles(arguments);
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
   const bool to_output =
       files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
-  if (!to_output) print(outcome);
+  if (!to_output) print(outcome, arguments.pipeline);
   writeFiles(arguments, outcome);
   return outcome.result.status == Status::ok ? kExitDone : kExitUnusedData;
 }

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
@@ -20,6 +21,7 @@ namespace ktgp_orb {
 namespace {
 
 constexpr std::size_t kPath = 600;  // frames, within which a keyframe is known
+constexpr double kNoShake = 0.5;    // px, below which nobody sees it
 
 }  // namespace
 
@@ -157,11 +159,12 @@ std::string SteadyVideo::report() const {
   const std::string path = options_.whole
                                ? "the path of the whole recording"
                                : std::to_string(options_.stabilizer.lag) + " frames late";
+  const double before = std::sqrt(before_.mean());
   char line[256];
   std::snprintf(line, sizeof line,
-                ": %zu frames, shake %.3f px^2 before, %.3f after, %s, %.2f ms a frame\n", written_,
-                before_.mean(), after_.mean(), path.c_str(),
-                milliseconds_ / static_cast<double>(written_));
+                ": %zu frames, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n", written_,
+                before, before < kNoShake ? " (none to remove)" : "", std::sqrt(after_.mean()),
+                path.c_str(), milliseconds_ / static_cast<double>(written_));
   return options_.video + line;
 }
 

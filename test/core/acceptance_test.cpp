@@ -212,6 +212,7 @@ void expectNothingBetween(const std::vector<cv::Mat>& pictures) {
   options.gms.threshold = 0.0;
   KtgpMatcher matcher(options);
   std::vector<Features> features;
+  features.reserve(pictures.size());
   for (const cv::Mat& picture : pictures) features.push_back(featuresOf(picture));
   for (std::size_t i = 0; i < features.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {

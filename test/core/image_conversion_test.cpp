@@ -328,6 +328,40 @@ TEST(Masks, BlackHidesAndEverythingElseIsLookedAtInEveryEncoding) {
   }
 }
 
+TEST(CompressedImages, KeepDepthColourAndBayerPattern) {
+  const cv::Mat wide = sixteenBits(grey());
+  const cv::Mat bgr = colour(40, 120, 200);
+  const struct {
+    const char* format;
+    cv::Mat pixels;
+    const char* encoding;
+  } cases[] = {{"mono8; png compressed", grey(), "mono8"},
+               {"png", grey(), "mono8"},
+               {"bayer_rggb8; png compressed", grey(), "bayer_rggb8"},
+               {"16UC1; png compressed", wide, "16UC1"},
+               {"", wide, "mono16"},
+               {"rgb8; png compressed bgr8", bgr, "bgr8"},
+               {"bgra8; png compressed", withAlpha(bgr), "bgra8"}};
+  for (const auto& [format, pixels, encoding] : cases) {
+    SCOPED_TRACE(format);
+    sensor_msgs::CompressedImage message;
+    message.header.stamp.sec = 7;
+    message.format = format;
+    ASSERT_TRUE(cv::imencode(".png", pixels, message.data));
+    const sensor_msgs::ImageConstPtr image = decodedImage(message);
+    ASSERT_TRUE(image);
+    EXPECT_EQ(image->header.stamp, message.header.stamp);
+    EXPECT_EQ(image->encoding, encoding);
+    const cv::Mat decoded(pixels.size(), pixels.type(), const_cast<uchar*>(image->data.data()),
+                          image->step);
+    EXPECT_EQ(cv::norm(decoded, pixels, cv::NORM_INF), 0.0);
+    message.data.resize(message.data.size() / 8);
+    EXPECT_NO_THROW(decodedImage(message));
+    message.data.clear();
+    EXPECT_FALSE(decodedImage(message));
+  }
+}
+
 TEST(Masks, OfAFileAreTakenAtEveryDepth) {
   const std::string path = ::testing::TempDir() + "ktgp_orb_mask_test.png";
   const cv::Rect right(kWidth / 2, 0, kWidth / 2, kHeight);

@@ -73,7 +73,7 @@ TEST(Overlay, FlowDrawsEachFinalMatchAlongItsMotionAndOthersAsDots) {
   ASSERT_EQ(canvas.size(), cv::Size(640, 480));
   for (const Correspondence& c : scene.result.correspondences) {
     const cv::Point2f to = scene.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-    if (to.x < 300 && to.y < 150) continue;  // below the panel
+    if (to.x < 420 && to.y < 180) continue;  // below the panel
     const cv::Point middle(cvRound(to.x) - 10, cvRound(to.y) - 5);
     const bool is_final = c.level == Level::ktgp;
     EXPECT_TRUE(isNear(canvas.at<cv::Vec3b>(to), is_final ? kFinal : kRemovedByGms)) << to;
@@ -86,6 +86,13 @@ TEST(Overlay, FlowOutlinesTheReference) {
   int white = 0;  // the reference's left border is now at x = 20
   for (int y = 200; y < 480; ++y) white += isNear(canvas.at<cv::Vec3b>(y, 20), {255, 255, 255});
   EXPECT_GT(white, 270);
+}
+
+TEST(Overlay, SideBySideOutlinesTheReferenceInTheTarget) {
+  const cv::Mat canvas = Scene({640, 480}).draw(OverlayStyle::side_by_side);
+  int white = 0;
+  for (int y = 200; y < 480; ++y) white += isNear(canvas.at<cv::Vec3b>(y, 660), {255, 255, 255});
+  EXPECT_GT(white, 150);  // some of it below lines
 }
 
 TEST(Overlay, FlowKeepsTheImageRecognisable) {

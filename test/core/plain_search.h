@@ -27,18 +27,18 @@ inline int hamming(const std::uint8_t* a, const std::uint8_t* b) {
 
 constexpr int kNoDistance = 1000;
 
-/// The nearest two of each target, and whether it is the nearest of its nearest. `isAllowed(r, t)`:
-/// whether reference r may match target t. Distances are kNoDistance where there is none.
+/// The nearest two of each target, and whether it is the nearest of its nearest. `is_allowed(r,
+/// t)`: whether reference r may match target t. Distances are kNoDistance where there is none.
 template <typename IsAllowed>
 std::vector<Correspondence> plainSearch(const cv::Mat& reference, const cv::Mat& target,
-                                        const IsAllowed& isAllowed) {
+                                        const IsAllowed& is_allowed) {
   std::vector<Correspondence> found;
   std::vector<int> best(static_cast<std::size_t>(reference.rows), kNoDistance);
   std::vector<int> nearest(best.size(), -1);
   for (int t = 0; t < target.rows && reference.rows > 0; ++t) {
     Correspondence c{-1, t, kNoDistance, kNoDistance, Level::knn, false};
     for (int r = 0; r < reference.rows; ++r) {
-      if (!isAllowed(r, t)) continue;
+      if (!is_allowed(r, t)) continue;
       const int distance = hamming(reference.ptr(r), target.ptr(t));
       const auto of = static_cast<std::size_t>(r);
       if (distance < best[of]) {

@@ -75,6 +75,19 @@ class ModuleTest(unittest.TestCase):
         self.assertLess(errors.max(), 3.0)
         self.assertAlmostEqual(np.sqrt((errors ** 2).mean()), found.rmse, 9)
 
+    def test_a_fifth_of_a_pixel_is_measured(self):
+        fine = cv2.resize(picture(2, (540, 700)), (3500, 2700), interpolation=cv2.INTER_CUBIC)
+        for shift in range(0, 11, 2):
+            small = [cv2.resize(fine[20:2420, x:x + 3200], (640, 480), interpolation=cv2.INTER_AREA)
+                     for x in (100, 100 - shift)]
+            for preset in ('ktgp', 'video', 'robust', 'teblid'):
+                found = ktgp.match(*small, preset)
+                self.assertEqual(found.status, 'ok')
+                error = found.homography[:2, 2] - (shift / 5.0, 0.0)
+                self.assertLess(np.abs(error).max(), 0.03, (preset, shift))
+                spread = found.covariance[np.ix_((2, 5), (2, 5))]
+                self.assertLess(error @ np.linalg.solve(spread, error), 13.8, (preset, shift))
+
     def test_one_call_is_extractor_and_matcher(self):
         extractor, matcher = ktgp.Extractor(), ktgp.Matcher()
         reference, target = extractor.extract(self.reference), extractor.extract(self.target)

@@ -48,6 +48,7 @@ TOO_LONG = Skipped('takes minutes to hours')
 BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a row takes seconds')
 WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
 SOURCED = Skipped('every command here runs after it')
+WINDOW = Skipped('opens rviz; the test "launch_run" runs it with a stand-in')
 MATCHER = 'matches images on /camera/image_raw'
 SMALL = ' --features 300 --repeat 1'
 # The estimator of these methods needs OpenCV 4.6.
@@ -95,6 +96,11 @@ COMMANDS = {
     'dev/fuzz gms 600': TOO_LONG,
     'dev/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
     'dev/mutate': TOO_LONG,
+    'dev/mutate --refresh': TOO_LONG,
+    'dev/mutate --refresh 15 1': TOO_LONG,
+    'scripts/evaluate --targets FOLDER': TOO_LONG,
+    'scripts/evaluate --motion BAG': TOO_LONG,
+    'scripts/setup test': Skipped('installs the packages of the tests'),
     'dev/mutate core/gms': TOO_LONG,
     'dev/sanitize': IN_CI,
     'dev/sanitize thread': IN_CI,
@@ -115,6 +121,7 @@ COMMANDS = {
     'ktgp_evaluate --warps extreme --warp-pairs 480 IMAGES --methods '
     'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
     'rostopic echo /usb_cam/matcher/homography': Skipped('waits for images; rostopic\'s own'),
+    'sudo apt install rviz': Skipped('installs a package'),
     'sudo apt install ros-noetic-usb-cam': Skipped('Ubuntu\'s package of the driver'),
     'rosrun usb_cam usb_cam_node _video_device:=/dev/video0': Skipped('needs a camera'),
     'rosparam set use_sim_time false': Skipped('for a master that has it; rosparam\'s own'),
@@ -158,6 +165,15 @@ COMMANDS = {
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
         Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
               'rqt_plot is not installed'),
+    'rosrun ktgp_orb sliders NODE': Skipped('opens a window; the test "sliders" does'),
+    'roslaunch ktgp_orb rviz.launch namespace:=camera': WINDOW,
+    'roslaunch ktgp_orb rviz.launch namespace:=usb_cam': WINDOW,
+    'roslaunch ktgp_orb views.launch namespace:=camera':
+        Until('roslaunch ktgp_orb views.launch namespace:=camera rviz:=false', 'takes images on /camera/image_raw'),
+    'roslaunch ktgp_orb views.launch namespace:=usb_cam':
+        Until('roslaunch ktgp_orb views.launch namespace:=usb_cam rviz:=false', 'takes images on /usb_cam/image_raw'),
+    'roslaunch ktgp_orb ground_motion.launch':
+        Until('roslaunch ktgp_orb ground_motion.launch', 'takes matches on /camera/matcher/match'),
     'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"':
         Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
               'reference_image: $PWD/poster.png}"', MATCHER),
@@ -180,6 +196,8 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
         'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 0.1 --duration 60',
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv':
+        'rosrun ktgp_orb ktgp_bag my.bag with_table.bag --csv with_table.csv',
     'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -':
         'rosrun ktgp_orb ktgp_bag my.mp4 matched_video.bag --csv -',
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":

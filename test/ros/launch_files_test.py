@@ -182,6 +182,23 @@ class LaunchFilesTest(unittest.TestCase):
         return load_config_default([(os.path.join(PACKAGE, 'launch', name), arguments)], None,
                                    verbose=False, assign_machines=False)
 
+    def test_results_are_in_the_namespace_of_the_topic(self):
+        for name in ('bag.launch', 'tune.launch'):
+            for topic, matcher in (('/cam/image_raw', '/cam/matcher'), ('/cam/image_raw/compressed', '/cam/matcher'),
+                                   ('/robot/front/image', '/robot/front/matcher'), ('/image_raw', '/camera/matcher')):
+                config = self.configuration(name, ['bag:=' + self.bag.name, 'topic:=' + topic])
+                self.assertIn(matcher, [n.namespace + n.name for n in config.nodes], name)
+                rviz = next(n for n in config.nodes if n.name == 'rviz')
+                self.assertIn(['/camera/matcher/matches_image', matcher + '/matches_image'], rviz.remap_args)
+                self.assertIn(['/camera/image_raw', topic.replace('/compressed', '')], rviz.remap_args)
+
+    def test_views_of_a_live_camera(self):
+        config = self.configuration('views.launch', ['namespace:=usb_cam', 'targets:=/posters'])
+        self.assertEqual({n.namespace + n.name for n in config.nodes},
+                         {'/usb_cam/stabilizer', '/usb_cam/mosaic', '/usb_cam/targets', '/rviz'})
+        rviz = next(n for n in config.nodes if n.name == 'rviz')
+        self.assertIn(['/camera/mosaic/mosaic', '/usb_cam/mosaic/mosaic'], rviz.remap_args)
+
     def test_what_the_player_is_told(self):
         given = {'topic': '/a/picture', 'transport': 'theora', 'all': True, 'rate': 0.5, 'start': 2.0,
                  'delay': 3.0, 'loop': True, 'record': "it's out.bag"}
@@ -196,7 +213,7 @@ class LaunchFilesTest(unittest.TestCase):
             got = {key: config.params['/player/' + key].value for key in known}
             self.assertEqual(got, known, name)
             self.assertEqual(config.params['/player/bag'].value, self.bag.name)
-            self.assertEqual(config.params['/player/matcher'].value, '/camera/matcher')
+            self.assertEqual(config.params['/player/matcher'].value, '/a/matcher')
             self.assertIs(config.params['/player/loop'].value, True)
 
     def test_several_cameras_share_the_options_of_their_manager(self):

@@ -5,23 +5,27 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 import unittest
 
+import cv2
 import rospy
 import rostest
-from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Recorder, check_each, wait_until
+from ktgp_orb.msg import MatchStatistics, MatchStatus
+from ktgp_testing import Recorder, check_each, view, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage
+from std_msgs.msg import Header
 
 
-def output_of_node(*parameters, until, look=lambda: None):
-    """Runs a second matcher until it has printed all of `until`; returns its output."""
+def output_of_node(*parameters, until, look=lambda: None, after=()):
+    """Runs a second matcher until it has printed all of `until` and, after `look`, of `after`; returns its
+    output."""
     return output_of_launch('matcher.launch', 'namespace:=other', *parameters, until=until,
-                            namespaces=['/other'], look=look)
+                            namespaces=['/other'], look=look, after=after)
 
 
-def output_of_launch(*arguments, until, namespaces, look=lambda: None):
+def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=()):
     """Reads the messages from the output: on /rosout, those before the subscription is connected
     are lost."""
     process = subprocess.Popen(
@@ -34,10 +38,14 @@ def output_of_launch(*arguments, until, namespaces, look=lambda: None):
             lines.append(line)
     reader = threading.Thread(target=read)
     reader.start()
+
+    def has_said(words):
+        wait_until(lambda: not reader.is_alive() or all(word in ''.join(lines) for word in words),
+                   'the second matcher ends or says %s' % (words,))
     try:
-        wait_until(lambda: not reader.is_alive() or all(u in ''.join(lines) for u in until),
-                   'the second matcher ends or says %s' % (until,))
+        has_said(until)
         look()
+        has_said(after)
     finally:
         process.terminate()
         process.wait()
@@ -78,12 +86,39 @@ class StartupTest(unittest.TestCase):
         for publisher in publishers:
             publisher.unregister()
 
+    def test_compressed_images_are_matched_with_and_without_the_suffix(self):
+        camera = rospy.Publisher('/other/picture/compressed', CompressedImage, queue_size=1)
+        answers = Recorder('/other/matcher/statistics', MatchStatistics)
+
+        def send(data, stamp):
+            camera.publish(CompressedImage(header=Header(stamp=stamp), format='jpeg', data=data))
+
+        def match_two_images():
+            number = len(answers.messages())
+
+            def matched():
+                stamp = rospy.Time.now()
+                send(cv2.imencode('.jpg', view(100, 100))[1].tobytes(), stamp)
+                time.sleep(0.1)
+                return any(m.status == MatchStatus.STATUS_OK for m in answers.messages()[number:])
+            wait_until(matched, 'compressed images are matched')
+            send(b'no image', rospy.Time.now())
+
+        expected = ('matches images on /other/picture',
+                    "compressed (jpeg), which cannot be decoded' is not an image to match")
+        for arguments in (('image:=picture', 'transport:=compressed'), ('image:=picture/compressed',)):
+            output = output_of_node(*arguments, until=expected[:1], look=match_two_images, after=expected)
+            for text in expected:
+                self.assertIn(text, output)
+        camera.unregister()
+
     def test_a_threshold_out_of_range_is_refused_with_its_range(self):
         words = {
-            'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
-            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 40]',
-            'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
-            'set:={reference_mode: nearest}': "reference_mode is 'nearest'; expected previous"}
+            'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a number in [0, 1]',
+            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a number in [0, 40]',
+            'features:=0': '/other/matcher/features is 0; expected a whole number in [100, 20000]',
+            'set:={reference_mode: nearest}': "reference_mode is nearest; expected previous",
+            'set:={gms_columns: 10}': '/other/matcher/gms_columns is of an earlier version: set gms_grid'}
 
         def check(parameter):
             expected = (words[parameter], 'process has died')
@@ -91,21 +126,6 @@ class StartupTest(unittest.TestCase):
             for text in expected:
                 self.assertIn(text, output)
         check_each(words, check)
-
-    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
-        def ratio_threshold(*parameters, until=()):
-            found = []
-
-            def look():
-                wait_until(lambda: rospy.has_param('/other/matcher/max_drop_ratio'),
-                           'the second matcher writes its parameters')
-                found.append(rospy.get_param('/other/matcher/T_w'))
-            output_of_node(*parameters, until=until, look=look)
-            return found[0]
-        self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
-        self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
-        note = 'T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better'
-        self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):
         expected = ("image transport 'no_such_transport' is not installed",
@@ -127,7 +147,8 @@ class StartupTest(unittest.TestCase):
             'T_w: 7e-1': "T_w is the text '7e-1'; expected a number without quotes, and without an exponent",
             'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '
                                 'write 1500',
-            'features: 1500.5': 'features is 1500.5; expected a whole number'}
+            'features: 1500.5': 'features is 1500.5; expected a whole number',
+            'T_w: 7e-1': "T_w is the text '7e-1'; expected a number: without quotes, and as 0.7"}
 
         def check(line):
             with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:

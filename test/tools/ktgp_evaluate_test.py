@@ -200,7 +200,7 @@ class KtgpEvaluate(ToolCase):
         for arguments, text in ((("--methods", "KTX"), "KTX"),
                                 (("--estimator", "best"), "best"),
                                 (("--jobs", "0"), "--jobs"),
-                                (("--T_w", "2"), "[0.01, 1]"),
+                                (("--T_w", "2"), "[0, 1]"),
                                 (("--json", "no/folder.json"), "no/folder.json")):
             run = self.evaluate("data", *arguments)
             self.assertEqual(run.returncode, 2, arguments)
@@ -285,7 +285,7 @@ class KtgpEvaluate(ToolCase):
     def test_warps_that_cannot_be_made(self):
         run = self.evaluate("--warps", "huge", "data/first/img1.pgm")
         self.assertEqual(run.returncode, 2)
-        self.assertIn("small, medium, large or extreme", run.stderr)
+        self.assertIn("tiny, small, medium, large or extreme", run.stderr)
         (self.folder / "text.png").write_text("no image")
         run, rows = self.warps("small", "nowhere.png", "text.png", "data/first/img1.pgm",
                                "--methods", "KTGP")

@@ -73,6 +73,12 @@ class KtgpFind(ToolCase):
         self.assertEqual((run.returncode, run.stderr), (0, ""))
         self.assertIn("known targets: 3, with a chance: ", run.stdout)
 
+    def test_nothing_found_is_said_with_what_to_try(self):
+        write_pgm(self.folder / "other.pgm", picture(9))
+        run = self.find("other.pgm", "posters")
+        self.assertIn("none found. For small or distant targets try: --features 8000 --target-features 2000", run.stdout)
+        self.assertNotIn("try:", self.find("other.pgm", "posters", "--features", "8000").stdout)
+
     def test_nothing_found_is_exit_code_1(self):
         write_pgm(self.folder / "other.pgm", picture(9), 0, 0)
         self.assertEqual(self.find("other.pgm", "posters").returncode, 1)

@@ -74,32 +74,6 @@ double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& 
   return points.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(points.size()));
 }
 
-/// Negative log-likelihood of the points, up to a constant, for errors of that scale with Student's
-/// t distribution of four degrees of freedom, as minimised by the estimation.
-double unlikeliness(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points,
-                    double scale) {
-  double sum = 0.0;
-  for (const AlignedPoint& p : points) {
-    const double error = homography::errorOf(homography, p.reference, p.target) / scale;
-    sum += std::log1p(0.25 * error * error);
-  }
-  return sum;
-}
-
-/// Mean squared error over the pairs that agree with H, px^2; 0 if there are none.
-double scatter(const Eigen::Matrix3d& homography, const std::vector<Eigen::Vector2d>& reference,
-               const std::vector<Eigen::Vector2d>& target, double near) {
-  double sum = 0.0;
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    const double error = homography::errorOf(homography, reference[i], target[i]);
-    if (!(error < near)) continue;
-    sum += error * error;
-    ++count;
-  }
-  return count == 0 ? 0.0 : sum / static_cast<double>(count);
-}
-
 /// Largest deviation at a corner, in the image where it is smaller, px.
 double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                    const cv::Size& reference_size) {
@@ -107,6 +81,17 @@ double uncertainty(const Eigen::Matrix3d& homography, const Covariance8& covaria
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(homography, covariance, corners);
   return std::min(deviation.target, deviation.reference);
+}
+
+/// The aligned homography is the answer unless the keypoints determine the corners of the image
+/// better, as where patches could be aligned in a small part of the image only, or scatter like
+/// keypoints. What aligned points show of smooth errors comes from the scene, and the keypoints
+/// have it, too.
+bool isBetter(const UncertainHomography& candidate, const UncertainHomography& before,
+              const cv::Size& reference_size) {
+  return uncertainty(candidate.homography, candidate.covariance - candidate.shared_covariance,
+                     reference_size) <=
+         uncertainty(before.homography, before.covariance, reference_size);
 }
 
 }  // namespace
@@ -134,13 +119,10 @@ struct Alignment::Impl {
                     const std::vector<Correspondence>& matches);
   void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
-  bool isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
-                const AlignmentResult& before) const;
-  std::size_t supporters(const Eigen::Matrix3d& homography) const;
 
   PatchAligner aligner;
   homography::HomographyRefiner refiner;
-  homography::EvidenceOptions limits;
+  double rounding2 = 0.0;                         // sum of that of the aligned patches, px²
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
   std::vector<std::uint32_t> chosen;
@@ -196,6 +178,7 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
                                   AlignmentResult& result) {
   aligned_reference.clear();
   aligned_target.clear();
+  rounding2 = 0.0;
   result.tried = chosen.size();
   for (const std::uint32_t match : chosen) {
     const AlignedPatch patch =
@@ -208,6 +191,7 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
                              patch.reference, patch.target, patch.correlation});
     aligned_reference.push_back(patch.reference);
     aligned_target.push_back(patch.target);
+    rounding2 += patch.rounding2;
   }
 }
 
@@ -215,58 +199,17 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
   result.rmse_before = result.rmse_after = rmse(result.answer.homography, result.points);
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
-  limits = homography::evidenceOfPatches(options.max_error, reference_size);
+  auto evidence = homography::evidenceOfPatches(options.max_error, reference_size);
+  evidence.errors.rounding = std::sqrt(rounding2 / static_cast<double>(result.points.size()));
   UncertainHomography candidate = result.answer;
   result.status = AlignmentStatus::not_better;
-  if (!refiner.refine(aligned_reference, aligned_target, reference_size, limits, candidate) ||
-      !isBetter(reference_size, candidate, result)) {
+  if (!refiner.refine(aligned_reference, aligned_target, reference_size, evidence, candidate) ||
+      !isBetter(candidate, result.answer, reference_size)) {
     return;
   }
   result.answer = candidate;
   result.rmse_after = rmse(candidate.homography, result.points);
   result.status = AlignmentStatus::ok;
-}
-
-/// Accepts the new homography if it can be the view of a plane, the images agree better with it,
-/// most keypoints still agree, aligning made the points more accurate, and it is better determined.
-bool Alignment::Impl::isBetter(const cv::Size& reference_size, const UncertainHomography& candidate,
-                               const AlignmentResult& result) const {
-  const UncertainHomography& before = result.answer;
-  // Share of the keypoints that agreed before. ORB's coarse keypoints have a common error of up to
-  // a pixel, so the homography that fits them best is wrong when the camera rotates.
-  constexpr double kShare = 0.5;
-  const Eigen::Matrix3d& h = candidate.homography;
-  if (!homography::keepsPlaneInView(h, homography::imageCorners(reference_size, {}))) return false;
-  if (!(unlikeliness(h, result.points, limits.min_scale) <=
-        unlikeliness(before.homography, result.points, limits.min_scale))) {
-    return false;
-  }
-  if (static_cast<double>(supporters(h)) <
-      kShare * static_cast<double>(supporters(before.homography))) {
-    return false;
-  }
-  // In a scene far from a plane even exact points scatter about H. There are fewer aligned points
-  // than keypoints, so they must be clearly more accurate.
-  constexpr double kWorth = 1.0 / 3.0;  // of the keypoints' variance
-  if (scatter(h, aligned_reference, aligned_target, limits.max_error) >
-      kWorth * scatter(before.homography, reference_points, target_points, limits.max_error)) {
-    return false;
-  }
-  // Smooth errors come from the scene and affect both; with keypoints they are hard to tell from
-  // noise.
-  return uncertainty(h, candidate.covariance - candidate.shared_covariance, reference_size) <=
-         uncertainty(before.homography, before.covariance - before.shared_covariance,
-                     reference_size);
-}
-
-/// The matches near the predictions of the homography.
-std::size_t Alignment::Impl::supporters(const Eigen::Matrix3d& homography) const {
-  std::size_t count = 0;
-  for (std::size_t i = 0; i < reference_points.size(); ++i) {
-    if (homography::errorOf(homography, reference_points[i], target_points[i]) < limits.max_error)
-      ++count;
-  }
-  return count;
 }
 
 }  // namespace ktgp_orb

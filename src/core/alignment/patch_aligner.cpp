@@ -99,7 +99,8 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
   }
   result.outcome = PatchOutcome::outside;
   if (!takePatch((*reference_)[reference_level], centre, back)) return result;
-  result.outcome = settle((*target_)[target_level], reach, position, result.correlation);
+  result.outcome = settle((*target_)[target_level], reach, position, result);
+  result.rounding2 *= in_target.factor.prod();
   result.target = in_target.up(position) -
                   curvature(homography, q.z(), slope.inverse(), kPatchSide * in_target.factor);
   return result;
@@ -132,7 +133,7 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
 }
 
 PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vector2d& position,
-                                  double& correlation) {
+                                  AlignedPatch& result) {
   constexpr int kMaxSteps = 8;
   constexpr double kSmallStep = 0.01;  // px
   constexpr double kLeastCorrelation = 0.5;
@@ -180,7 +181,7 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     const double variance = m.ii - static_cast<double>(m.i) * m.i / kCount;
     if (!(gain > 0.0) || !(variance > 0.0)) return PatchOutcome::uncorrelated;
     // With very low contrast, rounding of the single-precision sums may give more than one.
-    correlation = std::min(1.0, gain * m.ti / variance);
+    result.correlation = std::min(1.0, gain * m.ti / variance);
     const double bx = (m.xi - sx * m.ti) / gain;
     const double by = (m.yi - sy * m.ti) / gain;
     Eigen::Vector2d move((yy * bx - xy * by) / determinant, (xx * by - xy * bx) / determinant);
@@ -192,7 +193,9 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
     at -= move;
     if (!((at - start).cwiseAbs().maxCoeff() <= reach)) return PatchOutcome::beyond_reach;
     if (move.squaredNorm() < kSmallStep * kSmallStep) {
-      if (correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
+      if (result.correlation < kLeastCorrelation) return PatchOutcome::uncorrelated;
+      constexpr double kRounding2 = 1.0 / 12.0;  // variance of the error of a whole number
+      result.rounding2 = 0.5 * kRounding2 * (xx + yy) / determinant;
       position = Eigen::Vector2d(left, top) + at + Eigen::Vector2d::Constant(kHalf);
       return PatchOutcome::aligned;
     }

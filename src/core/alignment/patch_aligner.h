@@ -25,6 +25,8 @@ struct AlignedPatch {
   Eigen::Vector2d reference = Eigen::Vector2d::Zero();  ///< px, the centre of the patch
   Eigen::Vector2d target = Eigen::Vector2d::Zero();     ///< px, its position there
   double correlation = 0.0;                             ///< NCC², 0..1
+  double rounding2 = 0.0;  ///< variance of the position, px², per coordinate, that comes from grey
+                           ///< values being whole numbers
 };
 
 /// Registers single patches of the reference in the target: translation by inverse-compositional
@@ -45,7 +47,7 @@ class PatchAligner {
   bool takePatch(const cv::Mat& level, const Eigen::Vector2d& centre,
                  const Eigen::Matrix2d& target_to_reference);
   PatchOutcome settle(const cv::Mat& level, double reach, Eigen::Vector2d& position,
-                      double& correlation);
+                      AlignedPatch& result);
 
   const AlignmentKernels& kernels_;
   const std::vector<cv::Mat>* reference_ = nullptr;

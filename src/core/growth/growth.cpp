@@ -12,6 +12,7 @@
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "core/homography/estimate.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -269,6 +270,7 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   homography::EvidenceOptions evidence;
   evidence.max_error = growth::Verdict::kRadius;
   evidence.by_cell = true;
+  evidence.errors.rounding = util::kKeypointRounding;
   result.found =
       refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
   if (result.found) {

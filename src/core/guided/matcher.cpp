@@ -131,6 +131,7 @@ bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double thresh
   homography::EvidenceOptions evidence;
   evidence.max_error = threshold;
   evidence.by_cell = options.by_cell;
+  evidence.errors.rounding = util::kKeypointRounding;
   if (!refiner.refine(reference_points, target_points, reference_size, evidence, candidate)) {
     return false;
   }

@@ -25,7 +25,7 @@ EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_si
   constexpr double kScale = 1.0;  // px: every scene deviates from a plane by this much
   const double diagonal = std::hypot(reference_size.width, reference_size.height);
   const double size = diagonal / kFoundWithDiagonal;
-  return {max_error * size, kScale * max_error / kFoundWithError * size, true};
+  return {max_error * size, kScale * max_error / kFoundWithError * size, {true, 0.0}};
 }
 
 bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
@@ -44,7 +44,7 @@ bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
   const double cell = options.by_cell ? (corners[2] - corners[0]).norm() / kCells : 0.0;
   std::optional<Eigen::Matrix3d> h = pairs_.fromPixels(estimate.homography);
   if (!h || fit_.fit(pairs_, options.min_scale, cell, *h) != FitOutcome::fitted) return false;
-  const UncertainHomography refined = fit_.inPixels(pairs_, *h, corners, options.of_patches);
+  const UncertainHomography refined = fit_.inPixels(pairs_, *h, corners, options.errors);
   if (!refined.homography.allFinite()) return false;
   estimate = refined;
   return true;

@@ -16,7 +16,7 @@ namespace ktgp_orb::homography {
 struct EvidenceOptions {
   double max_error = 3.0;   ///< pairs within twice this error take part, px, > 0
   double min_scale = 1e-4;  ///< least scale of the errors (see HomographyFit), px, > 0
-  bool of_patches = false;  ///< the pairs come from the alignment of patches, not from keypoints
+  PointErrors errors{};
   /// Pairs that are close together count like one: a part of the scene with many pairs, which may
   /// not be quite in the plane of the rest, does not decide alone.
   bool by_cell = false;

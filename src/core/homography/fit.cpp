@@ -81,21 +81,34 @@ HomographyFit::Matrix8 jacobianOfPixels(const NormalisedPairs& pairs,
   return jacobian;
 }
 
+/// The distance in the reference, px, over which the displacement changes by a pixel, at the middle
+/// of the points. Infinite where all points move alike.
+double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography) {
+  const Eigen::Matrix2d slope =
+      homography.topLeftCorner<2, 2>() -
+      homography.topRightCorner<2, 1>() * homography.bottomLeftCorner<1, 2>();
+  const double zoom = pairs.reference.scale / pairs.target.scale;
+  const double change = (zoom * slope - Eigen::Matrix2d::Identity()).norm() / std::sqrt(2.0);
+  return 1.0 / change;
+}
+
 }  // namespace
 
 UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
                                             const Eigen::Matrix3d& homography,
                                             const std::array<Eigen::Vector2d, 4>& corners,
-                                            bool of_patches) {
+                                            const PointErrors& errors) {
   constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
   // The price of assuming a field that does not exist is high for keypoints, since their noise is
   // large, and low for aligned points.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
+  const bool of_patches = errors.of_patches;
   scales.significance = of_patches ? kSignificantOfPatches : kSignificantOfKeypoints;
   scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
   scales.nearby = kNearby * pairs.reference.scale;
+  scales.rounding_length = pairs.reference.scale * lengthOfAPixel(pairs, homography);
   // The field is told from noise that is alike in all pairs.
   const FieldFit field = pairs.weighted ? FieldFit()
                                         : field_.fit(estimator_.pairs(), estimator_.weights(),
@@ -107,11 +120,13 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   const double shared = of_patches ? field.shared_patches : 1.0;
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
+  const double rounding = errors.rounding * pairs.target.scale;
+  const Matrix8 smooth = field.covariance + rounding * rounding * field.of_rounding;
   const Matrix8 jacobian = jacobianOfPixels(pairs, homography);
   UncertainHomography result;
   result.homography = pairs.toPixels(homography);
   scaleLastToOne(result.homography);
-  result.shared_covariance = jacobian * field.covariance * jacobian.transpose();
+  result.shared_covariance = jacobian * smooth * jacobian.transpose();
   result.covariance = jacobian * noise * jacobian.transpose() + result.shared_covariance;
   result.plane_deviation = std::sqrt(field.variance) / pairs.target.scale;
   return result;

@@ -21,6 +21,12 @@ enum class FitOutcome : std::uint8_t {
   undetermined,  ///< the pairs within reach do not determine H
 };
 
+/// What is known of the errors of the points.
+struct PointErrors {
+  bool of_patches = false;  ///< from the alignment of patches, which share noise where they overlap
+  double rounding = 0.0;    ///< see PointPairs::rounding
+};
+
 /// The homography of maximum likelihood (core/homography/m_estimator.h) over all pairs that it may
 /// explain, and its uncertainty. Keeps its buffers.
 class HomographyFit {
@@ -42,10 +48,10 @@ class HomographyFit {
                     const std::array<Eigen::Vector2d, 4>& corners) const;
 
   /// The homography of the last fit in pixels, with its uncertainty. `homography`: the result of
-  /// the fit, between normalised coordinates; `corners`: of the reference image, px; `of_patches`:
-  /// the pairs come from the alignment of patches, which share noise where they overlap.
+  /// the fit, between normalised coordinates; `corners`: of the reference image, px.
   UncertainHomography inPixels(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
-                               const std::array<Eigen::Vector2d, 4>& corners, bool of_patches);
+                               const std::array<Eigen::Vector2d, 4>& corners,
+                               const PointErrors& errors);
 
  private:
   MEstimator estimator_;

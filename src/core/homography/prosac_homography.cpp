@@ -162,7 +162,7 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 
   // Last, since it takes longer than the verdict.
   if (scaled) {
-    estimate = fit.inPixels(normalised, h, corners, false);
+    estimate = fit.inPixels(normalised, h, corners, {false, pairs.rounding});
   } else {
     estimate.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
     estimate.shared_covariance = estimate.covariance;

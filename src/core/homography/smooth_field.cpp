@@ -38,7 +38,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
       12;  // pairs; eight entries explain nearly all errors of fewer pairs
   FieldFit result;
   choosePairs(pairs, weights, homography);
-  if (pairs_.size() < kFewest || !(scales.image_diagonal > 0.0)) return result;
+  if (pairs_.empty() || !(scales.image_diagonal > 0.0)) return result;
   limitErrors();
   sortIntoCells(scales.image_diagonal / kCells);
   step_ = std::exp(-1.0 / (kCells * kLength));
@@ -54,6 +54,10 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   if (information.info() != Eigen::Success || !inverse.allFinite()) return result;
   const CellSums of_cells = sumCells();
   const Matrix8 by_field = inverse * expanded(of_cells.spread) * inverse;
+  const double length = std::min(scales.rounding_length, kLength * scales.image_diagonal);
+  result.of_rounding =
+      inverse * expanded(spreadOfRounding(length, scales.image_diagonal / kCells)) * inverse;
+  if (pairs_.size() < kFewest) return result;
   const Matrix8 by_noise = inverse * expanded(of_pairs.second) * inverse;
 
   // Squared errors of single pairs and products of the errors of near pairs: the measured values,
@@ -151,6 +155,18 @@ SmoothField::CellSums SmoothField::sumCells() const {
     }
   }
   return sums;
+}
+
+/// J'W K W J of a field of variance 1 and this length.
+SmoothField::Matrix8 SmoothField::spreadOfRounding(double length, double cell_side) {
+  step_ = std::exp(-cell_side / length);
+  smooth();
+  Matrix8 spread = Matrix8::Zero();
+  for (const Cell& cell : cells_) spread += cell.slope * cell.smoothed.transpose();
+  // The mean of exp(-d/l) within a cell, where the sums above count 1.
+  const double share = length / cell_side;
+  const double along = 2.0 * share * (1.0 - share * (1.0 - step_));
+  return along * along * spread;
 }
 
 void SmoothField::choosePairs(const PointArrays<double>& pairs, const std::vector<double>& weights,

@@ -10,13 +10,13 @@ namespace ktgp_orb::util {
 /// Keeps its buffers.
 class Buckets {
  public:
-  /// `bucketOf(i)`: of number i of `count`, below `buckets`.
+  /// `bucket_of(i)`: of number i of `count`, below `buckets`.
   template <typename BucketOf>
-  void sort(std::size_t count, std::size_t buckets, const BucketOf& bucketOf) {
+  void sort(std::size_t count, std::size_t buckets, const BucketOf& bucket_of) {
     bucket_.resize(count);
     start_.assign(buckets + 1, 0);
     for (std::size_t i = 0; i < count; ++i) {
-      bucket_[i] = static_cast<std::uint32_t>(bucketOf(i));
+      bucket_[i] = static_cast<std::uint32_t>(bucket_of(i));
       ++start_[bucket_[i]];
     }
     std::uint32_t sum = 0;

@@ -9,6 +9,10 @@
 
 namespace ktgp_orb::util {
 
+/// Keypoints lie on whole pixels of their pyramid level: the standard deviation of the error of a
+/// position, per coordinate, in px of the finest level.
+constexpr double kKeypointRounding = 0.288675;  // 1/sqrt(12)
+
 /// Position of keypoint `index`, px; it must exist. For drawing and messages, in OpenCV's type.
 inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
   return features.keypoints[static_cast<std::size_t>(index)].pt;

@@ -1,0 +1,36 @@
+// Compressed images where compressed_image_transport is not installed; Debian 12 does not have it.
+// The plugin has a name of its own, so that no other node of the machine uses it in place of that
+// one.
+#include <image_transport/simple_subscriber_plugin.h>
+#include <sensor_msgs/CompressedImage.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include <boost/make_shared.hpp>
+
+#include "messages/image_conversion.h"
+
+namespace ktgp_orb {
+
+class CompressedSubscriber
+    : public image_transport::SimpleSubscriberPlugin<sensor_msgs::CompressedImage> {
+ public:
+  std::string getTransportName() const override { return "compressed"; }
+
+ protected:
+  void internalCallback(const sensor_msgs::CompressedImageConstPtr& message,
+                        const Callback& take) override {
+    if (const auto image = decodedImage(*message)) {
+      take(image);
+      return;
+    }
+    // Refused by the node like any other unusable image, with its reason.
+    const auto none = boost::make_shared<sensor_msgs::Image>();
+    none->header = message->header;
+    none->encoding = "compressed (" + message->format.substr(0, 32) + "), which cannot be decoded";
+    take(none);
+  }
+};
+
+}  // namespace ktgp_orb
+
+PLUGINLIB_EXPORT_CLASS(ktgp_orb::CompressedSubscriber, image_transport::SubscriberPlugin)

@@ -1,0 +1,263 @@
+// Motions below a pixel, with exact truth: drawn pictures and photographs of fine pixels, moved by
+// whole fine pixels and averaged down. What is measured must be right, and its covariance, too.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "alignment_scene.h"
+#include "core/homography/transform.h"
+#include "fine_picture.h"
+#include "ktgp_orb/sequence_matcher.h"
+
+namespace ktgp_orb {
+namespace {
+
+using test::FinePicture;
+using test::translation;
+using test::withNoise;
+
+constexpr int kFine = FinePicture::kFine;
+
+SequenceOptions optionsOf(const std::string& name) {
+  SequenceOptions options;
+  if (name == "robust") options.matcher = MatcherOptions::robust();
+  if (name == "teblid") options.orb.descriptor = DescriptorKind::teblid;
+  if (name == "video") options.matcher.knn.search_radius = 48.0;
+  return options;
+}
+
+/// Errors of H at the corners of an image, and how large they are beside the covariance.
+class Errors {
+ public:
+  explicit Errors(const cv::Size& size) : size_(size) {}
+
+  void add(const UncertainHomography& found, const Eigen::Matrix3d& truth) {
+    for (const Eigen::Vector2d& corner : homography::imageCorners(size_, {})) {
+      const Eigen::Vector2d error =
+          homography::project(found.homography, corner) - homography::project(truth, corner);
+      const auto slope = homography::jacobianByEntries(found.homography, corner);
+      const Eigen::Matrix2d spread = slope * found.covariance * slope.transpose();
+      px_.push_back(error.norm());
+      squared_deviations_.push_back(error.dot(spread.inverse() * error));
+    }
+  }
+
+  double median() const { return quantile(px_, 0.5); }
+  double largest() const { return quantile(px_, 1.0); }
+  double medianSquaredDeviation() const { return quantile(squared_deviations_, 0.5); }
+  /// Share of the corners within the 99.9 % bound.
+  double within() const {
+    const auto inside = [](double squared) { return squared < 13.816; };
+    return static_cast<double>(
+               std::count_if(squared_deviations_.begin(), squared_deviations_.end(), inside)) /
+           static_cast<double>(squared_deviations_.size());
+  }
+
+ private:
+  static double quantile(std::vector<double> values, double share) {
+    std::sort(values.begin(), values.end());
+    const auto place = static_cast<std::size_t>(share * static_cast<double>(values.size()));
+    return values[std::min(place, values.size() - 1)];
+  }
+
+  cv::Size size_;
+  std::vector<double> px_;
+  std::vector<double> squared_deviations_;
+};
+
+/// Three drawn pictures, and the photographs where there are any.
+class Pictures {
+ public:
+  explicit Pictures(const cv::Size& view) : view_(view), photographs_(test::photographs()) {}
+  std::size_t size() const { return 3 + photographs_.size(); }
+  FinePicture operator[](std::size_t i) const {
+    if (i < 3) return FinePicture::drawn(view_, static_cast<unsigned>(i));
+    const std::string& path = photographs_[i - 3];
+    const cv::Mat grey = cv::imread(path, cv::IMREAD_GRAYSCALE);
+    EXPECT_FALSE(grey.empty()) << path;
+    return FinePicture::ofPhotograph(view_, grey);
+  }
+
+ private:
+  cv::Size view_;
+  std::vector<std::string> photographs_;
+};
+
+/// Turn, zoom and tilt about the middle of the image.
+Eigen::Matrix3d moved(const cv::Size& size, double degrees, double zoom, double tilt) {
+  const double x = 0.5 * (size.width - 1);
+  const double y = 0.5 * (size.height - 1);
+  const double a = degrees * 0.017453292519943295;
+  Eigen::Matrix3d h;
+  h << zoom * std::cos(a), -zoom * std::sin(a), 0.07, zoom * std::sin(a), zoom * std::cos(a), -0.03,
+      tilt, -1.3 * tilt, 1.0;
+  h = translation(x, y) * h * translation(-x, -y);
+  return h / h(2, 2);
+}
+
+class SlowCamera : public testing::TestWithParam<const char*> {
+ protected:
+  const cv::Size size_{640, 480};
+
+  UncertainHomography match(SequenceMatcher& matcher, const cv::Mat& reference,
+                            const cv::Mat& target) {
+    matcher.reset();
+    matcher.match(reference, 0.0);
+    const SequenceMatch& found = matcher.match(target, 0.03);
+    EXPECT_EQ(found.match.status, Status::ok);
+    EXPECT_EQ(found.match.alignment.status, AlignmentStatus::ok);
+    return found.match.answer;
+  }
+};
+
+// Every picture has a quarter of the shifts 0, 0.05, ... 1.5 px, each in another direction.
+TEST_P(SlowCamera, ShiftsAreMeasuredToAFiftiethOfAPixel) {
+  SequenceMatcher matcher(optionsOf(GetParam()));
+  const Pictures pictures(size_);
+  for (const double noise : {1.5, 4.0}) {
+    Errors errors(size_);
+    for (std::size_t i = 0; i < pictures.size(); ++i) {
+      const FinePicture picture = pictures[i];
+      const cv::Mat reference = withNoise(picture.moved(0, 0), noise, 2 * i);
+      for (int length = static_cast<int>(i) % 4; length <= 30; length += 4) {
+        const double direction = 2.1 * static_cast<double>(i) + 0.4 * length;
+        const int x = static_cast<int>(std::lround(length * std::cos(direction)));
+        const int y = static_cast<int>(std::lround(length * std::sin(direction)));
+        const cv::Mat target = withNoise(picture.moved(x, y), noise, 1000 * i + 2 * x + y + 1);
+        const auto truth = translation(double(x) / kFine, double(y) / kFine);
+        errors.add(match(matcher, reference, target), truth);
+      }
+    }
+    EXPECT_LT(errors.median(), noise < 2.0 ? 0.02 : 0.05) << "noise " << noise;
+    EXPECT_LT(errors.largest(), noise < 2.0 ? 0.06 : 0.15) << "noise " << noise;
+    EXPECT_GT(errors.medianSquaredDeviation(), 0.5) << "noise " << noise;
+    EXPECT_LT(errors.medianSquaredDeviation(), 3.0) << "noise " << noise;
+    EXPECT_GT(errors.within(), 0.97) << "noise " << noise;
+  }
+}
+
+TEST_P(SlowCamera, TurnsZoomsAndTiltsAreMeasured) {
+  SequenceMatcher matcher(optionsOf(GetParam()));
+  Errors errors(size_);
+  const Pictures pictures(size_);
+  for (std::size_t i = 0; i < std::min<std::size_t>(pictures.size(), 8); ++i) {
+    const FinePicture picture = pictures[i];
+    const cv::Mat reference = withNoise(picture.moved(0, 0), 1.5, i);
+    const double turn[] = {0.02, 0.1, 0.2, 0.05};
+    const double zoom[] = {1.0005, 1.0, 1.002, 1.001, 1.0};
+    const double tilt[] = {2e-7, 0.0, -1e-6};
+    const Eigen::Matrix3d truth = moved(size_, turn[i % 4], zoom[i % 5], tilt[i % 3]);
+    const cv::Mat target = withNoise(picture.moved(truth), 1.5, 100 + i);
+    errors.add(match(matcher, reference, target), truth);
+  }
+  EXPECT_LT(errors.median(), 0.02);
+  EXPECT_LT(errors.largest(), 0.06);
+  EXPECT_LT(errors.medianSquaredDeviation(), 3.0);
+  EXPECT_GT(errors.within(), 0.96);
+}
+
+INSTANTIATE_TEST_SUITE_P(Presets, SlowCamera, testing::Values("ktgp", "video", "robust", "teblid"),
+                         [](const auto& info) { return std::string(info.param); });
+
+// Keypoints alone cannot measure what is less than half a pixel. They must say so.
+TEST(SlowCameraOfKeypoints, TheirCovarianceKnowsThatTheyLieOnWholePixels) {
+  const cv::Size size(640, 480);
+  for (const char* preset : {"ktgp", "robust"}) {
+    SequenceOptions options = optionsOf(preset);
+    options.matcher.alignment.enabled = false;
+    SequenceMatcher matcher(options);
+    Errors errors(size);
+    const Pictures pictures(size);
+    for (std::size_t i = 0; i < std::min<std::size_t>(pictures.size(), 8); ++i) {
+      const FinePicture picture = pictures[i];
+      const cv::Mat reference = withNoise(picture.moved(0, 0), 1.5, i);
+      for (int x = 0; x <= 30; x += 3) {
+        matcher.reset();
+        matcher.match(reference, 0.0);
+        const int y = x * 2 / 3;
+        const cv::Mat target = withNoise(picture.moved(-x, y), 1.5, 100 * i + x + 1);
+        const SequenceMatch& found = matcher.match(target, 0.03);
+        ASSERT_EQ(found.match.status, Status::ok);
+        errors.add(found.match.answer, translation(-double(x) / kFine, double(y) / kFine));
+      }
+    }
+    EXPECT_GT(errors.within(), 0.95) << preset;
+    EXPECT_LT(errors.largest(), 3.0) << preset;
+    EXPECT_GT(errors.medianSquaredDeviation(), 0.1) << preset << ": too cautious";
+  }
+}
+
+/// The sum of 60 steps, or the answer in fixed mode.
+UncertainHomography panned(const std::vector<cv::Mat>& frames, ReferenceMode mode) {
+  SequenceOptions options = optionsOf("video");
+  options.reference.mode = mode;
+  SequenceMatcher matcher(options);
+  matcher.fixNextFrame();
+  UncertainHomography sum;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const SequenceMatch& found = matcher.match(frames[i], static_cast<double>(i) / 30.0);
+    if (i == 0) continue;
+    EXPECT_EQ(found.match.status, Status::ok) << i;
+    sum = found.match.answer;
+    if (mode == ReferenceMode::fixed) continue;
+    EXPECT_TRUE(found.accumulated);
+    sum.homography = found.accumulated->homography;
+    sum.covariance = found.accumulated->covariance;
+  }
+  return sum;
+}
+
+TEST(SlowPan, ItsStepsAddUp) {
+  const cv::Size size(480, 360);
+  const Eigen::Vector2d middle(240.0, 180.0);
+  for (const double step : {0.2, 0.02, 0.0}) {
+    const FinePicture picture = Pictures(size)[step == 0.2 ? 3 % Pictures(size).size() : 1];
+    std::vector<cv::Mat> frames;
+    for (int i = 0; i <= 60; ++i) {
+      const cv::Mat view = picture.moved(translation(step * i - 6.0, step * i - 6.0));
+      frames.push_back(withNoise(view, 1.5, static_cast<std::uint64_t>(i)));
+    }
+    for (const ReferenceMode mode :
+         {ReferenceMode::previous, ReferenceMode::keyframe, ReferenceMode::fixed}) {
+      const UncertainHomography sum = panned(frames, mode);
+      const Eigen::Vector2d error = homography::project(sum.homography, middle) - middle -
+                                    Eigen::Vector2d::Constant(60.0 * step);
+      const auto slope = homography::jacobianByEntries(sum.homography, middle);
+      const Eigen::Matrix2d spread = slope * sum.covariance * slope.transpose();
+      EXPECT_LT(error.norm(), 0.15) << "step " << step << ", mode " << static_cast<int>(mode);
+      EXPECT_LT(error.dot(spread.inverse() * error), 9.0)
+          << "step " << step << ", mode " << static_cast<int>(mode);
+    }
+  }
+}
+
+// A frozen camera: the same picture again and again. It may have moved by as little as rounded grey
+// values can hide.
+TEST(FrozenCamera, StandsStillWithinWhatItsImagesCanShow) {
+  const cv::Size size(640, 480);
+  const cv::Mat image = FinePicture::drawn(size, 5).moved(3, 7);
+  for (const char* preset : {"ktgp", "video", "robust", "teblid"}) {
+    SequenceMatcher matcher(optionsOf(preset));
+    matcher.match(image, 0.0);
+    const SequenceMatch& found = matcher.match(image, 0.03);
+    ASSERT_EQ(found.match.status, Status::ok) << preset;
+    EXPECT_EQ(found.match.alignment.status, AlignmentStatus::ok) << preset;
+    const UncertainHomography& answer = found.match.answer;
+    EXPECT_LT((answer.homography - Eigen::Matrix3d::Identity()).norm(), 1e-6) << preset;
+    for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
+      const auto slope = homography::jacobianByEntries(answer.homography, corner);
+      const Eigen::Matrix2d spread = slope * answer.covariance * slope.transpose();
+      EXPECT_GT(std::sqrt(spread.trace()), 2e-4) << preset;
+      EXPECT_LT(std::sqrt(spread.trace()), 0.02) << preset;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace ktgp_orb

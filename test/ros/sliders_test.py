@@ -1,0 +1,112 @@
+#!/usr/bin/python3
+"""scripts/sliders on a virtual display, with the parameters of the matcher and of the ground motion."""
+
+import importlib.machinery
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rospy
+import yaml
+from dynamic_reconfigure.server import Server
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from ktgp_orb.cfg import GroundMotionConfig, KtgpConfig
+from ktgp_testing import wait_until
+from ports import free_port
+
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+sys.dont_write_bytecode = True
+
+
+def display():
+    """A virtual display: its process and its name."""
+    read, write = os.pipe()
+    process = subprocess.Popen(['Xvfb', '-displayfd', str(write), '-screen', '0', '900x800x24'],
+                               pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    with os.fdopen(read) as numbers:
+        return process, ':' + numbers.readline().strip()
+
+
+class SlidersTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        port = free_port()
+        os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % port
+        cls.master = subprocess.Popen(['rosmaster', '--core', '-p', str(port)], stdout=subprocess.DEVNULL)
+        cls.display, os.environ['DISPLAY'] = display()
+        wait_until(lambda: subprocess.run(['rosparam', 'list'], capture_output=True).returncode == 0, 'the master runs')
+        rospy.init_node('sliders_test', disable_signals=True)
+        cls.sliders = importlib.machinery.SourceFileLoader('sliders', os.path.join(ROOT, 'scripts/sliders')).load_module()
+
+    @classmethod
+    def tearDownClass(cls):
+        for process in (cls.display, cls.master):
+            process.terminate()
+            process.wait()
+
+    def open(self, config, namespace):
+        """The window, and the values that the server has."""
+        values = {}
+        server = Server(config, lambda new, _: values.update(new) or new, namespace)
+        window = self.sliders.Window('/sliders_test/' + namespace)
+        self.addCleanup(window.quit)
+        self.until(window, lambda: window.rows, 'the window shows the parameters')
+        return window, values, server
+
+    def until(self, window, condition, what):
+        def holds():
+            window.update()
+            return condition()
+        wait_until(holds, what)
+
+    def test_what_is_dragged_typed_and_chosen_arrives(self):
+        window, values, server = self.open(KtgpConfig, 'matcher')
+        self.assertEqual(list(window.rows)[:2], ['T_w', 'T_G'])
+        self.assertEqual(set(window.rows), set(values) - {'groups'})
+        window.rows['features'].slider.set(0.5)
+        window.rows['T_w'].variable.set('0.7')
+        window.rows['T_w'].changed()
+        window.rows['reference_mode'].variable.set('keyframe')
+        window.rows['reference_mode'].changed()
+        window.rows['gms_scale'].variable.set(True)
+        window.rows['gms_scale'].changed()
+        wanted = {'features': 10050, 'T_w': 0.7, 'reference_mode': 'keyframe', 'gms_scale': True}
+        self.until(window, lambda: wanted.items() <= values.items(), 'the server has the values')
+
+        window.rows['T_w'].variable.set('much')
+        window.rows['T_w'].changed()
+        self.assertEqual(window.rows['T_w'].variable.get(), '0.7')
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, 'tuned.yaml')
+            self.sliders.filedialog.asksaveasfilename = lambda **_: path
+            window.save()
+            with open(path) as file:
+                saved = yaml.safe_load(file)
+        self.maxDiff = None
+        self.assertEqual(saved, {name: value for name, value in values.items() if name != 'groups'})
+
+        self.assertEqual(values['T_w'], 0.7)  # "much" is no number
+        server.update_configuration({'T_G': 9.0})
+        self.until(window, lambda: window.rows['T_G'].variable.get() == '9', 'a change elsewhere is shown')
+        window.wanted.put(window.start)  # Reset
+        self.until(window, lambda: (values['T_w'], values['T_G']) == (window.start['T_w'], 6.0), 'the server has its old values')
+
+    def test_a_wide_range_is_logarithmic(self):
+        window, values, _ = self.open(GroundMotionConfig, 'ground_motion')
+        row = window.rows['height']
+        low, high = 0.001, 10000.0
+        for share in (0.25, 0.5, 0.75):
+            row.slider.set(share)
+            expected = low * (high / low) ** (share)
+            self.until(window, lambda expected=expected: abs(values['height'] / expected - 1) < 1e-3,
+                       'the server has the height')
+            self.until(window, lambda share=share: abs(row.slider.get() - share) < 1e-3, 'the slider stays there')
+
+
+if __name__ == '__main__':
+    unittest.main()

@@ -1,0 +1,31 @@
+"""--help of every script prints what it is for, ends at once and changes nothing."""
+import importlib.util
+import os
+import pathlib
+import subprocess
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+class Help(unittest.TestCase):
+    def test_every_script_has_it(self):
+        scripts = [path for folder in ("scripts", "dev", "examples/fleet") for path in (ROOT / folder).iterdir()
+                   if path.is_file() and os.access(path, os.X_OK)]
+        self.assertGreater(len(scripts), 20)
+        if importlib.util.find_spec("rospy") is None:
+            scripts = [path for path in scripts if "import rospy" not in path.read_text()]
+        processes = {path: subprocess.Popen([path, "--help"], cwd="/", stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                            stdin=subprocess.DEVNULL, text=True) for path in scripts}
+        for path, process in processes.items():
+            output, _ = process.communicate(timeout=100)
+            with self.subTest(path.name):
+                self.assertEqual(process.returncode, 0, output)
+                self.assertGreater(len(output.split()), 8, output)
+                self.assertNotIn("installing", output)
+                self.assertNotIn("Traceback", output)
+                self.assertNotIn("#!", output)
+
+
+if __name__ == "__main__":
+    unittest.main()
