@@ -3,6 +3,10 @@
 # Its files, matched.bag and those of the options, are in FOLDER/RECORDING/. Run again, it skips what is finished.
 # Names in the options are below that folder unless they begin with /.
 set -euo pipefail
+if [ "${1:-}" = --help ]; then
+  sed -n '2,4s/^# //p' "$0"
+  exit
+fi
 recording=$(realpath -ms -- "$1") name=$(realpath -ms --relative-base="$PWD" -- "$1")
 folder=$2/$name
 shift 2
