@@ -49,22 +49,12 @@ struct Given {
 
   /// Throws std::invalid_argument.
   void applyTo(Parameters& parameters) const {
-    const std::string usual = parameters.descriptor;
-    std::set<std::string> names;
     const std::string& first = preset.empty() && file.empty() ? usual_preset : preset;
-    if (!first.empty()) names.merge(readPreset(first, parameters));
-    if (!file.empty()) names.merge(readParameterFile(file, parameters));
-    for (const auto& [name, text] : values) {
-      setParameter(*findParameter(name), text, parameters);
-      names.insert(name);
-    }
-    if (names.count("T_w") == 0) {
-      parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
-    }
-    const std::string note = noteOnRatioThreshold(parameters.T_w, parameters.descriptor);
-    for (const std::string& text : {note, noteOnFixed(parameters)}) {
-      if (!text.empty()) std::fprintf(stderr, "%s\n", text.c_str());
-    }
+    if (!first.empty()) readPreset(first, parameters);
+    if (!file.empty()) readParameterFile(file, parameters);
+    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
+    const std::string note = noteOnFixed(parameters);
+    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
   }
 };
 
@@ -108,6 +98,17 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
       ->group(group);
   for (const ParameterRow& row : parameterRows()) {
     if (wanted(row)) addOption(app, row, shown, given);
+  }
+  for (const std::string& name : removedParameters("matcher")) {  // not shown by --help
+    if (name == "overlay") continue;  // the name of an option of the programs
+    app.add_option_function<std::string>(
+           "--" + name,
+           [name](const std::string& /*value*/) {
+             throw CLI::ValidationError(
+                 "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
+           })
+        ->group("")
+        ->expected(0, 1);
   }
   app.callback([given, defaults, done] {
     Parameters parameters = defaults;

@@ -30,18 +30,21 @@ YAML::Node parametersIn(YAML::Node node) {
   return node;
 }
 
-std::set<std::string> readYaml(const std::string& text, Parameters& parameters) {
+void readYaml(const std::string& text, Parameters& parameters) {
   // Parameters of the node that do not affect results: read once at start.
   static const std::set<std::string> elsewhere{"image_transport", "queue_size", "params", "preset"};
   const YAML::Node all = parametersIn(YAML::Load(text));
   if (!all.IsMap()) throw std::invalid_argument("expected a line `name: value` for each parameter");
-  std::set<std::string> names;
   for (const auto& entry : all) {
     const auto name = entry.first.as<std::string>();
     // Maps are groups of dynamic_reconfigure or parameters of plugins.
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
-    if (row == nullptr) throw std::invalid_argument("there is no parameter " + name);
+    if (row == nullptr) {
+      const std::string removed = whyRemoved("matcher", name);
+      throw std::invalid_argument(removed.empty() ? "there is no parameter " + name
+                                                  : name + " is of an earlier version: " + removed);
+    }
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
     const bool quoted = entry.second.Tag() == "!";
     if (quoted && !std::holds_alternative<std::string Parameters::*>(row->field)) {
@@ -49,15 +52,12 @@ std::set<std::string> readYaml(const std::string& text, Parameters& parameters) 
                                   "'; expected it without quotes");
     }
     setParameter(*row, entry.second.Scalar(), parameters);
-    names.insert(name);
   }
-  return names;
 }
 
-std::set<std::string> readNamed(const std::string& name, const std::string& text,
-                                Parameters& parameters) {
+void readNamed(const std::string& name, const std::string& text, Parameters& parameters) {
   try {
-    return readYaml(text, parameters);
+    readYaml(text, parameters);
   } catch (const YAML::Exception& error) {
     throw std::invalid_argument(name + ": " + error.what());
   } catch (const std::invalid_argument& error) {
@@ -67,7 +67,7 @@ std::set<std::string> readNamed(const std::string& name, const std::string& text
 
 }  // namespace
 
-std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters) {
+void readParameterFile(const std::string& file, Parameters& parameters) {
   constexpr std::size_t kMost = 1 << 20;  // bytes; a device may be endless
   std::ifstream in(file);
   std::string text(kMost + 1, '\0');
@@ -77,15 +77,15 @@ std::set<std::string> readParameterFile(const std::string& file, Parameters& par
   if (text.size() > kMost) {
     throw std::invalid_argument(file + ": is longer than 1 MB; expected a file of parameters");
   }
-  return readNamed(file, text, parameters);
+  readNamed(file, text, parameters);
 }
 
-std::set<std::string> readPreset(const std::string& name, Parameters& parameters) {
+void readPreset(const std::string& name, Parameters& parameters) {
   const auto preset = presets().find(name);
   if (preset == presets().end()) {
     throw std::invalid_argument("preset is " + name + "; expected " + namesOfPresets());
   }
-  return readNamed("preset " + name, preset->second, parameters);
+  readNamed("preset " + name, preset->second, parameters);
 }
 
 std::string namesOfPresets() {

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <set>
 #include <string>
 
 #include "parameters/parameters.h"
@@ -9,12 +8,12 @@ namespace ktgp_orb::tools {
 
 /// Sets the parameters in a YAML file written by `rosparam dump` (flat, or below the node's name)
 /// or `dynparam dump`. Throws std::invalid_argument with the file and the problem: not YAML, an
-/// unknown parameter, a value out of its range. Returns the names.
-std::set<std::string> readParameterFile(const std::string& file, Parameters& parameters);
+/// unknown parameter, a value out of its range.
+void readParameterFile(const std::string& file, Parameters& parameters);
 
 /// Sets the parameters of config/NAME.yaml, which is built into the program. Throws
-/// std::invalid_argument for an unknown name. Returns the names that were set.
-std::set<std::string> readPreset(const std::string& name, Parameters& parameters);
+/// std::invalid_argument for an unknown name.
+void readPreset(const std::string& name, Parameters& parameters);
 
 /// "ktgp, robust"
 std::string namesOfPresets();

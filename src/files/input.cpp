@@ -8,8 +8,12 @@
 #include <vector>
 
 #include "core/util/grey_levels.h"
+#include "core/util/printable.h"
 
 namespace ktgp_orb::files {
+
+FileError::FileError(const std::string& file, const std::string& what)
+    : std::runtime_error(util::printable(file) + ": " + what) {}
 
 void requireRegularFile(const std::string& file) {
   std::error_code none;  // an invalid name counts as a missing file
@@ -18,17 +22,31 @@ void requireRegularFile(const std::string& file) {
   if (!std::filesystem::is_regular_file(status)) throw FileError(file, "is not a regular file");
 }
 
+namespace {
+
+/// 8 or 16 bits a channel.
+bool isUsual(const cv::Mat& picture) {
+  return picture.depth() == CV_8U || picture.depth() == CV_16U;
+}
+
+}  // namespace
+
 cv::Mat readPicture(const std::string& file, int flags) {
   requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);
+    // Some pictures of floats cannot be converted, and are named below.
+    if (picture.empty()) {
+      const cv::Mat as_it_is = cv::imread(file, cv::IMREAD_UNCHANGED);
+      if (!isUsual(as_it_is)) picture = as_it_is;
+    }
   } catch (const cv::Exception& error) {
     throw FileError(file, "cannot be read as an image (" + error.err + ")");
   }
   if (picture.empty()) throw FileError(file, "cannot be read as an image");
-  if (picture.depth() != CV_8U && picture.depth() != CV_16U) {
+  if (!isUsual(picture)) {
     throw FileError(file, std::string("has ") + cv::depthToString(picture.depth()) +
                               " pixels; expected a picture of 8 or 16 bits a channel");
   }

@@ -5,16 +5,13 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/util/printable.h"
-
 namespace ktgp_orb::files {
 
 /// A file that cannot be read, parsed or written. The message begins with its name, as far as that
 /// can be printed.
 class FileError : public std::runtime_error {
  public:
-  FileError(const std::string& file, const std::string& what)
-      : std::runtime_error(util::printable(file) + ": " + what) {}
+  FileError(const std::string& file, const std::string& what);
 };
 
 /// The disk, or the user's share of it, is full.

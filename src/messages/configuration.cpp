@@ -1,7 +1,5 @@
 #include "messages/configuration.h"
 
-#include <stdexcept>
-
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -12,18 +10,8 @@ using util::requireInRange;
 
 GreyStretch stretchFrom(const Parameters& parameters) {
   GreyStretch stretch;
-  if (parameters.stretch == "percentile") {
-    stretch.kind = GreyStretch::Kind::percentile;
-  } else if (parameters.stretch == "range") {
-    stretch.kind = GreyStretch::Kind::range;
-  } else {
-    throw std::invalid_argument("stretch is '" + parameters.stretch +
-                                "'; expected percentile or range");
-  }
-  stretch.percentile = parameters.stretch_percentile;
-  stretch.low = parameters.stretch_low;
-  stretch.high = parameters.stretch_high;
-  requireValid(stretch);
+  const bool adapts = parameters.stretch == "percentile";
+  stretch.kind = adapts ? GreyStretch::Kind::percentile : GreyStretch::Kind::range;
   return stretch;
 }
 
@@ -54,8 +42,6 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.view.roi = roiFrom(parameters.roi);
   c.rectify = parameters.rectify;
   c.max_rate = parameters.max_rate;
-  c.max_pair_megapixels = parameters.max_pair_megapixels;
-  c.overlay = parameters.overlay;
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
   // The constructor checks the rest; with one thread it starts none.

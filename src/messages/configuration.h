@@ -3,6 +3,7 @@
 #include <ktgp_orb/KtgpConfig.h>
 #include <sensor_msgs/Image.h>
 
+#include <boost/shared_ptr.hpp>
 #include <cstdint>
 #include <string>
 
@@ -24,12 +25,12 @@ struct Configuration {
   CameraView view;                             ///< of the camera's images, not of reference_image
   bool rectify = false;                        ///< the lens in `view` is wanted
   std::string lens_problem;                    ///< why `view` has no lens, in case of a problem
-  double max_pair_megapixels = 64.0;           ///< largest image of ~match_pair, 10^6 px
   double max_rate = 0.0;                       ///< Hz; 0: all frames
-  bool overlay = true;
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;
 };
+
+using ConfigurationConstPtr = boost::shared_ptr<const Configuration>;
 
 /// The values of dynamic_reconfigure by the names of the table.
 Parameters parametersFrom(const KtgpConfig& config);

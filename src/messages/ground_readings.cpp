@@ -57,6 +57,19 @@ Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
   return {v.x, v.y, v.z};
 }
 
+// Where an Imu does not say its own, and of tf; about each axis.
+constexpr double kNormalDeviation = 0.5 * kDegree;
+constexpr double kGyroDeviation = 0.5 * kDegree;  // per s
+
+/// The largest standard deviation of the first `axes` axes; `usual` where the covariance is zero,
+/// which means that it is not known.
+template <typename Covariance>
+double deviationOf(const Covariance& covariance, std::size_t axes, double usual) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < axes; ++i) largest = std::max(largest, covariance[4 * i]);
+  return largest > 0.0 ? std::sqrt(largest) : usual;
+}
+
 /// Why the range of a message is none.
 std::string whyNone(const sensor_msgs::Range& range) {
   const double value = range.range;
@@ -68,6 +81,11 @@ std::string whyNone(const sensor_msgs::Range& range) {
 }
 
 }  // namespace
+
+/// There is no reason where the newest reading was already used for an earlier frame.
+std::string noReading(const std::string& what, const std::string& why) {
+  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
+}
 
 void GroundReadings::configure(const GroundMotionConfig& config, const std::string& range_topic,
                                const std::string& imu_topic) {
@@ -140,7 +158,7 @@ std::optional<Pose3> GroundReadings::transform(const std::string& target, const 
 
 GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) const {
   GroundMotionOptions options;
-  options.ground_slope = config_.ground_slope;
+  options.readout_time = config_.readout_time;
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   std::string problem;
   if (config_.base_frame.empty()) {
@@ -168,6 +186,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
           "matcher image_rect, or set its parameter rectify");
     }
     frame.camera = camera.camera;
+    frame.size = size;
     frame.homography =
         Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
     frame.covariance =
@@ -187,13 +206,76 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
 
 /// What measures the distance to something else, such as a wall, is no height.
 void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
-  if (!frame.height || !frame.down) return;
+  if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
   frame.height.reset();
   no_height_ =
       "the beam of the range on " + range_topic_ +
       " does not point to the ground; a range sensor looks along the x axis of its frame, " +
       range_frame_;
+}
+
+std::string GroundReadings::heightTrouble(const GroundEstimate& estimate) const {
+  if (!(estimate.height_misfit > GroundEstimate::kContradiction)) return no_height_;
+  return "that of " + heightSource() +
+         " contradicts the homography: something is between the sensor and the ground, the ground "
+         "is another one, or the sensor is wrong";
+}
+
+std::string GroundReadings::normalTrouble(const GroundEstimate& estimate) const {
+  if (!(estimate.down_misfit > GroundEstimate::kContradiction)) return no_normal_;
+  return "that of " + normalSource() +
+         " contradicts the homography: see where tf has the camera and the sensor, and the stamps";
+}
+
+std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
+  if (!(estimate.turn_misfit > GroundEstimate::kContradiction)) return no_turn_;
+  const double ratio = estimate.turn_ratio;
+  const std::string what = "the angular velocity on " + imu_topic_ + " contradicts the homography";
+  if (ratio < -0.7) return what + ": it counts the other way; see where tf has the Imu";
+  if (ratio > 40.0 && ratio < 75.0) return what + ": it is in degrees per second";
+  return what + ": see where tf has the camera and the Imu, and the stamps";
+}
+
+std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
+  if (const std::string height = heightTrouble(estimate); !height.empty())
+    return "height: " + height;
+  if (const std::string normal = normalTrouble(estimate); !normal.empty())
+    return "normal: " + normal;
+  return turnTrouble(estimate);
+}
+
+std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
+  switch (estimate.status) {
+    case GroundStatus::no_homography:
+      return "the matcher found no homography";
+    case GroundStatus::no_covariance:
+      return "the homography has no covariance";
+    case GroundStatus::no_height:
+      return noReading("height", heightTrouble(estimate));
+    case GroundStatus::no_normal: {
+      const std::string trouble = normalTrouble(estimate);
+      return "no normal: " + (trouble.empty() ? "the motion does not show it yet" : trouble);
+    }
+    case GroundStatus::contradiction:
+      return estimate.homography_misfit > GroundEstimate::kContradiction
+                 ? "the homography is not that of flat ground: see the calibration, and what moves "
+                   "in the picture"
+                 : "the homography is a jump after earlier frames: it may be off by a period of "
+                   "repetitive ground";
+    case GroundStatus::stamp_went_back:
+      return "the stamp went back: the odometry begins anew";
+    case GroundStatus::not_finite:
+      return "numbers too large to compute with: the odometry begins anew";
+    case GroundStatus::looks_away:
+      return "the camera looks away from the ground, by " + normalSource() +
+             ": see where tf has the camera and the sensor; an Imu upside down is one, too";
+    case GroundStatus::ok:
+    case GroundStatus::started:
+    case GroundStatus::resumed:
+      break;
+  }
+  return "";
 }
 
 std::optional<HeightReading> GroundReadings::height(const std_msgs::Header& image) {
@@ -250,7 +332,7 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   if (config_.normal_source == "motion") return std::nullopt;
   if (config_.normal_source == "imu") return downOfImu(image);
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
   if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
   const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
@@ -283,7 +365,7 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
   if (!found) return std::nullopt;
   DownReading reading;
-  reading.deviation = config_.normal_deviation * kDegree;
+  reading.deviation = deviationOf(imu->orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
       imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
@@ -297,6 +379,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
+  double deviation = kGyroDeviation;
   std::string frame;
   bool has_none = false;
   for (const sensor_msgs::Imu& imu : imus_) {
@@ -305,6 +388,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     if (has_none || !isFinite(imu.angular_velocity)) continue;
     sum += vector(imu.angular_velocity);
     count += 1.0;
+    deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
@@ -320,8 +404,18 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   TurnReading reading;
   const double angle = angles.norm();
   if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
-  reading.deviation = config_.gyro_deviation * kDegree * length;
+  reading.deviation = deviation * length;
   return reading;
+}
+
+std::string shutterReport(const GroundEstimate& estimate) {
+  constexpr double kCertain = 5.0;  // deviations
+  if (!(estimate.readout_time > kCertain * estimate.readout_deviation)) return "";
+  char text[80];
+  std::snprintf(text, sizeof text,
+                "the shutter rolls: about %.1f ms from the first row to the last",
+                1e3 * estimate.readout_time);
+  return text;
 }
 
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {

@@ -52,6 +52,14 @@ class GroundReadings {
   const std::string& noHeight() const { return no_height_; }
   const std::string& noNormal() const { return no_normal_; }
   const std::string& noTurn() const { return no_turn_; }
+  /// Why the newest frame has no motion; empty: it has.
+  std::string problemOf(const GroundEstimate& estimate) const;
+  /// Why the newest frame has no height and no normal that count.
+  std::string heightTrouble(const GroundEstimate& estimate) const;
+  std::string normalTrouble(const GroundEstimate& estimate) const;
+  /// Which reading of the newest frame is missing or contradicts, so that it hardly counts, and
+  /// what that most likely is; empty: none.
+  std::string notUsed(const GroundEstimate& estimate) const;
   /// The sources in words.
   std::string heightSource() const;
   std::string normalSource() const;
@@ -60,6 +68,7 @@ class GroundReadings {
   std::optional<HeightReading> height(const std_msgs::Header& image);
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
+  std::string turnTrouble(const GroundEstimate& estimate) const;
   std::optional<DownReading> down(const std_msgs::Header& image);
   std::optional<DownReading> downOfImu(const std_msgs::Header& image);
   std::optional<TurnReading> turn(const std_msgs::Header& image);
@@ -80,6 +89,10 @@ class GroundReadings {
   std::string no_turn_;
 };
 
+/// That a reading is missing, and why.
+std::string noReading(const std::string& what, const std::string& why);
+/// What the pictures show of a rolling shutter; empty: nothing that is certain.
+std::string shutterReport(const GroundEstimate& estimate);
 /// The estimate as messages; only where hasPose() and hasTwist().
 nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
                               const GroundMotionConfig& config);

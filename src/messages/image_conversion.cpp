@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -119,6 +120,16 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
 }
 
 }  // namespace
+
+void requireSmall(const std::string& name, const sensor_msgs::Image& image) {
+  constexpr double kMost = 64.0;
+  const double megapixels = 1e-6 * image.width * static_cast<double>(image.height);
+  if (megapixels <= kMost) return;
+  std::ostringstream text;
+  text << name << " is " << image.width << "x" << image.height << " (" << megapixels
+       << " megapixels); expected " << kMost << " at most";
+  throw RefusedImage(text.str());
+}
 
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch) {
   cv::Mat buffer;

@@ -19,6 +19,10 @@ class RefusedImage : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
+/// and time of a request are bounded.
+void requireSmall(const std::string& name, const sensor_msgs::Image& image);
+
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit
 /// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount

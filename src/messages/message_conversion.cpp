@@ -1,11 +1,12 @@
 #include "messages/message_conversion.h"
 
+#include <cv_bridge/cv_bridge.h>
 #include <ktgp_orb/MatchStatus.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
 #include <cmath>
-#include <optional>
+#include <limits>
 #include <utility>
 
 #include "core/util/keypoint_position.h"
@@ -86,12 +87,6 @@ void setDistances(const MatchResult& result, MatchStatistics& message) {
   message.rms_distance = std::sqrt(squares / count);
 }
 
-ros::Time timeOf(std::int64_t stamp) {
-  ros::Time time;
-  time.fromNSec(static_cast<std::uint64_t>(stamp));
-  return time;
-}
-
 void copyHomography(const Eigen::Matrix3d& homography, HomographyStamped& message) {
   Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = homography;
 }
@@ -133,65 +128,6 @@ void appendAligned(const AlignmentResult& alignment, std::size_t guided, Corresp
   }
 }
 
-/// Every correspondence that passed the ratio filter, with its level.
-CorrespondencesPtr toCorrespondences(const std_msgs::Header& header, const SequenceMatch& match) {
-  const Frame& reference = *match.reference;
-  const Frame& target = *match.frame;
-  auto message = boost::make_shared<Correspondences>();
-  message->header = header;
-  message->reference_stamp = timeOf(reference.stamp);
-  message->image_width = static_cast<std::uint32_t>(target.features.image_size.width);
-  message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
-  message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
-  message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
-  message->rectified = target.lens != nullptr;
-  const std::vector<Correspondence>& guided = match.match.guided;
-  reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
-  for (const Correspondence& c : match.match.correspondences) {
-    if (c.level < Level::kt) continue;
-    append(c, imagePoint(reference.features, c.reference_index),
-           imagePoint(target.features, c.target_index), *message);
-  }
-  for (const Correspondence& c : guided) {
-    append(c, imagePoint(reference.features, c.reference_index),
-           imagePoint(target.features, c.target_index), *message);
-  }
-  appendAligned(match.match.alignment, message->level.size() - guided.size(), *message);
-  return message;
-}
-
-/// The homography with its verdict; numbers are zero unless the status is ok.
-HomographyStampedPtr toHomography(const std_msgs::Header& header, const SequenceMatch& match) {
-  const MatchResult& result = match.match;
-  auto message = boost::make_shared<HomographyStamped>();
-  message->header = header;
-  if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
-  message->status = static_cast<std::uint8_t>(result.status);
-  message->reason = static_cast<std::uint8_t>(match.no_reference);
-  message->rectified = match.frame->lens != nullptr;
-  if (result.status != Status::ok) return message;
-  copyHomography(result.answer.homography, *message);
-  message->inliers = static_cast<std::uint32_t>(result.inliers);
-  message->reprojection_rmse = result.rmse;
-  copyCovariance(result.answer.covariance, *message);
-  message->plane_deviation = result.answer.plane_deviation;
-  return message;
-}
-
-HomographyStampedPtr toAccumulated(const std_msgs::Header& header, const SequenceMatch& match) {
-  auto message = boost::make_shared<HomographyStamped>();
-  message->header = header;
-  message->reference_stamp = timeOf(match.accumulated->first_stamp);
-  message->status = MatchStatus::STATUS_OK;
-  message->rectified = match.frame->lens != nullptr;
-  message->inliers = static_cast<std::uint32_t>(match.match.inliers);
-  message->reprojection_rmse = match.match.rmse;
-  copyHomography(match.accumulated->homography, *message);
-  copyCovariance(match.accumulated->covariance, *message);
-  message->plane_deviation = match.match.answer.plane_deviation;
-  return message;
-}
-
 void append(const StageResult& stage, MatchStatistics& message) {
   message.stages.emplace_back();
   StageStatistics& out = message.stages.back();
@@ -218,9 +154,92 @@ void setStages(const MatchResult& result, MatchStatistics& message) {
   }
 }
 
-MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMatch& match) {
+}  // namespace
+
+std::int64_t stampOf(const ros::Time& time) {
+  return static_cast<std::int64_t>(time.toNSec());
+}
+
+ros::Time timeOf(std::int64_t nanoseconds) {
+  ros::Time time;
+  time.fromNSec(static_cast<std::uint64_t>(nanoseconds));
+  return time;
+}
+
+/// Every correspondence that passed the ratio filter, with its level.
+CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
+  const SequenceMatch& match = frame.match;
+  if (!match.reference) return nullptr;
+  const Frame& reference = *match.reference;
+  const Frame& target = *match.frame;
+  auto message = boost::make_shared<Correspondences>();
+  message->header = frame.header;
+  message->reference_stamp = timeOf(reference.stamp);
+  message->image_width = static_cast<std::uint32_t>(target.features.image_size.width);
+  message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
+  message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
+  message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
+  message->rectified = target.lens != nullptr;
+  const std::vector<Correspondence>& guided = match.match.guided;
+  reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
+  for (const Correspondence& c : match.match.correspondences) {
+    if (c.level < Level::kt) continue;
+    append(c, imagePoint(reference.features, c.reference_index),
+           imagePoint(target.features, c.target_index), *message);
+  }
+  for (const Correspondence& c : guided) {
+    append(c, imagePoint(reference.features, c.reference_index),
+           imagePoint(target.features, c.target_index), *message);
+  }
+  appendAligned(match.match.alignment, message->level.size() - guided.size(), *message);
+  return message;
+}
+
+/// The homography with its verdict; numbers are zero unless the status is ok.
+HomographyStampedPtr toHomography(const MatchedFrame& frame) {
+  const SequenceMatch& match = frame.match;
+  const MatchResult& result = match.match;
+  auto message = boost::make_shared<HomographyStamped>();
+  message->header = frame.header;
+  if (match.reference) message->reference_stamp = timeOf(match.reference->stamp);
+  message->status = static_cast<std::uint8_t>(result.status);
+  message->reason = static_cast<std::uint8_t>(match.no_reference);
+  message->rectified = match.frame->lens != nullptr;
+  if (result.status != Status::ok) return message;
+  copyHomography(result.answer.homography, *message);
+  message->inliers = static_cast<std::uint32_t>(result.inliers);
+  message->reprojection_rmse = result.rmse;
+  copyCovariance(result.answer.covariance, *message);
+  message->plane_deviation = result.answer.plane_deviation;
+  return message;
+}
+
+HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
+  const SequenceMatch& match = frame.match;
+  if (!match.reference || !match.accumulated) return nullptr;
+  auto message = boost::make_shared<HomographyStamped>();
+  message->header = frame.header;
+  message->reference_stamp = timeOf(match.accumulated->first_stamp);
+  message->status = MatchStatus::STATUS_OK;
+  message->rectified = match.frame->lens != nullptr;
+  message->inliers = static_cast<std::uint32_t>(match.match.inliers);
+  message->reprojection_rmse = match.match.rmse;
+  copyHomography(match.accumulated->homography, *message);
+  copyCovariance(match.accumulated->covariance, *message);
+  message->plane_deviation = match.match.answer.plane_deviation;
+  return message;
+}
+
+MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
+  const SequenceMatch& match = frame.match;
   auto message = boost::make_shared<MatchStatistics>();
-  message->header = header;
+  message->header = frame.header;
+  message->configuration = frame.configuration;
+  message->latency_milliseconds = 1e3 * frame.latency;
+  message->dropped_frames = frame.dropped;
+  message->lost_frames = frame.lost;
+  message->skipped_frames = frame.skipped;
+  message->refused_frames = frame.refused;
   message->status = static_cast<std::uint8_t>(match.match.status);
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->reference_changed = match.reference_changed;
@@ -245,7 +264,49 @@ MatchStatisticsPtr toStatistics(const std_msgs::Header& header, const SequenceMa
   return message;
 }
 
-}  // namespace
+MatchPtr toMatch(const MatchedFrame& frame) {
+  auto match = boost::make_shared<Match>();
+  match->header = frame.header;
+  match->statistics = *toStatistics(frame);
+  match->homography = *toHomography(frame);
+  match->correspondences.header = frame.header;
+  if (const auto correspondences = toCorrespondences(frame)) {
+    match->correspondences = std::move(*correspondences);
+  }
+  return match;
+}
+
+FrameMessages toMessages(const MatchedFrame& frame) {
+  FrameMessages messages;
+#define KTGP_TOPIC(name, Message, make, text) messages.name = make(frame);
+#define KTGP_LIVE_TOPIC(name, Message, make, text)
+#include "messages/topics.def"
+#undef KTGP_TOPIC
+#undef KTGP_LIVE_TOPIC
+  return messages;
+}
+
+HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
+                                  const std::optional<Eigen::Matrix3d>& homography) {
+  auto message = boost::make_shared<HomographyStamped>();
+  message->header = header;
+  message->reference_stamp = reference;
+  message->status = homography ? MatchStatus::STATUS_OK : MatchStatus::STATUS_NO_MODEL;
+  if (!homography) return message;
+  copyHomography(*homography, *message);
+  message->covariance.fill(std::numeric_limits<double>::quiet_NaN());
+  return message;
+}
+
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
+  if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
+}
+
+sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
+                              const cv::Mat& pixels) {
+  return cv_bridge::CvImage(header, encoding, pixels).toImageMsg();
+}
 
 std::string explanation(NoReference reason) {
   switch (reason) {
@@ -273,28 +334,6 @@ std::string explanation(NoReference reason) {
   return "no reference";
 }
 
-FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match) {
-  FrameMessages messages;
-  messages.statistics = toStatistics(header, match);
-  messages.homography = toHomography(header, match);
-  if (!match.reference) return messages;
-  messages.correspondences = toCorrespondences(header, match);
-  if (match.accumulated) messages.accumulated_homography = toAccumulated(header, match);
-  return messages;
-}
-
-MatchPtr toMatch(const FrameMessages& messages) {
-  auto match = boost::make_shared<Match>();
-  match->header = messages.statistics->header;
-  match->statistics = *messages.statistics;
-  match->correspondences.header = match->header;
-  match->homography.header = match->header;
-  match->homography.status = messages.statistics->status;
-  if (messages.correspondences) match->correspondences = *messages.correspondences;
-  if (messages.homography) match->homography = *messages.homography;
-  return match;
-}
-
 namespace {
 
 /// The image of the frame in the pixels of its keypoints.
@@ -309,7 +348,6 @@ cv::Mat shown(const Frame& frame) {
 
 sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
                                 OverlayStyle style) {
-  auto message = boost::make_shared<sensor_msgs::Image>();
   cv::Mat canvas;
   if (!match.reference) {
     drawUnmatched(shown(*match.frame), explanation(match.no_reference), canvas);
@@ -317,13 +355,7 @@ sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMa
     drawOverlay({shown(*match.reference), match.reference->features},
                 {shown(*match.frame), match.frame->features}, match.match, style, canvas);
   }
-  message->header = header;
-  message->encoding = "bgr8";
-  message->height = static_cast<std::uint32_t>(canvas.rows);
-  message->width = static_cast<std::uint32_t>(canvas.cols);
-  message->step = static_cast<std::uint32_t>(canvas.cols * canvas.elemSize());
-  message->data.assign(canvas.datastart, canvas.dataend);
-  return message;
+  return toImage(header, "bgr8", canvas);
 }
 
 }  // namespace ktgp_orb

@@ -7,6 +7,11 @@
 #include <sensor_msgs/Image.h>
 #include <std_msgs/Header.h>
 
+#include <Eigen/Core>
+#include <boost/shared_ptr.hpp>
+#include <cstdint>
+#include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 
 #include "ktgp_orb/overlay.h"
@@ -14,21 +19,50 @@
 
 namespace ktgp_orb {
 
-/// The messages of one frame. Some are null for a frame without a reference.
-struct FrameMessages {
-  CorrespondencesPtr correspondences;  ///< may be null
-  HomographyStampedPtr homography;
-  HomographyStampedPtr accumulated_homography;  ///< null unless the chain of frames is unbroken
-  MatchStatisticsPtr statistics;
-  sensor_msgs::ImagePtr overlay;  ///< null unless wanted
+/// A matched frame, and what only its node knows. Valid as long as the match.
+struct MatchedFrame {
+  std_msgs::Header header;  ///< of the target image
+  const SequenceMatch& match;
+  std::uint32_t configuration = 0;  ///< number of the configuration
+  double latency = 0.0;             ///< s
+  std::uint64_t dropped = 0;        ///< frames since the start
+  std::uint64_t lost = 0;
+  std::uint64_t skipped = 0;
+  std::uint64_t refused = 0;
 };
 
-/// All except the overlay; `header`: of the target image. Statistics that only the caller knows
-/// (latency, counters, configuration) are zero.
-FrameMessages toMessages(const std_msgs::Header& header, const SequenceMatch& match);
+/// The messages of the topics in topics.def; null where there is nothing to say.
+CorrespondencesPtr toCorrespondences(const MatchedFrame& frame);
+HomographyStampedPtr toHomography(const MatchedFrame& frame);
+HomographyStampedPtr toAccumulated(const MatchedFrame& frame);
+MatchPtr toMatch(const MatchedFrame& frame);
+MatchStatisticsPtr toStatistics(const MatchedFrame& frame);
 
-/// All messages except the picture in one; call it when the statistics are complete.
-MatchPtr toMatch(const FrameMessages& messages);
+/// All messages of one frame, for a bag.
+struct FrameMessages {
+#define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> name;
+#define KTGP_LIVE_TOPIC(name, Message, make, text)
+#include "messages/topics.def"
+#undef KTGP_TOPIC
+#undef KTGP_LIVE_TOPIC
+  sensor_msgs::ImagePtr overlay;  ///< null unless wanted
+};
+/// Without the overlay.
+FrameMessages toMessages(const MatchedFrame& frame);
+
+/// A homography without inliers; its covariance is not known. Empty: none was found.
+HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Time& reference,
+                                  const std::optional<Eigen::Matrix3d>& homography);
+/// The homography of the message; empty if none was found.
+std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message);
+
+/// Nanoseconds, as in the core.
+std::int64_t stampOf(const ros::Time& time);
+ros::Time timeOf(std::int64_t nanoseconds);
+
+/// A copy of the pixels as a message.
+sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
+                              const cv::Mat& pixels);
 
 /// A sentence for users.
 std::string explanation(NoReference reason);

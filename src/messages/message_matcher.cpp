@@ -33,20 +33,18 @@ void MessageMatcher::configure(const Configuration& configuration) {
   configuration_ = configuration;
 }
 
-FrameMessages MessageMatcher::process(const sensor_msgs::ImageConstPtr& image) {
+MatchedFrame MessageMatcher::process(const sensor_msgs::ImageConstPtr& image) {
   const FramePtr frame = sequence_.newFrame();
   frame_maker_.make(image, *frame);
   return process(image->header, frame, nullptr);
 }
 
-FrameMessages MessageMatcher::process(const std_msgs::Header& header, const FramePtr& frame,
-                                      MatchAhead* ahead) {
+MatchedFrame MessageMatcher::process(const std_msgs::Header& header, const FramePtr& frame,
+                                     MatchAhead* ahead) {
   last_ = nullptr;
   last_ = &sequence_.match(frame, ahead);
   last_header_ = header;
-  FrameMessages messages = toMessages(header, *last_);
-  messages.statistics->configuration = configuration_.number;
-  return messages;
+  return {header, *last_, configuration_.number};
 }
 
 sensor_msgs::ImagePtr MessageMatcher::overlay() const {

@@ -20,9 +20,9 @@ class MessageMatcher {
   const Configuration& configuration() const { return configuration_; }
 
   /// Throws RefusedImage for an unusable image; the reference then stays.
-  FrameMessages process(const sensor_msgs::ImageConstPtr& image);
+  MatchedFrame process(const sensor_msgs::ImageConstPtr& image);
   /// The same for a frame. `ahead`: see SequenceMatcher::match.
-  FrameMessages process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
+  MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
   /// The last processed frame; null if there is none since the last reset.
   sensor_msgs::ImagePtr overlay() const;
 

@@ -28,8 +28,8 @@ using util::propagated;
 constexpr double kHomographyLimit = 10.0;  // deviations
 constexpr int kPatience = 10;              // frames that are refused, one after the other
 constexpr double kUnknownTilt = 0.35;      // rad
-constexpr double kHorizon = 0.01;  // share of the optical axis along the direction to the ground
-constexpr double kOrigin = 1e-6;   // deviation of the origin: a share of the height, and rad
+constexpr double kHorizon = 0.1;  // share of the optical axis along the direction to the ground
+constexpr double kOrigin = 1e-6;  // deviation of the origin: a share of the height, and rad
 
 /// Rotation by `yaw` about z.
 Eigen::Matrix3d aboutUp(double yaw) {
@@ -178,8 +178,8 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   const bool from_last = frame.reference_stamp == last_stamp;
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
-      roughen();
       filter.setKeyframe(image, true);
+      roughen();
       twist_noise.beginKeyframe();
       keyframe_stamp = frame.reference_stamp;
     }
@@ -223,11 +223,19 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   const double seconds = 1e-9 * static_cast<double>(frame.stamp - before_stamp);
   predict(follows ? estimate.gap - seconds : estimate.gap);
   GroundFrame begin = frame;
-  if (follows) {  // the readings as they were at the reference
-    if (begin.height) begin.height->age -= seconds;
-    const Eigen::Matrix3d turn =
-        frame.turn ? frame.turn->rotation : motion::rotationAbout(seconds * camera_twist.tail<3>());
-    if (begin.down) begin.down->direction = turn * begin.down->direction;
+  if (follows) {  // the readings at the reference, as far as the last velocity tells them
+    const double doubt = seconds * estimate.gap;
+    if (begin.height) {
+      begin.height->age -= seconds;
+      begin.height->deviation = std::hypot(begin.height->deviation, doubt * options.acceleration);
+    }
+    if (begin.down) {
+      const Eigen::Matrix3d turn = frame.turn
+                                       ? frame.turn->rotation
+                                       : motion::rotationAbout(seconds * camera_twist.tail<3>());
+      begin.down->direction = turn * begin.down->direction;
+      begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
+    }
   }
   widenForReadings(begin);
   useReadings(begin);

@@ -2,8 +2,8 @@
 // The plugin has a name of its own, so that no other node of the machine uses it in place of that
 // one.
 #include <image_transport/simple_subscriber_plugin.h>
-#include <pluginlib/class_list_macros.h>
 #include <sensor_msgs/CompressedImage.h>
+#include <pluginlib/class_list_macros.hpp>
 
 #include <boost/make_shared.hpp>
 

@@ -1,5 +1,3 @@
-#include <diagnostic_updater/diagnostic_updater.h>
-#include <dynamic_reconfigure/server.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/SetPose.h>
 #include <std_srvs/Trigger.h>
@@ -8,262 +6,282 @@
 #include <tf2_ros/transform_listener.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include <atomic>
 #include <boost/make_shared.hpp>
-#include <boost/thread/recursive_mutex.hpp>
-#include <chrono>
+#include <cstdio>
 #include <deque>
+#include <limits>
+#include <memory>
 
 #include "messages/ground_readings.h"
 #include "messages/pose_message.h"
-#include "nodelet/callback_thread.h"
-#include "nodelet/ground_monitor.h"
-#include "nodelet/image_nodelet.h"
+#include "nodelet/image_node.h"
 
 namespace ktgp_orb {
+namespace {
 
-using Lock = std::lock_guard<std::mutex>;
 using std_srvs::Trigger;
 
-/// Matches, a calibration and a height in; velocity and odometry out. doc/motion.md describes
-/// topics, services and parameters. Everything but the diagnostics runs in one thread.
-class GroundMotionNodelet : public ImageNodelet {
+constexpr double kPatience = 1.0;  // s without a usable height or normal
+
+std::string number(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+}  // namespace
+
+/// The parameters, and what the nodelet knows beside them.
+struct GroundSettings {
+  GroundMotionConfig config;
+  std::string image_topic;
+  std::string camera_info_topic;
+  std::string range_topic;
+  std::string imu_topic;
+};
+
+/// The state of the motion, and what a match waits for.
+class GroundWork {
  public:
-  ~GroundMotionNodelet() override;
+  GroundWork(const tf2::BufferCore& tf, Diagnosis& diagnosis, ros::Publisher twists,
+             ros::Publisher odometry, std::atomic<bool>& is_waiting)
+      : readings_(tf),
+        diagnosis_(diagnosis),
+        twists_(std::move(twists)),
+        odometry_(std::move(odometry)),
+        is_waiting_(is_waiting) {}
 
- private:
-  void start() override;
-  bool isWanted() const override { return outputs_.haveSubscribers() || sends_tf_; }
-  void subscribe() override;
-  void unsubscribe() override;
-  void configure(GroundMotionConfig& config);
-  void onMatch(const MatchConstPtr& match);
+  void configure(const GroundSettings& settings);
+  void addMatch(const MatchConstPtr& match);
+  void addRange(const sensor_msgs::RangeConstPtr& range) { readings_.add(*range); }
+  void addImu(const sensor_msgs::ImuConstPtr& imu) { readings_.add(*imu); }
+  void addCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; }
   void processComplete();
-  void process(const MatchConstPtr& match);
-  void publish(const GroundEstimate& estimate, const std_msgs::Header& image);
-  void say(const std::string& problem);
-  bool reset(Trigger::Request& request, Trigger::Response& response);
-  bool setPose(SetPose::Request& request, SetPose::Response& response);
-  void tick();
-
-  template <typename Message, typename Callback>
-  ros::Subscriber listen(const std::string& topic, std::uint32_t queue, const Callback& callback) {
-    return node_.subscribe<Message>(
-        topic, queue, boost::function<void(const boost::shared_ptr<const Message>&)>(callback),
-        ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  void reset() { motion_.reset(); }
+  void setPose(const Pose3& pose, const Covariance6& covariance) {
+    motion_.setPose(pose, covariance);
   }
 
-  CallbackThread queue_;
-  CallbackThread slow_queue_;  // diagnostics and the watch, which ask the master
-  ros::NodeHandle node_;
-  boost::recursive_mutex reconfigure_mutex_;
-  std::unique_ptr<dynamic_reconfigure::Server<GroundMotionConfig>> server_;
-  std::vector<ros::ServiceServer> services_;
-  std::vector<ros::Subscriber> inputs_;
-  ros::WallTimer poll_;   // while matches wait for tf or Imu
-  ros::WallTimer timer_;  // of the diagnostics
-  ros::Publisher twist_pub_;
-  ros::Publisher odometry_pub_;
-  std::unique_ptr<tf2_ros::TransformBroadcaster> broadcaster_;
-  std::unique_ptr<diagnostic_updater::Updater> diagnostics_;
-  std::unique_ptr<InputWatch> match_watch_;
-  std::string match_topic_;
+ private:
+  void process(const MatchConstPtr& match);
+  std::string problemOf(const GroundEstimate& estimate, const ros::Time& stamp);
+  void report(const GroundEstimate& estimate, double plane_deviation);
+  void publish(const GroundEstimate& estimate, const std_msgs::Header& image);
 
-  GroundMotionConfig config_;
-  std::atomic<bool> sends_tf_{false};
-  tf2_ros::Buffer tf_;
-  std::unique_ptr<tf2_ros::TransformListener> listener_;
-  GroundReadings readings_{tf_};
+  GroundSettings settings_;
+  GroundReadings readings_;
   GroundMotion motion_;
   sensor_msgs::CameraInfoConstPtr info_;
   std::deque<std::pair<MatchConstPtr, ros::WallTime>> waiting_;
-  std::string said_;
-  GroundMonitor monitor_;
+  ros::Time last_height_;  // that was used
+  ros::Time last_normal_;
+  Diagnosis& diagnosis_;
+  ros::Publisher twists_;
+  ros::Publisher odometry_;
+  tf2_ros::TransformBroadcaster broadcaster_;
+  std::atomic<bool>& is_waiting_;
 };
 
-GroundMotionNodelet::~GroundMotionNodelet() {
-  for (CallbackThread* queue : {&queue_, &slow_queue_}) queue->stop();
-  timer_.stop();
-  disconnect();
-  outputs_.shutdown();
-  services_.clear();
-  server_.reset();
+/// Other sources take effect with the next frame.
+void GroundWork::configure(const GroundSettings& settings) {
+  settings_ = settings;
+  readings_.configure(settings.config, settings.range_topic, settings.imu_topic);
+  diagnosis_.setValue("sources", "height from " + readings_.heightSource() + ", normal from " +
+                                     readings_.normalSource());
 }
 
-void GroundMotionNodelet::start() {
-  node_ = getNodeHandle();
-  node_.setCallbackQueue(&queue_.callbacks);
-  ros::NodeHandle private_node = getPrivateNodeHandle();
-  private_node.setCallbackQueue(&queue_.callbacks);
-  match_topic_ = node_.resolveName("match");
-  camera_info_topic_ = node_.resolveName("camera_info");
-  match_watch_ = std::make_unique<InputWatch>(
-      InputWatch::ofMessages(match_topic_, ros::message_traits::datatype<Match>(), "match"));
-  broadcaster_ = std::make_unique<tf2_ros::TransformBroadcaster>();
-  outputs_.open(private_node, [this] { connectionsChanged(); });
-  checkParameters<GroundMotionConfig>(private_node);
-  server_ = std::make_unique<dynamic_reconfigure::Server<GroundMotionConfig>>(reconfigure_mutex_,
-                                                                              private_node);
-  server_->setCallback(
-      [this](GroundMotionConfig& config, std::uint32_t /*level*/) { configure(config); });
-  connect([&] {
-    twist_pub_ = outputs_.advertise<geometry_msgs::TwistWithCovarianceStamped>("twist", 10);
-    odometry_pub_ = outputs_.advertise<nav_msgs::Odometry>("odometry", 10);
-    services_ = {private_node.advertiseService("reset", &GroundMotionNodelet::reset, this),
-                 private_node.advertiseService("set_pose", &GroundMotionNodelet::setPose, this)};
-  });
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node, getName());
-  diagnostics_->setHardwareID(match_topic_);
-  diagnostics_->add("motion", &monitor_, &GroundMonitor::report);
-  ros::NodeHandle slow_node = getNodeHandle();
-  slow_node.setCallbackQueue(&slow_queue_.callbacks);
-  timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
-                                     [this](const ros::WallTimerEvent&) { tick(); });
-  for (CallbackThread* queue : {&queue_, &slow_queue_}) queue->start();
-  connectionsChanged();
-  NODELET_INFO(
-      "takes matches on %s and the calibration on %s; the height is from %s, the normal from %s",
-      match_topic_.c_str(), camera_info_topic_.c_str(), readings_.heightSource().c_str(),
-      readings_.normalSource().c_str());
-}
-
-/// Other sources take effect with the next frame; what is subscribed follows them.
-void GroundMotionNodelet::configure(GroundMotionConfig& config) {
-  try {
-    requireFinite(config);
-  } catch (const std::invalid_argument& error) {
-    NODELET_ERROR("new parameters are refused, the old ones stay: %s", error.what());
-    config = config_;
-    return;
-  }
-  config_ = config;
-  readings_.configure(config, node_.resolveName("range"), node_.resolveName("imu"));
-  sends_tf_ = config.publish_tf;
-  {
-    const Lock lock(connect_mutex_);
-    if (subscribed_) {
-      unsubscribe();
-      subscribe();
-    }
-  }
-  connectionsChanged();
-}
-
-void GroundMotionNodelet::subscribe() {
-  constexpr std::uint32_t kAll = 200;  // each is a link of the chain
-  listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node_, false);
-  inputs_ = {
-      listen<Match>("match", kAll, [this](const MatchConstPtr& match) { onMatch(match); }),
-      listen<sensor_msgs::CameraInfo>(
-          "camera_info", 5, [this](const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; })};
-  if (readings_.usesRange()) {
-    inputs_.push_back(listen<sensor_msgs::Range>(
-        "range", kAll, [this](const sensor_msgs::RangeConstPtr& range) { readings_.add(*range); }));
-  }
-  if (readings_.usesImu()) {
-    inputs_.push_back(listen<sensor_msgs::Imu>(
-        "imu", kAll, [this](const sensor_msgs::ImuConstPtr& imu) { readings_.add(*imu); }));
-  }
-  poll_ = node_.createWallTimer(ros::WallDuration(0.005),
-                                [this](const ros::WallTimerEvent&) { processComplete(); });
-}
-
-void GroundMotionNodelet::unsubscribe() {
-  for (ros::Subscriber& input : inputs_) input.shutdown();
-  inputs_.clear();
-  poll_.stop();
-  listener_.reset();
-}
-
-void GroundMotionNodelet::onMatch(const MatchConstPtr& match) {
+void GroundWork::addMatch(const MatchConstPtr& match) {
   constexpr std::size_t kMost = 10;
   waiting_.emplace_back(match, ros::WallTime::now());
   while (waiting_.size() > kMost) {
     process(waiting_.front().first);
     waiting_.pop_front();
   }
-  processComplete();
 }
 
 /// A match waits a little for the messages of its time that come after it.
-void GroundMotionNodelet::processComplete() {
+void GroundWork::processComplete() {
   while (!waiting_.empty()) {
     const auto& [match, arrival] = waiting_.front();
     const double waited = (ros::WallTime::now() - arrival).toSec();
     const bool ready = info_ && readings_.complete(match->header.stamp, match->header.frame_id);
-    if (!ready && waited < config_.max_age) return;
+    if (!ready && waited < settings_.config.max_age) break;
     process(match);
     waiting_.pop_front();
   }
+  is_waiting_ = !waiting_.empty();
 }
 
-void GroundMotionNodelet::process(const MatchConstPtr& match) {
-  const auto start = std::chrono::steady_clock::now();
+void GroundWork::process(const MatchConstPtr& match) {
+  const auto start = Diagnosis::Clock::now();
   std::string problem;
   try {
-    if (!info_) throw std::invalid_argument("no camera_info on " + camera_info_topic_);
-    const Pixels pixels = pixelsFrom(config_.calibration, node_.resolveName("image"));
+    if (!info_) throw std::invalid_argument("no camera_info on " + settings_.camera_info_topic);
+    const Pixels pixels = pixelsFrom(settings_.config.calibration, settings_.image_topic);
     const cv::Size size(static_cast<int>(match->correspondences.image_width),
                         static_cast<int>(match->correspondences.image_height));
     motion_.setOptions(readings_.optionsFor(match->header));
     const GroundEstimate& estimate =
         motion_.add(readings_.frameOf(match->homography, size, *info_, pixels));
-    problem = monitor_.problemOf(estimate, readings_, match->header.stamp, config_.patience);
+    problem = problemOf(estimate, match->header.stamp);
     if (problem.empty()) publish(estimate, match->header);
-    if (problem.empty() && estimate.status == GroundStatus::resumed) {
-      NODELET_WARN("the odometry goes on after %.2f s without connection, with a larger covariance",
-                   estimate.gap);
-    }
-    monitor_.setEstimate(estimate, match->homography.plane_deviation);
+    report(estimate, match->homography.plane_deviation);
   } catch (const std::invalid_argument& error) {
     problem = error.what();
   }
-  say(problem);
-  monitor_.done(problem, std::chrono::steady_clock::now() - start);
+  if (!problem.empty()) diagnosis_.setProblem("not used", "");
+  diagnosis_.setProblem("motion", problem.empty() ? "" : "nothing is published: " + problem);
+  diagnosis_.count("published", problem.empty() ? 1 : 0);
+  diagnosis_.done(match->header.stamp, start);
 }
 
-/// In the diagnostics as long as it lasts; in the log once.
-void GroundMotionNodelet::say(const std::string& problem) {
-  const std::string kind = problem.substr(0, problem.find_first_of("0123456789"));
-  if (!problem.empty() && kind != said_) NODELET_WARN("nothing is published: %s", problem.c_str());
-  said_ = kind;
+/// Why nothing is published for a frame; empty: it is.
+std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Time& stamp) {
+  const std::string not_used = readings_.notUsed(estimate);
+  diagnosis_.setProblem("not used", not_used, false);
+  diagnosis_.setValue("not used", util::printable(not_used, 600));
+  if (estimate.height_used) last_height_ = stamp;
+  if (estimate.down_used || !readings_.usesNormal()) last_normal_ = stamp;
+  const auto is_old = [&](const ros::Time& last) {
+    return last > stamp || (stamp - last).toSec() > kPatience;
+  };
+  if (!estimate.hasPose()) return readings_.problemOf(estimate);
+  if (is_old(last_height_)) return noReading("height", readings_.heightTrouble(estimate));
+  if (is_old(last_normal_)) return noReading("normal", readings_.normalTrouble(estimate));
+  return "";
 }
 
-void GroundMotionNodelet::publish(const GroundEstimate& estimate, const std_msgs::Header& image) {
-  const auto odometry =
-      boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config_));
-  odometry_pub_.publish(odometry);
-  if (estimate.hasTwist()) {
-    twist_pub_.publish(boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>(
-        twistOf(estimate, image, config_)));
+void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) {
+  diagnosis_.setProblem("gap", estimate.status == GroundStatus::resumed
+                                   ? "the odometry goes on after " + number(estimate.gap) +
+                                         " s without connection, with a larger covariance"
+                                   : "");
+  diagnosis_.setValue("status", toString(estimate.status));
+  diagnosis_.setValue("height (m)", number(estimate.height));
+  diagnosis_.setValue("normal, deviation (rad)", number(estimate.tilt_deviation));
+  diagnosis_.setValue("height, deviations off", number(estimate.height_misfit));
+  diagnosis_.setValue("normal, deviations off", number(estimate.down_misfit));
+  diagnosis_.setValue("rotation, deviations off", number(estimate.turn_misfit));
+  diagnosis_.setValue("homography, deviations off", number(estimate.homography_misfit));
+  diagnosis_.setValue("readout time of the shutter (s)", number(estimate.readout_time));
+  diagnosis_.setValue("readout time, deviation (s)", number(estimate.readout_deviation));
+  diagnosis_.setValue("deviation from a plane (px)", number(plane_deviation));
+  if (estimate.gap > 0.0) diagnosis_.setValue("last gap (s)", number(estimate.gap));
+}
+
+void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header& image) {
+  const GroundMotionConfig& config = settings_.config;
+  const auto odometry = boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config));
+  odometry_.publish(odometry);
+  if (estimate.hasTwist() && twists_.getNumSubscribers() > 0) {
+    twists_.publish(boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>(
+        twistOf(estimate, image, config)));
   }
-  if (!config_.publish_tf) return;
-  broadcaster_->sendTransform(
+  if (!config.publish_tf) return;
+  broadcaster_.sendTransform(
       transformOf(odometry->header, odometry->child_frame_id, odometry->pose.pose));
 }
 
-bool GroundMotionNodelet::reset(Trigger::Request& /*request*/, Trigger::Response& response) {
-  motion_.reset();
-  response.success = true;
-  response.message = "the odometry begins anew with the next frame";
-  return true;
-}
-
-bool GroundMotionNodelet::setPose(SetPose::Request& request, SetPose::Response& response) {
-  try {
-    motion_.setPose(poseOf(request.pose.pose), covarianceOf(request.pose));
-    response.success = true;
-  } catch (const std::invalid_argument& error) {
-    response.message = error.what();
+/// Matches, a calibration and a height in; velocity and odometry out. doc/motion.md describes
+/// topics, services and parameters.
+class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
+ public:
+  ~GroundMotionNodelet() override {
+    stop();
+    listener_.reset();
   }
-  return true;
+
+ private:
+  void start() override;
+  void advertise() override;
+  std::string nodelet() const override { return "ground_motion"; }
+  std::string workName() const override { return "motion"; }
+  std::string greeting() const override;
+  bool isWanted() const override { return outputs_.haveSubscribers() || sends_tf_; }
+  void listeningChanged(bool listening) override;
+  void configure(GroundMotionConfig& config) override;
+
+  /// Each match is a link of the chain; of the others the newest counts.
+  template <auto Use, typename Message>
+  Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
+    worker_.setLimits(kind, {most, std::numeric_limits<std::size_t>::max()});
+    return addInput<Message>(name, name, 200, kind == kMatch,
+                             [this, kind](const boost::shared_ptr<const Message>& message) {
+                               if (kind == kMatch) diagnosis_.arrived();
+                               const std::size_t dropped = worker_.put<Use>(kind, 0, message);
+                               if (kind == kMatch) diagnosis_.count(Diagnosis::kDropped, dropped);
+                             });
+  }
+
+  static constexpr std::size_t kMatch = 1;  // kinds of jobs
+  static constexpr std::size_t kCameraInfo = 2;
+  static constexpr std::size_t kRange = 3;
+  static constexpr std::size_t kImu = 4;
+
+  Input* matches_ = nullptr;
+  Input* ranges_ = nullptr;
+  Input* imus_ = nullptr;
+  std::atomic<bool> sends_tf_{false};
+  ros::WallTimer poll_;
+  std::atomic<bool> is_waiting_{false};  // a match, for tf or Imu
+  tf2_ros::Buffer tf_;                   // has its own lock
+  std::unique_ptr<tf2_ros::TransformListener> listener_;
+};
+
+void GroundMotionNodelet::start() {
+  matches_ = &addReadings<&GroundWork::addMatch, Match>("match", kMatch, 200);
+  addReadings<&GroundWork::addCameraInfo, sensor_msgs::CameraInfo>("camera_info", kCameraInfo, 1);
+  ranges_ = &addReadings<&GroundWork::addRange, sensor_msgs::Range>("range", kRange, 1000);
+  imus_ = &addReadings<&GroundWork::addImu, sensor_msgs::Imu>("imu", kImu, 1000);
+  serveParameters();
 }
 
-void GroundMotionNodelet::tick() {
-  const bool subscribed = isSubscribed();
-  clockStands();
-  watch(*match_watch_, subscribed, monitor_.matches(), 0);
-  monitor_.setListening(subscribed, match_topic_, match_watch_->trouble());
-  diagnostics_->force_update();
+std::string GroundMotionNodelet::greeting() const {
+  return "takes matches on " + matches_->topic() + "; the height is from " + config_.height_source +
+         ", the normal from " + config_.normal_source;
+}
+
+void GroundMotionNodelet::configure(GroundMotionConfig& config) {
+  const ros::NodeHandle names = getNodeHandle();
+  const GroundSettings settings{config, names.resolveName("image"),
+                                names.resolveName("camera_info"), ranges_->topic(), imus_->topic()};
+  worker_.post([settings](GroundWork& work) { work.configure(settings); });
+  ranges_->enable(config.height_source == "range");
+  imus_->enable(config.normal_source == "imu" || config.gyro);
+  sends_tf_ = config.publish_tf;
+  connectionsChanged();
+}
+
+void GroundMotionNodelet::advertise() {
+  const auto twists = outputs_.advertise<geometry_msgs::TwistWithCovarianceStamped>("twist", 10);
+  const auto odometry = outputs_.advertise<nav_msgs::Odometry>("odometry", 10);
+  addService<Trigger>("reset", service_queue_, [this](auto& /*request*/, auto& response) {
+    worker_.ask([](GroundWork& work) { work.reset(); });
+    response.message = "the odometry begins anew with the next frame";
+  });
+  addService<SetPose>("set_pose", service_queue_, [this](auto& request, auto& /*response*/) {
+    const Pose3 pose = poseOf(request.pose.pose);
+    const Covariance6 covariance = covarianceOf(request.pose);
+    worker_.ask([&](GroundWork& work) { work.setPose(pose, covariance); });
+  });
+  // While a match waits, tf may come without a message that is seen here.
+  poll_ = addTimer(data_queue_, 0.005, [this] {
+    if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
+  });
+  poll_.stop();
+  startWorker(std::make_unique<GroundWork>(tf_, diagnosis_, twists, odometry, is_waiting_),
+              [](GroundWork& work) { work.processComplete(); });
+}
+
+void GroundMotionNodelet::listeningChanged(bool listening) {
+  if (listening) {
+    poll_.start();
+    listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node(data_queue_), false);
+  } else {
+    poll_.stop();
+    listener_.reset();
+  }
 }
 
 }  // namespace ktgp_orb

@@ -11,8 +11,8 @@ namespace ktgp_orb {
 namespace {
 
 constexpr int kSecondsBetweenQuestions = 5;  // to the master, while nothing arrives
-const char* const kImage = "sensor_msgs/Image";
-const char* const kCompressed = "sensor_msgs/CompressedImage";
+const char* const kImageType = "sensor_msgs/Image";
+const char* const kCompressedType = "sensor_msgs/CompressedImage";
 
 /// Type of a published topic; empty if it has no publisher.
 std::string typeOf(const ros::master::V_TopicInfo& topics, const std::string& name) {
@@ -47,7 +47,7 @@ std::string noneOn(const std::string& what, const std::string& topic, const std:
 }
 
 InputWatch::InputWatch(std::string topic, std::string transport)
-    : InputWatch(std::move(topic), std::move(transport), kImage, "image") {}
+    : InputWatch(std::move(topic), std::move(transport), kImageType, "image") {}
 
 InputWatch::InputWatch(std::string topic, std::string transport, std::string type, std::string what)
     : topic_(std::move(topic)),
@@ -82,7 +82,7 @@ std::string InputWatch::tick(bool subscribed, std::uint64_t arrived, std::uint32
   if (!subscribed) return trouble_;
   return "no " + what_ + " on " + topic_ + " for " + std::to_string(silent_seconds_) + " s (" +
          std::to_string(publishers) + " publishers" +
-         (type_ == kImage ? ", transport " + transport_ : "") + ")" +
+         (type_ == kImageType ? ", transport " + transport_ : "") + ")" +
          (trouble_.empty() ? "" : ": " + trouble_);
 }
 
@@ -94,13 +94,13 @@ std::string InputWatch::askMaster() const {
   if (!type.empty()) {
     if (transport_ != "raw" || type == type_) return "";
     std::string problem = name + " is of type " + type + "; expected " + type_;
-    if (type == kCompressed && type_ == kImage) {
+    if (type == kCompressedType && type_ == kImageType) {
       problem += ", or the topic without its last part and that as image_transport";
     }
     return problem;
   }
   std::string problem = "no node publishes " + name + ": is the topic name right?";
-  if (type_ != kImage) return problem;
+  if (type_ != kImageType) return problem;
   for (const std::string other : {"raw", "compressed"}) {
     const std::string sibling = other == "raw" ? topic_ : topic_ + "/" + other;
     if (sibling == name || typeOf(topics, sibling).empty()) continue;
@@ -116,7 +116,7 @@ std::string InputWatch::mixture(std::uint32_t publishers) const {
   if (names.size() < 2) return "";
   std::string text = std::to_string(names.size()) + " nodes publish " + wanted() + " (";
   for (const std::string& name : names) text += (name == *names.begin() ? "" : ", ") + name;
-  return text + "): their " + what_ + (type_ == kImage ? "s are mixed" : " messages are mixed");
+  return text + "): their " + what_ + (type_ == kImageType ? "s are mixed" : " messages are mixed");
 }
 
 }  // namespace ktgp_orb

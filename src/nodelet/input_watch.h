@@ -25,6 +25,9 @@ class InputWatch {
   /// arrive.
   const std::string& trouble() const { return trouble_; }
 
+  /// For how long nothing has arrived while subscribed, s.
+  int silentSeconds() const { return subscribed_ ? silent_seconds_ : 0; }
+
   /// A message that several nodes publish the topic, with their names; empty if only one does.
   std::string mixture(std::uint32_t publishers) const;
 

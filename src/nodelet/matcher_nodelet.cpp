@@ -1,338 +1,275 @@
-#include "nodelet/matcher_nodelet.h"
-
+#include <image_transport/camera_common.h>
+#include <ktgp_orb/KtgpConfig.h>
+#include <ktgp_orb/MatchPair.h>
+#include <ktgp_orb/MatchStatus.h>
+#include <std_srvs/Trigger.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include <algorithm>
+#include <atomic>
+#include <boost/make_shared.hpp>
+#include <limits>
 #include <stdexcept>
-#include <utility>
 
-#include "messages/camera.h"
 #include "messages/image_conversion.h"
-#include "nodelet/parameters.h"
+#include "messages/rate_limiter.h"
+#include "nodelet/image_node.h"
+#include "nodelet/matcher_settings.h"
+#include "nodelet/matcher_work.h"
 
 namespace ktgp_orb {
 namespace {
 
-constexpr std::uint32_t kDataQueue = 10;  // messages queued for a slow subscriber
+using std_srvs::Trigger;
 
-// Drawn at least this often, even if newer images always wait.
-constexpr std::chrono::seconds kLongestWithoutOverlay{1};
+constexpr const char* kReferenceLost =
+    "the reference that ~set_reference took is lost, since the process that had it ended: call "
+    "~set_reference again, or ~reset";
 
-/// `later` - `earlier`, s. Accepts the stamps of any camera; ros::Duration throws beyond 68 years.
-double secondsBetween(const ros::Time& earlier, const ros::Time& later) {
-  const double seconds = static_cast<double>(later.sec) - static_cast<double>(earlier.sec);
-  return seconds + 1e-9 * (static_cast<double>(later.nsec) - static_cast<double>(earlier.nsec));
-}
-
-using Lock = std::lock_guard<std::mutex>;
-
-double latencySeconds(const ros::Time& stamp) {
-  const ros::Time now = ros::Time::now();
-  // A simulated clock that never started gives no latency.
-  return stamp.isZero() || now.isZero() ? 0.0 : secondsBetween(stamp, now);
-}
-
-MonitorLimits limitsFrom(const KtgpConfig& config) {
-  return {config.min_input_rate, config.max_drop_ratio, config.max_lost_ratio,
-          config.max_latency,    config.min_ok_ratio,   config.error_factor};
-}
+constexpr double kMinShare = 0.5;  // of frames with a homography; below it there is a warning
 
 }  // namespace
 
-MatcherNodelet::~MatcherNodelet() {
-  stop();
-}
+/// Images in, matches and homographies out. doc/topics.md describes topics and services.
+///
+/// MatcherSettings belongs to the settings queue, MatcherWork to the worker; they meet in the jobs.
+class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
+ public:
+  ~MatcherNodelet() override { stop(); }
 
-// Callbacks must end before anything else: destroying a dynamic_reconfigure server during a
-// callback crashes the manager.
-void MatcherNodelet::stop() {
-  for (CallbackThread* queue :
-       {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
-    queue->stop();
-  }
-  newest_.close();
-  if (worker_.joinable()) worker_.join();
-  for (ros::ServiceServer& service : services_) service.shutdown();
-  for (ros::WallTimer* timer : {&watch_timer_, &report_timer_, &file_timer_, &reset_timer_}) {
-    timer->stop();
-  }
-  mask_sub_.shutdown();
-  reference_sub_.shutdown();
-  reconfigure_server_.reset();
-  disconnect();
-  outputs_.shutdown();
-  diagnostics_.reset();
-}
+ private:
+  void start() override;
+  void advertise() override;
+  void advertiseServices();
+  std::string nodelet() const override { return "matcher"; }
+  std::string workName() const override { return "matcher"; }
+  std::string greeting() const override;
+  bool isWanted() const override { return !lazy_ || outputs_.haveSubscribers(); }
+  void listeningChanged(bool listening) override;
+  void beforeReport() override;
+  void configure(KtgpConfig& config) override;
+
+  void imageArrived(const sensor_msgs::ImageConstPtr& image);
+  void sendConfiguration();
+  template <typename Use>
+  void use(const std::string& what, const Use& use);
+  void lensArrived(const sensor_msgs::CameraInfo& info);
+  void rereadReference(bool at_once);
+  void matchPair(MatchPair::Request& request, MatchPair::Response& response);
+  void setReference();
+
+  static constexpr std::size_t kImage = 1;  // kinds of jobs
+  static constexpr std::size_t kConfiguration = 2;
+
+  // Set at the start
+  ImageInput* images_ = nullptr;
+  Input* camera_info_ = nullptr;
+  ros::Subscriber mask_;
+  ros::Subscriber reference_;
+
+  MatcherSettings settings_;          // used only in the settings queue
+  RateLimiter rate_limiter_;          // used only in the data queue
+  bool remembers_reference_ = false;  // used only in the slow queue
+
+  std::atomic<bool> lazy_{true};
+  std::atomic<double> max_rate_{0.0};  // Hz
+  std::atomic<bool> is_fixed_{false};  // the mode
+  MatcherFacts facts_;
+};
 
 void MatcherNodelet::start() {
-  node_ = getNodeHandle();
-  node_.setCallbackQueue(&queue_.callbacks);
-  image_node_ = getNodeHandle();
-  image_node_.setCallbackQueue(&image_queue_.callbacks);
-  private_node_ = getPrivateNodeHandle();
-  private_node_.setCallbackQueue(&queue_.callbacks);
-  openInput(node_, private_node_, 1);
-  checkParameters<KtgpConfig>(private_node_);
-  requireMode(private_node_);
-  completeRatioThreshold(private_node_);
-  monitor_.setTopic(image_topic_);
-  startReconfigure();
-  if (private_node_.deleteParam("reference_was_set") && config_.reference_mode == "fixed") {
-    reference_lost_ = true;
-    NODELET_WARN("%s", kReferenceLost);
-  }
-  matcher_ = std::make_unique<MessageMatcher>(configuration_);
-  worker_ = std::thread(&MatcherNodelet::work, this);
-  diagnostics_ = std::make_unique<diagnostic_updater::Updater>(node_, private_node_, getName());
-  diagnostics_->setHardwareID(image_topic_);
-  diagnostics_->add("input", &monitor_, &MatcherMonitor::reportInput);
-  diagnostics_->add("matcher", &monitor_, &MatcherMonitor::reportMatcher);
-  diagnostics_->add("latency", &monitor_, &MatcherMonitor::reportLatency);
-  connect([this] { advertise(); });
-  advertiseServices();
-  subscribeSideInputs();
-  startTimers();
-  for (CallbackThread* queue :
-       {&queue_, &image_queue_, &service_queue_, &slow_queue_, &pair_queue_}) {
-    queue->start();
-  }
-  connectionsChanged();  // also without a subscriber, if lazy is off
-  NODELET_INFO(
-      "matches images on %s (transport %s)%s", image_topic_.c_str(),
-      transport_hints_->getTransport().c_str(),
-      lazy_ ? (" while " + private_node_.getNamespace() + "/* has subscribers").c_str() : "");
-}
-
-// Wall time: these must continue while a bag with --clock is paused.
-void MatcherNodelet::startTimers() {
-  ros::NodeHandle slow_node = getNodeHandle();
-  slow_node.setCallbackQueue(&slow_queue_.callbacks);
-  watch_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
-                                           [this](const ros::WallTimerEvent&) { watchInput(); });
-  report_timer_ = slow_node.createWallTimer(ros::WallDuration(1.0),
-                                            [this](const ros::WallTimerEvent&) { report(); });
-  // In the queue of the parameters, which may read files, too.
-  file_timer_ = node_.createWallTimer(
-      ros::WallDuration(1.0), [this](const ros::WallTimerEvent&) { rereadReference(false); });
-  reset_timer_ = node_.createWallTimer(
-      ros::WallDuration(0.001), [this](const ros::WallTimerEvent&) { rereadReference(true); }, true,
-      false);
-}
-
-/// A topic with one message per frame, which `pick` selects; if it returns null, nothing is
-/// published.
-template <typename Message, typename Pick>
-void MatcherNodelet::advertiseOfFrames(const std::string& topic, const Pick& pick) {
-  const ros::Publisher publisher = outputs_.advertise<Message>(topic, kDataQueue);
-  frame_outputs_.emplace_back([publisher, pick](const FrameMessages& messages) {
-    if (publisher.getNumSubscribers() == 0) return;
-    if (const boost::shared_ptr<const Message> message = pick(messages)) publisher.publish(message);
+  images_ = &addImages(1, [this](const sensor_msgs::ImageConstPtr& image, std::uint32_t /*lost*/) {
+    imageArrived(image);
   });
+  camera_info_ = &addInput<sensor_msgs::CameraInfo>(
+      image_transport::getCameraInfoTopic(images_->topic()), "camera_info", 1, false,
+      [this](const sensor_msgs::CameraInfoConstPtr& info) { lensArrived(*info); },
+      &settings_queue_);
+  worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
+  worker_.setLimits(kConfiguration, {1, std::numeric_limits<std::size_t>::max()});
+  serveParameters();
+}
+
+std::string MatcherNodelet::greeting() const {
+  return "matches images on " + images_->topic() + " (transport " + images_->transport() + ")" +
+         (lazy_ ? " while " + getPrivateNodeHandle().getNamespace() + "/* has subscribers" : "");
 }
 
 void MatcherNodelet::advertise() {
-  using Frame = FrameMessages;
-  transport_ = std::make_unique<image_transport::ImageTransport>(image_node_);
-  outputs_.open(private_node_, [this] { connectionsChanged(); });
-  advertiseOfFrames<Correspondences>("correspondences",
-                                     [](const Frame& frame) { return frame.correspondences; });
-  advertiseOfFrames<HomographyStamped>("homography",
-                                       [](const Frame& frame) { return frame.homography; });
-  advertiseOfFrames<HomographyStamped>(
-      "accumulated_homography", [](const Frame& frame) { return frame.accumulated_homography; });
-  advertiseOfFrames<Match>("match", [](const Frame& frame) { return toMatch(frame); });
-  // The last one: it marks that all others were sent.
-  advertiseOfFrames<MatchStatistics>("statistics",
-                                     [](const Frame& frame) { return frame.statistics; });
-  // A slow subscriber should not lose data; of the pictures it needs only the newest.
-  overlay_pub_ = outputs_.advertiseImage("matches_image", 1);
+  auto work = std::make_unique<MatcherWork>(
+      settings_.configuration(), outputs_, diagnosis_, [this] { return worker_.has(kImage); },
+      facts_);
+  work->setCameraInfoTopic(camera_info_->topic());
+  startWorker(std::move(work));
+  advertiseServices();
+  ros::NodeHandle settings = privateNode(settings_queue_);
+  if (settings.deleteParam("reference_was_set") && is_fixed_) {
+    diagnosis_.setFault("lost reference", kReferenceLost);
+  }
+  mask_ = settings.subscribe<sensor_msgs::Image>(
+      "mask", 1, [this](const sensor_msgs::ImageConstPtr& image) {
+        use("the mask on " + mask_.getTopic(), [&] { settings_.setMask(image); });
+      });
+  reference_ = settings.subscribe<sensor_msgs::Image>(
+      "reference", 1, [this](const sensor_msgs::ImageConstPtr& image) {
+        use("the reference on " + reference_.getTopic(), [&] { settings_.setReference(image); });
+        if (!is_fixed_) {
+          NODELET_WARN("a reference arrived on %s; it is used when reference_mode is fixed",
+                       reference_.getTopic().c_str());
+        }
+      });
+  addTimer(settings_queue_, 1.0, [this] { rereadReference(false); });
 }
 
-void MatcherNodelet::startReconfigure() {
-  reconfigure_server_ =
-      std::make_unique<dynamic_reconfigure::Server<KtgpConfig>>(reconfigure_mutex_, private_node_);
-  reconfigure_server_->setCallback(
-      [this](KtgpConfig& config, std::uint32_t /*level*/) { reconfigured(config); });
-  if (!configured_) {
-    throw std::invalid_argument(
-        "the parameters of " + private_node_.getNamespace() + " cannot be used: " + refusal_ +
-        ". Set others, or remove them with 'rosparam delete " + private_node_.getNamespace() + "'");
-  }
+void MatcherNodelet::advertiseServices() {
+  addService<Trigger>("reset", service_queue_, [this](auto& /*request*/, auto& response) {
+    worker_.post([](MatcherWork& work) { work.reset(); });
+    diagnosis_.setFault("lost reference", "");
+    settings_queue_.post([this] { rereadReference(true); });
+    response.message = "every reference is forgotten";
+  });
+  addService<Trigger>("set_reference", service_queue_, [this](auto& /*request*/, auto& response) {
+    setReference();
+    response.message = "the next image becomes the fixed reference";
+  });
+  addService<Trigger>("pause", service_queue_, [this](auto& /*request*/, auto& response) {
+    paused_ = true;
+    worker_.clear(kImage);
+    diagnosis_.setPaused(true);
+    response.message = "images are ignored until resumed";
+  });
+  addService<Trigger>("resume", service_queue_, [this](auto& /*request*/, auto& response) {
+    paused_ = false;
+    diagnosis_.setPaused(false);
+    response.message = "images are matched again";
+  });
+  addService<MatchPair>("match_pair", long_queue_,
+                        [this](auto& request, auto& response) { matchPair(request, response); });
 }
 
-void MatcherNodelet::reconfigured(KtgpConfig& config) {
-  try {
-    const bool described_anew = !configured_ || config.descriptor != config_.descriptor;
-    if (configured_ && config.T_w == config_.T_w) {
-      config.T_w = followDescriptor(config.T_w, config_.descriptor, config.descriptor);
-    }
-    requireFinite(config);
-    configureFrom(config);
-    const std::string note = noteOnRatioThreshold(config.T_w, config.descriptor);
-    if (described_anew && !note.empty()) NODELET_WARN("%s", note.c_str());
-    const bool is_fixed_anew = !configured_ || config.reference_mode != config_.reference_mode;
-    const std::string on_fixed = noteOnFixed(parametersFrom(config));
-    if (is_fixed_anew && !on_fixed.empty()) NODELET_INFO("%s", on_fixed.c_str());
-    config_ = config;
-    configured_ = true;
-    monitor_.setParameterError("");
-  } catch (const std::exception& error) {  // NaN, which is not clamped; an unknown mode or file
-    if (!configured_) {
-      refusal_ = error.what();  // the caller would ignore an exception
-      return;
-    }
-    monitor_.setParameterError(error.what());
-    NODELET_ERROR("new parameters are refused, the old ones stay: %s", error.what());
-    config = config_;
-  }
+void MatcherNodelet::listeningChanged(bool listening) {
+  if (listening) return;
+  worker_.clear(kImage);
+  worker_.post([](MatcherWork& work) { work.forgetReference(); });
 }
 
-void MatcherNodelet::configureFrom(const KtgpConfig& config) {
-  Configuration wanted = configurationFrom(config, 0);
-  const bool are_rectified = pixelsFrom(config.calibration, image_topic_) == Pixels::rectified;
-  if (config.rectify && are_rectified) {
-    throw std::invalid_argument("rectify is on, but the images on " + image_topic_ +
-                                " are rectified already (see the parameter calibration)");
+void MatcherNodelet::imageArrived(const sensor_msgs::ImageConstPtr& image) {
+  if (paused_) return;
+  rate_limiter_.setRate(max_rate_);
+  const ros::Time& stamp = image->header.stamp;
+  if (!rate_limiter_.takes(stamp.isZero() ? ros::Time::now() : stamp)) {
+    diagnosis_.count(Diagnosis::kSkipped);
+    return;
   }
-  // The reference stays unless it changed: the file's content, or a reference from ~reference.
-  const bool same_image = configured_ && config.reference_image == config_.reference_image;
-  const FileState state = same_image ? file_state_ : FileState::of(config.reference_image);
-  const auto file =
-      same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
-  wanted.reference_image = same_image ? configuration_.reference_image : file;
-  const bool same_mask = configured_ && config.mask_image == config_.mask_image;
-  wanted.view.file_mask =
-      same_mask ? configuration_.view.file_mask : readMaskFile(config.mask_image);
-  wanted.view.sent_mask = configuration_.view.sent_mask;
-  wanted.view.lens = config.rectify ? lens_ : nullptr;
-  wanted.lens_problem = configuration_.lens_problem;
-  file_reference_ = file;  // nothing throws after this
-  file_state_ = file_seen_ = state;
-  monitor_.setLimits(limitsFrom(config));
+  diagnosis_.count(Diagnosis::kDropped, worker_.put<&MatcherWork::process>(kImage, 0, image));
+}
+
+void MatcherNodelet::configure(KtgpConfig& config) {
+  settings_.configure(config, images_->topic());
+  const std::string on_fixed = noteOnFixed(parametersFrom(config));
+  const bool is_anew = !isConfigured() || config.reference_mode != config_.reference_mode;
+  if (is_anew && !on_fixed.empty()) NODELET_INFO("%s", on_fixed.c_str());
+  diagnosis_.setMaxLatency(config.max_latency);
   max_rate_ = config.max_rate;
   lazy_ = config.lazy;
-  change([&](Configuration& configuration) {
-    wanted.number = configured_ ? configuration.number : 0;
-    configuration = wanted;
-  });
-  {
-    const Lock lock(connect_mutex_);
-    subscribeCameraInfo();
-  }
-  connectionsChanged();  // lazy may have changed
+  is_fixed_ = settings_.configuration().sequence.reference.mode == ReferenceMode::fixed;
+  camera_info_->enable(config.rectify);
+  sendConfiguration();
+  connectionsChanged();  // lazy and rectify may have changed
 }
 
-// Only this function writes configuration_, in the first queue: callbacks of this queue may read it
-// without a lock.
-void MatcherNodelet::change(const std::function<void(Configuration&)>& edit) {
-  Configuration configuration = configuration_;
-  edit(configuration);
-  if (configured_) ++configuration.number;
-  const Lock lock(state_mutex_);
-  configuration_ = configuration;
+/// Takes effect between two frames, as a whole. A newer one replaces one that waits.
+void MatcherNodelet::sendConfiguration() {
+  const ConfigurationConstPtr configuration =
+      boost::make_shared<Configuration>(settings_.configuration());
+  worker_.put<&MatcherWork::configure>(kConfiguration, 0, configuration);
 }
 
-bool MatcherNodelet::isWanted() const {
-  return !lazy_ || outputs_.haveSubscribers();
-}
-
-void MatcherNodelet::work() {
-  while (const auto arrival = newest_.take()) {
-    try {
-      applyRequests(arrival->number);
-      processImage(arrival->image);
-      publishOverlay();
-    } catch (const RefusedImage& error) {
-      refuse(error.what());
-    } catch (const std::exception& error) {  // out of memory, for example: the next frame may work
-      refuse(std::string("frame lost: ") + error.what());
-    }
+template <typename Use>
+void MatcherNodelet::use(const std::string& what, const Use& use) {
+  try {
+    use();
+    sendConfiguration();
+  } catch (const std::exception& error) {
+    NODELET_ERROR("%s is refused, the old one stays: %s", what.c_str(),
+                  util::printable(error.what(), 600).c_str());
   }
 }
 
-void MatcherNodelet::applyRequests(std::uint64_t arrival) {
-  std::optional<Configuration> configuration;
-  Requests requests;
-  {
-    const Lock lock(state_mutex_);
-    if (configuration_.number != matcher_->configuration().number) configuration = configuration_;
-    std::swap(requests, requests_);
-    // An image from before the call does not count.
-    if (requests.fix_reference_after && arrival <= *requests.fix_reference_after) {
-      std::swap(requests.fix_reference_after, requests_.fix_reference_after);
-    }
+void MatcherNodelet::lensArrived(const sensor_msgs::CameraInfo& info) {
+  std::string problem;
+  const std::string before = settings_.configuration().lens_problem;
+  if (!settings_.setLens(info, problem)) return;
+  if (!problem.empty() && problem != before) {
+    NODELET_WARN("%s cannot be used: %s", camera_info_->topic().c_str(), problem.c_str());
   }
-  if (configuration) matcher_->configure(*configuration);
-  if (requests.forget_reference) matcher_->forgetReference();
-  if (requests.reset) matcher_->reset();
-  if (requests.fix_reference_after) {
-    matcher_->fixNextFrame();
-    reference_lost_ = false;
+  sendConfiguration();
+}
+
+// Once a second: the reference file may have changed.
+void MatcherNodelet::rereadReference(bool at_once) {
+  try {
+    if (!settings_.rereadReference(at_once)) return;
+    sendConfiguration();
+    diagnosis_.setFault("parameters", "");
+    NODELET_INFO("reference_image %s has changed and was read again",
+                 settings_.referenceFile().c_str());
+  } catch (const std::exception& error) {
+    refuseParameters(error.what());
   }
 }
 
-void MatcherNodelet::processImage(const sensor_msgs::ImageConstPtr& image) {
-  FrameMessages messages = matcher_->process(image);
-  holds_set_reference_ = matcher_->holdsSetReference();
-  MatchStatistics& statistics = *messages.statistics;
-  const double latency = latencySeconds(statistics.header.stamp);
-  statistics.latency_milliseconds = 1e3 * latency;
-  statistics.dropped_frames = monitor_.dropped();
-  statistics.lost_frames = monitor_.lost();
-  statistics.skipped_frames = monitor_.skipped();
-  statistics.refused_frames = monitor_.refused();
-  monitor_.frameMatched(static_cast<Status>(statistics.status),
-                        static_cast<NoReference>(statistics.reason), messages.homography->inliers,
-                        latency);
-  publish(messages);
-  warnOfRawPoints(messages);
+// A frame that ~set_reference took is lost when the process ends. The master stores that there was
+// one, so that the next process can report it.
+void MatcherNodelet::beforeReport() {
+  ros::NodeHandle node = privateNode(slow_queue_);
+  const bool holds = facts_.holds_set_reference;
+  if (holds && !remembers_reference_) node.setParam("reference_was_set", true);
+  if (!holds && remembers_reference_) node.deleteParam("reference_was_set");
+  remembers_reference_ = holds;
+
+  const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
+  const auto found = static_cast<double>(diagnosis_.recent("homographies"));
+  const bool is_rare = frames > 0.0 && found < kMinShare * frames;
+  diagnosis_.setProblem(
+      "homographies",
+      !is_rare ? ""
+               : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
+                     toString(facts_.last_failure),
+      false);
+  diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
+  diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));
 }
 
-void MatcherNodelet::warnOfRawPoints(const FrameMessages& messages) {
-  const bool raw = matcher_->configuration().rectify && !messages.homography->rectified;
-  if (!raw) {
-    said_raw_points_.clear();
-    monitor_.setLensProblem("");
-    return;
+void MatcherNodelet::setReference() {
+  if (!is_fixed_) throw std::runtime_error("reference_mode is not fixed; set it first");
+  if (paused_) throw std::runtime_error("paused: images are ignored; call resume first");
+  if (!isListening()) {
+    throw std::runtime_error("idle: no image is received, since no output has a subscriber");
   }
-  const std::string reason = whyNoLens();
-  const std::string problem =
-      "rectify is on, but points are in raw pixels: no camera_info of a "
-      "calibrated camera and of this image size on " +
-      camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
-  monitor_.setLensProblem(problem);
-  if (problem != said_raw_points_) NODELET_WARN("%s", problem.c_str());
-  said_raw_points_ = problem;
+  worker_.post([](MatcherWork& work) { work.fixNextFrame(); });
+  diagnosis_.setFault("lost reference", "");
 }
 
-std::string MatcherNodelet::whyNoLens() const {
-  const Configuration& configuration = matcher_->configuration();
-  if (!configuration.view.lens) return configuration.lens_problem;
-  const cv::Size size = configuration.view.lens->calibration().image_size;
-  return "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
-}
-
-void MatcherNodelet::publish(const FrameMessages& messages) {
-  for (const auto& publish : frame_outputs_) publish(messages);
-}
-
-// After the data, which must not wait for the picture.
-void MatcherNodelet::publishOverlay() {
-  if (!matcher_->configuration().overlay || overlay_pub_.getNumSubscribers() == 0) return;
-  const auto start = std::chrono::steady_clock::now();
-  if (newest_.waiting() && start - last_overlay_ < kLongestWithoutOverlay) {
-    monitor_.overlaySkipped();
-    return;
+void MatcherNodelet::matchPair(MatchPair::Request& request, MatchPair::Response& response) {
+  response.homography.status = response.statistics.status = MatchStatus::STATUS_NO_REFERENCE;
+  requireSmall("reference", request.reference);
+  requireSmall("target", request.target);
+  Configuration configuration = worker_.ask([](MatcherWork& work) { return work.configuration(); });
+  configuration.sequence.reference.mode = ReferenceMode::fixed;
+  configuration.view = {};  // of the camera; the two images may come from elsewhere
+  configuration.reference_image = boost::make_shared<sensor_msgs::Image>(request.reference);
+  const char* image = "reference: ";  // of an error that does not name the image
+  try {
+    MessageMatcher matcher(configuration);
+    image = "target: ";
+    const FrameMessages messages =
+        toMessages(matcher.process(boost::make_shared<sensor_msgs::Image>(request.target)));
+    response.correspondences = *messages.correspondences;
+    response.homography = *messages.homography;
+    response.statistics = *messages.statistics;
+  } catch (const std::exception& error) {
+    throw std::runtime_error(std::string(image) + error.what());
   }
-  last_overlay_ = start;
-  overlay_pub_.publish(matcher_->overlay());
-  monitor_.overlayDrawn(
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count());
-}
-
-void MatcherNodelet::refuse(const std::string& reason) {
-  monitor_.imageRefused(reason);
-  sayRefused(reason);
 }
 
 }  // namespace ktgp_orb

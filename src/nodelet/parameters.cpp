@@ -1,14 +1,15 @@
 #include "nodelet/parameters.h"
 
-#include <boost/any.hpp>
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 
-#include "messages/configuration.h"
-
 namespace ktgp_orb {
 namespace {
+
+using Kind = ParameterInfo::Kind;
 
 // Private parameters that are not dynamic: those read by image_transport, those read once at start,
 // and those that the matcher stores across a restart.
@@ -29,73 +30,95 @@ const char* const kStaticParameters[] = {"image_transport", "queue_size", "refer
          "a whole number: write " + digits.str());
 }
 
-}  // namespace
+/// YAML 1.1 takes 1e3 for a text.
+[[noreturn]] void refuseText(const std::string& parameter, const std::string& text, Kind kind) {
+  char* end = nullptr;
+  const double number = std::strtod(text.c_str(), &end);
+  const bool is_number = !text.empty() && *end == '\0' && std::isfinite(number);
+  const std::string value = "the text '" + text + "'";
+  if (kind == Kind::boolean) refuse(parameter, value, "true or false, without quotes");
+  if (!is_number) refuse(parameter, value, "a number, without quotes");
+  std::ostringstream plain;
+  plain.precision(15);
+  plain << std::fixed << number;
+  std::string digits = plain.str();
+  digits.erase(digits.find_last_not_of('0') + 1);
+  if (digits.back() == '.') digits.pop_back();
+  refuse(parameter, value, "a number: without quotes, and as " + digits);
+}
 
-void requireInRange(const std::string& parameter, XmlRpc::XmlRpcValue value, const boost::any& low,
-                    const boost::any& high) {
+void requireUsableValue(const ParameterInfo& info, const std::string& name,
+                        XmlRpc::XmlRpcValue value) {
   std::ostringstream given;
   value.write(given);
-  const bool is_text = value.getType() == XmlRpc::XmlRpcValue::TypeString;
-  if (is_text && low.type() != typeid(std::string)) {
-    const std::string text = "the text '" + given.str() + "'";
-    if (low.type() == typeid(bool)) refuse(parameter, text, "true or false, without quotes");
-    const bool has_exponent =
-        given.str().find_first_of("eE") != std::string::npos &&
-        given.str().find_first_not_of("0123456789.eE+-") == std::string::npos;
-    if (!has_exponent) refuse(parameter, text, "a number, without quotes");
-    refuse(parameter, text,
-           "a number without quotes, and without an exponent: YAML takes 1e3 for a text");
-  }
-  const auto check = [&](double number, double lowest, double highest) {
-    if (number >= lowest && number <= highest) return;
-    std::ostringstream range;
-    range << "a value in [" << lowest << ", " << highest << "]";
-    refuse(parameter, given.str(), range.str());
-  };
-  const bool is_int = value.getType() == XmlRpc::XmlRpcValue::TypeInt;
-  if (low.type() == typeid(double)) {
-    if (!is_int && value.getType() != XmlRpc::XmlRpcValue::TypeDouble) {
-      refuse(parameter, given.str(), "a number");
-    }
-    const double number = is_int ? static_cast<int>(value) : static_cast<double>(value);
-    check(number, boost::any_cast<double>(low), boost::any_cast<double>(high));
-  } else if (low.type() == typeid(int)) {
-    if (value.getType() == XmlRpc::XmlRpcValue::TypeDouble) refusePoint(parameter, value);
-    if (!is_int) refuse(parameter, given.str(), "a whole number");
-    check(static_cast<int>(value), boost::any_cast<int>(low), boost::any_cast<int>(high));
-  } else if (low.type() == typeid(bool)) {
-    if (value.getType() != XmlRpc::XmlRpcValue::TypeBoolean) {
-      refuse(parameter, given.str(), "true or false");
-    }
-  } else if (value.getType() != XmlRpc::XmlRpcValue::TypeString) {
-    refuse(parameter, given.str(), "a string");
+  const auto type = value.getType();
+  const bool is_int = type == XmlRpc::XmlRpcValue::TypeInt;
+  const bool is_double = type == XmlRpc::XmlRpcValue::TypeDouble;
+  const bool is_text = type == XmlRpc::XmlRpcValue::TypeString;
+  if (is_text && info.kind != Kind::text) refuseText(name, value, info.kind);
+  switch (info.kind) {
+    case Kind::boolean:
+      if (type != XmlRpc::XmlRpcValue::TypeBoolean) refuse(name, given.str(), info.expected());
+      return;
+    case Kind::whole:
+      if (is_double) refusePoint(name, value);
+      if (!is_int) refuse(name, given.str(), info.expected());
+      return requireValid(info, "parameter " + name, static_cast<int>(value));
+    case Kind::number:
+      if (!is_int && !is_double) refuse(name, given.str(), info.expected());
+      return requireValid(info, "parameter " + name,
+                          is_int ? static_cast<int>(value) : static_cast<double>(value));
+    case Kind::text:
+      if (!is_text) refuse(name, given.str(), info.expected());
+      return requireValid(info, "parameter " + name, static_cast<std::string>(value));
   }
 }
 
-void requireMode(const ros::NodeHandle& node) {
-  std::string mode;
-  if (node.getParam("reference_mode", mode)) referenceModeFrom(mode);
+}  // namespace
+
+void requireUsable(const ros::NodeHandle& node, const std::string& nodelet) {
+  const std::string removed = removedParameter(node, nodelet);
+  if (!removed.empty()) throw std::invalid_argument(removed);
+  for (const ParameterInfo& info : parametersOf(nodelet)) {
+    XmlRpc::XmlRpcValue value;
+    if (node.getParam(info.name, value)) {
+      requireUsableValue(info, node.resolveName(info.name), value);
+    }
+  }
 }
 
-void completeRatioThreshold(const ros::NodeHandle& node) {
-  const Parameters usual;
-  std::string descriptor;
-  if (node.hasParam("T_w") || !node.getParam("descriptor", descriptor)) return;
-  node.setParam("T_w", followDescriptor(usual.T_w, usual.descriptor, descriptor));
+std::string removedParameter(const ros::NodeHandle& node, const std::string& nodelet) {
+  for (const std::string& name : unknownParameters(node, nodelet)) {
+    const std::string reason = whyRemoved(nodelet, name.substr(name.rfind('/') + 1));
+    if (!reason.empty()) return "parameter " + name + " is of an earlier version: " + reason;
+  }
+  return "";
+}
+
+void requireValue(const ParameterInfo& info, const boost::any& value) {
+  const std::string name = "parameter " + info.name;
+  if (const auto* number = boost::any_cast<double>(&value)) requireValid(info, name, *number);
+  if (const auto* text = boost::any_cast<std::string>(&value)) requireValid(info, name, *text);
 }
 
 std::vector<std::string> unknownParameters(const ros::NodeHandle& node,
-                                           std::set<std::string> known) {
-  known.insert(std::begin(kStaticParameters), std::end(kStaticParameters));
+                                           const std::string& nodelet) {
   const std::string prefix = node.getNamespace() + "/";
+  const std::vector<ParameterInfo>& known = parametersOf(nodelet);
   std::vector<std::string> all;
   std::vector<std::string> unknown;
   node.getParamNames(all);
   for (const std::string& name : all) {
     if (name.compare(0, prefix.size(), prefix) != 0) continue;
     const std::string own = name.substr(prefix.size());
+    const auto is_own = [&own](const auto& other) { return other == own; };
     // Plugins have their own parameters below a topic, such as matches_image/compressed.
-    if (own.find('/') == std::string::npos && known.count(own) == 0) unknown.push_back(name);
+    const bool is_known =
+        own.find('/') != std::string::npos ||
+        std::any_of(std::begin(kStaticParameters), std::end(kStaticParameters), is_own) ||
+        std::any_of(known.begin(), known.end(),
+                    [&own](const ParameterInfo& info) { return info.name == own; });
+    if (!is_known) unknown.push_back(name);
   }
   return unknown;
 }

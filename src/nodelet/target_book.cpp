@@ -27,6 +27,7 @@ fs::path folderOf(const std::string& list) {
 Target targetOf(const SetTarget::Request& request) {
   Target target{request.id, {}, request.width, request.frame};
   for (const sensor_msgs::Image& image : request.images) {
+    requireSmall("an image of the target", image);
     target.images.push_back(greyImage(boost::make_shared<sensor_msgs::Image>(image)).clone());
   }
   return target;
@@ -88,16 +89,25 @@ std::vector<TargetEntry> TargetBook::Lists::takeOut(const std::string& id) {
   return taken;
 }
 
-std::string TargetBook::loadNext() {
+void TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
-  const std::vector<std::string> refused = addTargets({entry}, finder_);
-  (refused.empty() ? lists_.used : lists_.refused).push_back(entry);
-  return refused.empty() ? "" : refused.front();
+  try {
+    user_.add(readTarget(entry));
+    lists_.used.push_back(entry);
+  } catch (const std::exception& error) {
+    lists_.refused.push_back(entry);
+    reasons_[entry.id] = error.what();
+  }
 }
 
-std::string TargetBook::whereKept() const {
-  return file_.empty() ? "" : "; it stays in " + file_;
+std::string TargetBook::refusal() const {
+  if (lists_.refused.empty()) return "";
+  const std::size_t count = lists_.refused.size();
+  const std::string& last = lists_.refused.back().id;
+  return (count == 1 ? "a target is refused: "
+                     : std::to_string(count) + " targets are refused, the last one: ") +
+         reasons_.at(last) + (file_.empty() ? "" : "; it stays in " + file_);
 }
 
 bool TargetBook::hasFrames() const {
@@ -110,15 +120,15 @@ void TargetBook::add(const SetTarget::Request& request) {
     throw std::invalid_argument("target " + util::quoted(request.id) +
                                 " exists already, and is still to be read; expected a new id");
   }
-  set(request, [&](const Target& target) { finder_.add(target); });
+  set(request, user_.add);
 }
 
 /// A target that is still to be read, or was refused, is replaced, too.
 void TargetBook::replace(const SetTarget::Request& request) {
-  const bool is_unused = !finder_.knows(request.id) && (areThere(lists_.waiting, request.id) ||
-                                                        areThere(lists_.refused, request.id));
-  set(request,
-      [&](const Target& target) { is_unused ? finder_.add(target) : finder_.replace(target); });
+  const bool is_unused =
+      !areThere(lists_.used, request.id) &&
+      (areThere(lists_.waiting, request.id) || areThere(lists_.refused, request.id));
+  set(request, is_unused ? user_.add : user_.replace);
 }
 
 /// Writes the files first: if the disk is full, nothing has changed.
@@ -147,7 +157,7 @@ void TargetBook::remove(const std::string& id) {
   if (removed.empty())
     throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
   const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
-  finder_.remove(id);
+  user_.remove(id);
   if (list) list->commit();
   lists_ = std::move(next);
   deleteImages(removed);

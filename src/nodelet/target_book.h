@@ -4,8 +4,10 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "files/output_file.h"
@@ -14,11 +16,18 @@
 
 namespace ktgp_orb {
 
+/// Where a TargetBook puts its targets. The functions throw as those of TargetFinder do.
+struct TargetUser {
+  std::function<void(const Target&)> add;
+  std::function<void(const Target&)> replace;
+  std::function<void(const std::string& id)> remove;
+};
+
 /// The targets of the nodelet: from a folder or a list, and from services; kept in a file. Not for
 /// several threads.
 class TargetBook {
  public:
-  explicit TargetBook(TargetFinder& finder) : finder_(finder) {}
+  explicit TargetBook(TargetUser user) : user_(std::move(user)) {}
   ~TargetBook();
   TargetBook(const TargetBook&) = delete;
   TargetBook& operator=(const TargetBook&) = delete;
@@ -30,11 +39,10 @@ class TargetBook {
   void open(const std::string& targets, const std::string& file);
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
-  /// Returns why the target was refused, or an empty text. A refused one stays in the kept list.
-  std::string loadNext();
-  /// The end of a message about a refused target: that it stays in the kept list; empty without a
-  /// list.
-  std::string whereKept() const;
+  /// Reads the next target of the list and adds it.
+  void loadNext();
+  /// How many targets of the list are refused, and the reason for one of them; empty: none is.
+  std::string refusal() const;
 
   /// Whether one of the targets has a frame for tf.
   bool hasFrames() const;
@@ -48,8 +56,8 @@ class TargetBook {
  private:
   struct Lists {
     std::vector<TargetEntry> used;
-    std::vector<TargetEntry> refused;
-    std::deque<TargetEntry> waiting;  // to be read
+    std::vector<TargetEntry> refused;  // they stay in the kept list
+    std::deque<TargetEntry> waiting;   // to be read
 
     /// Those with this id, which are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);
@@ -63,10 +71,11 @@ class TargetBook {
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
 
-  TargetFinder& finder_;
+  TargetUser user_;
   std::string file_;
   int lock_ = -1;  // the folder of the images, open
   Lists lists_;
+  std::map<std::string, std::string> reasons_;  // of refused targets, by id
 };
 
 }  // namespace ktgp_orb

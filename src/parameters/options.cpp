@@ -1,6 +1,5 @@
 #include "parameters/options.h"
 
-#include <sstream>
 #include <stdexcept>
 #include <tuple>
 
@@ -20,7 +19,6 @@ OrbOptions orbOptions(const Parameters& p) {
   orb.descriptor = descriptorFrom(p.descriptor);
   orb.distribution =
       p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
-  orb.keypoints_per_cell = p.keypoints_per_cell;
   orb.threads = p.threads;
   return orb;
 }
@@ -35,19 +33,12 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.gms.threshold = p.T_G;
   matcher.gms.rotation = p.gms_rotation;
   matcher.gms.scale = p.gms_scale;
-  matcher.gms.grid_columns = p.gms_columns;
-  matcher.gms.grid_rows = p.gms_rows;
+  matcher.gms.grid_columns = matcher.gms.grid_rows = p.gms_grid;
   matcher.prosac.max_error = p.prosac_threshold;
-  matcher.prosac.max_iterations = p.prosac_iterations;
-  matcher.prosac.confidence = p.prosac_confidence;
-  matcher.prosac.seed = static_cast<std::uint64_t>(p.prosac_seed);
   matcher.growth.enabled = p.growth;
-  matcher.growth.seeds = p.growth_seeds;
   matcher.growth.views = p.views;
   matcher.guided.enabled = p.guided;
-  matcher.guided.radius = p.guided_radius;
   matcher.alignment.enabled = p.alignment;
-  matcher.alignment.points = p.alignment_points;
   return matcher;
 }
 
@@ -69,8 +60,10 @@ std::string noteOnFixed(const Parameters& parameters) {
          "preset robust with views 13, features 5000 and distribution uniform";
 }
 
-PipelineOptions pipelineOptions(const Parameters& parameters) {
-  requireValid(parameters);
+PipelineOptions pipelineOptions(const Parameters& given) {
+  requireValid(given);
+  Parameters parameters = given;
+  if (given.T_w == 0.0) parameters.T_w = ratioThreshold(descriptorFrom(given.descriptor));
   return {orbOptions(parameters), matcherOptions(parameters), parameters};
 }
 
@@ -90,26 +83,7 @@ SequenceOptions sequenceOptions(const Parameters& given) {
   sequence.matcher = pipeline.matcher;
   sequence.reference.mode = referenceModeFrom(parameters.reference_mode);
   sequence.reference.max_age = parameters.max_reference_age;
-  sequence.reference.min_overlap = parameters.keyframe_min_overlap;
-  sequence.reference.min_inliers = parameters.keyframe_min_inliers;
   return sequence;
-}
-
-double followDescriptor(double threshold, const std::string& from, const std::string& to) {
-  return threshold == ratioThreshold(descriptorFrom(from)) ? ratioThreshold(descriptorFrom(to))
-                                                           : threshold;
-}
-
-std::string noteOnRatioThreshold(double threshold, const std::string& descriptor) {
-  const DescriptorKind kind = descriptorFrom(descriptor);
-  for (const DescriptorKind other : {DescriptorKind::orb, DescriptorKind::teblid}) {
-    if (other == kind || threshold != ratioThreshold(other)) continue;
-    std::ostringstream note;
-    note << "T_w is " << threshold << ", the value for " << toString(other) << " descriptors; for "
-         << toString(kind) << " " << ratioThreshold(kind) << " is better (doc/tuning.md)";
-    return note.str();
-  }
-  return {};
 }
 
 OverlayStyle overlayStyleFrom(const Parameters& parameters) {

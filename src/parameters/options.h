@@ -12,7 +12,7 @@ namespace ktgp_orb {
 struct PipelineOptions {
   OrbOptions orb;
   MatcherOptions matcher;
-  Parameters parameters{};  ///< the source of the other two
+  Parameters parameters{};  ///< the source of the other two; T_w is never 0
 };
 
 /// The parameters in the core's types. Throws std::invalid_argument with the parameter's name for
@@ -28,14 +28,6 @@ SequenceOptions sequenceOptions(const Parameters& parameters);
 /// empty.
 bool choosesForFixed(const Parameters& parameters);
 std::string noteOnFixed(const Parameters& parameters);
-
-/// The new value of `threshold` (T_w) when the descriptor changes and T_w is not set: the default
-/// of the new kind (see ratioThreshold) if it was the default of the old kind; otherwise unchanged.
-double followDescriptor(double threshold, const std::string& from, const std::string& to);
-
-/// A message for the user if `threshold` (T_w) is the default of another kind than `descriptor`;
-/// else empty.
-std::string noteOnRatioThreshold(double threshold, const std::string& descriptor);
 
 /// The overlay_style; the reference mode decides "auto": views of a fixed reference move too far
 /// for strokes. Throws std::invalid_argument for an unknown style.

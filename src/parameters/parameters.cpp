@@ -21,42 +21,76 @@ std::vector<std::string> namesOfChoices(const std::string& choices) {
   return names;
 }
 
-std::vector<ParameterRow> readTable() {
-  std::vector<ParameterRow> rows;
-  std::string group;
 #define KTGP_GROUP(name) group = #name;
-#define KTGP_BOOL(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
-#define KTGP_INT(name, value, low, high, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(low, high)});
-#define KTGP_DOUBLE(name, value, low, high, unit, text) \
-  rows.push_back({group, #name, &Parameters::name, text, unit, Limits(low, high)});
-#define KTGP_STRING(name, value, text) rows.push_back({group, #name, &Parameters::name, text});
-#define KTGP_CHOICE(name, value, text, choices) \
-  rows.push_back({group, #name, &Parameters::name, text, "", {}, namesOfChoices(choices)});
+#define KTGP_BOOL(name, value, about) rows.push_back({group, #name, Kind::boolean, about});
+#define KTGP_INT(name, value, low, high, unit, about) \
+  rows.push_back({group, #name, Kind::whole, about, unit, Limits(low, high)});
+#define KTGP_DOUBLE(name, value, low, high, unit, about) \
+  rows.push_back({group, #name, Kind::number, about, unit, Limits(low, high)});
+#define KTGP_STRING(name, value, about) rows.push_back({group, #name, Kind::text, about});
+#define KTGP_CHOICE(name, value, about, choices) \
+  rows.push_back({group, #name, Kind::text, about, "", {}, namesOfChoices(choices)});
+
+using Kind = ParameterInfo::Kind;
+using Table = std::vector<ParameterInfo>;
+
+std::map<std::string, Table> readTables() {
+  std::map<std::string, Table> tables;
+  std::string group;
+  {
+    Table& rows = tables["matcher"];
+#include "parameters/table.def"
+  }
+  {
+    Table& rows = tables["mosaic"];
+#include "parameters/mosaic.def"
+  }
+  {
+    Table& rows = tables["stabilizer"];
+#include "parameters/stabilizer.def"
+  }
+  {
+    Table& rows = tables["targets"];
+#include "parameters/targets.def"
+  }
+  {
+    Table& rows = tables["ground_motion"];
+#include "parameters/ground_motion.def"
+  }
+#include "parameters/table_end.def"
+  return tables;
+}
+
+std::vector<ParameterRow> readRows() {
+  std::vector<ParameterRow::Field> fields;
+#define KTGP_GROUP(name)
+#define KTGP_BOOL(name, value, text) fields.emplace_back(&Parameters::name);
+#define KTGP_INT(name, value, low, high, unit, text) fields.emplace_back(&Parameters::name);
+#define KTGP_DOUBLE(name, value, low, high, unit, text) fields.emplace_back(&Parameters::name);
+#define KTGP_STRING(name, value, text) fields.emplace_back(&Parameters::name);
+#define KTGP_CHOICE(name, value, text, choices) fields.emplace_back(&Parameters::name);
 #include "parameters/table.def"
 #include "parameters/table_end.def"
+  std::vector<ParameterRow> rows;
+  for (const ParameterInfo& info : parametersOf("matcher")) {
+    rows.push_back({info, fields[rows.size()]});
+  }
   return rows;
 }
 
-using Ranges = std::map<std::string, Limits>;
+struct Removed {
+  std::string nodelet;
+  std::string name;
+  std::string reason;
+};
 
-Ranges readRanges(const std::string& nodelet) {
-  Ranges ranges;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text)
-#define KTGP_INT(name, value, low, high, unit, text) ranges.emplace(#name, Limits(low, high));
-#define KTGP_DOUBLE(name, value, low, high, unit, text) ranges.emplace(#name, Limits(low, high));
-#define KTGP_STRING(name, value, text)
-#define KTGP_CHOICE(name, value, text, choices)
-  if (nodelet == "stabilizer") {
-#include "parameters/stabilizer.def"
-  } else if (nodelet == "ground_motion") {
-#include "parameters/ground_motion.def"
-  } else {
-#include "parameters/mosaic.def"
-  }
-#include "parameters/table_end.def"
-  return ranges;
+const std::vector<Removed>& removed() {
+  static const std::vector<Removed> all{
+#define KTGP_REMOVED(nodelet, name, reason) {#nodelet, #name, reason},
+#include "parameters/removed.def"
+#undef KTGP_REMOVED
+  };
+  return all;
 }
 
 std::string joined(const std::vector<std::string>& choices) {
@@ -65,17 +99,10 @@ std::string joined(const std::vector<std::string>& choices) {
   return list;
 }
 
-[[noreturn]] void refuse(const ParameterRow& row, const std::string& value,
-                         const std::string& expected) {
-  throw std::invalid_argument(row.name + " is " + (value.empty() ? "empty" : value) +
-                              "; expected " + expected);
-}
-
-std::string expected(const ParameterRow& row) {
-  if (std::holds_alternative<bool Parameters::*>(row.field)) return "true or false";
-  if (!row.choices.empty()) return joined(row.choices);
-  const bool whole = std::holds_alternative<int Parameters::*>(row.field);
-  return (whole ? "a whole number in " : "a number in ") + row.limits.text();
+[[noreturn]] void refuse(const ParameterInfo& info, const std::string& name,
+                         const std::string& value) {
+  throw std::invalid_argument(name + " is " + (value.empty() ? "empty" : value) + "; expected " +
+                              info.expected());
 }
 
 /// The whole text as a number, in any locale; false if it is not a number.
@@ -123,18 +150,10 @@ std::string textOf(double value) {
   return out.str();
 }
 
-bool isValid(const ParameterRow& /*row*/, bool /*value*/) {
-  return true;
-}
-bool isValid(const ParameterRow& row, int value) {
-  return row.limits.contains(value);
-}
-bool isValid(const ParameterRow& row, double value) {
-  return row.limits.contains(value);
-}
-bool isValid(const ParameterRow& row, const std::string& value) {
-  const auto& choices = row.choices;
-  return choices.empty() || std::find(choices.begin(), choices.end(), value) != choices.end();
+void require(const ParameterInfo& /*info*/, bool /*value*/) {}
+template <typename Value>
+void require(const ParameterInfo& info, const Value& value) {
+  requireValid(info, info.name, value);
 }
 
 }  // namespace
@@ -147,7 +166,7 @@ bool Limits::contains(double value) const {
 }
 
 const std::vector<ParameterRow>& parameterRows() {
-  static const std::vector<ParameterRow> rows = readTable();
+  static const std::vector<ParameterRow> rows = readRows();
   return rows;
 }
 
@@ -158,15 +177,57 @@ const ParameterRow* findParameter(const std::string& name) {
   return nullptr;
 }
 
+std::string ParameterInfo::expected() const {
+  if (kind == Kind::boolean) return "true or false";
+  if (kind == Kind::text) return choices.empty() ? "a text" : joined(choices);
+  return (kind == Kind::whole ? "a whole number in " : "a number in ") + limits.text();
+}
+
+const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet) {
+  static const std::map<std::string, Table> tables = readTables();
+  const auto found = tables.find(nodelet);
+  if (found != tables.end()) return found->second;
+  throw std::invalid_argument("there is no nodelet " + nodelet + " with parameters");
+}
+
 Limits limitsOf(const std::string& nodelet, const std::string& name) {
-  return readRanges(nodelet).at(name);
+  for (const ParameterInfo& info : parametersOf(nodelet)) {
+    if (info.name == name && info.kind != Kind::text) return info.limits;
+  }
+  throw std::invalid_argument("the nodelet " + nodelet + " has no number " + name);
+}
+
+std::string whyRemoved(const std::string& nodelet, const std::string& name) {
+  for (const Removed& one : removed()) {
+    if (one.nodelet == nodelet && one.name == name) return one.reason;
+  }
+  return "";
+}
+
+std::vector<std::string> removedParameters(const std::string& nodelet) {
+  std::vector<std::string> names;
+  for (const Removed& one : removed()) {
+    if (one.nodelet == nodelet) names.push_back(one.name);
+  }
+  return names;
+}
+
+void requireValid(const ParameterInfo& info, const std::string& name, double value) {
+  if (!info.limits.contains(value)) refuse(info, name, textOf(value));
+}
+
+void requireValid(const ParameterInfo& info, const std::string& name, const std::string& value) {
+  const auto& choices = info.choices;
+  if (choices.empty() || std::find(choices.begin(), choices.end(), value) != choices.end()) return;
+  refuse(info, name, value);
 }
 
 void setParameter(const ParameterRow& row, const std::string& text, Parameters& parameters) {
   std::visit(
       [&](auto field) {
         auto value = parameters.*field;
-        if (!parse(text, value) || !isValid(row, value)) refuse(row, text, expected(row));
+        if (!parse(text, value)) refuse(row, row.name, text);
+        require(row, value);
         parameters.*field = value;
       },
       row.field);
@@ -178,12 +239,7 @@ std::string valueText(const ParameterRow& row, const Parameters& parameters) {
 
 void requireValid(const Parameters& parameters) {
   for (const ParameterRow& row : parameterRows()) {
-    std::visit(
-        [&](auto field) {
-          if (!isValid(row, parameters.*field))
-            refuse(row, textOf(parameters.*field), expected(row));
-        },
-        row.field);
+    std::visit([&](auto field) { require(row, parameters.*field); }, row.field);
   }
 }
 

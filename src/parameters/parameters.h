@@ -38,28 +38,47 @@ class Limits {
   double high_ = 0.0;
 };
 
-/// A row of the table.
-struct ParameterRow {
-  using Field = std::variant<bool Parameters::*, int Parameters::*, double Parameters::*,
-                             std::string Parameters::*>;
+/// A parameter of a nodelet, as its table describes it.
+struct ParameterInfo {
+  enum class Kind { boolean, whole, number, text };
 
   std::string group;  ///< "method", "stage_1_orb", ...
   std::string name;
-  Field field;
+  Kind kind;
   std::string text;
   std::string unit{};
   Limits limits{};                     ///< of a number
-  std::vector<std::string> choices{};  ///< of a string; empty: any
+  std::vector<std::string> choices{};  ///< of a text; empty: any
+
+  /// "a number in [0, 1]", "range or tf_height", ...
+  std::string expected() const;
 };
 
-/// The table, in its order.
+/// The table of a nodelet: "matcher", "mosaic", "stabilizer", "targets" or "ground_motion". Throws
+/// std::invalid_argument for another name.
+const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
+
+/// The range of a number. Throws std::invalid_argument for an unknown nodelet or parameter.
+Limits limitsOf(const std::string& nodelet, const std::string& name);
+
+/// Why a parameter of an earlier version is no more, and what to do instead; empty: it never was
+/// one of this nodelet.
+std::string whyRemoved(const std::string& nodelet, const std::string& name);
+/// The names of all of them.
+std::vector<std::string> removedParameters(const std::string& nodelet);
+
+/// A parameter of the matcher and its value in Parameters.
+struct ParameterRow : ParameterInfo {
+  using Field = std::variant<bool Parameters::*, int Parameters::*, double Parameters::*,
+                             std::string Parameters::*>;
+  Field field;
+};
+
+/// The table of the matcher, in its order.
 const std::vector<ParameterRow>& parameterRows();
 
 /// The row with that name, or null.
 const ParameterRow* findParameter(const std::string& name);
-
-/// The range of a parameter of another nodelet, "stabilizer", "mosaic" or "ground_motion".
-Limits limitsOf(const std::string& nodelet, const std::string& name);
 
 /// Sets the parameter from text: "0.66", "true", "keyframe". Throws std::invalid_argument with the
 /// parameter, the text and what is expected.
@@ -71,5 +90,8 @@ std::string valueText(const ParameterRow& row, const Parameters& parameters);
 /// Throws std::invalid_argument with the parameter, the value and what is expected, for a value
 /// outside its limits, NaN, or an unknown choice.
 void requireValid(const Parameters& parameters);
+/// The same for one value. Throws std::invalid_argument, beginning with `name`.
+void requireValid(const ParameterInfo& info, const std::string& name, double value);
+void requireValid(const ParameterInfo& info, const std::string& name, const std::string& value);
 
 }  // namespace ktgp_orb

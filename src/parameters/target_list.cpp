@@ -134,13 +134,17 @@ std::string textOfTargetList(const std::vector<TargetEntry>& entries) {
   return out.c_str() + std::string("\n");
 }
 
+Target readTarget(const TargetEntry& entry) {
+  Target target{entry.id, {}, entry.width, entry.frame};
+  for (const std::string& file : entry.files) target.images.push_back(files::readGrey(file));
+  return target;
+}
+
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder) {
   std::vector<std::string> refused;
   for (const TargetEntry& entry : entries) {
     try {
-      Target target{entry.id, {}, entry.width, entry.frame};
-      for (const std::string& file : entry.files) target.images.push_back(files::readGrey(file));
-      finder.add(target);
+      finder.add(readTarget(entry));
     } catch (const std::exception& error) {
       refused.emplace_back(error.what());
     }

@@ -25,6 +25,9 @@ std::vector<TargetEntry> readTargetList(const std::string& path);
 /// Such a YAML list.
 std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 
+/// The target of an entry. Throws std::exception with the name of an image and the reason.
+Target readTarget(const TargetEntry& entry);
+
 /// Reads the images and adds the targets; returns the reasons why some were refused.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);
 

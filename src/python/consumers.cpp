@@ -25,12 +25,12 @@ Homography homographyOf(const FrameMatch& frame) {
 
 class Targets {
  public:
-  Targets(int features, int views, double search_radius, int max_instances)
+  Targets(int features, int views, double smallest_side, int max_instances)
       : finder_([&] {
           TargetFinderOptions options;
           options.features = features;
           options.views = views;
-          options.search_radius = search_radius;
+          options.smallest_side = smallest_side;
           options.max_instances = max_instances;
           return options;
         }()) {}
@@ -93,12 +93,13 @@ void defineTargets(py::module_& module) {
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
-      .def(py::init<int, int, double, int>(), py::arg("features") = usual.features,
-           py::arg("views") = usual.views, py::arg("search_radius") = usual.search_radius,
-           py::arg("max_instances") = usual.max_instances,
-           "features: keypoints of a target's image; views: 1, or 5 with tilted ones;\n"
-           "search_radius: px around the predicted position; max_instances: copies of one target. "
-           "Raises ValueError.")
+      .def(
+          py::init<int, int, double, int>(), py::arg("features") = usual.features,
+          py::arg("views") = usual.views, py::arg("smallest_side") = usual.smallest_side,
+          py::arg("max_instances") = usual.max_instances,
+          "features: keypoints of a target's image; views: 1, or 5 with tilted ones;\n"
+          "smallest_side: of the smallest targets wanted, px; max_instances: copies of one target. "
+          "Raises ValueError.")
       .def("add", &Targets::add, py::arg("id"), py::arg("images"), py::arg("width") = 0.0,
            "images: an image of the whole target and nothing else, or a list of them; width in m, "
            "0: "

@@ -14,9 +14,8 @@ namespace {
 namespace py = pybind11;
 
 bool obeys(Scope scope, const ParameterRow& row) {
-  static const std::set<std::string> of_sequence{"reference_mode",       "keyframe_min_overlap",
-                                                 "keyframe_min_inliers", "max_reference_age",
-                                                 "search_radius",        "views"};
+  static const std::set<std::string> of_sequence{"reference_mode", "max_reference_age",
+                                                 "search_radius", "views"};
   if (of_sequence.count(row.name) != 0) return scope == Scope::sequence;
   return row.name == "threads" || row.group == "method" || row.group.rfind("stage_", 0) == 0;
 }
@@ -32,39 +31,34 @@ std::string textOf(const ParameterRow& row, const py::handle& given) {
   return py::str(number ? py::repr(value) : py::str(value)).cast<std::string>();
 }
 
-struct Preset {
-  Parameters parameters;
-  std::set<std::string> names;  ///< of the parameters that it sets
-};
-
-std::map<std::string, Preset> readPresets() {
-  std::map<std::string, Preset> all;
-  for (const auto& entry : tools::presets()) {
-    Preset& preset = all[entry.first];
-    preset.names = tools::readPreset(entry.first, preset.parameters);
-  }
+std::map<std::string, Parameters> readPresets() {
+  std::map<std::string, Parameters> all;
+  for (const auto& entry : tools::presets()) tools::readPreset(entry.first, all[entry.first]);
   return all;
 }
 
 /// Throws std::invalid_argument for an unknown name.
-Preset presetNamed(const std::string& name) {
+Parameters presetNamed(const std::string& name) {
   // Once: reading YAML takes as long as 2 % of matching two images.
-  static const std::map<std::string, Preset> all = readPresets();
+  static const std::map<std::string, Parameters> all = readPresets();
   const auto found = all.find(name);
   if (found != all.end()) return found->second;
-  Preset unknown;
-  unknown.names = tools::readPreset(name, unknown.parameters);
+  Parameters unknown;
+  tools::readPreset(name, unknown);
   return unknown;
 }
 
 }  // namespace
 
 Parameters parametersFrom(const Settings& settings, Scope scope) {
-  const std::string usual = Parameters().descriptor;
-  auto [parameters, names] = presetNamed(py::str(settings.preset));
+  Parameters parameters = presetNamed(py::str(settings.preset));
   for (const auto& [key, value] : settings.changes) {
     const auto name = key.cast<std::string>();
     const ParameterRow* const row = findParameter(name);
+    const std::string removed = whyRemoved("matcher", name);
+    if (!removed.empty()) {
+      throw std::invalid_argument(name + " is of an earlier version: " + removed);
+    }
     if (row == nullptr || !obeys(scope, *row)) {
       throw std::invalid_argument(name +
                                   " is not a parameter of this object; doc/parameters.md lists "
@@ -72,10 +66,6 @@ Parameters parametersFrom(const Settings& settings, Scope scope) {
                                   (scope == Scope::sequence ? ", and those of the reference" : ""));
     }
     setParameter(*row, textOf(*row, value), parameters);
-    names.insert(name);
-  }
-  if (names.count("T_w") == 0) {
-    parameters.T_w = followDescriptor(parameters.T_w, usual, parameters.descriptor);
   }
   return parameters;
 }

@@ -92,8 +92,7 @@ void defineSequence(py::module_& module) {
       sequence, "video",
       "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
       "\"keyframe\",\n"
-      "\"fixed\"), max_reference_age, keyframe_min_overlap and keyframe_min_inliers. Raises "
-      "ValueError.");
+      "\"fixed\") and max_reference_age. Raises ValueError.");
   sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "

@@ -18,31 +18,53 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr const char* kHeader =
-    "stamp,status,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,"
-    "dev_x,dev_y,dev_z,dev_roll,dev_pitch,dev_yaw,"
-    "dev_vx,dev_vy,dev_vz,dev_wx,dev_wy,dev_wz,reason\n";
+constexpr const char* kPose[] = {"x", "y", "z", "roll", "pitch", "yaw"};
+constexpr const char* kTwist[] = {"vx", "vy", "vz", "wx", "wy", "wz"};
+constexpr std::size_t kNumbers = 7 + 6 + 2 * (6 + 15);  // pose, twist, their covariances
+
+std::string header() {
+  std::string text = "stamp,status,x,y,z,qx,qy,qz,qw";
+  for (const char* name : kTwist) text += std::string(",") + name;
+  for (const auto& names : {kPose, kTwist}) {
+    for (int i = 0; i < 6; ++i) text += std::string(",dev_") + names[i];
+  }
+  for (const auto& names : {kPose, kTwist}) {
+    for (int i = 0; i < 6; ++i) {
+      for (int j = i + 1; j < 6; ++j) text += std::string(",cov_") + names[i] + '_' + names[j];
+    }
+  }
+  return text + ",reason\n";
+}
 
 /// Numbers that are not known are left empty. Without an estimate, the frame was refused.
 std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& known,
                   const std::string& reason) {
   files::CsvRow row;
   row.add(textOf(stamp)).add(known ? toString(known->status) : "refused");
-  if (!known || !known->hasPose()) return row.skip(25).add(reason).line();
+  if (!known || !known->hasPose()) return row.skip(kNumbers).add(reason).line();
   const GroundEstimate& estimate = *known;
-  const auto addEach = [&row](bool known, const auto& values) {
-    if (!known) row.skip(6);
-    for (int i = 0; known && i < 6; ++i) row.add(values(i));
-  };
   const Eigen::Vector3d position = estimate.base_to_odometry.translation();
   const Eigen::Quaterniond turn(Eigen::Matrix3d(estimate.base_to_odometry.linear()));
   for (const double each :
        {position.x(), position.y(), position.z(), turn.x(), turn.y(), turn.z(), turn.w()}) {
     row.add(each);
   }
-  addEach(estimate.hasTwist(), estimate.twist);
+  const bool moves = estimate.hasTwist();
+  const auto addEach = [&row](bool known, const auto& values) {
+    if (!known) row.skip(6);
+    for (int i = 0; known && i < 6; ++i) row.add(values(i));
+  };
+  const auto addProducts = [&row](bool known, const Covariance6& covariance) {
+    if (!known) row.skip(15);
+    for (int i = 0; known && i < 6; ++i) {
+      for (int j = i + 1; j < 6; ++j) row.add(covariance(i, j));
+    }
+  };
+  addEach(moves, estimate.twist);
   addEach(true, estimate.pose_covariance.diagonal().cwiseSqrt());
-  addEach(estimate.hasTwist(), estimate.twist_covariance.diagonal().cwiseSqrt());
+  addEach(moves, estimate.twist_covariance.diagonal().cwiseSqrt());
+  addProducts(true, estimate.pose_covariance);
+  addProducts(moves, estimate.twist_covariance);
   return row.add(reason).line();
 }
 
@@ -74,6 +96,16 @@ void addMotionArguments(CLI::App& app, MotionFile& motion) {
       ->check(CLI::IsMember({"range", "tf_height", "parameter"}));
   add("--motion_height", config.height, "height of the camera, for the source parameter [m]")
       ->check(tools::numberIn(limitsOf("ground_motion", "height")));
+  add("--motion_height_deviation", config.height_deviation,
+      "standard deviation of a height, as a share of it")
+      ->check(tools::numberIn(limitsOf("ground_motion", "height_deviation")));
+  add("--motion_max_age", config.max_age,
+      "a range or an Imu farther from the image than this is not used [s]")
+      ->check(tools::numberIn(limitsOf("ground_motion", "max_age")));
+  add("--motion_readout_time", config.readout_time,
+      "from the first row of an image to the last one; 0: global shutter, -1: not known [s]")
+      ->check(tools::numberIn(limitsOf("ground_motion", "readout_time")));
+  add("--motion_gyro", config.gyro, "take the rotation from the Imu's angular velocity, too");
   add("--motion_normal_source", config.normal_source, "down, imu, tf_normal or motion")
       ->check(CLI::IsMember({"down", "imu", "tf_normal", "motion"}));
   add("--motion_base_frame", config.base_frame, "frame of velocity and pose; empty: the camera's");
@@ -133,8 +165,9 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
     if (homography.status != MatchStatus::STATUS_OK) {
       reason = toString(static_cast<Status>(homography.status));
     } else {
-      reason = !readings_.noHeight().empty() ? readings_.noHeight() : readings_.noNormal();
+      reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
     }
+    shutter_ = shutterReport(*estimate);
   } catch (const std::invalid_argument& error) {
     reason = error.what();
   }
@@ -145,7 +178,7 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
 }
 
 void BagMotion::close() {
-  if (!options_.path.empty()) files::writeText(options_.path, kHeader + rows_, options_.force);
+  if (!options_.path.empty()) files::writeText(options_.path, header() + rows_, options_.force);
 }
 
 std::string BagMotion::report() const {
@@ -153,15 +186,14 @@ std::string BagMotion::report() const {
   std::string text = options_.path + ": motion of " + std::to_string(known_) + " of " +
                      std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
                      ", normal from " + readings_.normalSource() + '\n';
+  if (!shutter_.empty()) text += "  " + shutter_ + '\n';
   std::vector<std::pair<std::size_t, std::string>> most;
   for (const auto& [reason, count] : reasons_) most.emplace_back(count, reason);
   std::sort(most.rbegin(), most.rend());
   constexpr std::size_t kShown = 3;
   most.resize(std::min(most.size(), kShown));
   for (const auto& [count, reason] : most) {
-    text += "  " + std::to_string(count) +
-            " frames without: " + (reason.empty() ? "the motion does not show it yet" : reason) +
-            '\n';
+    text += "  " + std::to_string(count) + " frames without: " + reason + '\n';
   }
   return text;
 }

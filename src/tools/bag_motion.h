@@ -54,6 +54,7 @@ class BagMotion {
   std::deque<geometry_msgs::TransformStamped> transforms_;
   std::string rows_;
   std::map<std::string, std::size_t> reasons_;  // of frames without motion, up to a number in it
+  std::string shutter_;
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };

@@ -72,14 +72,13 @@ void MatchWriter::writeMessage(const std::string& topic, const ros::Time& time, 
 }
 
 void MatchWriter::write(const FrameMessages& messages, const ros::Time& time) {
-  if (messages.correspondences)
-    writeMessage(prefix_ + "correspondences", time, *messages.correspondences);
-  if (messages.homography) writeMessage(prefix_ + "homography", time, *messages.homography);
-  if (messages.accumulated_homography) {
-    writeMessage(prefix_ + "accumulated_homography", time, *messages.accumulated_homography);
-  }
+#define KTGP_TOPIC(name, Message, make, text) \
+  if (messages.name) writeMessage(prefix_ + #name, time, *messages.name);
+#define KTGP_LIVE_TOPIC(name, Message, make, text)
+#include "messages/topics.def"
+#undef KTGP_TOPIC
+#undef KTGP_LIVE_TOPIC
   if (messages.overlay) writeMessage(prefix_ + "matches_image", time, *messages.overlay);
-  writeMessage(prefix_ + "statistics", time, *messages.statistics);
   if (csv_ != nullptr) writeLine(messages);
 }
 

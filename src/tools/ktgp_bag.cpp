@@ -45,6 +45,7 @@ struct Arguments {
   BagSelection selection;
   std::string name;
   std::string csv;
+  bool overlay = false;
   std::string draw;
   double rate = 0.0;  ///< 1/s; 0: the times of the recording
   ViewOptions views;
@@ -109,6 +110,7 @@ class Run {
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         drawing_(drawingFor(arguments)),
         progress_(source_->total()),
+        draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
   }
@@ -189,14 +191,14 @@ class Run {
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage(recorded.problem);
     FramePipeline::Prepared prepared = pipeline_.pop();
-    FrameMessages messages = matcher_.process(recorded.image->header, prepared.frame,
-                                              prepared.ahead ? &*prepared.ahead : nullptr);
-    const bool overlay = matcher_.configuration().overlay;
-    const sensor_msgs::ImagePtr picture = overlay || drawing_ ? matcher_.overlay() : nullptr;
-    if (overlay) messages.overlay = picture;
+    MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
+                                            prepared.ahead ? &*prepared.ahead : nullptr);
+    matched.refused = refused_;
+    matched.skipped = skipped;
+    FrameMessages messages = toMessages(matched);
+    const sensor_msgs::ImagePtr picture = draws_overlay_ || drawing_ ? matcher_.overlay() : nullptr;
+    if (draws_overlay_) messages.overlay = picture;
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
-    messages.statistics->refused_frames = refused_;
-    messages.statistics->skipped_frames = skipped;
     writer_.write(messages, recorded.received);
     ++matched_;
     const auto status = static_cast<Status>(messages.homography->status);
@@ -221,6 +223,7 @@ class Run {
   std::optional<tools::VideoFile> drawing_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
+  bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
   std::map<Status, std::size_t> statuses_;
@@ -325,6 +328,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
+  app.add_flag("--overlay", arguments.overlay, "write matches_image to the bag, too");
   app.add_flag("--skip_finished", arguments.skip_finished,
                "for one command per recording, run again until all are done (see doc/fleet.md): if "
                "OUT.bag exists, do nothing; an interrupted run leaves no files");
@@ -341,7 +345,6 @@ void addArguments(CLI::App& app, Arguments& arguments) {
 
 /// Throws std::invalid_argument for options that would be accepted without effect.
 void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
-  const bool keyframe = parameters.reference_mode == "keyframe";
   const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") > 0;
   const struct {
@@ -350,10 +353,8 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
     const char* condition;
   } options[] = {
       {"--reference_image", fixed, "--reference_mode fixed"},
-      {"--keyframe_min_overlap", keyframe, "--reference_mode keyframe"},
-      {"--keyframe_min_inliers", keyframe, "--reference_mode keyframe"},
       {"--calibration", posed, "--targets or --motion"},
-      {"--overlay_style", parameters.overlay || app.count("--draw") > 0, "--overlay or --draw"}};
+      {"--overlay_style", app.count("--overlay") + app.count("--draw") > 0, "--overlay or --draw"}};
   for (const auto& [option, used, condition] : options) {
     if (used || app.count(option) == 0) continue;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
@@ -368,7 +369,6 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
 int run(int argc, char** argv) {
   Arguments arguments;
   arguments.parameters.threads = 0;
-  arguments.parameters.overlay = false;
   CLI::App app(
       "Matches the images of a recording as the nodelet would, but drops none and uses all cores.");
   addArguments(app, arguments);
@@ -376,9 +376,8 @@ int run(int argc, char** argv) {
                          "  ktgp_bag my.bag matched.bag --csv matched.csv\n"
                          "  ktgp_bag my.mp4 matched.bag --preset robust --draw matches.mp4\n"
                          "  ktgp_bag 'images/*.png' matched.bag --rate 10 --mosaic map.png\n\n"
-                         "The parameter threads is the number of images processed in parallel, and "
-                         "overlay\ndraws matches_image; both defaults differ from those of the "
-                         "nodelet.\n\n") +
+                         "The parameter threads is the number of images processed in parallel; its "
+                         "default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
   refuseIdleOptions(app, arguments.parameters);

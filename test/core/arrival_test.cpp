@@ -1,15 +1,18 @@
-// The queues between callbacks and worker: an inbox that drops the oldest, a slot for the newest,
-// and the count of lost messages. No ROS master is needed.
+// The way from callbacks to a worker: an inbox that drops the oldest, the worker's jobs, and the
+// count of lost messages. No ROS master is needed.
 
 #include <gtest/gtest.h>
 
 #include <boost/make_shared.hpp>
+#include <memory>
+#include <stdexcept>
+#include <string>
 #include <thread>
+#include <vector>
 
-#include "nodelet/frame_inbox.h"
 #include "nodelet/image_store.h"
-#include "nodelet/newest_slot.h"
 #include "nodelet/sequence_numbers.h"
+#include "nodelet/worker.h"
 
 namespace ktgp_orb {
 namespace {
@@ -25,51 +28,82 @@ sensor_msgs::ImageConstPtr image(int number, std::size_t bytes = 0) {
   return message;
 }
 
-HomographyStampedConstPtr homography(int number) {
-  auto message = boost::make_shared<HomographyStamped>();
-  message->header.stamp = second(number);
-  return message;
+constexpr std::size_t kData = 1;
+constexpr std::size_t kOther = 2;
+
+std::vector<int> taken(Inbox<int>& inbox) {
+  std::vector<int> items;
+  EXPECT_TRUE(inbox.take(items));
+  return items;
 }
 
-TEST(FrameInbox, ALateWorkerLosesTheOldestImagesAlone) {
-  FrameInbox inbox;
-  for (int i = 1; i <= 10; ++i) EXPECT_EQ(inbox.put(image(i)), 0U) << i;
-  EXPECT_EQ(inbox.put(image(11)), 1U);
-  for (int i = 1; i <= 301; ++i) inbox.put(homography(i));
-  const auto content = inbox.take();
-  ASSERT_TRUE(content);
-  ASSERT_EQ(content->images.size(), 10U);
-  EXPECT_EQ(content->images.front()->header.stamp, second(2));
-  EXPECT_EQ(content->images.back()->header.stamp, second(11));
-  ASSERT_EQ(content->homographies.size(), 300U);
-  EXPECT_EQ(content->homographies.front()->header.stamp, second(2));
+TEST(Inbox, KeepsTheOrderOfArrivalAndDropsTheOldestOfAKindAlone) {
+  Inbox<int> inbox;
+  inbox.setLimits(kData, {2, 1000});
+  inbox.put(0, 0, 100);
+  EXPECT_EQ(inbox.put(kData, 0, 1), 0U);
+  EXPECT_EQ(inbox.put(kData, 0, 2), 0U);
+  for (int i = 0; i < 50; ++i) EXPECT_EQ(inbox.put(kOther, 0, 200 + i), 0U) << "without a limit";
+  EXPECT_EQ(inbox.put(kData, 0, 3), 1U);
+  const std::vector<int> items = taken(inbox);
+  ASSERT_EQ(items.size(), 53U);
+  EXPECT_EQ(items[0], 100);
+  EXPECT_EQ(items[1], 2);
+  EXPECT_EQ(items[2], 200);
+  EXPECT_EQ(items.back(), 3);
+  EXPECT_FALSE(inbox.has(kData)) << "what was taken does not wait";
+  EXPECT_EQ(inbox.put(kData, 0, 4), 0U);
 }
 
-TEST(FrameInbox, WakingGivesNothingOnceAndThenItWaitsAgain) {
-  FrameInbox inbox;
-  inbox.wake();
-  const auto woken = inbox.take();
-  ASSERT_TRUE(woken);
-  EXPECT_TRUE(woken->images.empty());
-  std::thread later([&inbox] { inbox.put(image(1)); });
-  const auto content = inbox.take();  // the first call must not deliver it again
+TEST(Inbox, IsBoundedInBytesButTheNewestStays) {
+  Inbox<int> inbox;
+  inbox.setLimits(kData, {100, 100});
+  std::size_t gone = 0;
+  for (int i = 1; i <= 10; ++i) gone += inbox.put(kData, 30, i);
+  EXPECT_EQ(gone, 7U);
+  EXPECT_EQ(inbox.put(kData, 1000, 11), 3U);
+  EXPECT_EQ(taken(inbox), std::vector<int>{11});
+  EXPECT_EQ(inbox.put(kData, 30, 12), 0U) << "what was taken counts no more";
+}
+
+TEST(Inbox, WhatIsClearedIsNotTakenAndAClosedOneGivesNothing) {
+  Inbox<int> inbox;
+  inbox.put(kData, 0, 1);
+  inbox.put(kOther, 0, 2);
+  EXPECT_TRUE(inbox.has(kData));
+  inbox.clear(kData);
+  EXPECT_FALSE(inbox.has(kData));
+  EXPECT_EQ(taken(inbox), std::vector<int>{2});
+  std::thread later([&inbox] { inbox.put(kData, 0, 3); });
+  EXPECT_EQ(taken(inbox), std::vector<int>{3}) << "it waits";
   later.join();
-  ASSERT_TRUE(content);
-  EXPECT_EQ(content->images.size(), 1U);
+  inbox.put(kData, 0, 4);
+  inbox.close();
+  std::vector<int> items;
+  EXPECT_FALSE(inbox.take(items));
+  EXPECT_EQ(inbox.put(kData, 0, 5), 0U);
 }
 
-TEST(FrameInbox, WhatIsClearedIsNotTakenAndAClosedOneGivesNothing) {
-  FrameInbox inbox;
-  inbox.put(image(1));
-  inbox.clear();
-  inbox.put(image(2));
-  const auto content = inbox.take();
-  ASSERT_TRUE(content);
-  ASSERT_EQ(content->images.size(), 1U);
-  EXPECT_EQ(content->images.front()->header.stamp, second(2));
-  inbox.put(image(3));
-  inbox.close();
-  EXPECT_FALSE(inbox.take());
+/// What a worker was asked for, in order.
+struct Notes {
+  std::vector<int> numbers;
+  void add(const boost::shared_ptr<const int>& number) { numbers.push_back(*number); }
+};
+
+TEST(Worker, DoesJobsInTheirOrderAndGoesOnAfterOneThatThrows) {
+  Worker<Notes> worker;
+  std::string failed;
+  worker.put<&Notes::add>(kData, 0, boost::make_shared<const int>(1));  // before the start
+  worker.start(std::make_unique<Notes>(),
+               [&](const std::exception& error) { failed = error.what(); });
+  worker.post([](Notes&) { throw std::runtime_error("lost"); });
+  worker.put<&Notes::add>(kData, 0, boost::make_shared<const int>(2));
+  EXPECT_EQ(worker.ask([](Notes& notes) { return notes.numbers; }), (std::vector<int>{1, 2}));
+  EXPECT_EQ(failed, "lost");
+  EXPECT_THROW(worker.ask([](Notes&) { throw std::invalid_argument("no"); }),
+               std::invalid_argument);
+  worker.stop();
+  EXPECT_THROW(worker.ask([](Notes& notes) { return notes.numbers; }), std::future_error);
 }
 
 TEST(ImageStore, KeepsTheNewestOfANumberOfImages) {
@@ -109,34 +143,6 @@ TEST(ImageStore, OfTwoImagesWithOneStampKeepsTheNewer) {
   store.put(image(1, 20));
   EXPECT_EQ(store.size(), 1U);
   EXPECT_EQ(store.bytes(), 20U);
-}
-
-TEST(FrameInbox, IsBoundedInBytes) {
-  FrameInbox inbox;
-  inbox.setMostBytes(100);
-  std::size_t gone = 0;
-  for (int i = 1; i <= 10; ++i) gone += inbox.put(image(i, 30));
-  EXPECT_EQ(gone, 7U);
-  const auto content = inbox.take();
-  ASSERT_EQ(content->images.size(), 3U);
-  EXPECT_EQ(content->images.back()->header.stamp, second(10));
-  EXPECT_EQ(inbox.put(image(11, 30)), 0U) << "what was taken counts no more";
-}
-
-TEST(NewestSlot, ANewValueReplacesTheOneThatWaits) {
-  NewestSlot<int> slot;
-  EXPECT_FALSE(slot.waiting());
-  EXPECT_FALSE(slot.put(1));
-  EXPECT_TRUE(slot.waiting());
-  EXPECT_TRUE(slot.put(2));
-  EXPECT_EQ(slot.take(), 2);
-  EXPECT_FALSE(slot.waiting());
-  EXPECT_FALSE(slot.put(3));
-  slot.clear();
-  EXPECT_FALSE(slot.waiting());
-  EXPECT_FALSE(slot.put(4)) << "what was cleared is not replaced";
-  slot.close();
-  EXPECT_FALSE(slot.take());
 }
 
 TEST(SequenceNumbers, CountWhatIsBetweenUnlessTheCounterIsAnother) {

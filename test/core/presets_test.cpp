@@ -1,4 +1,4 @@
-// Compares the presets in config/ with those of the core.
+// Compares the defaults and the presets in config/ with those of the core.
 #include <gtest/gtest.h>
 
 #include "cli/parameter_file.h"
@@ -7,12 +7,9 @@
 namespace ktgp_orb {
 namespace {
 
-void expectEqual(const std::string& name, const MatcherOptions& core,
+void expectEqual(const MatcherOptions& preset, const MatcherOptions& core,
                  DescriptorKind descriptor = DescriptorKind::orb) {
-  SCOPED_TRACE(name);
-  Parameters parameters;
-  tools::readPreset(name, parameters);
-  const MatcherOptions preset = pipelineOptions(parameters).matcher;
+  EXPECT_EQ(preset.knn.threads, core.knn.threads);
   EXPECT_EQ(preset.knn.search_radius, core.knn.search_radius);
   EXPECT_EQ(preset.mutual, core.mutual);
   EXPECT_EQ(preset.ratio_threshold, core.ratio_threshold.value_or(ratioThreshold(descriptor)));
@@ -20,7 +17,12 @@ void expectEqual(const std::string& name, const MatcherOptions& core,
   EXPECT_EQ(preset.gms.threshold, core.gms.threshold);
   EXPECT_EQ(preset.gms.rotation, core.gms.rotation);
   EXPECT_EQ(preset.gms.scale, core.gms.scale);
+  EXPECT_EQ(preset.gms.grid_columns, core.gms.grid_columns);
+  EXPECT_EQ(preset.gms.grid_rows, core.gms.grid_rows);
   EXPECT_EQ(preset.prosac.max_error, core.prosac.max_error);
+  EXPECT_EQ(preset.prosac.max_iterations, core.prosac.max_iterations);
+  EXPECT_EQ(preset.prosac.confidence, core.prosac.confidence);
+  EXPECT_EQ(preset.prosac.seed, core.prosac.seed);
   EXPECT_EQ(preset.growth.enabled, core.growth.enabled);
   EXPECT_EQ(preset.growth.seeds, core.growth.seeds);
   EXPECT_EQ(preset.growth.views, core.growth.views);
@@ -31,12 +33,21 @@ void expectEqual(const std::string& name, const MatcherOptions& core,
 }
 
 TEST(Presets, AreThoseOfTheCore) {
-  expectEqual("ktgp", MatcherOptions::ktgp());
-  expectEqual("robust", MatcherOptions::robust());
-  expectEqual("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
+  EXPECT_EQ(pipelineOptions({}).orb, OrbOptions{});
+  expectEqual(pipelineOptions({}).matcher, MatcherOptions{});
+  const auto expectPreset = [](const std::string& name, const MatcherOptions& core,
+                               DescriptorKind descriptor = DescriptorKind::orb) {
+    SCOPED_TRACE(name);
+    Parameters parameters;
+    tools::readPreset(name, parameters);
+    expectEqual(pipelineOptions(parameters).matcher, core, descriptor);
+  };
+  expectPreset("ktgp", MatcherOptions::ktgp());
+  expectPreset("robust", MatcherOptions::robust());
+  expectPreset("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
   MatcherOptions video;
   video.knn.search_radius = 48.0;
-  expectEqual("video", video);
+  expectPreset("video", video);
 }
 
 }  // namespace

@@ -78,7 +78,7 @@ void run(Input& in) {
       require(grey.type() == CV_8UC1 && grey.cols == static_cast<int>(image->width) &&
                   grey.rows == static_cast<int>(image->height),
               "grey of the size it says");
-      const FrameMessages messages = matcher.process(image);
+      const FrameMessages messages = toMessages(matcher.process(image));
       require(messages.statistics && messages.homography, "an answer for each image");
     } catch (const RefusedImage& error) {
       require(error.what()[0] != '\0', "a refusal says why");

@@ -66,7 +66,7 @@ class BagEvaluationTest(unittest.TestCase):
                               'cut.csv', '--motion_normal_source', 'imu', '--motion_base_frame='],
                              cwd=self.folder.name, stderr=subprocess.PIPE, universal_newlines=True)
         self.assertEqual(run.returncode, 1, run.stderr)
-        self.assertIn('no index', run.stderr)
+        self.assertIn('the index at the end is missing', run.stderr)
         with open(os.path.join(self.folder.name, 'cut.csv')) as file:
             self.assertGreater(sum(bool(row['vx']) for row in csv.DictReader(file)), 15)
 

@@ -119,14 +119,14 @@ class MosaicTest(unittest.TestCase):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
         diagnostics = Recorder('/diagnostics', DiagnosticArray)
         self.addCleanup(diagnostics.close)
-        answer = client.update_configuration({'min_motion': float('nan')})
-        self.assertEqual(answer['min_motion'], 0.03)
+        answer = client.update_configuration({'rate': float('nan')})
+        self.assertEqual(answer['rate'], 10.0)
 
         def said():
             return [s for array in diagnostics.messages() for s in array.status
-                    if s.name.endswith('mosaic: frames') and 'min_motion is nan' in s.message]
+                    if s.name.endswith('mosaic: frames') and 'rate is nan' in s.message]
         wait_until(said, 'diagnostics say what is refused')
-        client.update_configuration({'min_motion': 0.03})
+        client.update_configuration({'rate': 10.0})
         self.begin()  # and it goes on
 
 

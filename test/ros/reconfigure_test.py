@@ -67,16 +67,11 @@ class ReconfigureTest(unittest.TestCase):
         self.assertLessEqual(many, 2000)
         self.assertGreater(many, 4 * few)
 
-    def test_the_ratio_threshold_goes_with_the_descriptor_unless_it_is_set(self):
-        def ratio_threshold(**parameters):
-            return self.client.update_configuration(parameters)['T_w']
-        self.assertEqual(ratio_threshold(descriptor='teblid'), 0.8)
-        self.assertEqual(ratio_threshold(descriptor='orb'), 0.66)
-        self.assertEqual(ratio_threshold(descriptor='teblid', T_w=0.75), 0.75)
-        self.assertEqual(ratio_threshold(descriptor='orb'), 0.75)
-        self.assertEqual(ratio_threshold(T_w=0.66), 0.66)
-        self.assertEqual(ratio_threshold(descriptor='teblid'), 0.8)
-        self.assertEqual(ratio_threshold(T_w=0.66), 0.66)
+    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
+        usual, chosen = [self.mean_outputs(T_w=value)['tf'] for value in (0.0, 0.66)]
+        self.assertEqual(usual, chosen)
+        usual, chosen = [self.mean_outputs(descriptor='teblid', T_w=value)['tf'] for value in (0.0, 0.8)]
+        self.assertEqual(usual, chosen)
 
     def test_out_of_range_values_are_clamped(self):
         result = self.client.update_configuration({'T_w': 7.0, 'T_G': -3.0})

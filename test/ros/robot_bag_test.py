@@ -115,7 +115,7 @@ class BagTest(unittest.TestCase):
         expected = self.run_nodelet(mode, images, reference_image)
         out = self.path('out.bag')
         run = ktgp_bag(bag, out, '--topic', '/camera/image_raw', '--reference_mode', mode,
-                       '--overlay', 'true', '--threads', '3', '--reference_image', reference_image)
+                       '--overlay', '--threads', '3', '--reference_image', reference_image)
         self.assertEqual(run.returncode, 0, run.stdout)
         self.assertEqual(len(expected['statistics']), len(images))
         for name in TOPICS:

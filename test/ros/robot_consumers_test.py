@@ -43,7 +43,7 @@ class ConsumersTest(unittest.TestCase):
 
     def reports(self, name):
         return [status for array in self.diagnostics.messages() for status in array.status
-                if status.name.endswith(name + ': frames')]
+                if status.name.endswith(name + ': input')]
 
     def test_a_homography_topic_of_another_name_or_type_is_named(self):
         why = {'name': 'no node publishes /camera/nowhere: is the topic name right?',
@@ -73,7 +73,7 @@ class ConsumersTest(unittest.TestCase):
         def works():
             right.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
             self.camera.send_view()
-            return all(self.reports(name)[-1].message == 'works'
+            return all(self.reports(name)[-1].message == 'images arrive'
                        for name in ('stabilizer_of_a_name', 'mosaic_of_a_name'))
         wait_until(works, 'nothing is said any more once they come')
 

@@ -116,13 +116,15 @@ Site siteOf(const StackCounts::Stack& stack) {
     const bool ours = contains(name, "ktgp_orb::") && !contains(name, "ktgp_orb::test");
     if (site.name.empty() && (ours || contains(name, "ros::"))) site.name = name;
     const auto is = [&](const char* function) { return contains(name, function); };
-    if (is("ktgp_orb::toMessages") || is("ktgp_orb::toMatch")) site.purpose = Purpose::making;
+    if (is("ktgp_orb::toCorrespondences") || is("ktgp_orb::toHomography") ||
+        is("ktgp_orb::toStatistics"))
+      site.purpose = Purpose::making;
     // ROS's own publish may be inlined into ours.
-    if (is("ros::Publisher::publish") || is("ktgp_orb::MatcherNodelet::publish")) {
+    if (is("ros::Publisher::publish") || is("ktgp_orb::MatcherWork::addTopic")) {
       site.purpose = Purpose::handing_over;
     }
     if (is("ktgp_orb::MatcherNodelet::imageArrived")) site.purpose = Purpose::arrival;
-    if (is("ktgp_orb::MatcherNodelet::work")) site.purpose = Purpose::matching;
+    if (is("ktgp_orb::MatcherWork::process")) site.purpose = Purpose::matching;
     if (site.purpose != Purpose::other) break;
   }
   return site;

@@ -67,7 +67,7 @@ void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
       config.threads = integer(0, 2);
       break;
     default:
-      config.keyframe_min_inliers = integer(4, 300);
+      config.mutual = integer(0, 1) == 1;
       break;
   }
 }

@@ -20,8 +20,8 @@ from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, tra
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
-DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 'keyframe_min_overlap': 0.5,
-            'keyframe_min_inliers': 100, 'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
+DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 
+            'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
 OK = MatchStatus.STATUS_OK
 NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
 PAN = 20  # px that the camera moves right from frame to frame
@@ -80,10 +80,9 @@ class ReferenceTest(unittest.TestCase):
             self.assertTrue(now.reference_changed)
 
     def test_a_keyframe_stays_until_the_overlap_is_too_small(self):
-        self.client.update_configuration({'reference_mode': 'keyframe',
-                                          'keyframe_min_overlap': 0.8})
-        frames = int(0.2 * WIDTH / PAN)  # that a keyframe lasts: 1 - 20 * frames / 640 >= 0.8
-        statistics = self.pan(3 * frames)
+        self.client.update_configuration({'reference_mode': 'keyframe'})
+        frames = int(0.5 * WIDTH / PAN)  # that a keyframe lasts: 1 - 20 * frames / 640 >= 0.5
+        statistics = self.pan(2 * frames + 2)
         stamps = [s.header.stamp for s in statistics]
         for i, s in enumerate(statistics[1:], 1):
             expected = (i - 1) // frames * frames
@@ -130,8 +129,8 @@ class ReferenceTest(unittest.TestCase):
                 self.assertAlmostEqual(y, 0.0, delta=0.15)
 
     def test_a_keyframe_without_enough_inliers_gives_way_to_the_frame_before(self):
-        self.client.update_configuration({'reference_mode': 'keyframe',
-                                          'keyframe_min_inliers': 2000})
+        self.client.update_configuration({'reference_mode': 'keyframe', 'features': 100})  # 100 inliers needed
+        self.addCleanup(self.client.update_configuration, {'features': 2000})
         statistics = self.pan(5)
         for before, now in zip(statistics, statistics[1:]):
             self.assertEqual(now.reference_stamp, before.header.stamp)
@@ -269,11 +268,7 @@ class ReferenceTest(unittest.TestCase):
         for pair, name in (((good, large), 'target'), ((large, good), 'reference')):
             answer = match(*pair)
             self.assertFalse(answer.success)
-            self.assertEqual(answer.message, name + ' is 9000x8000 (72 megapixels); expected 64 at '
-                             'most (max_pair_megapixels)')
-        self.client.update_configuration({'max_pair_megapixels': 100.0})
-        self.addCleanup(self.client.update_configuration, {'max_pair_megapixels': 64.0})
-        self.assertIn('data has 0 bytes', match(good, large).message)
+            self.assertEqual(answer.message, name + ' is 9000x8000 (72 megapixels); expected 64 at most')
 
     def test_diagnostics_go_on_while_a_pair_is_matched(self):
         """Of a pair that takes seconds, one report a second."""

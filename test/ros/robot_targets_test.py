@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import unittest
 
 import cv2
@@ -154,13 +155,57 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.remove('poster').success)
         self.assertEqual(self.send(picture).known, 0)
 
+    def test_images_flow_while_services_work(self):
+        """Of requests that take seconds, on images of 36 megapixels."""
+        large = image_message(np.tile(POSTER, (20, 15))[:6000, :6000], now())
+        picture = rendered(K)
+        self.send(picture)
+        calls = []
+
+        def requests():
+            for _ in range(2):
+                calls.append(self.detect(large, CameraInfo()).message)
+                calls.append(self.add('large', [large], 0.0, '').message)
+                self.remove('large')
+        thread = threading.Thread(target=requests)
+        before, stamps = len(self.detections.messages()), []
+        thread.start()
+        while thread.is_alive():
+            stamps.append(self.camera.next_stamp())
+            self.camera.send(image_message(picture, stamps[-1]))
+            rospy.rostime.wallsleep(0.05)
+        thread.join()
+        answered = len(self.detections.messages()) - before
+        print('%d of %d images were searched meanwhile' % (answered, len(stamps)))
+        self.assertEqual(len(calls), 4)
+        self.assertGreater(answered, 0.5 * len(stamps))
+
+    def test_requests_that_are_too_large_are_refused(self):
+        huge = Image(width=9000, height=8000, encoding='mono8', step=9000)
+        for answer in (self.detect(huge, CameraInfo()), self.add('huge', [huge], 0.0, '')):
+            self.assertFalse(answer.success)
+            self.assertIn('is 9000x8000 (72 megapixels); expected 64 at most', answer.message)
+        answer = self.add(300 * 'x', [image_message(OTHER, now())], 0.0, '')
+        self.assertIn('the id has 300 bytes; expected 256 at most', answer.message)
+
+    def test_ids_do_not_forge_lines_of_the_log(self):
+        log = Recorder('/rosout', Log)
+        self.addCleanup(log.close)
+        wait_until(lambda: '/manager' in log.names_of_publishers(), 'it hears the manager')
+        answer = self.remove('door\n[FATAL] battery \x1b[31mempty')
+        self.assertIn('target "door\\n[FATAL] battery \\x1b[31mempty" does not exist', answer.message)
+        wait_until(lambda: [m for m in log.messages() if 'battery' in m.msg], 'it is in the log')
+        for message in log.messages():
+            self.assertNotIn('\n[FATAL]', message.msg)
+            self.assertNotIn('\x1b', message.msg)
+
     def test_survives_images_that_change(self):
         self.assertTrue(self.send(rendered(K)).detections)
         half = cv2.resize(rendered(K), (480, 360), interpolation=cv2.INTER_AREA)
         self.assertTrue(self.send(half).detections)
         broken = image_message(half, self.camera.next_stamp())
         broken.data = broken.data[:100]
-        wait_for_diagnostics(self.diagnostics, 'images are refused', lambda: self.camera.send(broken))
+        wait_for_diagnostics(self.diagnostics, 'refused: data has', lambda: self.camera.send(broken))
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
@@ -210,6 +255,10 @@ class TargetsTest(unittest.TestCase):
                     for name in ('other', 'mine', 'broken'):
                         change('remove', RemoveTarget, name)
                         self.assertNotIn('id: ' + name, listed())
+                    # What was cured is not said any more.
+                    wait_until(lambda: 'broken.png' not in [
+                        s.message for s in self.diagnostics.messages()[-1].status
+                        if s.name.endswith('kept: targets')][0], 'no target is refused any more')
                     self.assertEqual(os.listdir(images), [])
                     self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
                     change('add', SetTarget, 'broken', [third], 0.0, '')

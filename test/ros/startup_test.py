@@ -114,10 +114,11 @@ class StartupTest(unittest.TestCase):
 
     def test_a_threshold_out_of_range_is_refused_with_its_range(self):
         words = {
-            'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a value in [0.01, 1]',
-            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a value in [0, 40]',
-            'features:=0': '/other/matcher/features is 0; expected a value in [100, 20000]',
-            'set:={reference_mode: nearest}': "reference_mode is 'nearest'; expected previous"}
+            'T_w:=1.5': '/other/matcher/T_w is 1.5; expected a number in [0, 1]',
+            'T_G:=-1.0': '/other/matcher/T_G is -1; expected a number in [0, 40]',
+            'features:=0': '/other/matcher/features is 0; expected a whole number in [100, 20000]',
+            'set:={reference_mode: nearest}': "reference_mode is nearest; expected previous",
+            'set:={gms_columns: 10}': '/other/matcher/gms_columns is of an earlier version: set gms_grid'}
 
         def check(parameter):
             expected = (words[parameter], 'process has died')
@@ -125,21 +126,6 @@ class StartupTest(unittest.TestCase):
             for text in expected:
                 self.assertIn(text, output)
         check_each(words, check)
-
-    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
-        def ratio_threshold(*parameters, until=()):
-            found = []
-
-            def look():
-                wait_until(lambda: rospy.has_param('/other/matcher/max_drop_ratio'),
-                           'the second matcher writes its parameters')
-                found.append(rospy.get_param('/other/matcher/T_w'))
-            output_of_node(*parameters, until=until, look=look)
-            return found[0]
-        self.assertEqual(ratio_threshold('set:={descriptor: teblid}'), 0.8)
-        self.assertEqual(ratio_threshold('preset:=robust', 'set:={descriptor: teblid}'), 1.0)
-        note = 'T_w is 0.66, the value for orb descriptors; for teblid 0.8 is better'
-        self.assertEqual(ratio_threshold('set:={descriptor: teblid}', 'T_w:=0.66', until=(note,)), 0.66)
 
     def test_a_missing_transport_names_its_package(self):
         expected = ("image transport 'no_such_transport' is not installed",
@@ -161,7 +147,8 @@ class StartupTest(unittest.TestCase):
             'T_w: 7e-1': "T_w is the text '7e-1'; expected a number without quotes, and without an exponent",
             'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '
                                 'write 1500',
-            'features: 1500.5': 'features is 1500.5; expected a whole number'}
+            'features: 1500.5': 'features is 1500.5; expected a whole number',
+            'T_w: 7e-1': "T_w is the text '7e-1'; expected a number: without quotes, and as 0.7"}
 
         def check(line):
             with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:

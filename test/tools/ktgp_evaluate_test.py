@@ -200,7 +200,7 @@ class KtgpEvaluate(ToolCase):
         for arguments, text in ((("--methods", "KTX"), "KTX"),
                                 (("--estimator", "best"), "best"),
                                 (("--jobs", "0"), "--jobs"),
-                                (("--T_w", "2"), "[0.01, 1]"),
+                                (("--T_w", "2"), "[0, 1]"),
                                 (("--json", "no/folder.json"), "no/folder.json")):
             run = self.evaluate("data", *arguments)
             self.assertEqual(run.returncode, 2, arguments)

@@ -228,7 +228,6 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   answer.total_milliseconds =
       frame->extraction_milliseconds + answer.match.milliseconds() + lost_milliseconds;
   reference.reset();
-  pool.releaseImages();
   return answer;
 }
 
@@ -239,7 +238,6 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.accumulated.reset();
   predictor.forget();
   viewed.reset();
-  pool.releaseImages();
 }
 
 SequenceMatcher::SequenceMatcher(const SequenceOptions& options)
@@ -305,6 +303,7 @@ void SequenceMatcher::fixNextFrame() {
 
 void SequenceMatcher::restart() {
   impl_->keeper.forget(NoReference::first_frame);
+  impl_->fix_next_frame = false;
   impl_->forgetAnswer();
 }
 

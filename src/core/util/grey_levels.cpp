@@ -32,13 +32,13 @@ std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
 
 void requireValid(const GreyStretch& stretch) {
   if (!(stretch.percentile >= 0.0 && stretch.percentile <= 49.0)) {
-    throw std::invalid_argument("stretch_percentile is " + std::to_string(stretch.percentile) +
+    throw std::invalid_argument("percentile of the stretch is " + std::to_string(stretch.percentile) +
                                 "; expected 0 to 49");
   }
   if (stretch.low < 0 || stretch.high >= kValues || stretch.low >= stretch.high) {
-    throw std::invalid_argument("stretch_low and stretch_high are " + std::to_string(stretch.low) +
+    throw std::invalid_argument("low and high of the stretch are " + std::to_string(stretch.low) +
                                 " and " + std::to_string(stretch.high) +
-                                "; expected 0 <= stretch_low < stretch_high <= 65535");
+                                "; expected 0 <= low < high <= 65535");
   }
 }
 

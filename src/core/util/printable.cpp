@@ -23,11 +23,10 @@ std::size_t printableAt(const std::string& text, std::size_t i) {
 
 }  // namespace
 
-std::string printable(const std::string& text) {
-  constexpr std::size_t kMost = 200;
+std::string printable(const std::string& text, std::size_t most) {
   std::string shown;
   std::size_t i = 0;
-  while (i < text.size() && i < kMost) {
+  while (i < text.size() && i < most) {
     const std::size_t bytes = printableAt(text, i);
     if (bytes > 0) {
       shown += text.substr(i, bytes);

@@ -5,8 +5,8 @@
 namespace ktgp_orb::util {
 
 /// Text of a stranger, such as an id or the name of a file, for logs, answers and terminals: what is
-/// not printable UTF-8 becomes \xNN, and only the first 200 bytes are kept.
-std::string printable(const std::string& text);
+/// not printable UTF-8 becomes \xNN, and only the first `most` bytes are kept.
+std::string printable(const std::string& text, std::size_t most = 200);
 
 /// The same in quotes.
 std::string quoted(const std::string& text);

@@ -1,0 +1,165 @@
+#include "nodelet/image_node.h"
+
+#include <exception>
+
+#include "messages/image_conversion.h"
+
+namespace ktgp_orb {
+namespace {
+
+using Lock = std::lock_guard<std::mutex>;
+
+constexpr int kSilence = 3;  // s without a message
+
+/// Whether ROS time is simulated and its clock never started.
+bool clockIsMissing() {
+  return ros::Time::isSimTime() && ros::Time::now().isZero();
+}
+
+}  // namespace
+
+void NodeBase::onInit() {
+  try {
+    start();
+    diagnosis_.open(getName(), inputs_.front()->what(), inputs_.front()->topic(), workName());
+    const ros::NodeHandle connections = privateNode(settings_queue_);
+    outputs_.open(connections, [this] { connectionsChanged(); });
+    updater_ =
+        std::make_unique<diagnostic_updater::Updater>(node(slow_queue_), connections, getName());
+    diagnosis_.add(*updater_);
+    {
+      // An early subscriber should not find only some of the outputs.
+      const Lock lock(connect_mutex_);
+      advertise();
+      connected_ = true;
+    }
+    addTimer(slow_queue_, 1.0, [this] { tick(); });
+  } catch (const std::exception& error) {
+    NODELET_FATAL("%s", error.what());  // the loader catches the exception without a message
+    throw;
+  }
+  NODELET_INFO("%s", greeting().c_str());
+  for (CallbackThread* queue :
+       {&settings_queue_, &data_queue_, &service_queue_, &long_queue_, &slow_queue_}) {
+    queue->start();
+  }
+  connectionsChanged();
+}
+
+void NodeBase::stop() {
+  for (CallbackThread* queue :
+       {&settings_queue_, &data_queue_, &service_queue_, &long_queue_, &slow_queue_}) {
+    queue->stop();
+  }
+  stopWorker();
+  for (ros::WallTimer& timer : timers_) timer.stop();
+  for (ros::ServiceServer& service : services_) service.shutdown();
+  stopParameters();
+  {
+    const Lock lock(connect_mutex_);
+    connected_ = false;
+    for (const auto& input : inputs_) input->subscribe(false);
+  }
+  outputs_.shutdown();
+  updater_.reset();
+}
+
+ros::NodeHandle NodeBase::node(CallbackThread& queue) const {
+  ros::NodeHandle node = getNodeHandle();
+  node.setCallbackQueue(queue.use());
+  return node;
+}
+
+ros::NodeHandle NodeBase::privateNode(CallbackThread& queue) const {
+  ros::NodeHandle node = getPrivateNodeHandle();
+  node.setCallbackQueue(queue.use());
+  return node;
+}
+
+ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
+  const auto arrived = [this, callback = std::move(callback)](
+                           const sensor_msgs::ImageConstPtr& image, std::uint32_t lost) {
+    diagnosis_.arrived();
+    if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
+    callback(image, lost);
+  };
+  const ros::NodeHandle private_node = privateNode(data_queue_);
+  // Read once, so that a later change cannot fail during the work.
+  const ImageSource source =
+      imageSource(node(data_queue_), private_node.param<std::string>("image_transport", "raw"));
+  auto input =
+      std::make_unique<ImageInput>(source, node(data_queue_), private_node, queue_size, arrived);
+  ImageInput& added = *input;
+  inputs_.push_back(std::move(input));
+  return added;
+}
+
+// Wall time: timers go on while a bag with --clock is paused.
+ros::WallTimer NodeBase::addTimer(CallbackThread& queue, double period,
+                                  const std::function<void()>& tick) {
+  timers_.push_back(node(queue).createWallTimer(ros::WallDuration(period),
+                                                [tick](const ros::WallTimerEvent&) { tick(); }));
+  return timers_.back();
+}
+
+void NodeBase::connectionsChanged() {
+  const Lock lock(connect_mutex_);
+  if (!connected_) return;
+  const bool wanted = isWanted();
+  const bool changed = wanted != listening_;
+  listening_ = wanted;
+  if (changed && wanted) listeningChanged(true);
+  for (const auto& input : inputs_) input->subscribe(wanted);
+  if (changed) diagnosis_.setListening(wanted);
+  if (changed && !wanted) listeningChanged(false);
+}
+
+/// Out of memory, for example: the next frame may work.
+void NodeBase::failed(const std::exception& error) {
+  const bool is_refusal = dynamic_cast<const RefusedImage*>(&error) != nullptr;
+  diagnosis_.refuse((is_refusal ? "" : "frame lost: ") + std::string(error.what()));
+}
+
+void NodeBase::tick() {
+  const bool stands = clockStands();
+  watchInputs(stands);
+  // Nobody else would say that it has no effect.
+  diagnosis_.setFault("old parameter", removedParameter(privateNode(slow_queue_), nodelet()));
+  diagnosis_.tick(stands, clockIsMissing());
+  beforeReport();
+  updater_->force_update();
+}
+
+void NodeBase::watchInputs(bool clock_stands) {
+  std::string silence;
+  std::string mixture;
+  for (const auto& input : inputs_) {
+    InputWatch* const watch = input->watch();
+    if (watch == nullptr) continue;
+    std::uint32_t publishers = 0;
+    bool listening = false;
+    {
+      const Lock lock(connect_mutex_);
+      listening = listening_;
+      if (listening) publishers = input->publishers();
+    }
+    input->setPublishers(publishers);
+    if (mixture.empty()) mixture = watch->mixture(publishers);
+    // A paused bag is not a broken camera, nor is one that bag.launch has not yet begun to play (it
+    // sets this parameter); any other clock that never started is an error.
+    if (clock_stands && (!clockIsMissing() || ros::param::has("/ktgp_orb_plays_a_bag"))) continue;
+    const std::string warning = watch->tick(listening, input->arrived(), publishers);
+    if (!warning.empty()) NODELET_WARN("%s", warning.c_str());
+    if (silence.empty() && watch->silentSeconds() > kSilence) {
+      silence = noneOn(input->what(), input->topic(), watch->trouble());
+    }
+  }
+  diagnosis_.setInput(silence, mixture);
+}
+
+bool NodeBase::clockStands() {
+  const ros::Time now = ros::Time::now();
+  return ros::Time::isSimTime() && now == std::exchange(last_time_, now);
+}
+
+}  // namespace ktgp_orb

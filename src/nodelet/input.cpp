@@ -1,0 +1,85 @@
+#include "nodelet/input.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+namespace ktgp_orb {
+namespace {
+
+const std::string kCompressedTransport = "compressed";
+const std::string kOwnPlugin = "ktgp_compressed";  // see compressed_subscriber.cpp
+
+}  // namespace
+
+void Input::subscribe(bool wanted) {
+  wanted = wanted && enabled_;
+  if (wanted == subscribed_) return;
+  subscribed_ = wanted;
+  if (wanted) {
+    open();
+  } else {
+    close();
+  }
+}
+
+bool Input::isNew(const boost::shared_ptr<const void>& message) {
+  if (last_.lock() == message) return false;
+  last_ = message;
+  ++arrived_;
+  return true;
+}
+
+ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport) {
+  ImageSource source{node.resolveName("image"), transport, transport};
+  const std::string suffix = "/" + kCompressedTransport;
+  const std::size_t stem = source.topic.size() - std::min(source.topic.size(), suffix.size());
+  const bool named = source.topic.compare(stem, std::string::npos, suffix) == 0;
+  if (named && (transport == "raw" || transport == kCompressedTransport)) {
+    source.topic.erase(stem);
+    source.transport = source.plugin = kCompressedTransport;
+  }
+  const auto installed = image_transport::ImageTransport(node).getLoadableTransports();
+  const auto isInstalled = [&installed](const std::string& plugin) {
+    return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
+           installed.end();
+  };
+  if (source.transport == kCompressedTransport && !isInstalled(kCompressedTransport))
+    source.plugin = kOwnPlugin;
+  if (isInstalled(source.plugin)) return source;
+  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
+                              transport +
+                              "_image_transport provides it (on ROS Noetic: apt install "
+                              "ros-noetic-" +
+                              transport + "-image-transport)");
+}
+
+ImageInput::ImageInput(const ImageSource& source, const ros::NodeHandle& node,
+                       const ros::NodeHandle& private_node, int queue_size, Callback callback)
+    : Input(source.topic, "image"),
+      transport_(node),
+      // Its last argument is the parameter that would choose another plugin.
+      hints_(source.plugin, ros::TransportHints(), private_node, "image_transport_plugin"),
+      transport_name_(source.transport),
+      queue_size_(
+          static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)))),
+      callback_(std::move(callback)) {
+  watch_ = std::make_unique<InputWatch>(topic_, transport_name_);
+}
+
+void ImageInput::open() {
+  is_new_subscription_ = true;
+  subscriber_ = transport_.subscribe(
+      topic_, queue_size_,
+      [this](const sensor_msgs::ImageConstPtr& image) {
+        if (isNew(image)) callback_(image, lostBefore(*image));
+      },
+      ros::VoidPtr(), hints_);
+}
+
+// Two publishers of one topic have separate counters, so gaps mean nothing.
+std::uint32_t ImageInput::lostBefore(const sensor_msgs::Image& image) {
+  if (is_new_subscription_.exchange(false) || known_publishers_ > 1) numbers_.restart();
+  return numbers_.lostBefore(image.header.seq);
+}
+
+}  // namespace ktgp_orb

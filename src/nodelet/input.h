@@ -1,0 +1,135 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/ros.h>
+#include <sensor_msgs/Image.h>
+
+#include <atomic>
+#include <boost/weak_ptr.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "nodelet/input_watch.h"
+#include "nodelet/sequence_numbers.h"
+
+namespace ktgp_orb {
+
+/// A topic that a nodelet listens to while its results are wanted. The callback runs in the queue
+/// of the node handle, and gets each message once: if publisher and subscriber of one process start
+/// at the same time, ROS may connect them twice and deliver everything twice.
+class Input {
+ public:
+  virtual ~Input() = default;
+
+  const std::string& topic() const { return topic_; }
+  const std::string& what() const { return what_; }
+  /// Messages since the start.
+  std::uint64_t arrived() const { return arrived_; }
+  virtual std::uint32_t publishers() const = 0;
+  /// Not subscribed while it is off, for example a sensor that is not used.
+  void enable(bool enabled) { enabled_ = enabled; }
+  /// Call it again after enable().
+  void subscribe(bool wanted);
+
+  /// Used only by the thread that asks the master; null if nobody minds that nothing comes.
+  InputWatch* watch() { return watch_.get(); }
+  /// Of the topic, found out by that thread.
+  void setPublishers(std::uint32_t count) { known_publishers_ = count; }
+
+ protected:
+  Input(std::string topic, std::string what) : topic_(std::move(topic)), what_(std::move(what)) {}
+  virtual void open() = 0;
+  virtual void close() = 0;
+  bool isNew(const boost::shared_ptr<const void>& message);
+
+  std::string topic_;
+  std::string what_;
+  std::unique_ptr<InputWatch> watch_;
+  std::atomic<std::uint32_t> known_publishers_{0};
+
+ private:
+  std::atomic<bool> enabled_{true};
+  bool subscribed_ = false;
+  std::atomic<std::uint64_t> arrived_{0};
+  boost::weak_ptr<const void> last_;  // used only in the callback
+};
+
+/// Messages of one type.
+template <typename Message>
+class MessageInput : public Input {
+ public:
+  using Callback = std::function<void(const boost::shared_ptr<const Message>&)>;
+
+  /// `is_watched`: it is reported if nothing arrives. `queue_size`: see ros::NodeHandle::subscribe.
+  MessageInput(const ros::NodeHandle& node, const std::string& name, const std::string& what,
+               std::uint32_t queue_size, bool is_watched, Callback callback)
+      : Input(node.resolveName(name), what),
+        node_(node),
+        queue_size_(queue_size),
+        callback_(std::move(callback)) {
+    if (!is_watched) return;
+    watch_ = std::make_unique<InputWatch>(
+        InputWatch::ofMessages(topic_, ros::message_traits::datatype<Message>(), what));
+  }
+  std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
+
+ private:
+  void open() override {
+    const auto arrived = [this](const boost::shared_ptr<const Message>& message) {
+      if (isNew(message)) callback_(message);
+    };
+    subscriber_ = node_.subscribe<Message>(
+        topic_, queue_size_,
+        boost::function<void(const boost::shared_ptr<const Message>&)>(arrived),
+        ros::VoidConstPtr(), ros::TransportHints().tcpNoDelay());
+  }
+  void close() override { subscriber_.shutdown(); }
+
+  ros::NodeHandle node_;
+  std::uint32_t queue_size_;
+  Callback callback_;
+  ros::Subscriber subscriber_;
+};
+
+/// The images that a node's topic `image` and its parameter ~image_transport mean.
+struct ImageSource {
+  std::string topic;      ///< resolved, without the name of the transport
+  std::string transport;  ///< raw, compressed, ...
+  std::string plugin;     ///< of image_transport, for that transport
+};
+
+/// A topic that ends in /compressed has that transport, whether or not `transport` says so. Without
+/// the package compressed_image_transport the decoder of this package is used. Throws
+/// std::invalid_argument, with advice, for a transport that is not installed.
+ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport);
+
+/// Images.
+class ImageInput : public Input {
+ public:
+  /// `lost`: images that were sent, by header.seq, and did not arrive.
+  using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
+
+  ImageInput(const ImageSource& source, const ros::NodeHandle& node,
+             const ros::NodeHandle& private_node, int queue_size, Callback callback);
+  std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
+  const std::string& transport() const { return transport_name_; }
+
+ private:
+  void open() override;
+  void close() override { subscriber_.shutdown(); }
+  std::uint32_t lostBefore(const sensor_msgs::Image& image);
+
+  image_transport::ImageTransport transport_;
+  image_transport::TransportHints hints_;
+  std::string transport_name_;
+  std::uint32_t queue_size_;
+  Callback callback_;
+  image_transport::Subscriber subscriber_;
+  std::atomic<bool> is_new_subscription_{false};
+  SequenceNumbers numbers_;  // used only in the callback
+};
+
+}  // namespace ktgp_orb

@@ -1,0 +1,83 @@
+#include "nodelet/matcher_settings.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "messages/camera.h"
+#include "messages/image_conversion.h"
+
+namespace ktgp_orb {
+
+void MatcherSettings::configure(const KtgpConfig& config, const std::string& image_topic) {
+  Configuration wanted = configurationFrom(config, configuration_.number);
+  const bool are_rectified = pixelsFrom(config.calibration, image_topic) == Pixels::rectified;
+  if (config.rectify && are_rectified) {
+    throw std::invalid_argument("rectify is on, but the images on " + image_topic +
+                                " are rectified already (see the parameter calibration)");
+  }
+  // The reference stays unless it changed: the file's content, or a reference from ~reference.
+  const bool same_image = is_configured_ && config.reference_image == reference_file_;
+  const FileState state = same_image ? file_state_ : FileState::of(config.reference_image);
+  const auto file =
+      same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
+  wanted.reference_image = same_image ? configuration_.reference_image : file;
+  const bool same_mask = is_configured_ && config.mask_image == mask_file_;
+  wanted.view.file_mask =
+      same_mask ? configuration_.view.file_mask : readMaskFile(config.mask_image);
+  wanted.view.sent_mask = configuration_.view.sent_mask;
+  wanted.view.lens = config.rectify ? lens_ : nullptr;
+  wanted.lens_problem = configuration_.lens_problem;
+  if (is_configured_) ++wanted.number;
+  configuration_ = std::move(wanted);  // nothing throws from here on
+  reference_file_ = config.reference_image;
+  mask_file_ = config.mask_image;
+  file_reference_ = file;
+  file_state_ = file_seen_ = state;
+  is_configured_ = true;
+}
+
+// camera_info comes with every image and rarely changes; an equal one is ignored.
+bool MatcherSettings::setLens(const sensor_msgs::CameraInfo& info, std::string& problem) {
+  LensConstPtr lens;
+  try {
+    lens = lensFrom(info);
+  } catch (const std::exception& error) {
+    problem = error.what();
+  }
+  const bool same = lens && lens_ && lens->calibration() == lens_->calibration();
+  if (problem == configuration_.lens_problem && (same || lens == lens_)) return false;
+  if (!same) lens_ = lens;
+  configuration_.view.lens = configuration_.rectify ? lens_ : nullptr;
+  configuration_.lens_problem = problem;
+  ++configuration_.number;
+  return true;
+}
+
+void MatcherSettings::setMask(const sensor_msgs::ImageConstPtr& image) {
+  configuration_.view.sent_mask = maskFrom(image);
+  ++configuration_.number;
+}
+
+void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
+  const bool none = image->width == 0 || image->height == 0;
+  if (!none) greyImage(image, configuration_.stretch);  // refuses it here rather than later
+  configuration_.reference_image = none ? file_reference_ : image;
+  ++configuration_.number;
+}
+
+bool MatcherSettings::rereadReference(bool at_once) {
+  if (reference_file_.empty()) return false;
+  const FileState now = FileState::of(reference_file_);
+  const bool settled = at_once || now == file_seen_;
+  file_seen_ = now;
+  if (now == file_state_ || !settled) return false;
+  file_state_ = now;
+  const auto before =
+      std::exchange(file_reference_, readImageFile("reference_image", reference_file_));
+  // A reference from ~reference stays.
+  if (configuration_.reference_image == before) configuration_.reference_image = file_reference_;
+  ++configuration_.number;
+  return true;
+}
+
+}  // namespace ktgp_orb

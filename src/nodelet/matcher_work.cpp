@@ -1,0 +1,109 @@
+#include "nodelet/matcher_work.h"
+
+#include <chrono>
+#include <cstdio>
+#include <utility>
+
+namespace ktgp_orb {
+namespace {
+
+constexpr std::uint32_t kDataQueue = 10;  // messages queued for a slow subscriber
+
+// Drawn at least this often, even if newer images always wait.
+constexpr std::chrono::seconds kLongestWithoutOverlay{1};
+
+}  // namespace
+
+MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
+                         std::function<bool()> newer_waits, MatcherFacts& facts)
+    : matcher_(configuration),
+      diagnosis_(diagnosis),
+      newer_waits_(std::move(newer_waits)),
+      facts_(facts) {
+#define KTGP_TOPIC(name, Message, make, text) \
+  addTopic<Message>(outputs, #name, [](const MatchedFrame& frame) { return make(frame); });
+#define KTGP_LIVE_TOPIC KTGP_TOPIC
+#include "messages/topics.def"
+#undef KTGP_TOPIC
+#undef KTGP_LIVE_TOPIC
+  // A slow subscriber should not lose data; of the pictures it needs only the newest.
+  overlay_ = outputs.advertiseImage("matches_image", 1);
+}
+
+/// A message is made if somebody has subscribed.
+template <typename Message, typename Make>
+void MatcherWork::addTopic(Outputs& outputs, const std::string& name, Make make) {
+  const ros::Publisher publisher = outputs.advertise<Message>(name, kDataQueue);
+  topics_.emplace_back([publisher, make](const MatchedFrame& frame) {
+    if (publisher.getNumSubscribers() == 0) return;
+    if (const boost::shared_ptr<const Message> message = make(frame)) publisher.publish(message);
+  });
+}
+
+void MatcherWork::process(const sensor_msgs::ImageConstPtr& image) {
+  const auto start = Diagnosis::Clock::now();
+  MatchedFrame frame = matcher_.process(image);
+  facts_.holds_set_reference = matcher_.holdsSetReference();
+  report(frame.match);
+  frame.dropped = diagnosis_.total(Diagnosis::kDropped);
+  frame.lost = diagnosis_.total(Diagnosis::kLost);
+  frame.skipped = diagnosis_.total(Diagnosis::kSkipped);
+  frame.refused = diagnosis_.total(Diagnosis::kRefused);
+  frame.latency = diagnosis_.done(image->header.stamp, start);
+  for (const auto& publish : topics_) publish(frame);
+  publishOverlay();
+}
+
+// A robot in front of a wall finds no homography and is not faulty: only a warning.
+void MatcherWork::report(const SequenceMatch& match) {
+  const Status status = match.match.status;
+  const bool has_reference = status != Status::no_reference;
+  without_reference_ = has_reference ? 0 : without_reference_ + 1;
+  diagnosis_.count("frames matched", has_reference ? 1 : 0);
+  diagnosis_.count("frames without reference", has_reference ? 0 : 1);
+  diagnosis_.count("homographies", status == Status::ok ? 1 : 0);
+  diagnosis_.count("inliers", match.match.inliers);
+  // Every sequence begins with one frame without a reference.
+  diagnosis_.setProblem("reference",
+                        without_reference_ > 1 ? std::to_string(without_reference_) +
+                                                     " frames in a row without a reference: " +
+                                                     toString(match.no_reference)
+                                               : "",
+                        false);
+  diagnosis_.setProblem("lens", lensProblem(match));
+  if (!has_reference)
+    diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
+  diagnosis_.setValue("last status", toString(status));
+  if (has_reference && status != Status::ok) facts_.last_failure = status;
+}
+
+/// Why points are in raw pixels although rectified ones are wanted; empty: no problem.
+std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
+  const Configuration& configuration = matcher_.configuration();
+  if (!configuration.rectify || match.frame->lens) return "";
+  std::string reason = configuration.lens_problem;
+  if (configuration.view.lens) {
+    const cv::Size size = configuration.view.lens->calibration().image_size;
+    reason =
+        "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
+  }
+  return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
+         "of "
+         "this image size on " +
+         camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
+}
+
+// After the data, which must not wait for the picture.
+void MatcherWork::publishOverlay() {
+  if (overlay_.getNumSubscribers() == 0) return;
+  const auto start = Diagnosis::Clock::now();
+  if (newer_waits_() && start - last_overlay_ < kLongestWithoutOverlay) {
+    diagnosis_.count("overlays skipped");
+    return;
+  }
+  last_overlay_ = start;
+  overlay_.publish(matcher_.overlay());
+  diagnosis_.count("overlays");
+}
+
+}  // namespace ktgp_orb

@@ -1,0 +1,61 @@
+#pragma once
+
+#include <image_transport/image_transport.h>
+#include <ros/ros.h>
+
+#include <atomic>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "messages/message_matcher.h"
+#include "nodelet/diagnosis.h"
+#include "nodelet/outputs.h"
+
+namespace ktgp_orb {
+
+/// What the worker tells other threads.
+struct MatcherFacts {
+  std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera
+  std::atomic<Status> last_failure{Status::ok};  ///< of a frame with a reference
+};
+
+/// What the matcher's worker does: matches an image, publishes what has subscribers. Belongs to the
+/// worker's thread.
+class MatcherWork {
+ public:
+  /// `newer_waits`: whether a newer image than the one in work has arrived.
+  MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
+              std::function<bool()> newer_waits, MatcherFacts& facts);
+
+  void configure(const ConfigurationConstPtr& configuration) { matcher_.configure(*configuration); }
+  const Configuration& configuration() const { return matcher_.configuration(); }
+  void process(const sensor_msgs::ImageConstPtr& image);
+  void forgetReference() { matcher_.forgetReference(); }
+  void reset() {
+    matcher_.reset();
+    facts_.holds_set_reference = matcher_.holdsSetReference();
+  }
+  /// The next image becomes the fixed reference.
+  void fixNextFrame() { matcher_.fixNextFrame(); }
+  void setCameraInfoTopic(const std::string& topic) { camera_info_topic_ = topic; }
+
+ private:
+  template <typename Message, typename Make>
+  void addTopic(Outputs& outputs, const std::string& name, Make make);
+  void report(const SequenceMatch& match);
+  std::string lensProblem(const SequenceMatch& match) const;
+  void publishOverlay();
+
+  MessageMatcher matcher_;
+  Diagnosis& diagnosis_;
+  std::function<bool()> newer_waits_;
+  MatcherFacts& facts_;
+  std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one
+  image_transport::Publisher overlay_;
+  std::string camera_info_topic_;
+  Diagnosis::Clock::time_point last_overlay_;
+  std::uint64_t without_reference_ = 0;  // frames in a row, up to the last one
+};
+
+}  // namespace ktgp_orb
