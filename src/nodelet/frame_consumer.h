@@ -18,7 +18,7 @@ namespace ktgp_orb {
 /// other way round.
 class FrameWork {
  public:
-  static constexpr std::size_t kImages = 10;  // that wait
+  static constexpr std::size_t kImages = 40;  // that wait: more than a second
 
   explicit FrameWork(Diagnosis& diagnosis) : diagnosis_(diagnosis) {}
   void setStoreBytes(std::size_t bytes) { images_.setMostBytes(bytes); }
@@ -59,7 +59,8 @@ class FrameConsumer : public ImageNode<Config, Work> {
   /// wait for their homography.
   void setMaxMemory(int megabytes) {
     const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
-    this->worker_.setLimits(kImage, {FrameWork::kImages, bytes / 4});
+    constexpr std::size_t kMost = 10;  // for the worker
+    this->worker_.setLimits(kImage, {kMost, bytes / 4});
     this->worker_.post([bytes](Work& work) { work.setStoreBytes(bytes - bytes / 4); });
   }
   void startWorker(std::unique_ptr<Work> work) {
