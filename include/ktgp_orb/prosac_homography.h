@@ -81,9 +81,7 @@ struct UncertainHomography {
 
 /// Details of the search, for tests and tuning.
 struct ProsacDiagnostics {
-  int iterations = 0;               ///< samples drawn, including those from a best model's inliers
-  int local_optimisations = 0;      ///< times a new best model was refined
-  std::size_t growth_set_size = 0;  ///< number n of best pairs sampled from at the end
+  int iterations = 0;  ///< samples drawn, including those from a best model's inliers
   ProsacStop stop = ProsacStop::not_run;
 };
 

@@ -50,8 +50,12 @@ void MatcherWork::process(const sensor_msgs::ImageConstPtr& image) {
   frame.skipped = diagnosis_.total(Diagnosis::kSkipped);
   frame.refused = diagnosis_.total(Diagnosis::kRefused);
   frame.latency = diagnosis_.done(image->header.stamp, start);
-  for (const auto& publish : topics_) publish(frame);
+  publish(frame);
   publishOverlay();
+}
+
+void MatcherWork::publish(const MatchedFrame& frame) {
+  for (const auto& topic : topics_) topic(frame);
 }
 
 // A robot in front of a wall finds no homography and is not faulty: only a warning.
@@ -88,8 +92,7 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
         "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
   }
   return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
-         "of "
-         "this image size on " +
+         "of this image size on " +
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 

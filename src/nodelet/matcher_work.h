@@ -44,6 +44,8 @@ class MatcherWork {
   template <typename Message, typename Make>
   void addTopic(Outputs& outputs, const std::string& name, Make make);
   void report(const SequenceMatch& match);
+  /// A function of its own in the binary, too: robot_heap_test counts what ROS allocates in it.
+  [[gnu::noinline]] void publish(const MatchedFrame& frame);
   std::string lensProblem(const SequenceMatch& match) const;
   void publishOverlay();
 

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/four_point.h"
+#include "core/homography/model.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb {

@@ -110,7 +110,7 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
 bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store) {
   constexpr double kShare = 0.6;
   // Of the blocks, which are those of one sharp image: with a logo in common, the others differ.
-  constexpr double kLeastAgreement = 0.75;
+  constexpr double kLeastAgreement = 0.5;
   return found.found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store), outlineOf(size, Eigen::Matrix3d::Identity()),
                        kShare);

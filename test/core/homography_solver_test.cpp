@@ -1,4 +1,4 @@
-#include "core/homography/four_point.h"
+#include "core/homography/model.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include "core/homography/covariance.h"
 #include "core/homography/estimate.h"
 #include "core/homography/m_estimator.h"
+#include "core/homography/model.h"
 #include "core/homography/point_pairs.h"
-#include "core/homography/score.h"
 #include "core/homography/transform.h"
 #include "synthetic_pairs.h"
 

@@ -195,7 +195,6 @@ TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
     EXPECT_EQ(again.answer.covariance, first.answer.covariance);
     EXPECT_EQ(again.mask, first.mask);
     EXPECT_EQ(again.diagnostics.iterations, first.diagnostics.iterations);
-    EXPECT_EQ(again.diagnostics.growth_set_size, first.diagnostics.growth_set_size);
     EXPECT_EQ(again.rmse, first.rmse);
   }
 }
@@ -232,14 +231,11 @@ TEST(ProsacHomography, SaysWhichRuleEndedItAndHowFarItCame) {
   prosac.estimate(makePairs(scene, numbers), kSize, result);
   EXPECT_EQ(result.diagnostics.stop, ProsacStop::maximality);
   EXPECT_LT(result.diagnostics.iterations, 20);
-  EXPECT_GE(result.diagnostics.local_optimisations, 1);
-  EXPECT_LT(result.diagnostics.growth_set_size, 50u);
 
   scene.inliers = 0;
   prosac.estimate(makePairs(scene, numbers), kSize, result);
   EXPECT_EQ(result.diagnostics.stop, ProsacStop::max_iterations);
   EXPECT_EQ(result.diagnostics.iterations, 2000);
-  EXPECT_EQ(result.diagnostics.growth_set_size, 300u);  // the budget suffices for every pair
 
   prosac.estimate(PointPairs(), kSize, result);
   EXPECT_EQ(result.diagnostics.stop, ProsacStop::not_run);
@@ -257,7 +253,6 @@ TEST(ProsacHomography, NeverDrawsMoreThanItsBudget) {
     ProsacResult result;
     ProsacHomography(options).estimate(pairs, kSize, result);
     EXPECT_EQ(result.diagnostics.iterations, budget);
-    EXPECT_EQ(result.diagnostics.growth_set_size, budget == 1 ? 4u : 3000u);
   }
 }
 

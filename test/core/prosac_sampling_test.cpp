@@ -6,10 +6,9 @@
 #include <cmath>
 #include <set>
 
-#include "core/homography/sampler.h"
-#include "core/homography/stopping.h"
+#include "core/prosac/sampling.h"
 
-namespace ktgp_orb::homography {
+namespace ktgp_orb::prosac {
 namespace {
 
 TEST(ProsacSampler, ReachesEveryPairWithinTheBudget) {
@@ -183,4 +182,4 @@ TEST(ProsacStopping, ChanceSupportDoesNotStopIt) {
 }
 
 }  // namespace
-}  // namespace ktgp_orb::homography
+}  // namespace ktgp_orb::prosac

@@ -120,7 +120,7 @@ Site siteOf(const StackCounts::Stack& stack) {
         is("ktgp_orb::toStatistics"))
       site.purpose = Purpose::making;
     // ROS's own publish may be inlined into ours.
-    if (is("ros::Publisher::publish") || is("ktgp_orb::MatcherWork::addTopic")) {
+    if (is("ros::Publisher::publish") || is("ktgp_orb::MatcherWork::publish")) {
       site.purpose = Purpose::handing_over;
     }
     if (is("ktgp_orb::MatcherNodelet::imageArrived")) site.purpose = Purpose::arrival;

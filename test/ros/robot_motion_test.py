@@ -230,7 +230,7 @@ class MotionTest(unittest.TestCase):
 
     def test_5_choices_that_are_none_are_refused(self):
         client = Client('/camera/by_parameter', timeout=TIMEOUT)
-        for name, value, usual in (('height_source', 'laser', 'parameter'), ('normal_source', 'IMU', 'down'),
+        for name, value, usual in (('height_source', 'laser', 'parameter'), ('normal_source', 'IMU', 'imu'),
                                    ('calibration', '', 'by_name')):
             self.assertEqual(client.update_configuration({name: value})[name], usual)
             self.diagnosed('parameters refused: parameter %s is %s; expected' % (name, value or 'empty'),
@@ -245,8 +245,8 @@ class MotionTest(unittest.TestCase):
     def test_5_a_camera_that_looks_away_from_the_ground_is_named(self):
         """By tf it looks up: the velocity would have the wrong sign."""
         client = Client('/camera/by_parameter', timeout=TIMEOUT)
-        self.addCleanup(client.update_configuration, {'base_frame': ''})
-        client.update_configuration({'base_frame': 'camera'})
+        self.addCleanup(client.update_configuration, {'base_frame': '', 'normal_source': 'imu'})
+        client.update_configuration({'base_frame': 'camera', 'normal_source': 'down'})
         self.diagnosed('nothing is published: the camera looks above the horizon', 'by_parameter')
         self.twist_after('by_tf')
         last = self.camera.last_stamp()

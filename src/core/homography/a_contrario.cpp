@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/homography/four_point.h"
+#include "core/homography/model.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
 
@@ -101,7 +101,7 @@ bool ContrarioTest::explainableByChance(const PointPairs& pairs,
 bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
                                 double threshold, double covered_area) {
   constexpr double kLogMaxFalseAlarms = -4.0;  // log10
-  constexpr std::size_t kSample = std::tuple_size<FourPoints>::value;
+  constexpr std::size_t kSample = HomographyProblem::kSample;
   FalseAlarms false_alarms(kSample, pairs.size());
   double largest = 0.0;  // squared error, px²
   counted_.clear();

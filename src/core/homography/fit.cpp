@@ -2,12 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 #include <utility>
 
 #include "core/homography/covariance.h"
-#include "core/homography/four_point.h"
-#include "core/homography/score.h"
+#include "core/homography/model.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::homography {
@@ -24,7 +22,7 @@ FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, do
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::size_t near = findInliers(pairs.scoring, homography, kReach * pairs.limit, near_);
-    if (near <= std::tuple_size<FourPoints>::value) return FitOutcome::unsupported;
+    if (near <= HomographyProblem::kSample) return FitOutcome::unsupported;
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     estimator_.select(pairs.refinement, used_, near);

@@ -5,16 +5,14 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <tuple>
 #include <utility>
 
 #include "core/homography/a_contrario.h"
 #include "core/homography/estimate.h"
 #include "core/homography/fit.h"
-#include "core/homography/four_point.h"
-#include "core/homography/prosac.h"
-#include "core/homography/quality_order.h"
+#include "core/homography/model.h"
 #include "core/homography/transform.h"
+#include "core/prosac/prosac.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -78,19 +76,15 @@ void reset(std::size_t pairs, ProsacResult& result) {
   result.mask = std::move(mask);
 }
 
-ProsacDiagnostics diagnosticsOf(const homography::ProsacRun& run) {
-  return {run.iterations, run.local_optimisations, run.growth_set_size,
-          run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality};
-}
-
 }  // namespace
 
 /// Search, fit and verdict, with their buffers.
 struct ProsacHomography::Impl {
   ProsacOptions options;
-  homography::QualityOrder order;
+  prosac::QualityOrder order;
   homography::NormalisedPairs normalised;
-  homography::ProsacSearch search;
+  homography::HomographyProblem problem;
+  prosac::ProsacSearch<homography::HomographyProblem> search;
   homography::HomographyFit fit;
   homography::Finaliser finaliser;
   homography::FinalHomography final;
@@ -110,7 +104,7 @@ void ProsacHomography::Impl::estimate(const PointPairs& pairs, const cv::Size& r
   requireValid(pairs);
   requireValid(initial);
   reset(pairs.size(), result);
-  if (pairs.size() < std::tuple_size<homography::FourPoints>::value) {
+  if (pairs.size() < homography::HomographyProblem::kSample) {
     result.status = Status::too_few_matches;
     return;
   }
@@ -134,15 +128,17 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
                                   ProsacResult& result) {
   order.sort(pairs.quality);
   normalised.load(pairs.reference, pairs.target, order, options.max_error, pairs.noise);
-  homography::ProsacRules rules;
+  prosac::ProsacRules rules;
   rules.max_iterations = options.max_iterations;
   rules.confidence = options.confidence;
   rules.chance_inlier = homography::chanceInlier(homography::coveredArea(pairs.target),
                                                  options.max_error * rootMeanSquareNoise(pairs));
   rules.seed = options.seed;
   const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
-  const homography::ProsacRun run = search.run(rules, start ? &*start : nullptr, normalised);
-  result.diagnostics = diagnosticsOf(run);
+  problem.setPairs(normalised);
+  const prosac::ProsacRun run = search.run(rules, start ? &*start : nullptr, problem);
+  result.diagnostics = {run.iterations,
+                        run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality};
   return run.found;
 }
 

@@ -1,0 +1,200 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <opencv2/core/types.hpp>
+#include <optional>
+#include <vector>
+
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/features.h"
+#include "ktgp_orb/planar_pose.h"
+#include "ktgp_orb/prosac_homography.h"
+#include "ktgp_orb/status.h"
+
+namespace ktgp_orb {
+
+/// What explains the matches of two images.
+enum class Geometry : std::uint8_t {
+  none = 0,
+  plane = 1,     ///< a homography: the scene is flat, or, without K, the camera only turned
+  rotation = 2,  ///< the camera only turned, or stood still; only with K
+  epipolar = 3,  ///< a scene with depth: essential matrix with K, fundamental matrix without
+};
+
+/// The enumerator's own name, e.g. "epipolar".
+const char* toString(Geometry geometry);
+
+/// Options of the two-view geometry.
+struct TwoViewOptions {
+  /// Largest reprojection error of an inlier of a homography in the target, px, > 0. The largest
+  /// Sampson distance of an inlier of an epipolar geometry, which counts the errors in both images,
+  /// is half of it.
+  double max_error = 3.0;
+  int max_iterations = 1000;  ///< most samples of each search, 1..1000000
+  double confidence = 0.995;  ///< probability that no better model was missed, in (0, 1)
+  std::uint64_t seed = 1;     ///< of the sampling; the same seed gives the same answer
+  bool homography = true;     ///< false: only an epipolar geometry is looked for
+  /// Standard deviation of errors that vary linearly over the image and that no residual shows: of
+  /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
+  /// geometry.
+  double shared_error = 0.0;
+};
+
+/// How the target camera moved: x_target ~ R x_reference + t, between points in the two cameras'
+/// frames (x right, y down, z forward). The unit of length is the distance between the cameras.
+struct RelativePose {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  ///< of length 1, or 0 for a rotation
+};
+
+/// What is known about the two images.
+struct TwoViewInput {
+  /// K of images without distortion, px. Empty: not known, and no pose is estimated.
+  std::optional<Eigen::Matrix3d> reference_camera;
+  std::optional<Eigen::Matrix3d> target_camera;  ///< empty: as the reference's
+  cv::Size reference_size;                       ///< px; empty: the box of the points is used
+  cv::Size target_size;                          ///< px; the same
+  /// A motion that may be right, for example that of the frame before. It is scored before the
+  /// first sample, and gets no other advantage.
+  std::optional<RelativePose> prediction;
+  /// A homography that may be right, for example of the same matches before they were aligned.
+  std::optional<Eigen::Matrix3d> homography;
+};
+
+/// A point of the scene in the reference camera's frame.
+struct ScenePoint {
+  std::size_t pair = 0;                                ///< index of its pair
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< at unit baseline
+  /// From the scale of the errors, with the motion taken as exact.
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+/// Reused from call to call for its buffers.
+struct TwoView {
+  Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
+  Geometry geometry = Geometry::none;
+
+  /// Plane and rotation: the homography. For an epipolar geometry, that of its dominant plane, if
+  /// it has one; zero otherwise.
+  Eigen::Matrix3d homography = Eigen::Matrix3d::Zero();
+  /// x_target^T F x_reference = 0, px, of norm 1; zero for a rotation and for a plane without K.
+  Eigen::Matrix3d fundamental = Eigen::Matrix3d::Zero();
+
+  /// With K: the motion. A plane allows up to two; this is the likelier one, the other follows in
+  /// `other_pose`.
+  RelativePose pose;
+  std::optional<RelativePose> other_pose;
+  /// Of small changes of the translation (x, y, z) and small rotations about the target camera's
+  /// axes (rad), in this order. The length of the translation is fixed, so it has rank 5; 3 for a
+  /// rotation, with a translation of variance 0. NaN without K or where it is not known.
+  Covariance6 pose_covariance = Covariance6::Zero();
+  /// Median angle between the two rays of an inlier, degrees; NaN without K.
+  double parallax = 0.0;
+
+  /// One per pair: 1 where it agrees with the geometry, and with K lies in front of both cameras.
+  std::vector<std::uint8_t> mask;
+  std::size_t inliers = 0;  ///< ones in `mask`
+  /// Root mean square over the inliers, px: reprojection error in the target (plane, rotation) or
+  /// Sampson distance (epipolar).
+  double rmse = 0.0;
+  double scale = 0.0;  ///< robust scale of the Sampson distances, px; 0 unless epipolar
+
+  /// log10 of the expected number of models with such support by chance (Moisan & Stival, IJCV
+  /// 2004; Moulon, Monasse & Marlet, ACCV 2012); 0 where there is no model. The smaller one wins.
+  double log_false_alarms_homography = 0.0;
+  double log_false_alarms_epipolar = 0.0;
+  int iterations = 0;  ///< samples of the search for the epipolar geometry
+};
+static_assert(alignof(TwoView) <= alignof(std::max_align_t),
+              "the layout of results must not depend on the instruction set of the includer");
+
+/// Finds the geometry that explains the point pairs of two images: plane, rotation, depth or none.
+///
+/// The search is PROSAC's for all: samples of four for a homography, of five for an essential
+/// matrix (Nister, PAMI 2004), of seven for a fundamental matrix. Then the motion is refined on its
+/// manifold by maximum likelihood, with Student's t errors of Sampson distances.
+///
+/// The choice: every pair has a chance to agree as well as it does with a wrong model. For a
+/// homography that is the share of a disc of its error in the image; for an epipolar line, of a
+/// strip. Where there is a homography, the pairs must also show parallax: their errors from it
+/// point along the epipolar lines, more often than random directions would. So a plane with a few
+/// other points gives the geometry of all of them, and a plane alone stays a plane.
+///
+/// model_rejected: an epipolar geometry is significant but not determined by its inliers.
+///
+/// An instance belongs to one thread at a time; several instances may work in parallel.
+class TwoViewEstimator {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit TwoViewEstimator(const TwoViewOptions& options = {});
+  ~TwoViewEstimator();
+  TwoViewEstimator(TwoViewEstimator&&) noexcept;
+  TwoViewEstimator& operator=(TwoViewEstimator&&) noexcept;
+
+  const TwoViewOptions& options() const;
+
+  /// Throws std::invalid_argument for arrays of different length, values that are not finite, and a
+  /// K that is not one: focal lengths of at most 0, entries that are not finite, or a principal
+  /// point outside the image, as of a K that belongs to another image size.
+  void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The same in one call. The pairs are taken as sorted, best first.
+TwoView estimateTwoView(const std::vector<Eigen::Vector2d>& reference,
+                        const std::vector<Eigen::Vector2d>& target, const TwoViewInput& input = {},
+                        const TwoViewOptions& options = {});
+
+/// The two-view geometry of the matches of two frames. Reused from call to call for its buffers.
+struct TwoViewMatches {
+  TwoView view;
+  /// The matches of level ktg and above, in their order. Where the images allowed it, the points
+  /// are more accurate than the keypoints.
+  PointPairs pairs;
+  std::vector<std::size_t> match;     ///< of each pair: its index in the list of matches
+  std::vector<std::uint8_t> aligned;  ///< 1 where the images gave the points
+  /// One per match: its level, but Level::ktgp where it agrees with the geometry of `view`, and at
+  /// most Level::ktg elsewhere.
+  std::vector<Level> levels;
+};
+
+/// The geometry of matches, by points that are aligned one by one.
+///
+/// Keypoints are good to half a pixel. For each match, the 16x16 px around the reference keypoint
+/// are found in the target (see Alignment), warped by the affine map that the twelve matches next
+/// to it suggest; no plane is assumed. A match that moves farther than 4 px, or whose patches do
+/// not look alike (correlation below 0.8), stays where it is. Needs Features::images; without them
+/// the keypoints are taken.
+///
+/// An instance belongs to one thread at a time; several instances may work in parallel.
+class TwoViewMatcher {
+ public:
+  /// Throws std::invalid_argument naming the option and its range.
+  explicit TwoViewMatcher(const TwoViewOptions& options = {});
+  ~TwoViewMatcher();
+  TwoViewMatcher(TwoViewMatcher&&) noexcept;
+  TwoViewMatcher& operator=(TwoViewMatcher&&) noexcept;
+
+  /// `matches`: of KtgpMatcher. The sizes in `input` are those of the features. Throws as
+  /// TwoViewEstimator::estimate.
+  void estimate(const Features& reference, const Features& target,
+                const std::vector<Correspondence>& matches, const TwoViewInput& input,
+                TwoViewMatches& result);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// The points that the inliers show, in the order of the pairs. Needs a pose with a translation;
+/// else empty. Pairs whose rays are parallel within the errors are left out.
+void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
+                 std::vector<ScenePoint>& points);
+
+}  // namespace ktgp_orb

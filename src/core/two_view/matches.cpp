@@ -1,0 +1,108 @@
+#include <Eigen/Core>
+#include <algorithm>
+#include <stdexcept>
+#include <string>
+
+#include "core/alignment/local_maps.h"
+#include "core/alignment/patch_aligner.h"
+#include "core/util/keypoint_position.h"
+#include "ktgp_orb/two_view.h"
+
+namespace ktgp_orb {
+namespace {
+
+constexpr double kReach = 4.0;                   // px
+constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
+
+bool hasImages(const Features& features) {
+  return !features.images.empty() && !features.images[0].empty();
+}
+
+std::size_t checked(std::int32_t index, const Features& features, const char* frame) {
+  if (index >= 0 && static_cast<std::size_t>(index) < features.size()) {
+    return static_cast<std::size_t>(index);
+  }
+  throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
+                              std::to_string(index) + "; expected one of 0.." +
+                              std::to_string(features.size()) + " - 1");
+}
+
+}  // namespace
+
+struct TwoViewMatcher::Impl {
+  explicit Impl(const TwoViewOptions& options)
+      : estimator(options), aligner(alignment::bestAlignmentKernels()) {}
+
+  void collect(const Features& reference, const Features& target,
+               const std::vector<Correspondence>& matches, TwoViewMatches& result);
+  void align(const Features& reference, const Features& target, TwoViewMatches& result);
+
+  TwoViewEstimator estimator;
+  alignment::PatchAligner aligner;
+  alignment::LocalMaps maps;
+  PointPairs keypoints;
+};
+
+void TwoViewMatcher::Impl::collect(const Features& reference, const Features& target,
+                                   const std::vector<Correspondence>& matches,
+                                   TwoViewMatches& result) {
+  keypoints.clear();
+  result.match.clear();
+  result.levels.clear();
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const Correspondence& match = matches[i];
+    result.levels.push_back(std::min(match.level, Level::ktg));
+    if (match.level < Level::ktg) continue;
+    checked(match.reference_index, reference, "reference");
+    checked(match.target_index, target, "target");
+    result.match.push_back(i);
+    keypoints.reference.push_back(util::position(reference, match.reference_index));
+    keypoints.target.push_back(util::position(target, match.target_index));
+    keypoints.quality.push_back(match.ratio());
+  }
+}
+
+/// Samples draw the aligned pairs first, since they are the more accurate ones.
+void TwoViewMatcher::Impl::align(const Features& reference, const Features& target,
+                                 TwoViewMatches& result) {
+  constexpr double kLater = 1.0;  // more than any ratio
+  result.pairs = keypoints;
+  result.aligned.assign(keypoints.size(), 0);
+  if (!hasImages(reference) || !hasImages(target)) return;
+  maps.load(keypoints.reference, keypoints.target, reference.image_size);
+  aligner.setImages(reference.images, target.images);
+  for (std::size_t i = 0; i < keypoints.size(); ++i) {
+    const alignment::AlignedPatch patch = aligner.align(maps.at(i), keypoints.reference[i], kReach);
+    if (patch.outcome != alignment::PatchOutcome::aligned ||
+        patch.correlation < kLeastCorrelation) {
+      result.pairs.quality[i] += kLater;
+      continue;
+    }
+    result.pairs.reference[i] = patch.reference;
+    result.pairs.target[i] = patch.target;
+    result.aligned[i] = 1;
+  }
+}
+
+TwoViewMatcher::TwoViewMatcher(const TwoViewOptions& options)
+    : impl_(std::make_unique<Impl>(options)) {}
+
+TwoViewMatcher::~TwoViewMatcher() = default;
+TwoViewMatcher::TwoViewMatcher(TwoViewMatcher&&) noexcept = default;
+TwoViewMatcher& TwoViewMatcher::operator=(TwoViewMatcher&&) noexcept = default;
+
+void TwoViewMatcher::estimate(const Features& reference, const Features& target,
+                              const std::vector<Correspondence>& matches, const TwoViewInput& input,
+                              TwoViewMatches& result) {
+  TwoViewInput sized = input;
+  sized.reference_size = reference.image_size;
+  sized.target_size = target.image_size;
+  impl_->collect(reference, target, matches, result);
+  impl_->align(reference, target, result);
+  impl_->estimator.estimate(result.pairs, sized, result.view);
+  for (std::size_t i = 0; i < result.match.size(); ++i) {
+    if (result.view.mask[i] != 0) result.levels[result.match[i]] = Level::ktgp;
+  }
+}
+
+}  // namespace ktgp_orb

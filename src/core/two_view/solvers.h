@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+
+namespace ktgp_orb::two_view {
+
+/// Real roots of sum of coefficients[i] z^i, at most Degree of them, ascending within |z| <= 1 and
+/// then the others.
+template <std::size_t Degree>
+struct RealRoots {
+  std::array<double, Degree> root{};
+  std::size_t count = 0;
+
+  explicit RealRoots(const std::array<double, Degree + 1>& coefficients);
+};
+
+/// Up to ten matrices.
+struct EpipolarSolutions {
+  std::array<Eigen::Matrix3d, 10> matrix;
+  std::size_t count = 0;
+};
+
+/// Essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004). Points
+/// are columns q = K^-1 x. Each solution has Frobenius norm sqrt(2).
+void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
+                     const Eigen::Matrix<double, 3, 5>& target, EpipolarSolutions& solutions);
+
+/// Fundamental matrices of seven pairs (Hartley & Zisserman, 2003, section 11.1.2), of norm 1. The
+/// coordinates should be of the order of 1.
+void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
+                      const Eigen::Matrix<double, 3, 7>& target, EpipolarSolutions& solutions);
+
+/// [v]x: crossed(v) w = v × w.
+Eigen::Matrix3d crossed(const Eigen::Vector3d& v);
+
+/// A motion x_target ~ R X + t with unit t.
+struct Motion {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
+};
+
+/// The four motions of an essential matrix of norm sqrt(2), in closed form (Horn, 1990).
+std::array<Motion, 4> motionsOf(const Eigen::Matrix3d& essential);
+
+/// Whether the point that two rays see best, q in the reference and q' in the target, is in front
+/// of both cameras.
+bool inFront(const Motion& motion, const Eigen::Vector3d& reference, const Eigen::Vector3d& target);
+
+}  // namespace ktgp_orb::two_view

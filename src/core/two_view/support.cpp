@@ -1,0 +1,77 @@
+#include "core/two_view/support.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/homography/a_contrario.h"
+
+namespace ktgp_orb::two_view {
+namespace {
+
+/// Numbers the cells of side `apart` that the points are in; at most 1024 along each axis.
+void numberCells(const std::vector<Eigen::Vector2d>& points, double apart,
+                 std::vector<std::uint32_t>& cell, std::vector<std::uint8_t>& taken) {
+  constexpr double kMost = 1024.0;
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector2d& p : points) box.extend(p);
+  const double side = std::max(apart, box.sizes().maxCoeff() / (kMost - 1.0));
+  // Coordinates may be so large that their differences are not finite.
+  const auto number = [side](double length) {
+    return length > 0.0 ? static_cast<std::uint32_t>(std::min(kMost - 1.0, length / side)) : 0U;
+  };
+  const std::uint32_t columns = number(box.sizes().x()) + 1;
+  const std::uint32_t rows = number(box.sizes().y()) + 1;
+  cell.clear();
+  for (const Eigen::Vector2d& p : points) {
+    const Eigen::Vector2d at = p - box.min();
+    cell.push_back(std::min(number(at.y()), rows - 1) * columns +
+                   std::min(number(at.x()), columns - 1));
+  }
+  taken.resize(std::size_t(columns) * rows);
+}
+
+}  // namespace
+
+void Support::load(const PointPairs& pairs, double apart) {
+  numberCells(pairs.reference, apart, reference_cell_, reference_taken_);
+  numberCells(pairs.target, apart, target_cell_, target_taken_);
+}
+
+double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sample,
+                               double models) {
+  order_.resize(chance.size());
+  std::iota(order_.begin(), order_.end(), 0U);
+  std::sort(order_.begin(), order_.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return chance[a] != chance[b] ? chance[a] < chance[b] : a < b;
+  });
+  std::fill(reference_taken_.begin(), reference_taken_.end(), std::uint8_t(0));
+  std::fill(target_taken_.begin(), target_taken_.end(), std::uint8_t(0));
+  const auto repeated = [&](std::uint32_t i) {
+    std::uint8_t& reference = reference_taken_[reference_cell_[i]];
+    std::uint8_t& target = target_taken_[target_cell_[i]];
+    if (reference != 0 || target != 0) return true;
+    reference = target = 1;
+    return false;
+  };
+  order_.erase(std::remove_if(order_.begin(), order_.end(), repeated), order_.end());
+  if (order_.size() <= sample) return 0.0;
+  homography::FalseAlarms false_alarms(sample, order_.size());
+  const double log_models = std::log10(models);
+  double least = 0.0;
+  for (std::size_t k = sample; k < order_.size() && chance[order_[k]] < 1.0; ++k) {
+    // The chance that exactly the first k + 1 agree. As many as chance lets expect say nothing.
+    const double p = chance[order_[k]];
+    const double log_subsets = false_alarms.next(p);
+    const auto others = static_cast<double>(order_.size() - k - 1);
+    if (static_cast<double>(k + 1 - sample) <= p * static_cast<double>(order_.size() - sample)) {
+      continue;
+    }
+    const double log_others = others * std::log1p(-p) / std::log(10.0);
+    least = std::min(least, log_models + log_subsets + log_others);
+  }
+  return least;
+}
+
+}  // namespace ktgp_orb::two_view
