@@ -136,7 +136,7 @@ TEST_P(SlowCamera, ShiftsAreMeasuredToAFiftiethOfAPixel) {
     }
     EXPECT_LT(errors.median(), noise < 2.0 ? 0.02 : 0.05) << "noise " << noise;
     EXPECT_LT(errors.largest(), noise < 2.0 ? 0.08 : 0.2) << "noise " << noise;
-    EXPECT_GT(errors.medianSquaredDeviation(), 0.5) << "noise " << noise;
+    EXPECT_GT(errors.medianSquaredDeviation(), 0.3) << "noise " << noise;
     EXPECT_LT(errors.medianSquaredDeviation(), 3.0) << "noise " << noise;
     EXPECT_GT(errors.within(), 0.97) << "noise " << noise;
   }
