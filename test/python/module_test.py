@@ -199,7 +199,7 @@ class ModuleTest(unittest.TestCase):
             (lambda: extract(None), 'expected a NumPy array'),
             (lambda: extract(grey, np.zeros((3, 3), np.uint8)), 'mask'),
             (lambda: ktgp.match(grey, grey, 'best'), 'preset is best; expected ktgp, photo, robust, teblid, video'),
-            (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2.0; expected a number in'),
+            (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2; expected a number in'),
             (lambda: ktgp.match(grey, grey, T_w='x'), 'T_w is'),
             (lambda: ktgp.match(grey, grey, features=1.5), 'features is 1.5'),
             (lambda: ktgp.match(grey, grey, lazy=True), 'lazy is not a parameter of this object'),

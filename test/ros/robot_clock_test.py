@@ -42,7 +42,7 @@ class ClockTest(unittest.TestCase):
         says('matcher: matcher', OK, 'homographies found')
         self.assertEqual({m.latency_milliseconds for m in statistics.messages()}, {0.0})
         # Nothing arrives on the topic of the stabilizer.
-        says('stabilizer: frames', WARN, 'no homography on /camera/matcher/nowhere')
+        says('stabilizer: input', WARN, 'no homography on /camera/matcher/nowhere')
         words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): no node publishes '
                  '/camera/matcher/nowhere: is the topic name right?')
         wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)
@@ -50,7 +50,7 @@ class ClockTest(unittest.TestCase):
         clock = rospy.Publisher('/clock', Clock, queue_size=1, latch=True)
         clock.publish(Clock(rospy.Time(1000)))
         says('matcher: input', OK, 'the clock stands', send=False)
-        says('stabilizer: frames', OK, 'the clock stands', send=False)
+        says('stabilizer: input', OK, 'the clock stands', send=False)
 
     def test_unknown_parameters_are_named(self):
         for kind in ('matcher', 'stabilizer', 'mosaic'):

@@ -143,7 +143,7 @@ class StartupTest(unittest.TestCase):
 
     def test_what_is_no_number_or_no_whole_number_is_called_so(self):
         words = {
-            'T_w: "0.7"': "T_w is the text '0.7'; expected a number, without quotes",
+            'T_w: "0.7"': "T_w is the text '0.7'; expected a number: without quotes",
             'T_w: 7e-1': "T_w is the text '7e-1'; expected a number without quotes, and without an exponent",
             'features: 1500.0': 'features is 1500.0, a number with a point; expected a whole number: '
                                 'write 1500',

@@ -261,7 +261,7 @@ class BagOutput(OutputCase):
         for value in ("nan", "-1", "x"):
             for option in ("--start", "--duration"):
                 self.refused("ktgp_bag", self.bag, "no.bag", f"{option}={value}", words=option)
-        for option in ("--max_reference_age", "--max_latency"):
+        for option in ("--max_reference_age", "--prosac_threshold"):
             self.refused("ktgp_bag", self.bag, "no.bag", f"{option}=nan", words="expected a number")
         self.refused("make_demo_bag", "no.bag", "--seconds", "nan", words="--seconds")
 
