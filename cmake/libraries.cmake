@@ -6,9 +6,7 @@ endif()
 # ktgp_orb_settings(library): include folders, OpenCV and Eigen, flags. Shared libraries export what include/
 # declares.
 function(ktgp_orb_settings library)
-  target_include_directories(${library}
-    PUBLIC $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/include> $<INSTALL_INTERFACE:include>
-    PRIVATE ${PROJECT_SOURCE_DIR}/src)
+  target_include_directories(${library} PRIVATE ${PROJECT_SOURCE_DIR}/src)
   # Users of our headers need these, too.
   #catkin_lint: ignore_once external_interface_path
   target_include_directories(${library} SYSTEM PUBLIC ${OpenCV_INCLUDE_DIRS} ${EIGEN3_INCLUDE_DIRS})

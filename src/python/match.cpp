@@ -323,7 +323,8 @@ void definePairs(py::module_& module) {
       "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
       "Matches two images: (height, width) uint8, or (height, width, 3) in the order blue, green, "
       "red.\n\n"
-      "preset: \"ktgp\", \"photo\", \"robust\", \"teblid\" or \"video\"; keywords are the parameters of "
+      "preset: \"ktgp\", \"photo\", \"robust\", \"teblid\" or \"video\"; keywords are the "
+      "parameters of "
       "doc/parameters.md,\ne.g. T_w=0.8. Returns Match. Raises ValueError.");
 }
 

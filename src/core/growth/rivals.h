@@ -19,7 +19,7 @@ struct Grown {
   std::vector<LocalMatch> matches;
   std::vector<PlacePair> pairs;      // the same
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
-  bool grew_from_repeats = false;          // it was also grown from the repetitions
+  bool grew_from_repeats = false;    // it was also grown from the repetitions
 };
 
 /// A facade also fits itself shifted by one window, and a rose window rotated by one spoke. Such a

@@ -32,8 +32,8 @@ std::pair<int, int> endsWithout(double ignored, const cv::Mat& image) {
 
 void requireValid(const GreyStretch& stretch) {
   if (!(stretch.percentile >= 0.0 && stretch.percentile <= 49.0)) {
-    throw std::invalid_argument("percentile of the stretch is " + std::to_string(stretch.percentile) +
-                                "; expected 0 to 49");
+    throw std::invalid_argument("percentile of the stretch is " +
+                                std::to_string(stretch.percentile) + "; expected 0 to 49");
   }
   if (stretch.low < 0 || stretch.high >= kValues || stretch.low >= stretch.high) {
     throw std::invalid_argument("low and high of the stretch are " + std::to_string(stretch.low) +
