@@ -70,6 +70,15 @@ struct GroundMotion::Impl {
     Covariance6 covariance;
   };
 
+  /// A pose that is a jump after the last one.
+  struct Refused {
+    std::int64_t stamp = 0;
+    std::int64_t keyframe_stamp = 0;
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in the filter's frame
+    std::optional<Eigen::Vector3d> velocity;             // in the camera's frame
+    int agree = 0;  // refused frames one after the other that continue each other
+  };
+
   const GroundEstimate& add(const GroundFrame& frame);
   void forget();
   void setReadout();
@@ -86,7 +95,10 @@ struct GroundMotion::Impl {
   template <int kRows>
   double use(motion::PoseRows<kRows> rows, Innovations& of_kind);
   void useTurn(const TurnReading& turn);
+  Eigen::Vector3d newestVelocity(double seconds) const;
   bool isJump(double seconds, double since_last) const;
+  double largestChange(double seconds, double since_last) const;
+  bool isBelieved(std::optional<Eigen::Vector3d> velocity);
   void widenForReadings(const GroundFrame& frame);
   void roughen();
   void moveToDestination();
@@ -119,7 +131,9 @@ struct GroundMotion::Impl {
   Innovations of_turn;
   double turn_given_and_seen = 0.0;  // sums of products, rad²
   double turn_seen = 0.0;
-  int contradictions = 0;  // jumps one after the other
+  bool has_velocity = false;  // measured since the last gap
+  int contradictions = 0;     // refused frames one after the other
+  Refused refused;            // the newest of them
   std::optional<Destination> destination;
 };
 
@@ -242,7 +256,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   if (!follows) return placed(frame, image, GroundStatus::resumed);
   filter.setKeyframe(image, true);
   const auto innovation = filter.advance(image);
-  if (!innovation || isJump(seconds, estimate.gap)) {
+  if (!innovation || (isJump(seconds, estimate.gap) && !isBelieved(newestVelocity(seconds)))) {
     filter = before;
     return GroundStatus::contradiction;
   }
@@ -260,6 +274,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
 GroundStatus GroundMotion::Impl::placed(const GroundFrame& frame, const ImageMotion& image,
                                         GroundStatus status) {
   contradictions = 0;
+  has_velocity = false;
   if (destination) moveToDestination();
   beginMap(frame, image);
   has_pose = is_connected = true;
@@ -274,10 +289,11 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     estimate.homography_misfit = innovation->misfit;
     of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise});
   }
-  if (!(estimate.homography_misfit < kHomographyLimit) || !innovation ||
-      isJump(sinceLast(frame), sinceLast(frame))) {
+  const bool fits = innovation && estimate.homography_misfit < kHomographyLimit;
+  if (!fits || isJump(sinceLast(frame), sinceLast(frame))) {
+    const bool is_believed = fits && isBelieved(std::nullopt);
     filter = before;
-    if (++contradictions >= kPatience) is_connected = false;
+    if (is_believed || ++contradictions >= kPatience) is_connected = false;
     return GroundStatus::contradiction;
   }
   const Eigen::Vector3d& position = filter.now().position;
@@ -403,18 +419,50 @@ void GroundMotion::Impl::useTurn(const TurnReading& turn) {
   estimate.turn_misfit = use(rowsOf(turn, filter.now(), filter.before()), of_turn);
 }
 
+/// Of the camera in its frame, since the pose before.
+Eigen::Vector3d GroundMotion::Impl::newestVelocity(double seconds) const {
+  const CameraPose& before = filter.before();
+  return before.axes.transpose() * (filter.now().position - before.position) / seconds;
+}
+
+/// How far velocities can be from each other: a vehicle accelerates, and what is small in the
+/// picture is noise, which is metres from a large height.
+double GroundMotion::Impl::largestChange(double seconds, double since_last) const {
+  constexpr double kSpeed = 0.5;          // m/s
+  constexpr double kPicture = 0.018;      // rad: a degree of the picture
+  constexpr double kAcceleration = 10.0;  // m/s²
+  constexpr double kDeviations = 4.0;
+  const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
+  return std::max(kSpeed, kPicture * filter.now().position.z() / seconds) +
+         kAcceleration * since_last + kDeviations * deviation;
+}
+
 /// Whether the newest pose is farther from where the last velocity leads than a vehicle can go: the
 /// homography may be off by a period of repetitive ground.
 bool GroundMotion::Impl::isJump(double seconds, double since_last) const {
-  constexpr double kSpeed = 0.5;          // m/s
-  constexpr double kAcceleration = 10.0;  // m/s²
-  constexpr double kDeviations = 4.0;
-  const CameraPose& before = filter.before();
-  const Eigen::Vector3d velocity =
-      before.axes.transpose() * (filter.now().position - before.position) / seconds;
-  const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
-  return !((velocity - camera_twist.head<3>()).norm() <
-           kSpeed + kAcceleration * since_last + kDeviations * deviation);
+  if (!has_velocity) return false;
+  const Eigen::Vector3d change = newestVelocity(seconds) - camera_twist.head<3>();
+  return !(change.norm() < largestChange(seconds, since_last));
+}
+
+/// Whether the newest pose, which is a jump, and the refused ones just before it are one motion.
+/// Then the velocity before them is of no use any more. `velocity`: at the newest pose; empty: from
+/// the last refused one.
+bool GroundMotion::Impl::isBelieved(std::optional<Eigen::Vector3d> velocity) {
+  constexpr int kFrames = 3;
+  const double seconds = 1e-9 * static_cast<double>(newest_stamp - before_stamp);
+  const CameraPose& now = filter.now();
+  const bool follows = refused.stamp == before_stamp && refused.agree > 0;
+  if (!velocity && follows && refused.keyframe_stamp == keyframe_stamp) {
+    velocity = now.axes.transpose() * (now.position - refused.position) / seconds;
+  }
+  const bool agrees =
+      follows && (!velocity || !refused.velocity ||
+                  (*velocity - *refused.velocity).norm() < largestChange(seconds, seconds));
+  refused = {newest_stamp, keyframe_stamp, now.position, velocity, agrees ? refused.agree + 1 : 1};
+  if (refused.agree < kFrames) return false;
+  refused = {};
+  return true;
 }
 
 /// The ground of the next keyframe is not quite that of this one.
@@ -461,7 +509,7 @@ void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& i
 }
 
 void GroundMotion::Impl::measureTwist(double seconds) {
-  estimate.has_twist = true;
+  estimate.has_twist = has_velocity = true;
   camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
   const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
   camera_twist_covariance = propagated(slope, filter.covarianceOfBoth());

@@ -221,11 +221,13 @@ void defineStabilizer(py::module_& module) {
 
 class PyGroundMotion {
  public:
-  PyGroundMotion(const Eigen::Matrix4d& camera_to_base, double ground_slope, double scale_deviation)
+  PyGroundMotion(const Eigen::Matrix4d& camera_to_base, double ground_slope, double readout_time,
+                 double scale_deviation)
       : motion_([&] {
           GroundMotionOptions options;
           options.camera_to_base.matrix() = camera_to_base;
           options.ground_slope = ground_slope;
+          options.readout_time = readout_time;
           options.scale_deviation = scale_deviation;
           return options;
         }()) {}
@@ -240,6 +242,7 @@ class PyGroundMotion {
     given.covariance = frame.covariance;
     given.plane_deviation = frame.plane_deviation;
     given.camera = camera;
+    given.size = frame.image_size;
     if (height) {
       given.height.emplace();
       std::tie(given.height->metres, given.height->deviation) = *height;
@@ -280,17 +283,23 @@ void defineGroundMotion(py::module_& module) {
           "(6,) float64: velocity (m/s) and angular velocity (rad/s) in the base frame; None: not "
           "known.")
       .def_readonly("twist_covariance", &GroundEstimate::twist_covariance)
-      .def_readonly("height", &GroundEstimate::height, "Of the camera above the ground, m.");
+      .def_readonly("height", &GroundEstimate::height, "Of the camera above the ground, m.")
+      .def_readonly("readout_time", &GroundEstimate::readout_time,
+                    "Of a rolling shutter, as far as the images show it, s.")
+      .def_readonly("readout_deviation", &GroundEstimate::readout_deviation,
+                    "Standard deviation of readout_time, s.");
   const GroundMotionOptions usual;
   py::class_<PyGroundMotion>(module, "GroundMotion",
                              "Motion in metres of a calibrated camera that looks at flat ground. "
                              "Threads may share an object.")
-      .def(py::init<const Eigen::Matrix4d&, double, double>(),
+      .def(py::init<const Eigen::Matrix4d&, double, double, double>(),
            py::arg("camera_to_base") = Eigen::Matrix4d(Eigen::Matrix4d::Identity()),
            py::arg("ground_slope") = usual.ground_slope,
+           py::arg("readout_time") = usual.readout_time,
            py::arg("scale_deviation") = usual.scale_deviation,
-           "camera_to_base: (4, 4), from the camera's frame (x right, y down, z forward); "
-           "doc/motion.md describes\nthe others. Raises ValueError.")
+           "camera_to_base: (4, 4), from the camera's frame (x right, y down, z forward);\n"
+           "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
+           "0: not known,\nit is estimated; doc/motion.md describes the others. Raises ValueError.")
       .def(
           "add", &PyGroundMotion::add, py::arg("frame"), py::arg("camera"),
           py::arg("height") = py::none(), py::arg("down") = py::none(),
