@@ -198,7 +198,7 @@ CLI::Validator numberIn(const Limits& range) {
 void hideRareOptions(CLI::App& app) {
   std::size_t hidden = 0;
   for (CLI::Option* const option : app.get_options([](const CLI::Option* each) {
-         const std::string group = each->get_group();
+         const std::string& group = each->get_group();
          return group.rfind("Parameters: ", 0) == 0 && group != "Parameters: method";
        })) {
     option->group("");

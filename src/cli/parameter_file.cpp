@@ -41,9 +41,8 @@ void readYaml(const std::string& text, Parameters& parameters) {
     if (entry.second.IsMap() || elsewhere.count(name) > 0) continue;
     const ParameterRow* row = findParameter(name);
     if (row == nullptr) {
-      const std::string removed = whyRemoved("matcher", name);
-      throw std::invalid_argument(removed.empty() ? "there is no parameter " + name
-                                                  : name + " is of an earlier version: " + removed);
+      refuseRemoved("matcher", name);
+      throw std::invalid_argument("there is no parameter " + name);
     }
     if (!entry.second.IsScalar()) throw std::invalid_argument(name + " is not a single value");
     const bool quoted = entry.second.Tag() == "!";

@@ -228,7 +228,7 @@ CameraPose withGround(const CameraPose& pose, const Eigen::Vector3d& turn, doubl
 /// scales: both poses follow, and the pictures stay as they are.
 GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double scale,
                                              const CameraPose& keyframe) const {
-  const auto stepOf = [&](const CameraPose& pose) {
+  const auto step_of = [&](const CameraPose& pose) {
     Vector6 step;
     step << turn.cross(pose.position - keyframe.position) + scale * pose.position,
         pose.axes.transpose() * turn;
@@ -236,9 +236,9 @@ GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double
   };
   const Eigen::Matrix3d h = imageFromGround(keyframe) * map_;
   State step = State::Zero();
-  step.segment<8>(kMap) = -(mapFromEntries(h) * (byPose(h, map_, keyframe) * stepOf(keyframe)));
-  step.segment<6>(kBefore) = stepOf(before_);
-  step.segment<6>(kNow) = stepOf(now_);
+  step.segment<8>(kMap) = -(mapFromEntries(h) * (byPose(h, map_, keyframe) * step_of(keyframe)));
+  step.segment<6>(kBefore) = step_of(before_);
+  step.segment<6>(kNow) = step_of(now_);
   return step;
 }
 

@@ -42,8 +42,9 @@ Vector8 Shutter::add(const Eigen::Matrix3d& homography, std::int64_t stamp,
   Vector8 sum = Vector8::Zero();
   int count = 0;
   for (int i = 0; i < kGrid * kGrid; ++i) {
-    const Eigen::Vector2d pixel((i % kGrid + 0.5) / kGrid * size.width,
-                                (i / kGrid + 0.5) / kGrid * size.height);
+    const int column = i % kGrid, row = i / kGrid;
+    const Eigen::Vector2d pixel((column + 0.5) / kGrid * size.width,
+                                (row + 0.5) / kGrid * size.height);
     const Eigen::Vector2d from((pixel.x() - camera(0, 2)) / camera(0, 0),
                                (pixel.y() - camera(1, 2)) / camera(1, 1));
     const Eigen::Vector2d to = homography::project(homography, from);

@@ -44,12 +44,12 @@ struct GroundSettings {
 /// The state of the motion, and what a match waits for.
 class GroundWork {
  public:
-  GroundWork(const tf2::BufferCore& tf, Diagnosis& diagnosis, ros::Publisher twists,
-             ros::Publisher odometry, std::atomic<bool>& is_waiting)
+  GroundWork(const tf2::BufferCore& tf, Diagnosis& diagnosis, const ros::Publisher& twists,
+             const ros::Publisher& odometry, std::atomic<bool>& is_waiting)
       : readings_(tf),
         diagnosis_(diagnosis),
-        twists_(std::move(twists)),
-        odometry_(std::move(odometry)),
+        twists_(twists),
+        odometry_(odometry),
         is_waiting_(is_waiting) {}
 
   void configure(const GroundSettings& settings);

@@ -39,13 +39,13 @@ ImageSource imageSource(const ros::NodeHandle& node, const std::string& transpor
     source.transport = source.plugin = kCompressedTransport;
   }
   const auto installed = image_transport::ImageTransport(node).getLoadableTransports();
-  const auto isInstalled = [&installed](const std::string& plugin) {
+  const auto is_installed = [&installed](const std::string& plugin) {
     return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
            installed.end();
   };
-  if (source.transport == kCompressedTransport && !isInstalled(kCompressedTransport))
+  if (source.transport == kCompressedTransport && !is_installed(kCompressedTransport))
     source.plugin = kOwnPlugin;
-  if (isInstalled(source.plugin)) return source;
+  if (is_installed(source.plugin)) return source;
   throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
                               transport +
                               "_image_transport provides it (on ROS Noetic: apt install "

@@ -37,8 +37,8 @@ std::string withOneDigit(double value) {
 /// The map, and where its pictures and poses go.
 class MosaicWork : public FrameWork {
  public:
-  MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, ros::Publisher poses)
-      : FrameWork(diagnosis), pictures_(std::move(pictures)), poses_(std::move(poses)) {}
+  MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, const ros::Publisher& poses)
+      : FrameWork(diagnosis), pictures_(std::move(pictures)), poses_(poses) {}
 
   void configure(const MosaicConfig& config);
   void add(const sensor_msgs::ImageConstPtr& image) { keep(image); }

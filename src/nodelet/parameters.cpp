@@ -90,7 +90,9 @@ void requireUsable(const ros::NodeHandle& node, const std::string& nodelet) {
 std::string removedParameter(const ros::NodeHandle& node, const std::string& nodelet) {
   for (const std::string& name : unknownParameters(node, nodelet)) {
     const std::string reason = whyRemoved(nodelet, name.substr(name.rfind('/') + 1));
-    if (!reason.empty()) return "parameter " + name + " is of an earlier version: " + reason;
+    if (reason.empty()) continue;
+    std::string refused = "parameter ";
+    return refused.append(name).append(" is of an earlier version: ").append(reason);
   }
   return "";
 }

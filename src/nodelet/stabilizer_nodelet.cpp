@@ -33,7 +33,7 @@ sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eige
   cv::Mat pixels;
   cv::warpPerspective(frame.image, pixels, homography, frame.image.size(), cv::INTER_LINEAR,
                       cv::BORDER_REPLICATE);
-  const sensor_msgs::ImagePtr steady = toImage(image->header, frame.encoding, pixels);
+  sensor_msgs::ImagePtr steady = toImage(image->header, frame.encoding, pixels);
   steady->is_bigendian = image->is_bigendian;
   return steady;
 }
@@ -43,8 +43,9 @@ sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eige
 /// The path of the camera, and where its steady images go.
 class StabilizerWork : public FrameWork {
  public:
-  StabilizerWork(Diagnosis& diagnosis, image_transport::Publisher images, ros::Publisher warps)
-      : FrameWork(diagnosis), steady_images_(std::move(images)), warps_(std::move(warps)) {}
+  StabilizerWork(Diagnosis& diagnosis, image_transport::Publisher images,
+                 const ros::Publisher& warps)
+      : FrameWork(diagnosis), steady_images_(std::move(images)), warps_(warps) {}
 
   void configure(const StabilizerOptions& options);
   void add(const sensor_msgs::ImageConstPtr& image);

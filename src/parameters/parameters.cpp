@@ -204,6 +204,11 @@ std::string whyRemoved(const std::string& nodelet, const std::string& name) {
   return "";
 }
 
+void refuseRemoved(const std::string& nodelet, const std::string& name) {
+  const std::string reason = whyRemoved(nodelet, name);
+  if (!reason.empty()) throw std::invalid_argument(name + " is of an earlier version: " + reason);
+}
+
 std::vector<std::string> removedParameters(const std::string& nodelet) {
   std::vector<std::string> names;
   for (const Removed& one : removed()) {

@@ -64,6 +64,8 @@ Limits limitsOf(const std::string& nodelet, const std::string& name);
 /// Why a parameter of an earlier version is no more, and what to do instead; empty: it never was
 /// one of this nodelet.
 std::string whyRemoved(const std::string& nodelet, const std::string& name);
+/// Throws std::invalid_argument with that reason, if there is one.
+void refuseRemoved(const std::string& nodelet, const std::string& name);
 /// The names of all of them.
 std::vector<std::string> removedParameters(const std::string& nodelet);
 

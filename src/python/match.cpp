@@ -254,13 +254,13 @@ void restore(const py::tuple& state, Match& m) {
     m.stages.push_back({stage["name"].cast<std::string>(), stage["input"].cast<std::size_t>(),
                         stage["output"].cast<std::size_t>(), stage["milliseconds"].cast<double>()});
   }
-  const auto takeArray = [&](auto& values) { assign(state[next++], values); };
-  takeArray(m.reference_points);
-  takeArray(m.target_points);
-  takeArray(m.reference_indices);
-  takeArray(m.target_indices);
-  takeArray(m.distances);
-  takeArray(m.levels);
+  const auto take_array = [&](auto& values) { assign(state[next++], values); };
+  take_array(m.reference_points);
+  take_array(m.target_points);
+  take_array(m.reference_indices);
+  take_array(m.target_indices);
+  take_array(m.distances);
+  take_array(m.levels);
 }
 
 // New memory for the images of each frame would cost 2 % of its time.

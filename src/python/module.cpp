@@ -16,6 +16,7 @@ PYBIND11_MODULE(checked, module) {
 }
 
 /// pybind11 would wait for ever in a sub-interpreter.
+// NOLINTNEXTLINE(readability-identifier-naming): the name that Python looks for
 extern "C" PYBIND11_EXPORT PyObject* PyInit_ktgp_orb_core() {
   if (PyThreadState_Get()->interp != PyInterpreterState_Main()) {
     PyErr_SetString(PyExc_ImportError,

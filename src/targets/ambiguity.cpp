@@ -11,7 +11,7 @@
 namespace ktgp_orb::targets {
 namespace {
 
-constexpr double kSide = 96.0;           // px of the copy that is moved over itself
+constexpr double kCopySide = 96.0;       // px of the copy that is moved over itself
 constexpr double kLeastMove = 0.08;      // of the side; less is the same place
 constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
 constexpr double kLeastAgreement = 0.6;  // of the blocks
@@ -59,7 +59,7 @@ std::string nameOf(int quarters, const Eigen::Vector2d& moved) {
 
 std::string ambiguityOf(const TargetPicture& picture) {
   const cv::Size whole = picture.image.size();
-  const double scale = std::min(1.0, kSide / std::max(whole.width, whole.height));
+  const double scale = std::min(1.0, kCopySide / std::max(whole.width, whole.height));
   const cv::Size size(std::max(8, cvRound(scale * whole.width)),
                       std::max(8, cvRound(scale * whole.height)));
   cv::Mat copy, turned, correlation;

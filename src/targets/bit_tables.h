@@ -22,24 +22,24 @@ class BitTables {
   BitTables(std::uint32_t fullest_cell, int most_other_bits)
       : fullest_cell_(fullest_cell), most_other_bits_(most_other_bits) {}
 
-  /// `bitsOf(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
+  /// `bits_of(i)`: the descriptor with the number i, below `count`. `key_bits`: 8..kMaxKeyBits;
   /// fewer find more and take longer.
   template <typename BitsOf>
-  void build(std::size_t count, int key_bits, BitsOf bitsOf) {
+  void build(std::size_t count, int key_bits, BitsOf bits_of) {
     key_bits_ = key_bits;
     for (std::size_t t = 0; t < kTables; ++t) {
       Table& table = tables_[t];
       table.start.assign((std::size_t{1} << key_bits) + 1, 0);
       for (std::size_t i = 0; i < count; ++i) {
-        ++table.start[keyOf(bitsOf(i), t)];
+        ++table.start[keyOf(bits_of(i), t)];
       }
       std::partial_sum(table.start.begin(), table.start.end(), table.start.begin());
       table.items.resize(count);
       // `start` has the ends of the cells here. Each item moves one of them down, so it has their
       // beginnings afterwards. Backwards, so that the items of a cell keep their order.
       for (std::size_t i = count; i-- > 0;) {
-        table.items[--table.start[keyOf(bitsOf(i), t)]] = {static_cast<std::uint32_t>(i),
-                                                           otherBits(bitsOf(i), t)};
+        table.items[--table.start[keyOf(bits_of(i), t)]] = {static_cast<std::uint32_t>(i),
+                                                            otherBits(bits_of(i), t)};
       }
     }
   }
@@ -65,18 +65,18 @@ class BitTables {
   };
 
   /// The descriptors with the key of a query in one of the tables from `first` to before `end`, and
-  /// few other bits that differ. `wantedOf(q)`: the descriptor of query q, below `queries`. In
+  /// few other bits that differ. `wanted_of(q)`: the descriptor of query q, below `queries`. In
   /// steps, each of which fetches the memory that the next one needs.
   template <typename WantedOf>
-  void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wantedOf,
+  void find(std::size_t first, std::size_t end, std::size_t queries, WantedOf wanted_of,
             Found& found) const {
     std::vector<typename Found::Run>& runs = found.runs;
     runs.clear();
     for (std::uint32_t q = 0; q < queries; ++q) {
       for (std::size_t t = first; t < end; ++t) {
-        const std::uint32_t key = keyOf(wantedOf(q), t);
+        const std::uint32_t key = keyOf(wanted_of(q), t);
         __builtin_prefetch(&tables_[t].start[key]);
-        runs.push_back({q, otherBits(wantedOf(q), t), key, 0, tables_[t].items.data()});
+        runs.push_back({q, otherBits(wanted_of(q), t), key, 0, tables_[t].items.data()});
       }
     }
     std::size_t t = first, used = 0, items = 0;

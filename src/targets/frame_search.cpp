@@ -141,7 +141,7 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
       !PictureSearch::isDetermined(picture, result.found)) {
     return;
   }
-  const auto middleOf = [&](const FoundTarget& one) {
+  const auto middle_of = [&](const FoundTarget& one) {
     const cv::Size& size = store_.picture(one.picture).image.size();
     return homography::project(one.found.estimate.homography,
                                {0.5 * (size.width - 1), 0.5 * (size.height - 1)});
@@ -149,9 +149,9 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
   result.target = &target;
   result.picture = number;
   result.predicted = true;
-  const Eigen::Vector2d middle = middleOf(result);
+  const Eigen::Vector2d middle = middle_of(result);
   const bool is_there = std::any_of(found.begin(), found.end(), [&](const FoundTarget& other) {
-    return other.target == &target && (middleOf(other) - middle).norm() < radius;
+    return other.target == &target && (middle_of(other) - middle).norm() < radius;
   });
   if (!is_there) found.push_back(std::move(result));
 }

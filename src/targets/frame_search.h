@@ -28,6 +28,7 @@ struct FoundTarget {
 
 /// Searches targets in one frame. What is found for a target depends only on this target and the
 /// frame. Keeps its buffers.
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class FrameSearch {
  public:
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)

@@ -29,6 +29,7 @@ struct FoundPicture {
 };
 
 /// Searches one picture in a frame, from seeds or from a predicted homography. Keeps its buffers.
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class PictureSearch {
  public:
   /// `scale_factor`: of the frame's pyramid.

@@ -121,7 +121,7 @@ struct Sequence {
 
 /// Those with most votes and those that have waited longest, by turns, each once.
 std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& sequence) {
-  const auto lastTried = [&](const Candidate& candidate) {
+  const auto last_tried_of = [&](const Candidate& candidate) {
     const auto found = sequence.last_tried.find(candidate.target);
     return found == sequence.last_tried.end() ? 0 : found->second;
   };
@@ -129,7 +129,7 @@ std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& 
   std::stable_sort(by_votes.begin(), by_votes.end(),
                    [](const Candidate& a, const Candidate& b) { return a.votes > b.votes; });
   std::stable_sort(by_turn.begin(), by_turn.end(), [&](const Candidate& a, const Candidate& b) {
-    return lastTried(a) < lastTried(b);
+    return last_tried_of(a) < last_tried_of(b);
   });
   std::vector<Candidate> order;
   std::unordered_set<const StoredTarget*> chosen;
@@ -143,6 +143,7 @@ std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& 
 
 }  // namespace
 
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
@@ -218,15 +219,15 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
 /// A frame of tf has one parent. Instance 1 of `door` has the frame `door_1`.
 void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarget* replaced) const {
   if (target.frame.empty()) return;
-  const auto isInstanceOf = [](const std::string& longer, const std::string& frame) {
+  const auto is_instance_of = [](const std::string& longer, const std::string& frame) {
     return longer.size() > frame.size() + 1 && longer.compare(0, frame.size(), frame) == 0 &&
            longer[frame.size()] == '_' &&
            longer.find_first_not_of("0123456789", frame.size() + 1) == std::string::npos;
   };
   for (const auto& other : store.targets()) {
     if (other.get() == replaced || other->frame.empty()) continue;
-    if (other->frame != target.frame && !isInstanceOf(other->frame, target.frame) &&
-        !isInstanceOf(target.frame, other->frame)) {
+    if (other->frame != target.frame && !is_instance_of(other->frame, target.frame) &&
+        !is_instance_of(target.frame, other->frame)) {
       continue;
     }
     throw std::invalid_argument("target \"" + target.id + "\": the frame \"" + target.frame +

@@ -50,21 +50,21 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
     row.add(each);
   }
   const bool moves = estimate.hasTwist();
-  const auto addEach = [&row](bool known, const auto& values) {
+  const auto add_each = [&row](bool known, const auto& values) {
     if (!known) row.skip(6);
     for (int i = 0; known && i < 6; ++i) row.add(values(i));
   };
-  const auto addProducts = [&row](bool known, const Covariance6& covariance) {
+  const auto add_products = [&row](bool known, const Covariance6& covariance) {
     if (!known) row.skip(15);
     for (int i = 0; known && i < 6; ++i) {
       for (int j = i + 1; j < 6; ++j) row.add(covariance(i, j));
     }
   };
-  addEach(moves, estimate.twist);
-  addEach(true, estimate.pose_covariance.diagonal().cwiseSqrt());
-  addEach(moves, estimate.twist_covariance.diagonal().cwiseSqrt());
-  addProducts(true, estimate.pose_covariance);
-  addProducts(moves, estimate.twist_covariance);
+  add_each(moves, estimate.twist);
+  add_each(true, estimate.pose_covariance.diagonal().cwiseSqrt());
+  add_each(moves, estimate.twist_covariance.diagonal().cwiseSqrt());
+  add_products(true, estimate.pose_covariance);
+  add_products(moves, estimate.twist_covariance);
   return row.add(reason).line();
 }
 
