@@ -135,6 +135,8 @@ COMMANDS = {
     'catkin_make -j4 run_tests': WORKSPACE,
     'catkin_test_results build/test_results': WORKSPACE,
     'rostest test/ros/robot_overload.test seconds:=120': TOO_LONG,
+    'scripts/evaluate --motion checkerboard.bag --reference_mode previous --guided true':
+        Skipped('needs a recording with its truth in tf'),
     'cmake -DKTGP_ORB_CORE_ONLY=ON':
         'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only ${KTGP_ORB_CMAKE_OPTIONS:-}',
     'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
@@ -210,8 +212,8 @@ COMMANDS = {
     "results --csv matched.csv'": Skipped('needs a cluster with Slurm'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
         'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv':
-        'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv',
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv --motion_base_frame= --motion_normal_source imu':
+        'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv --motion_base_frame= --motion_normal_source imu',
     'rosrun ktgp_orb make_demo_bag demo.bag':
         'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
     'rosrun ktgp_orb make_demo_bag flight.bag --targets signs':

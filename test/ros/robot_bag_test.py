@@ -114,8 +114,9 @@ class BagTest(unittest.TestCase):
     def check_equal(self, mode, bag, images, reference_image=''):
         expected = self.run_nodelet(mode, images, reference_image)
         out = self.path('out.bag')
+        reference = ['--reference_image', reference_image] if reference_image else []
         run = ktgp_bag(bag, out, '--topic', '/camera/image_raw', '--reference_mode', mode,
-                       '--overlay', '--threads', '3', '--reference_image', reference_image)
+                       '--overlay', '--threads', '3', *reference)
         self.assertEqual(run.returncode, 0, run.stdout)
         self.assertEqual(len(expected['statistics']), len(images))
         for name in TOPICS:

@@ -95,13 +95,6 @@ class GrowthTest(unittest.TestCase):
         self.send(self.reference)
         self.check_none(self.send(self.target))
 
-    def test_no_more_seeds_than_allowed(self):
-        self.start(reference_mode='fixed', growth_seeds=2)
-        self.addCleanup(self.client.update_configuration, {'growth_seeds': 30})
-        self.send(self.reference)
-        self.assertEqual(self.send(scene(3)).found_by, MatchStatistics.FOUND_BY_NONE)
-        self.assertLessEqual(self.send(scene(4)).growth_seeds, 2)
-
     def test_match_pair(self):
         self.start(reference_mode='previous')
         match = rospy.ServiceProxy('/camera/matcher/match_pair', MatchPair)
