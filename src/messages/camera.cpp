@@ -109,6 +109,9 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   }
   const LensConstPtr lens = lensFrom(known);
   const LensCalibration& calibration = lens->calibration();
+  if (calibration.image_size.empty()) {
+    throw std::invalid_argument("the camera_info has no image size (width and height)");
+  }
   if (calibration.image_size != image_size) {
     throw std::invalid_argument("the camera_info is of " + text(calibration.image_size) +
                                 " images (width and height, roi and binning applied); expected " +

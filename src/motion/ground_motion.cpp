@@ -64,6 +64,7 @@ struct Innovations {
 
 }  // namespace
 
+// NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 struct GroundMotion::Impl {
   struct Destination {
     Pose3 base;

@@ -212,10 +212,12 @@ COMMANDS = {
     "results --csv matched.csv'": Skipped('needs a cluster with Slurm'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
         'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv --motion_base_frame= --motion_normal_source imu':
-        'rosrun ktgp_orb ktgp_bag my.bag with_motion.bag --reference_mode keyframe --guided true --motion motion.csv --motion_base_frame= --motion_normal_source imu',
     'rosrun ktgp_orb make_demo_bag demo.bag':
         'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
+    'rosrun ktgp_orb ktgp_bag demo.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv '
+    '--motion_base_frame= --motion_normal_source imu':
+        'rosrun ktgp_orb ktgp_bag demo.bag with_motion.bag --reference_mode keyframe --guided true '
+        '--motion motion.csv --motion_base_frame= --motion_normal_source imu',
     'rosrun ktgp_orb make_demo_bag flight.bag --targets signs':
         'rosrun ktgp_orb make_demo_bag flight.bag --targets signs --seconds 0.3',
     'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': 'rosrun ktgp_orb ktgp_evaluate_bag demo.bag',

@@ -81,7 +81,7 @@ NAN = np.full((3, 3), np.nan)
 # camera_info, what is said of it
 REFUSED = {
     'another size': (information(size=(1280, 960)), 'of 1280x960 images'),
-    'no size': (information(size=(0, 0)), 'of 0x0 images'),
+    'no size': (information(size=(0, 0)), 'has no image size'),
     'NaN in K': (information(k=K * NAN, p=K), 'K of the camera_info has a number that is not'),
     'NaN in R': (information(r=NAN), 'R of the camera_info has a number that is not'),
     'NaN in P': (information(p=NAN), 'P of the camera_info has a number that is not'),
