@@ -52,7 +52,7 @@ def without_times(message):
         rows = [message.data[i * message.step:(i + 1) * message.step]
                 for i in range(message.height)]
         # The panel shows measured times, and is as wide as they are long.
-        del rows[:max(90, message.height // 5 + 1)]
+        del rows[:max(90, message.height * 7 // 25 + 2)]
         message.data = b''.join(rows)
     buffer = io.BytesIO()
     message.serialize(buffer)
