@@ -301,7 +301,7 @@ class LaunchRunTest(unittest.TestCase):
     def test_a_bag_is_played_and_its_results_recorded(self):
         cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))
         launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
-                             "set:={reference_mode: fixed, reference_image: '%s'}" %
+                             "set:={reference_mode: fixed, guided: true, reference_image: '%s'}" %
                              os.path.join(self.folder, 'target.png').replace("'", "''"))
         output = launch.wait()
         with rosbag.Bag(os.path.join(self.folder, 'out.bag')) as bag:
