@@ -14,7 +14,7 @@ from ktgp_testing import Camera, Recorder, wait_for_matcher, wait_until
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import Image
 
-OK, WARN = DiagnosticStatus.OK, DiagnosticStatus.WARN
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 
 class ClockTest(unittest.TestCase):
@@ -42,7 +42,7 @@ class ClockTest(unittest.TestCase):
         says('matcher: matcher', OK, 'homographies found')
         self.assertEqual({m.latency_milliseconds for m in statistics.messages()}, {0.0})
         # Nothing arrives on the topic of the stabilizer.
-        says('stabilizer: input', WARN, 'no homography on /camera/matcher/nowhere')
+        says('stabilizer: input', ERROR, 'no homography on /camera/matcher/nowhere')
         words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): no node publishes '
                  '/camera/matcher/nowhere: is the topic name right?')
         wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)

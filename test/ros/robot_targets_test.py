@@ -258,9 +258,11 @@ class TargetsTest(unittest.TestCase):
                         change('remove', RemoveTarget, name)
                         self.assertNotIn('id: ' + name, listed())
                     # What was cured is not said any more.
-                    wait_until(lambda: 'broken.png' not in [
-                        s.message for s in self.diagnostics.messages()[-1].status
-                        if s.name.endswith('kept: targets')][0], 'no target is refused any more')
+                    seen = len(self.diagnostics.messages())
+                    wait_until(lambda: any(
+                        s.name.endswith('kept: targets') and 'broken.png' not in s.message
+                        for array in self.diagnostics.messages()[seen:] for s in array.status),
+                        'no target is refused any more')
                     self.assertEqual(os.listdir(images), [])
                     self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
                     change('add', SetTarget, 'broken', [third], 0.0, '')

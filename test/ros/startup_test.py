@@ -107,7 +107,9 @@ class StartupTest(unittest.TestCase):
         expected = ('matches images on /other/picture',
                     "compressed (jpeg), which cannot be decoded' is not an image to match")
         for arguments in (('image:=picture', 'transport:=compressed'), ('image:=picture/compressed',)):
-            output = output_of_node(*arguments, until=expected[:1], look=match_two_images, after=expected)
+            # The first line is on standard output, which is written at the end.
+            output = output_of_node(*arguments, until=('started with pid',), look=match_two_images,
+                                    after=expected[1:])
             for text in expected:
                 self.assertIn(text, output)
         camera.unregister()
