@@ -386,7 +386,7 @@ int run(int argc, char** argv) {
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
   if (arguments.skip_finished && std::filesystem::exists(arguments.out)) {
-    std::cerr << arguments.out << " is finished\n";
+    std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
     return tools::kExitDone;
   }
   return matchBag(arguments);
