@@ -24,7 +24,7 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/estimate.h"
+#include "core/homography/fit.h"
 #include "evaluation/warps.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"

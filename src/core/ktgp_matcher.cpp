@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "core/growth/verdict.h"
-#include "core/homography/estimate.h"
 #include "core/homography/transform.h"
+#include "core/homography/verdict.h"
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "core/homography/estimate.h"
+#include "core/homography/fit.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/target_finder.h"
 #include "messages/camera.h"

@@ -7,7 +7,6 @@
 #include <opencv2/imgproc.hpp>
 #include <string>
 
-#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "overlay/palette.h"
 #include "overlay/text.h"

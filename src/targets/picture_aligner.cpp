@@ -5,7 +5,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {

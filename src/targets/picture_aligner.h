@@ -6,7 +6,7 @@
 
 #include "core/alignment/patch_aligner.h"
 #include "core/growth/map_fit.h"
-#include "core/homography/estimate.h"
+#include "core/homography/fit.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "targets/target_picture.h"
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
 

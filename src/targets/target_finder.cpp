@@ -10,7 +10,6 @@
 #include <unordered_set>
 #include <utility>
 
-#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "core/util/options_check.h"
 #include "core/util/printable.h"

@@ -9,7 +9,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "core/homography/covariance.h"
 #include "core/homography/transform.h"
 #include "files/csv.h"
 #include "files/input.h"

@@ -1,3 +1,4 @@
+#include "core/homography/fit.h"
 #include "core/homography/model.h"
 
 #include <gtest/gtest.h>
@@ -9,8 +10,6 @@
 #include <stdexcept>
 #include <vector>
 
-#include "core/homography/covariance.h"
-#include "core/homography/estimate.h"
 #include "core/homography/m_estimator.h"
 #include "core/homography/model.h"
 #include "core/homography/point_pairs.h"

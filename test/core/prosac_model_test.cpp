@@ -1,5 +1,6 @@
 // The search for a homography, and the number of false alarms of the verdict.
 
+#include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
 
 #include <gtest/gtest.h>
@@ -7,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/a_contrario.h"
 #include "core/homography/model.h"
 #include "synthetic_pairs.h"
 

@@ -13,7 +13,7 @@
 #include <limits>
 #include <set>
 
-#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
 #include "core/sequence/motion_predictor.h"
 #include "orb_test_images.h"
 

@@ -1,6 +1,7 @@
 // The covariance describes the error of the homography, also when neighbouring points have similar
 // errors.
 #include "core/homography/smooth_field.h"
+#include "core/homography/fit.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +12,6 @@
 #include <functional>
 #include <vector>
 
-#include "core/homography/estimate.h"
 #include "core/homography/transform.h"
 #include "synthetic_pairs.h"
 

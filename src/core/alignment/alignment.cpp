@@ -7,8 +7,7 @@
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
-#include "core/homography/covariance.h"
-#include "core/homography/estimate.h"
+#include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/homography/estimate.h"
+#include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/knn/near_table.h"
 #include "core/util/keypoint_position.h"

@@ -7,11 +7,10 @@
 #include <string>
 #include <utility>
 
-#include "core/homography/a_contrario.h"
-#include "core/homography/estimate.h"
 #include "core/homography/fit.h"
 #include "core/homography/model.h"
 #include "core/homography/transform.h"
+#include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
 #include "core/util/options_check.h"
 

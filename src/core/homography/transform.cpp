@@ -4,9 +4,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
-
-#include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::homography {
 
@@ -92,13 +91,98 @@ double overlap(const Eigen::Matrix3d& homography, const cv::Size& size) {
   return cv::intersectConvexConvex(image, warped, cv::noArray()) / (w * h);
 }
 
-}  // namespace ktgp_orb::homography
+namespace {
 
-namespace ktgp_orb {
+using Matrix9x8 = Eigen::Matrix<double, 9, 8>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
 
-double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
-                         const Eigen::Vector2d& target) {
-  return ktgp_orb::homography::errorOf(homography, reference, target);
+/// d(A B)/dA, entries row by row; the last entry of A is fixed.
+Matrix9x8 derivativeByFirstFactor(const Eigen::Matrix3d& b) {
+  Matrix9x8 j = Matrix9x8::Zero();
+  for (Eigen::Index row = 0; row < 3; ++row) {
+    const Eigen::Index columns = row < 2 ? 3 : 2;
+    j.block(3 * row, 3 * row, 3, columns) = b.transpose().leftCols(columns);
+  }
+  return j;
 }
 
-}  // namespace ktgp_orb
+/// d(A B)/dB, the last entry of B fixed.
+Matrix9x8 derivativeBySecondFactor(const Eigen::Matrix3d& a) {
+  Matrix9x8 j = Matrix9x8::Zero();
+  for (int row = 0; row < 3; ++row) {
+    for (int k = 0; k < 3; ++k) {
+      for (int column = 0; column < 3; ++column) {
+        if (3 * k + column < 8) j(3 * row + column, 3 * k + column) = a(row, k);
+      }
+    }
+  }
+  return j;
+}
+
+/// Of the first eight entries of C / C(2,2).
+Matrix8 normalisedDerivative(const Matrix9x8& derivative, const Eigen::Matrix3d& c) {
+  Matrix8 j;
+  for (int i = 0; i < 8; ++i) {
+    j.row(i) = (derivative.row(i) - c(i / 3, i % 3) / c(2, 2) * derivative.row(8)) / c(2, 2);
+  }
+  return j;
+}
+
+/// An upper bound for the covariance of the sum of two errors with covariances A and B and any
+/// correlation: (1 + 1/s) A + (1 + s) B for any s > 0. The chosen s makes it exact when the two
+/// errors are proportional; each entry counts in units of its own deviation.
+Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
+  double of_a = 0.0;
+  double of_b = 0.0;
+  for (int i = 0; i < 8; ++i) {
+    const double both = a(i, i) + b(i, i);
+    if (both == 0.0) continue;
+    of_a += a(i, i) / both;
+    of_b += b(i, i) / both;
+  }
+  if (of_a == 0.0 || of_b == 0.0) return a + b;
+  const double s = std::sqrt(of_a / of_b);
+  return (1.0 + 1.0 / s) * a + (1.0 + s) * b;
+}
+
+}  // namespace
+
+CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
+                                const Eigen::Matrix<double, 8, 8>& covariance,
+                                const std::array<Eigen::Vector2d, 4>& corners) {
+  const auto root = [](double variance) {
+    return variance >= 0.0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
+  };
+  CornerDeviation largest;
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Matrix<double, 2, 8> by_entries = jacobianByEntries(homography, corner);
+    const Eigen::Matrix2d spread = by_entries * covariance * by_entries.transpose();
+    const Eigen::Matrix2d back = jacobianByPoint(homography, corner).inverse();
+    largest.target = std::max(largest.target, root(spread.trace()));
+    largest.reference =
+        std::max(largest.reference, root((back * spread * back.transpose()).trace()));
+  }
+  return largest;
+}
+
+UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first) {
+  const Eigen::Matrix3d product = second.homography * first.homography;
+  const Matrix8 by_second =
+      normalisedDerivative(derivativeByFirstFactor(first.homography), product);
+  const Matrix8 by_first =
+      normalisedDerivative(derivativeBySecondFactor(second.homography), product);
+  UncertainHomography result;
+  result.homography = product;
+  if (std::abs(product(2, 2)) > 1e-12 * product.norm()) result.homography /= product(2, 2);
+  const Matrix8 noise_of_second = second.covariance - second.shared_covariance;
+  const Matrix8 noise_of_first = first.covariance - first.shared_covariance;
+  result.shared_covariance =
+      sumOfShared(by_second * second.shared_covariance * by_second.transpose(),
+                  by_first * first.shared_covariance * by_first.transpose());
+  result.covariance = by_second * noise_of_second * by_second.transpose() +
+                      by_first * noise_of_first * by_first.transpose() + result.shared_covariance;
+  result.plane_deviation = std::max(second.plane_deviation, first.plane_deviation);
+  return result;
+}
+
+}  // namespace ktgp_orb::homography

@@ -6,6 +6,8 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "ktgp_orb/prosac_homography.h"
+
 namespace ktgp_orb::homography {
 
 /// reprojectionError() inline, for the core's loops, where a call per pair would take longer than
@@ -44,5 +46,23 @@ Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
 
 /// Share of an image of `size` that the same image warped by H covers, 0..1.
 double overlap(const Eigen::Matrix3d& homography, const cv::Size& size);
+
+/// Uncertainty of H: the largest standard deviation of the mapped corners in the target, and of the
+/// corners mapped back in the reference.
+struct CornerDeviation {
+  double target = 0.0;
+  double reference = 0.0;
+};
+
+/// The root of the trace of the covariance propagated from that of H's first eight entries, with
+/// H(2,2) = 1, in the units of H. Infinite where undefined.
+CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
+                                const Eigen::Matrix<double, 8, 8>& covariance,
+                                const std::array<Eigen::Vector2d, 4>& corners);
+
+/// `first`, then `second`: the product, with its covariance to first order. Covariances of noise
+/// add. For the shared parts the deviations add: the same error twice has twice the deviation and
+/// four times the variance.
+UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
 
 }  // namespace ktgp_orb::homography

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "core/homography/covariance.h"
+#include "core/homography/transform.h"
 #include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb::sequence {

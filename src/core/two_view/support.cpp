@@ -4,8 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
-
-#include "core/homography/a_contrario.h"
+#include "core/homography/verdict.h"
 
 namespace ktgp_orb::two_view {
 namespace {

@@ -12,8 +12,8 @@
 #include <string>
 #include <utility>
 
-#include "core/homography/a_contrario.h"
 #include "core/homography/transform.h"
+#include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/support.h"

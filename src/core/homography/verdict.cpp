@@ -1,4 +1,4 @@
-#include "core/homography/a_contrario.h"
+#include "core/homography/verdict.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "core/homography/model.h"
+#include "core/homography/transform.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"
 
@@ -120,6 +121,30 @@ bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<doubl
     if (false_alarms.next(chance) < kLogMaxFalseAlarms) return false;
   }
   return true;
+}
+
+void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,
+                         const cv::Size& reference_size, double max_error,
+                         FinalHomography& result) {
+  result.mask.resize(pairs.size());
+  squared_error_.resize(pairs.size());
+  result.inliers = 0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double error = errorOf(estimate.homography, pairs.reference[i], pairs.target[i]);
+    squared_error_[i] = error * error;
+    result.mask[i] = error < max_error * pairs.noiseOf(i) ? 1 : 0;
+    if (result.mask[i] == 0) continue;
+    ++result.inliers;
+    sum += squared_error_[i];
+  }
+  result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
+  const auto corners = imageCorners(reference_size, pairs.reference);
+  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
+  const double sign = estimate.homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
+  result.trusted = keepsPlaneInView(sign * estimate.homography, corners) &&
+                   !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,
+                                                   coveredArea(pairs.target));
 }
 
 }  // namespace ktgp_orb::homography

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
+#include <opencv2/core/types.hpp>
 #include <vector>
 
 #include "ktgp_orb/prosac_homography.h"
@@ -62,6 +63,30 @@ class ContrarioTest {
 
   std::vector<std::size_t> inliers_;
   std::vector<std::size_t> counted_;  // inliers that count
+};
+
+/// The results derived from a homography.
+struct FinalHomography {
+  bool trusted =
+      false;  ///< it shows a plane from one side, and chance does not explain its support
+  std::vector<std::uint8_t>
+      mask;                 ///< one per pair: 1 where its reprojection error is below the limit
+  std::size_t inliers = 0;  ///< ones in `mask`
+  double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
+};
+
+/// The only place where mask, inliers, RMSE and verdict are derived from a homography, whether
+/// PROSAC, guided matching or alignment found it. Keeps its buffers.
+class Finaliser {
+ public:
+  /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, in
+  /// px or in multiples of their noise.
+  void finalise(const UncertainHomography& estimate, const PointPairs& pairs,
+                const cv::Size& reference_size, double max_error, FinalHomography& result);
+
+ private:
+  ContrarioTest contrario_;
+  std::vector<double> squared_error_;  // px², one a pair
 };
 
 }  // namespace ktgp_orb::homography
