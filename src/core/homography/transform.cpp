@@ -186,3 +186,12 @@ UncertainHomography chained(const UncertainHomography& second, const UncertainHo
 }
 
 }  // namespace ktgp_orb::homography
+
+namespace ktgp_orb {
+
+double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2d& reference,
+                         const Eigen::Vector2d& target) {
+  return ktgp_orb::homography::errorOf(homography, reference, target);
+}
+
+}  // namespace ktgp_orb
