@@ -60,9 +60,10 @@ class Worker {
   template <typename Question>
   auto ask(Question question) {
     using Result = decltype(question(std::declval<State&>()));
-    const auto task = std::make_shared<std::packaged_task<Result(State&)>>(std::move(question));
+    auto task = std::make_shared<std::packaged_task<Result(State&)>>(std::move(question));
     std::future<Result> result = task->get_future();
-    post([task](State& state) { (*task)(state); });
+    // The job alone holds the task: a job that is dropped breaks the promise, and nobody waits.
+    post([task = std::move(task)](State& state) { (*task)(state); });
     return result.get();
   }
 
