@@ -18,8 +18,16 @@
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/ratio_filter.h"
 #include "ktgp_orb/status.h"
+#include "ktgp_orb/two_view.h"
 
 namespace ktgp_orb {
+
+/// Which geometry explains the matches of level ktg.
+enum class GeometryModel : std::uint8_t {
+  homography = 0,  ///< the paper's chain: PROSAC's homography
+  automatic = 1,   ///< homography or epipolar geometry, whichever chance explains less
+  epipolar = 2,    ///< epipolar geometry alone
+};
 
 /// Options of the four stages and of the stages that may follow.
 struct MatcherOptions {
@@ -33,21 +41,29 @@ struct MatcherOptions {
   GrowthOptions growth;
   GuidedOptions guided;
   AlignmentOptions alignment;
+  GeometryModel geometry = GeometryModel::homography;
+  /// Of the two-view geometry, unless `geometry` is homography. What `prosac`, `alignment` and
+  /// `geometry` have, too, is taken from these.
+  TwoViewOptions two_view;
 
   /// The paper's chain with alignment: the defaults.
   static MatcherOptions ktgp() { return {}; }
   /// For hard pairs and for best accuracy: mutual nearest neighbours without ratio test and GMS,
   /// PROSAC, a guided round, alignment.
   static MatcherOptions robust();
+  /// For a moving camera in a scene with depth: mutual nearest neighbours without ratio test and
+  /// GMS, the geometry that fits, from matches that are aligned one by one.
+  static MatcherOptions slam();
 };
 
 /// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
 /// the next one.
 struct StageResult {
-  /// "knn", "tf", "gms", "prosac"; then "growth", "guided", "align"; "": switched off.
+  /// "knn", "tf", "gms", "prosac"; then "growth", "guided", "align", "two_view"; "": off.
   const char* name = "";
   std::size_t input = 0;  ///< knn: target features; others: correspondences
-  /// Correspondences left; guided: including those it added; growth: its own; align: aligned.
+  /// Correspondences left; guided: including those it added; growth: its own; align: aligned;
+  /// two_view: those that agree with the geometry.
   std::size_t output = 0;
   double milliseconds = 0.0;  ///< wall-clock time
 };
@@ -78,6 +94,15 @@ struct MatchHints {
   bool whole_image = false;
   /// Simulated views of the reference for the growth, or null.
   const ReferenceViews* views = nullptr;
+  /// K of images without distortion, px, for the two-view geometry; empty: not known, and there is
+  /// no motion. The target's: empty where it is the reference's.
+  std::optional<Eigen::Matrix3d> reference_camera;
+  std::optional<Eigen::Matrix3d> target_camera;
+  /// Of raw images: see TwoViewInput.
+  const Lens* reference_lens = nullptr;
+  const Lens* target_lens = nullptr;
+  /// A motion that may be right, as of the frame before; see TwoViewInput.
+  std::optional<RelativePose> motion;
 };
 
 /// The result for one pair of frames. Reused from call to call for its buffers.
@@ -97,7 +122,15 @@ struct MatchResult {
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
-  std::array<StageResult, 3> refinements;  ///< growth, guided, align
+  std::array<StageResult, 4> refinements;  ///< growth, guided, align, two_view
+
+  /// What explains the matches. Plane and rotation have `answer`, too. Epipolar: there is no
+  /// homography for all (`status` is model_rejected, and `answer` zero), `two_view` has the
+  /// geometry, and levels, `inliers` and `rmse` belong to it (rmse: of Sampson distances).
+  Geometry geometry = Geometry::none;
+  TwoViewMatches two_view;  ///< empty unless MatcherOptions::geometry asks for it
+  /// Status::ok where any geometry was found, else `status`.
+  Status found() const { return geometry != Geometry::none ? Status::ok : status; }
 
   /// PROSAC's homography, or the grown one, or what guided matching and alignment made of it; zero
   /// unless status is ok. Levels, `guided`, `inliers` and `rmse` belong
@@ -122,8 +155,9 @@ static_assert(alignof(MatchResult) <= alignof(std::max_align_t),
 
 /// KNN -> TF -> GMS -> PROSAC over the features of two frames. Then, where enabled: growth when
 /// there is no homography, guided matching and sub-pixel alignment, which do not change the counts
-/// of the four stages. An instance belongs to one thread at a time; several instances may work in
-/// parallel.
+/// of the four stages. With MatcherOptions::geometry the two-view geometry comes after GMS; where
+/// it is epipolar, neither PROSAC's homography nor what follows it is looked for. An instance
+/// belongs to one thread at a time; several instances may work in parallel.
 class KtgpMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.
@@ -140,7 +174,8 @@ class KtgpMatcher {
   void match(const Features& reference, const Features& target, MatchResult& result);
 
   /// The same with prior knowledge. Throws std::invalid_argument for a prediction that is not
-  /// finite or, with a search radius, cannot be inverted.
+  /// finite or, with a search radius, cannot be inverted, and for a K that cannot be one (see
+  /// TwoViewEstimator::estimate).
   void match(const Features& reference, const Features& target, const MatchHints& hints,
              MatchResult& result);
 

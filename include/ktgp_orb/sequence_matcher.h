@@ -67,6 +67,10 @@ struct Frame {
   /// If set, the keypoints are moved to their positions without distortion. There is no sub-pixel
   /// alignment then, since the image is still distorted. Null: the keypoints stay.
   LensConstPtr lens;
+  /// K of the image without distortion, px, for the two-view geometry; empty: not known.
+  std::optional<Eigen::Matrix3d> camera;
+  /// Moves points of `image` to the pixels of `camera`; null: they are there.
+  LensConstPtr camera_lens;
   Features features;
   /// Options that `features` were found with. If the matcher's extractor has others, the features
   /// are found again in a new frame of the same image; this frame does not change. Without an image

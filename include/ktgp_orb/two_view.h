@@ -10,6 +10,7 @@
 
 #include "ktgp_orb/correspondence.h"
 #include "ktgp_orb/features.h"
+#include "ktgp_orb/lens.h"
 #include "ktgp_orb/planar_pose.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "ktgp_orb/status.h"
@@ -41,6 +42,9 @@ struct TwoViewOptions {
   /// the calibration, the shutter, the lens; px, >= 0. Part of the covariance of an epipolar
   /// geometry.
   double shared_error = 0.0;
+  /// With a shared_error that real cameras have.
+  static TwoViewOptions realCameras();
+  bool alignment = true;  ///< TwoViewMatcher: points from the images, where there are images
 };
 
 /// How the target camera moved: x_target ~ R x_reference + t, between points in the two cameras'
@@ -60,6 +64,10 @@ struct TwoViewInput {
   /// A motion that may be right, for example that of the frame before. It is scored before the
   /// first sample, and gets no other advantage.
   std::optional<RelativePose> prediction;
+  /// TwoViewMatcher: moves points of the images to the pixels of K; null: the images have no
+  /// distortion. Pairs, fundamental matrix and homography are then of images without distortion.
+  const Lens* reference_lens = nullptr;
+  const Lens* target_lens = nullptr;
   /// A homography that may be right, for example of the same matches before they were aligned.
   std::optional<Eigen::Matrix3d> homography;
 };

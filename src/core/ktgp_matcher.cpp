@@ -27,17 +27,33 @@ void timeStage(StageResult& stage, const char* name, std::size_t input, Run run)
   stage.input = input;
 }
 
+bool hasTwoView(const MatcherOptions& options) {
+  return options.geometry != GeometryModel::homography;
+}
+
 void nameRefinements(const MatcherOptions& options, MatchResult& result) {
-  auto& [growth, guided, aligned] = result.refinements;
+  auto& [growth, guided, aligned, two_view] = result.refinements;
   growth = {options.growth.enabled ? "growth" : "", 0, 0, 0.0};
   guided = {options.guided.enabled ? "guided" : "", 0, 0, 0.0};
   aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
+  two_view = {hasTwoView(options) ? "two_view" : "", 0, 0, 0.0};
 }
 
 AlignmentOptions alignmentOptions(const MatcherOptions& options) {
   AlignmentOptions alignment = options.alignment;
   alignment.max_error = options.prosac.max_error;
   return alignment;
+}
+
+TwoViewOptions twoViewOptions(const MatcherOptions& options) {
+  TwoViewOptions two_view = options.two_view;
+  two_view.max_error = options.prosac.max_error;
+  two_view.max_iterations = options.prosac.max_iterations;
+  two_view.confidence = options.prosac.confidence;
+  two_view.seed = options.prosac.seed;
+  two_view.homography = options.geometry != GeometryModel::epipolar;
+  two_view.alignment = options.alignment.enabled;
+  return two_view;
 }
 
 /// Who looks for hard pairs has scenes that are not quite planes.
@@ -57,6 +73,32 @@ void clearRefinement(MatchResult& result) {
   result.answer = {};
   result.inliers = 0;
   result.rmse = 0.0;
+}
+
+/// As if no homography had been looked for.
+void clearHomography(MatchResult& result) {
+  result.stages[3] = {"prosac", result.gms.kept, 0, 0.0};
+  std::vector<std::uint8_t> mask = std::move(result.prosac.mask);
+  mask.clear();
+  result.prosac = {};
+  result.prosac.mask = std::move(mask);
+  result.found_by = FoundBy::none;
+  result.growth.clear();
+  clearRefinement(result);
+}
+
+/// Keeps the buffers.
+void clearTwoView(MatchResult& result) {
+  result.geometry = Geometry::none;
+  TwoViewMatches& two_view = result.two_view;
+  two_view.pairs.clear();
+  two_view.match.clear();
+  two_view.aligned.clear();
+  two_view.levels.clear();
+  std::vector<std::uint8_t> mask = std::move(two_view.view.mask);
+  mask.clear();
+  two_view.view = {};
+  two_view.view.mask = std::move(mask);
 }
 
 }  // namespace
@@ -102,6 +144,7 @@ void MatchResult::clear(const MatcherOptions& options) {
   for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
   nameRefinements(options, *this);
   clearRefinement(*this);
+  clearTwoView(*this);
 }
 
 MatcherOptions MatcherOptions::robust() {
@@ -114,6 +157,16 @@ MatcherOptions MatcherOptions::robust() {
   return options;
 }
 
+MatcherOptions MatcherOptions::slam() {
+  MatcherOptions options;
+  options.mutual = true;
+  options.ratio_threshold = 1.0;
+  options.gms.enabled = false;
+  options.geometry = GeometryModel::automatic;
+  options.two_view = TwoViewOptions::realCameras();
+  return options;
+}
+
 struct KtgpMatcher::Impl {
   explicit Impl(const MatcherOptions& given)
       : options(given),
@@ -122,7 +175,8 @@ struct KtgpMatcher::Impl {
         prosac(given.prosac),
         growth(given.growth),
         guided(guidedOptions(given)),
-        alignment(alignmentOptions(given)) {}
+        alignment(alignmentOptions(given)),
+        two_view(twoViewOptions(given)) {}
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result);
@@ -132,6 +186,10 @@ struct KtgpMatcher::Impl {
   std::optional<GrowthStart> doubtful(const MatchResult& result) const;
   void grow(const Features& reference, const Features& target, const ReferenceViews* views,
             MatchResult& result);
+  bool findEpipolar(const Features& reference, const Features& target, const MatchHints& hints,
+                    MatchResult& result);
+  void findHomography(const Features& reference, const Features& target, const MatchHints& hints,
+                      MatchResult& result);
   void refine(const Features& reference, const Features& target, MatchResult& result);
   void align(const UncertainHomography& before, const Features& reference, const Features& target,
              MatchResult& result);
@@ -149,6 +207,7 @@ struct KtgpMatcher::Impl {
   HomographyGrowth growth;
   GuidedMatcher guided;
   Alignment alignment;
+  TwoViewMatcher two_view;
   homography::Finaliser finaliser;
   homography::FinalHomography final;
   std::vector<Correspondence> guided_matches;  // all matches of guided matching
@@ -193,17 +252,66 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
     impl.filterByMotion(reference, target, result);
     return result.gms.kept;
   });
-  timeStage(prosac, "prosac", gms.output, [&] {
-    impl.estimateHomography(reference, target, hints.prediction, result);
+  nameRefinements(options, result);
+  clearTwoView(result);
+  if (impl.findEpipolar(reference, target, hints, result)) return;
+  impl.findHomography(reference, target, hints, result);
+}
+
+/// The two-view geometry, where it is wanted. True: it is the result, since the scene has depth or
+/// no homography is wanted.
+bool KtgpMatcher::Impl::findEpipolar(const Features& reference, const Features& target,
+                                     const MatchHints& hints, MatchResult& result) {
+  if (!hasTwoView(options)) return false;
+  TwoViewMatches& found = result.two_view;
+  timeStage(result.refinements[3], "two_view", result.gms.kept, [&] {
+    TwoViewInput input;
+    input.reference_camera = hints.reference_camera;
+    input.target_camera = hints.target_camera;
+    input.reference_lens = hints.reference_lens;
+    input.target_lens = hints.target_lens;
+    input.prediction = hints.motion;
+    two_view.estimate(reference, target, result.correspondences, input, found);
+    return found.view.inliers;
+  });
+  const bool epipolar = found.view.geometry == Geometry::epipolar;
+  if (options.geometry == GeometryModel::automatic && !epipolar) return false;
+  clearHomography(result);
+  const bool enough = reference.size() >= 2 && !target.empty();
+  result.status = enough ? found.view.status : Status::too_few_features;
+  if (!epipolar) return true;
+  result.geometry = Geometry::epipolar;
+  result.status = Status::model_rejected;
+  result.inliers = found.view.inliers;
+  result.rmse = found.view.rmse;
+  for (std::size_t i = 0; i < result.correspondences.size(); ++i) {
+    result.correspondences[i].level = found.levels[i];
+  }
+  return true;
+}
+
+/// PROSAC and what follows it.
+void KtgpMatcher::Impl::findHomography(const Features& reference, const Features& target,
+                                       const MatchHints& hints, MatchResult& result) {
+  StageResult& prosac_stage = result.stages[3];
+  std::optional<Eigen::Matrix3d> initial = hints.prediction;
+  TwoView& view = result.two_view.view;
+  if (view.geometry != Geometry::none) initial = view.homography;
+  timeStage(prosac_stage, "prosac", result.gms.kept, [&] {
+    estimateHomography(reference, target, initial, result);
     return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
   });
-
   const bool enough = reference.size() >= 2 && !target.empty();
   result.status = enough ? result.prosac.status : Status::too_few_features;
   result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
-  nameRefinements(options, result);
-  impl.grow(reference, target, hints.views, result);
-  impl.refine(reference, target, result);
+  grow(reference, target, hints.views, result);
+  refine(reference, target, result);
+  if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
+    clearTwoView(result);
+    return;
+  }
+  result.geometry = view.geometry == Geometry::rotation ? Geometry::rotation : Geometry::plane;
+  view.geometry = result.geometry;
 }
 
 /// Returns the number of target features with a neighbour.

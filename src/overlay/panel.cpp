@@ -26,9 +26,15 @@ std::array<std::size_t, 4> countLevels(const std::vector<Correspondence>& corres
 
 std::string headline(const MatchResult& result, const cv::Size& reference_size) {
   char buffer[96];
-  std::snprintf(buffer, sizeof buffer, "%s  %.1f ms", toString(result.status),
+  const bool epipolar = result.geometry == Geometry::epipolar;
+  std::snprintf(buffer, sizeof buffer, "%s  %.1f ms",
+                epipolar ? toString(result.geometry) : toString(result.status),
                 result.milliseconds());
   std::string text = buffer;
+  if (epipolar && std::isfinite(result.two_view.view.parallax)) {
+    std::snprintf(buffer, sizeof buffer, "  parallax %.1f deg", result.two_view.view.parallax);
+    return text + buffer;
+  }
   if (result.status != Status::ok) return text;
   const double deviation =
       homography::cornerDeviation(result.answer.homography, result.answer.covariance,

@@ -10,6 +10,11 @@ DescriptorKind descriptorFrom(const std::string& name) {
   return name == "teblid" ? DescriptorKind::teblid : DescriptorKind::orb;
 }
 
+GeometryModel geometryFrom(const std::string& name) {
+  if (name == "auto") return GeometryModel::automatic;
+  return name == "epipolar" ? GeometryModel::epipolar : GeometryModel::homography;
+}
+
 OrbOptions orbOptions(const Parameters& p) {
   OrbOptions orb;
   orb.max_features = p.features;
@@ -39,13 +44,15 @@ MatcherOptions matcherOptions(const Parameters& p) {
   matcher.growth.views = p.views;
   matcher.guided.enabled = p.guided;
   matcher.alignment.enabled = p.alignment;
+  matcher.geometry = geometryFrom(p.geometry);
+  matcher.two_view = TwoViewOptions::realCameras();
   return matcher;
 }
 
 /// The methods that decide how far the views of a pair may differ.
 auto methodsOf(const Parameters& p) {
   return std::tie(p.features, p.distribution, p.descriptor, p.T_w, p.mutual, p.gms, p.growth,
-                  p.views, p.guided, p.alignment);
+                  p.views, p.guided, p.alignment, p.geometry);
 }
 
 }  // namespace

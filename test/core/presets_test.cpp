@@ -30,6 +30,9 @@ void expectEqual(const MatcherOptions& preset, const MatcherOptions& core,
   EXPECT_EQ(preset.guided.radius, core.guided.radius);
   EXPECT_EQ(preset.alignment.enabled, core.alignment.enabled);
   EXPECT_EQ(preset.alignment.points, core.alignment.points);
+  EXPECT_EQ(preset.geometry, core.geometry);
+  if (core.geometry == GeometryModel::homography) return;
+  EXPECT_EQ(preset.two_view.shared_error, core.two_view.shared_error);
 }
 
 TEST(Presets, AreThoseOfTheCore) {
@@ -44,6 +47,7 @@ TEST(Presets, AreThoseOfTheCore) {
   };
   expectPreset("ktgp", MatcherOptions::ktgp());
   expectPreset("robust", MatcherOptions::robust());
+  expectPreset("slam", MatcherOptions::slam());
   expectPreset("teblid", MatcherOptions::ktgp(), DescriptorKind::teblid);
   MatcherOptions video;
   video.knn.search_radius = 48.0;

@@ -37,6 +37,14 @@ std::int64_t stampOf(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
+void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) {
+  if (!reference.camera || !target.camera) return;
+  hints.reference_camera = reference.camera;
+  hints.target_camera = target.camera;
+  hints.reference_lens = reference.camera_lens.get();
+  hints.target_lens = target.camera_lens.get();
+}
+
 }  // namespace
 
 // Frames are kept, so no image needs to be copied.
@@ -73,7 +81,7 @@ struct SequenceMatcher::Impl {
   FramePtr foundAnew(const FramePtr& frame);
   const ReferenceViews* viewsOf(const FramePtr& reference);
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
-  void fallBack(const Frame& reference, const Frame& target, const ReferenceViews* of_reference,
+  void fallBack(const Frame& reference, const Frame& target, const MatchHints& hints,
                 MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
@@ -90,7 +98,8 @@ struct SequenceMatcher::Impl {
   SequenceMatch answer;
   MatchResult other_result;
   MatchResult whole_result;
-  double lost_milliseconds = 0.0;  // of matches that are not the result
+  std::optional<RelativePose> last_motion;  // of the frame before
+  double lost_milliseconds = 0.0;           // of matches that are not the result
   bool fix_next_frame = false;
   bool had_reference = false;  // also forgets the result that names it
 };
@@ -146,6 +155,8 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
   fresh->image = frame->image;
   fresh->mask = frame->mask;
   fresh->lens = frame->lens;
+  fresh->camera = frame->camera;
+  fresh->camera_lens = frame->camera_lens;
   fresh->source = frame;  // owns the pixels
   extractFeatures(extractor, *fresh);
   keeper.replace(frame, fresh);
@@ -158,20 +169,21 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   MatchHints hints;
   if (isOutdated(*reference)) reference = foundAnew(reference);
   hints.views = viewsOf(reference);
+  setCameras(*reference, target, hints);
+  if (options.reference.mode == ReferenceMode::previous) hints.motion = last_motion;
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
   if (result.search == Search::near && predictor.isPoor(result)) {
-    fallBack(*reference, target, hints.views, result);
+    hints.prediction.reset();
+    hints.whole_image = true;
+    fallBack(*reference, target, hints, result);
   }
 }
 
 /// Matches again without a search radius; `result` becomes the better of the two.
 void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
-                                     const ReferenceViews* of_reference, MatchResult& result) {
-  MatchHints hints;
-  hints.views = of_reference;
-  hints.whole_image = true;
+                                     const MatchHints& hints, MatchResult& result) {
   matcher.match(reference.features, target.features, hints, whole_result);
   ++answer.fall_backs;
   const bool keep = result.status == Status::ok &&
@@ -217,6 +229,8 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
     answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
+  last_motion.reset();
+  if (answer.match.geometry == Geometry::epipolar) last_motion = answer.match.two_view.view.pose;
   keeper.advance(frame, reference, reference ? &answer.match : nullptr);
 
   const bool was_forgotten = std::exchange(had_reference, false);
@@ -238,6 +252,7 @@ void SequenceMatcher::Impl::forgetAnswer() {
   answer.accumulated.reset();
   predictor.forget();
   viewed.reset();
+  last_motion.reset();
 }
 
 SequenceMatcher::SequenceMatcher(const SequenceOptions& options)

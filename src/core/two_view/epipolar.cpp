@@ -14,7 +14,8 @@ namespace {
 
 using homography::PointArrays;
 
-constexpr double kFreedom = 4.0;  // of Student's t, as for homographies
+constexpr double kFreedom = 4.0;    // of Student's t, as for homographies
+constexpr double kFarLimits = 2.0;  // of Sampson distances: the limit of reprojection errors
 
 /// Sampson distance of a pair: C / n with C = x'^T F x and n the length of C's derivative by the
 /// four coordinates. `a` and `b`: derivatives of C by target and reference.
@@ -86,7 +87,9 @@ void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& or
   reference_from_pixel_ = translation(reference.centre, scale_);
   target_from_pixel_ = translation(target.centre, scale_);
   reference_ray_ = target_ray_ = Eigen::Matrix3d::Identity();
+  focal_ = 1.0;
   if (calibrated_) {
+    focal_ = scale_ * std::sqrt(cameras->target(0, 0) * cameras->target(1, 1));
     reference_ray_ = (reference_from_pixel_ * cameras->reference).inverse();
     target_ray_ = (target_from_pixel_ * cameras->target).inverse();
   }
@@ -256,9 +259,24 @@ void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
 template class EpipolarProblem<5>;
 template class EpipolarProblem<7>;
 
+/// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
+/// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
+void EpipolarFit::dropBehind(const EpipolarPairs& pairs, const Motion& motion) {
+  const double far = kFarLimits * pairs.limit();
+  for (std::size_t i = 0; i < near_.size(); ++i) {
+    if (near_[i] == 0) continue;
+    const Eigen::Vector3d q = pairs.referenceRay(i);
+    const Eigen::Vector3d u = pairs.targetRay(i);
+    if (inFront(motion, q, u)) continue;
+    const Eigen::Vector2d at = (motion.rotation * q).hnormalized();
+    if ((at - u.hnormalized()).norm() * pairs.focal() > far) near_[i] = 0;
+  }
+}
+
 std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
                                 std::size_t most) {
   findInliers(pairs, geometry.matrix, reach, near_);
+  if (pairs.calibrated()) dropBehind(pairs, geometry.motion);
   const PointArrays<double>& from = pairs.refinement;
   std::size_t n = 0;
   selected_.resize(std::min(pairs.size(), most));
@@ -440,11 +458,18 @@ EpipolarFit::Information EpipolarFit::covariance(const EpipolarPairs& pairs,
     Vector9& sum = cells_[std::size_t(kColumns * number(x.y() - top) + number(x.x() - left))];
     sum += pull * entries;
   }
-  Matrix9 meat = Matrix9::Zero();
+  // Pairs alone: as if their errors were independent and alike.
+  double pull2 = 0.0;
+  for (std::size_t i = 0; i < selected_.size; ++i) {
+    pull2 += weight_[i] * weight_[i] * error_[i] * error_[i];
+  }
+  const auto freedom = static_cast<double>(pairs.freedom());
+  const auto n = static_cast<double>(selected_.size);
+  Matrix9 clustered = Matrix9::Zero();
   double clusters = 0.0;
   for (const Vector9& sum : cells_) {
     if (sum.isZero(0.0)) continue;
-    meat.noalias() += sum * sum.transpose();
+    clustered.noalias() += sum * sum.transpose();
     clusters += 1.0;
   }
   const EpipolarPairs::Tangent tangent = pairs.tangent(geometry);
@@ -456,10 +481,16 @@ EpipolarFit::Information EpipolarFit::covariance(const EpipolarPairs& pairs,
     return Information::Constant(p, p, std::numeric_limits<double>::infinity());
   }
   const Information bread = ldlt.solve(Information::Identity(p, p));
-  const auto freedom = static_cast<double>(p);
+  const Information independent = pull2 / sums_.weight * n / std::max(n - freedom, 1.0) *
+                                  (tangent.transpose() * sums_.squares * tangent);
   const double few = clusters / std::max(clusters - freedom, 1.0);
-  meat = few * meat + shared * shared * by_shared * by_shared.transpose();
-  return bread * (tangent.transpose() * meat * tangent) * bread.transpose();
+  const Information by_cell = few * (tangent.transpose() * clustered * tangent);
+  // Few cells determine how much errors are alike, but not the whole shape.
+  const double alike = (independent.ldlt().solve(by_cell)).trace() / freedom;
+  const Information meat =
+      std::max(alike, 1.0) * independent + shared * shared * (tangent.transpose() * by_shared) *
+                                               (tangent.transpose() * by_shared).transpose();
+  return bread * meat * bread.transpose();
 }
 
 }  // namespace ktgp_orb::two_view

@@ -8,16 +8,11 @@
 
 #include "core/homography/point_pairs.h"
 #include "core/prosac/sampling.h"
+#include "core/two_view/cameras.h"
 #include "core/two_view/solvers.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::two_view {
-
-/// Both cameras' K, px.
-struct Cameras {
-  Eigen::Matrix3d reference;
-  Eigen::Matrix3d target;
-};
 
 /// The epipolar geometry of two images, with x'^T F x = 0 between normalised coordinates. With
 /// known cameras the motion is the parameter (five degrees of freedom), without them the factors of
@@ -42,6 +37,8 @@ class EpipolarPairs {
   bool calibrated() const { return calibrated_; }
   double scale() const { return scale_; }
   double limit() const { return limit_; }
+  /// Focal length of the target camera, normalised units.
+  double focal() const { return focal_; }
   /// The ray K^-1 x of a pair; the normalised point itself without cameras.
   Eigen::Vector3d referenceRay(std::size_t i) const;
   Eigen::Vector3d targetRay(std::size_t i) const;
@@ -70,6 +67,7 @@ class EpipolarPairs {
   bool calibrated_ = false;
   double scale_ = 1.0;  // normalised units a px
   double limit_ = 0.0;
+  double focal_ = 1.0;
   Eigen::Matrix3d reference_from_pixel_;
   Eigen::Matrix3d target_from_pixel_;
   Eigen::Matrix3d reference_ray_;  // normalised -> ray
@@ -121,6 +119,7 @@ class EpipolarFit {
 
   std::size_t select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
                      std::size_t most);
+  void dropBehind(const EpipolarPairs& pairs, const Motion& motion);
   void reweight(const Epipolar& geometry, Sums& sums);
   void estimateScale(double freedom);
   bool findStep(const EpipolarPairs& pairs, const Epipolar& geometry, const Sums& sums,

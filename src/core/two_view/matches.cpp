@@ -5,6 +5,7 @@
 
 #include "core/alignment/local_maps.h"
 #include "core/alignment/patch_aligner.h"
+#include "core/two_view/cameras.h"
 #include "core/util/keypoint_position.h"
 #include "ktgp_orb/two_view.h"
 
@@ -36,11 +37,15 @@ struct TwoViewMatcher::Impl {
   void collect(const Features& reference, const Features& target,
                const std::vector<Correspondence>& matches, TwoViewMatches& result);
   void align(const Features& reference, const Features& target, TwoViewMatches& result);
+  void rectify(const Lens* lens, std::vector<Eigen::Vector2d>& points);
+  void estimate(const TwoViewInput& input, TwoViewMatches& result);
 
   TwoViewEstimator estimator;
   alignment::PatchAligner aligner;
   alignment::LocalMaps maps;
   PointPairs keypoints;
+  PointPairs accurate;  // the aligned ones
+  std::vector<cv::KeyPoint> moved;
 };
 
 void TwoViewMatcher::Impl::collect(const Features& reference, const Features& target,
@@ -68,7 +73,7 @@ void TwoViewMatcher::Impl::align(const Features& reference, const Features& targ
   constexpr double kLater = 1.0;  // more than any ratio
   result.pairs = keypoints;
   result.aligned.assign(keypoints.size(), 0);
-  if (!hasImages(reference) || !hasImages(target)) return;
+  if (!estimator.options().alignment || !hasImages(reference) || !hasImages(target)) return;
   maps.load(keypoints.reference, keypoints.target, reference.image_size);
   aligner.setImages(reference.images, target.images);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
@@ -82,6 +87,40 @@ void TwoViewMatcher::Impl::align(const Features& reference, const Features& targ
     result.pairs.target[i] = patch.target;
     result.aligned[i] = 1;
   }
+}
+
+/// Moves points of an image to where they are without distortion.
+void TwoViewMatcher::Impl::rectify(const Lens* lens, std::vector<Eigen::Vector2d>& points) {
+  if (lens == nullptr) return;
+  moved.clear();
+  for (const Eigen::Vector2d& p : points) {
+    moved.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 1.F);
+  }
+  lens->rectify(moved);
+  for (std::size_t i = 0; i < points.size(); ++i) points[i] = {moved[i].pt.x, moved[i].pt.y};
+}
+
+/// The geometry is that of the aligned pairs, where there are enough: the others would only add
+/// their larger errors. They get their labels from it.
+void TwoViewMatcher::Impl::estimate(const TwoViewInput& input, TwoViewMatches& result) {
+  constexpr std::size_t kEnough = 50;
+  accurate.clear();
+  for (std::size_t i = 0; i < result.pairs.size(); ++i) {
+    if (result.aligned[i] == 0) continue;
+    accurate.reference.push_back(result.pairs.reference[i]);
+    accurate.target.push_back(result.pairs.target[i]);
+    accurate.quality.push_back(result.pairs.quality[i]);
+  }
+  TwoView& view = result.view;
+  if (accurate.size() >= kEnough) {
+    estimator.estimate(accurate, input, view);
+    if (view.status == Status::ok) {
+      const auto cameras = two_view::camerasOf(input);
+      two_view::label(result.pairs, cameras, estimator.options().max_error, view);
+      return;
+    }
+  }
+  estimator.estimate(result.pairs, input, view);
 }
 
 TwoViewMatcher::TwoViewMatcher(const TwoViewOptions& options)
@@ -99,7 +138,9 @@ void TwoViewMatcher::estimate(const Features& reference, const Features& target,
   sized.target_size = target.image_size;
   impl_->collect(reference, target, matches, result);
   impl_->align(reference, target, result);
-  impl_->estimator.estimate(result.pairs, sized, result.view);
+  impl_->rectify(input.reference_lens, result.pairs.reference);
+  impl_->rectify(input.target_lens, result.pairs.target);
+  impl_->estimate(sized, result);
   for (std::size_t i = 0; i < result.match.size(); ++i) {
     if (result.view.mask[i] != 0) result.levels[result.match[i]] = Level::ktgp;
   }

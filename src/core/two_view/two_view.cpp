@@ -1,13 +1,8 @@
 #include "ktgp_orb/two_view.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Geometry>
-#include <Eigen/LU>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <opencv2/calib3d.hpp>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -15,7 +10,10 @@
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
+#include "core/two_view/cameras.h"
 #include "core/two_view/epipolar.h"
+#include "core/two_view/plane_motion.h"
+#include "core/two_view/rotation.h"
 #include "core/two_view/support.h"
 #include "core/util/constants.h"
 #include "core/util/options_check.h"
@@ -24,47 +22,14 @@ namespace ktgp_orb {
 namespace {
 
 using two_view::Cameras;
+using two_view::distanceToLine;
 using two_view::Epipolar;
-using two_view::Motion;
+using two_view::kSampsonShare;
+using two_view::sampson;
 using util::kPi;
 using util::requireInRange;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kSampsonShare = 0.5;  // of the limit of reprojection errors
-
-void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& name) {
-  const auto refuse = [&](const std::string& what) {
-    throw std::invalid_argument("the K of the " + name + " camera " + what);
-  };
-  if (!k.allFinite()) refuse("has an entry that is not finite; expected nine finite entries");
-  if (!(k(0, 0) > 0.0 && k(1, 1) > 0.0)) {
-    refuse("has focal lengths " + std::to_string(k(0, 0)) + ", " + std::to_string(k(1, 1)) +
-           "; expected more than 0 px");
-  }
-  if (k(1, 0) != 0.0 || k(2, 0) != 0.0 || k(2, 1) != 0.0 || k(2, 2) != 1.0) {
-    refuse("is not upper triangular with 1 as its last entry");
-  }
-  if (size.empty()) return;
-  if (!(k(0, 2) >= 0.0 && k(0, 2) < size.width && k(1, 2) >= 0.0 && k(1, 2) < size.height)) {
-    refuse("has its principal point at " + std::to_string(k(0, 2)) + ", " +
-           std::to_string(k(1, 2)) + ", outside the image of " + std::to_string(size.width) + "x" +
-           std::to_string(size.height) + " px; does it belong to another image size?");
-  }
-}
-
-std::optional<Cameras> camerasOf(const TwoViewInput& input) {
-  if (!input.reference_camera) {
-    if (!input.target_camera) return std::nullopt;
-    throw std::invalid_argument(
-        "there is a K of the target camera and none of the reference camera; expected both or "
-        "neither");
-  }
-  const Cameras cameras{*input.reference_camera,
-                        input.target_camera.value_or(*input.reference_camera)};
-  requireCamera(cameras.reference, input.reference_size, "reference");
-  requireCamera(cameras.target, input.target_size, "target");
-  return cameras;
-}
 
 void requireValid(const PointPairs& pairs) {
   const std::size_t n = pairs.size();
@@ -92,50 +57,6 @@ void reset(std::size_t pairs, TwoView& result) {
   result.pose_covariance.setConstant(kNaN);
   result.parallax = kNaN;
 }
-
-Eigen::Vector3d rayOf(const Eigen::Matrix3d& inverse_k, const Eigen::Vector2d& point) {
-  return inverse_k * point.homogeneous();
-}
-
-double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x,
-                      const Eigen::Vector2d& u) {
-  const Eigen::Vector3d line = f * x.homogeneous();
-  return std::abs(line.dot(u.homogeneous())) / std::max(line.head<2>().norm(), 1e-30);
-}
-
-double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {
-  const Eigen::Vector3d line = f * x.homogeneous();
-  const Eigen::Vector3d back = f.transpose() * u.homogeneous();
-  const double length2 = line.head<2>().squaredNorm() + back.head<2>().squaredNorm();
-  return std::abs(line.dot(u.homogeneous())) / std::sqrt(std::max(length2, 1e-60));
-}
-
-/// Covariance6 from that of small rotations and of two directions across the translation.
-Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step, const Eigen::Vector3d& t) {
-  Eigen::Matrix<double, 6, 5> spread = Eigen::Matrix<double, 6, 5>::Zero();
-  spread.topRightCorner<3, 2>() = two_view::across(t);
-  spread.bottomLeftCorner<3, 3>().setIdentity();
-  return spread * of_step * spread.transpose();
-}
-
-/// The homography K' R K^-1.
-Eigen::Matrix3d homographyOf(const Cameras& cameras, const Eigen::Matrix3d& rotation) {
-  return cameras.target * rotation * cameras.reference.inverse();
-}
-
-Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(m, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  Eigen::Matrix3d r = svd.matrixU() * svd.matrixV().transpose();
-  if (r.determinant() < 0.0) r = -r;
-  return r;
-}
-
-/// A motion over a plane: K'^-1 H K = R + t n^T.
-struct PlanarMotion {
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d translation;  // over the distance of the plane
-  Eigen::Vector3d normal;
-};
 
 }  // namespace
 
@@ -171,14 +92,9 @@ struct TwoViewEstimator::Impl {
               const Epipolar* initial, TwoView& result);
   void judgeHomography(const PointPairs& pairs);
   void judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input);
-  bool fitRotation(const PointPairs& pairs);
-  void setHomography(const PointPairs& pairs, const Eigen::Matrix3d& h, TwoView& result) const;
   void setPlane(const PointPairs& pairs, TwoView& result);
-  void setRotation(const PointPairs& pairs, TwoView& result) const;
+  void setRotation(const PointPairs& pairs, TwoView& result);
   bool setEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
-  bool seenFromFront(const Motion& motion, const Eigen::Vector2d& reference,
-                     const Eigen::Vector2d& target) const;
-  void setParallax(const PointPairs& pairs, TwoView& result);
 
  public:
   TwoViewOptions options;
@@ -190,11 +106,8 @@ struct TwoViewEstimator::Impl {
   double log_plane = 0.0;     // of the homography
   double log_rotation = 0.0;  // of the rotation
   double log_epipolar = 0.0;
-  Eigen::Matrix3d rotation;
-  Eigen::Matrix3d rotation_covariance;
+  two_view::UncertainRotation rotation;
   std::optional<Cameras> cameras;
-  Eigen::Matrix3d reference_inverse;  // of K
-  Eigen::Matrix3d target_inverse;
   prosac::QualityOrder order;
   two_view::EpipolarPairs normalised;
   two_view::EpipolarProblem<5> five;
@@ -214,16 +127,12 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
                                       TwoView& result) {
   constexpr double kMostFalseAlarms = -6.0;  // log10
   requireValid(pairs);
-  cameras = camerasOf(input);
+  cameras = two_view::camerasOf(input);
   reset(pairs.size(), result);
   const std::size_t fewest = cameras ? 5 : 7;
   if (pairs.size() < 4) {
     result.status = Status::too_few_matches;
     return;
-  }
-  if (cameras) {
-    reference_inverse = cameras->reference.inverse();
-    target_inverse = cameras->target.inverse();
   }
   plane.status = Status::no_model;
   if (options.homography) {
@@ -306,8 +215,9 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs) {
     return support.logFalseAlarms(chance, sample, 1.0);
   };
   log_plane = judge(plane.answer.homography, 4);
-  if (cameras && fitRotation(pairs)) {
-    log_rotation = judge(homographyOf(*cameras, rotation), 2);
+  if (cameras && two_view::fitRotation(pairs, *cameras, plane.answer.homography, plane.inliers,
+                                       options.max_error, rotation)) {
+    log_rotation = judge(cameras->homographyOf(rotation.rotation), 2);
   }
 }
 
@@ -325,7 +235,10 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   chance.assign(pairs.size(), 2.0);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (!(sampson(f, pairs.reference[i], pairs.target[i]) < limit)) continue;
-    if (cameras && !seenFromFront(epipolar.motion, pairs.reference[i], pairs.target[i])) continue;
+    if (cameras && !cameras->seeInFront(epipolar.motion, pairs.reference[i], pairs.target[i],
+                                        options.max_error)) {
+      continue;
+    }
     const double distance = distanceToLine(f, pairs.reference[i], pairs.target[i]);
     chance[i] = 2.0 * std::max(distance, kLeastDistance) * diagonal / target_area;
   }
@@ -334,7 +247,8 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   // Parallax: of errors from the homography in random directions, how many would be as near to the
   // epipolar line? The homography is given, so that two pairs determine the rest, the epipole.
   const bool turned = cameras && log_rotation <= log_plane;
-  const Eigen::Matrix3d h = turned ? homographyOf(*cameras, rotation) : plane.answer.homography;
+  const Eigen::Matrix3d h =
+      turned ? cameras->homographyOf(rotation.rotation) : plane.answer.homography;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     if (chance[i] > 1.0) continue;
     const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
@@ -346,179 +260,28 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
-/// In front of both cameras, or so far away that its rays are parallel within the errors.
-bool TwoViewEstimator::Impl::seenFromFront(const Motion& motion, const Eigen::Vector2d& reference,
-                                           const Eigen::Vector2d& target) const {
-  if (two_view::inFront(motion, rayOf(reference_inverse, reference),
-                        rayOf(target_inverse, target))) {
-    return true;
-  }
-  return homography::errorOf(homographyOf(*cameras, motion.rotation), reference, target) <
-         options.max_error;
-}
-
-/// The rotation of maximum likelihood over the pairs near the homography; false where it explains
-/// less than half of them.
-bool TwoViewEstimator::Impl::fitRotation(const PointPairs& pairs) {
-  constexpr int kSteps = 8;
-  constexpr double kFreedom = 4.0;  // of Student's t
-  constexpr double kEntries = 3.0;
-  rotation = nearestRotation(target_inverse * plane.answer.homography * cameras->reference);
-  double scale2 = options.max_error * options.max_error / 4.0;
-  std::size_t near = 0;
-  for (int step = 0; step < kSteps; ++step) {
-    Eigen::Matrix3d squares = Eigen::Matrix3d::Zero();
-    Eigen::Matrix3d pulls = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    double weights = 0.0;
-    double derivative = 0.0;
-    double cost = 0.0;
-    near = 0;
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const Eigen::Vector3d p = rotation * rayOf(reference_inverse, pairs.reference[i]);
-      if (!(p.z() > 1e-6)) continue;
-      const Eigen::Vector2d e = (cameras->target * p).hnormalized() - pairs.target[i];
-      const double e2 = e.squaredNorm();
-      const double reach = 2.0 * options.max_error;
-      if (!(e2 < reach * reach)) continue;
-      ++near;
-      Eigen::Matrix<double, 2, 3> by_point;
-      by_point << cameras->target(0, 0) / p.z(), cameras->target(0, 1) / p.z(),
-          -(cameras->target(0, 0) * p.x() + cameras->target(0, 1) * p.y()) / (p.z() * p.z()), 0.0,
-          cameras->target(1, 1) / p.z(), -cameras->target(1, 1) * p.y() / (p.z() * p.z());
-      const Eigen::Matrix<double, 2, 3> jacobian = -by_point * two_view::crossed(p);
-      const double w = (kFreedom + 2.0) * scale2 / (kFreedom * scale2 + e2);
-      const Eigen::Vector3d pull = w * jacobian.transpose() * e;
-      squares.noalias() += w * jacobian.transpose() * jacobian;
-      pulls.noalias() += pull * pull.transpose();
-      gradient += pull;
-      weights += w;
-      derivative += w * (1.0 - e2 / (kFreedom * scale2 + e2));
-      cost += w * e2;
-    }
-    if (near <= 4 || 2 * near < plane.inliers) return false;
-    const Eigen::LDLT<Eigen::Matrix3d> ldlt(squares);
-    if (ldlt.info() != Eigen::Success || !ldlt.isPositive()) return false;
-    rotation = two_view::turned(-weights / derivative * ldlt.solve(gradient), rotation);
-    const Eigen::Matrix3d bread =
-        weights / derivative * ldlt.solve(Eigen::Matrix3d::Identity()).eval();
-    const double n = 2.0 * static_cast<double>(near);
-    rotation_covariance = n / (n - kEntries) * bread * pulls * bread.transpose();
-    scale2 = std::max(n / (n - kEntries) * cost / (2.0 * weights), 1e-8);
-  }
-  rotation = nearestRotation(rotation);
-  return true;
-}
-
-void TwoViewEstimator::Impl::setHomography(const PointPairs& pairs, const Eigen::Matrix3d& h,
-                                           TwoView& result) const {
+void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
   result.status = Status::ok;
-  result.homography = h;
-  result.inliers = 0;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
-    result.mask[i] = error < options.max_error ? 1 : 0;
-    if (result.mask[i] == 0) continue;
-    ++result.inliers;
-    sum += error * error;
-  }
-  result.rmse = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(result.inliers, 1)));
-}
-
-void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) const {
-  Eigen::Matrix3d h = homographyOf(*cameras, rotation);
-  homography::scaleLastToOne(h);
-  setHomography(pairs, h, result);
   result.geometry = Geometry::rotation;
-  result.pose.rotation = rotation;
+  result.homography = cameras->homographyOf(rotation.rotation);
+  homography::scaleLastToOne(result.homography);
+  two_view::label(pairs, cameras, options.max_error, result);
+  result.pose.rotation = rotation.rotation;
   result.pose_covariance.setZero();
-  result.pose_covariance.bottomRightCorner<3, 3>() = rotation_covariance;
+  result.pose_covariance.bottomRightCorner<3, 3>() = rotation.covariance;
   result.parallax = 0.0;
 }
 
-/// The poses of a plane: those of the decomposition (Malis & Vargas, 2007) that see its front. The
-/// likelier one agrees better with all pairs; where both agree alike, it faces the plane more.
 void TwoViewEstimator::Impl::setPlane(const PointPairs& pairs, TwoView& result) {
-  setHomography(pairs, plane.answer.homography, result);
+  result.status = Status::ok;
   result.geometry = Geometry::plane;
+  result.homography = plane.answer.homography;
+  two_view::label(pairs, cameras, options.max_error, result);
   if (!cameras) return;
-  cv::Matx33d calibrated;
-  const Eigen::Matrix3d g = target_inverse * plane.answer.homography * cameras->reference;
-  for (int i = 0; i < 9; ++i) calibrated(i / 3, i % 3) = g(i / 3, i % 3);
-  std::vector<cv::Mat> rotations;
-  std::vector<cv::Mat> translations;
-  std::vector<cv::Mat> normals;
-  cv::decomposeHomographyMat(calibrated, cv::Matx33d::eye(), rotations, translations, normals);
-  std::optional<PlanarMotion> best;
-  std::optional<PlanarMotion> second;
-  double best_cost = 0.0;
-  double second_cost = 0.0;
-  for (std::size_t k = 0; k < rotations.size(); ++k) {
-    PlanarMotion motion;
-    for (int i = 0; i < 9; ++i) {
-      motion.rotation(i / 3, i % 3) = rotations[k].at<double>(i / 3, i % 3);
-    }
-    for (int i = 0; i < 3; ++i) {
-      motion.translation[i] = translations[k].at<double>(i);
-      motion.normal[i] = normals[k].at<double>(i);
-    }
-    const double length = motion.translation.norm();
-    if (!(length > 1e-9) || !(motion.rotation.determinant() > 0.0)) continue;
-    std::size_t front = 0;
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      front += result.mask[i] != 0 &&
-               motion.normal.dot(rayOf(reference_inverse, pairs.reference[i])) > 0.0;
-    }
-    if (2 * front < result.inliers) continue;
-    const Eigen::Matrix3d f = target_inverse.transpose() *
-                              (two_view::crossed(motion.translation / length) * motion.rotation) *
-                              reference_inverse;
-    const double limit = kSampsonShare * options.max_error;
-    double cost = 1e-3 * static_cast<double>(pairs.size()) * (1.0 - motion.normal.z());
-    for (std::size_t i = 0; i < pairs.size(); ++i) {
-      const double error = sampson(f, pairs.reference[i], pairs.target[i]);
-      cost += result.mask[i] != 0 ? 0.0 : std::min(error / limit, 1.0);
-    }
-    if (!best || cost < best_cost) {
-      second = best;
-      second_cost = best_cost;
-      best = motion;
-      best_cost = cost;
-    } else if (!second || cost < second_cost) {
-      second = motion;
-      second_cost = cost;
-    }
+  two_view::setPlaneMotion(pairs, *cameras, plane.answer.covariance, options.max_error, result);
+  if (!result.fundamental.isZero(0.0)) {
+    result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
   }
-  if (!best) return;
-  const Eigen::Vector3d direction = best->translation.normalized();
-  result.pose = {best->rotation, direction};
-  result.fundamental = target_inverse.transpose() * two_view::crossed(direction) * best->rotation *
-                       reference_inverse;
-  result.fundamental /= result.fundamental.norm();
-  if (second) result.other_pose = RelativePose{second->rotation, second->translation.normalized()};
-  setParallax(pairs, result);
-
-  // H's first eight entries by rotation, translation and the plane's normal.
-  const double length = best->translation.norm();
-  const Eigen::Matrix<double, 3, 2> around = two_view::across(direction);
-  const Eigen::Matrix<double, 3, 2> tilts = two_view::across(best->normal);
-  const Eigen::Matrix3d motion = best->rotation + best->translation * best->normal.transpose();
-  const Eigen::Matrix3d h = cameras->target * motion * reference_inverse;
-  Eigen::Matrix<double, 8, 8> by_motion;
-  const auto set = [&](int column, const Eigen::Matrix3d& change) {
-    const Eigen::Matrix3d d = cameras->target * change * reference_inverse;
-    for (int i = 0; i < 8; ++i) {
-      by_motion(i, column) = (d(i / 3, i % 3) - h(i / 3, i % 3) / h(2, 2) * d(2, 2)) / h(2, 2);
-    }
-  };
-  for (int i = 0; i < 3; ++i) set(i, two_view::crossed(Eigen::Vector3d::Unit(i)) * best->rotation);
-  for (int i = 0; i < 2; ++i) set(3 + i, length * around.col(i) * best->normal.transpose());
-  set(5, best->translation * best->normal.transpose());
-  for (int i = 0; i < 2; ++i) set(6 + i, best->translation * tilts.col(i).transpose());
-  const Eigen::Matrix<double, 8, 8> back = by_motion.inverse();
-  const Eigen::Matrix<double, 8, 8> covariance = back * plane.answer.covariance * back.transpose();
-  result.pose_covariance = poseCovariance(covariance.topLeftCorner<5, 5>(), direction);
 }
 
 /// False where the inliers do not determine the geometry.
@@ -538,39 +301,21 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
       return false;
     }
     result.pose = {epipolar.motion.rotation, epipolar.motion.translation};
-    result.pose_covariance = poseCovariance(covariance, epipolar.motion.translation);
+    result.pose_covariance = two_view::poseCovariance(covariance, epipolar.motion.translation);
   }
   result.fundamental = normalised.inPixels(epipolar);
   result.scale = fit.scale() / normalised.scale();
-  const double limit = kSampsonShare * options.max_error;
-  double sum = 0.0;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = sampson(result.fundamental, pairs.reference[i], pairs.target[i]);
-    if (!(error < limit)) continue;
-    if (cameras && !seenFromFront(epipolar.motion, pairs.reference[i], pairs.target[i])) continue;
-    result.mask[i] = 1;
-    ++result.inliers;
-    sum += error * error;
-  }
-  result.rmse = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(result.inliers, 1)));
   result.status = Status::ok;
   result.geometry = Geometry::epipolar;
-  if (cameras) setParallax(pairs, result);
+  two_view::label(pairs, cameras, options.max_error, result);
+  if (cameras) result.parallax = two_view::parallaxOf(pairs, *cameras, result, angles);
   return true;
 }
 
-void TwoViewEstimator::Impl::setParallax(const PointPairs& pairs, TwoView& result) {
-  angles.clear();
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (result.mask[i] == 0) continue;
-    const Eigen::Vector3d a = result.pose.rotation * rayOf(reference_inverse, pairs.reference[i]);
-    const Eigen::Vector3d b = rayOf(target_inverse, pairs.target[i]);
-    angles.push_back(std::atan2(a.cross(b).norm(), a.dot(b)));
-  }
-  if (angles.empty()) return;
-  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
-  std::nth_element(angles.begin(), middle, angles.end());
-  result.parallax = *middle * 180.0 / kPi;
+TwoViewOptions TwoViewOptions::realCameras() {
+  TwoViewOptions options;
+  options.shared_error = 0.5;
+  return options;
 }
 
 TwoViewEstimator::TwoViewEstimator(const TwoViewOptions& options) {
@@ -605,50 +350,6 @@ TwoView estimateTwoView(const std::vector<Eigen::Vector2d>& reference,
   TwoView result;
   TwoViewEstimator(options).estimate(pairs, input, result);
   return result;
-}
-
-void triangulate(const PointPairs& pairs, const TwoViewInput& input, const TwoView& geometry,
-                 std::vector<ScenePoint>& points) {
-  constexpr double kClear = 2.0;        // scales of the errors
-  constexpr double kLeastScale = 0.05;  // px
-  points.clear();
-  const std::optional<Cameras> cameras = camerasOf(input);
-  if (!cameras || geometry.status != Status::ok || geometry.pose.translation.isZero(0.0)) return;
-  if (geometry.mask.size() != pairs.size()) {
-    throw std::invalid_argument("the geometry is of " + std::to_string(geometry.mask.size()) +
-                                " pairs, and there are " + std::to_string(pairs.size()));
-  }
-  const Eigen::Matrix3d reference_inverse = cameras->reference.inverse();
-  const Eigen::Matrix3d turn = geometry.pose.rotation;
-  const Eigen::Vector3d t = geometry.pose.translation;
-  const Eigen::Matrix3d far = homographyOf(*cameras, turn);
-  const double scale = std::max(geometry.scale > 0.0 ? geometry.scale : geometry.rmse, kLeastScale);
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (geometry.mask[i] == 0) continue;
-    if (homography::errorOf(far, pairs.reference[i], pairs.target[i]) < kClear * scale) continue;
-    // The inverse depth z: the target point is K' (R q + z t), linear in z after multiplication.
-    const Eigen::Vector3d q = rayOf(reference_inverse, pairs.reference[i]);
-    const Eigen::Vector3d a = cameras->target * turn * q;
-    const Eigen::Vector3d b = cameras->target * t;
-    const Eigen::Vector2d u = pairs.target[i];
-    const Eigen::Vector2d slope = b.head<2>() - u * b.z();
-    const Eigen::Vector2d value = u * a.z() - a.head<2>();
-    const double inverse_depth = slope.dot(value) / slope.squaredNorm();
-    const double depth = 1.0 / inverse_depth;
-    if (!(inverse_depth > 1e-9) || !((a + inverse_depth * b).z() > 0.0)) continue;
-    ScenePoint point;
-    point.pair = i;
-    point.position = depth * q;
-    // px of the target by depth, then the two directions across the ray.
-    const Eigen::Vector3d seen = a + inverse_depth * b;
-    const double by_inverse = slope.norm() / seen.z();
-    const double depth_deviation = std::sqrt(2.0) * scale / by_inverse * depth * depth;
-    const double across = scale * depth / cameras->reference(0, 0);
-    point.covariance = depth_deviation * depth_deviation * q * q.transpose();
-    point.covariance(0, 0) += across * across;
-    point.covariance(1, 1) += across * across;
-    points.push_back(point);
-  }
 }
 
 }  // namespace ktgp_orb

@@ -1,0 +1,139 @@
+#include "core/two_view/cameras.h"
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+#include "core/homography/transform.h"
+#include "core/two_view/epipolar.h"
+#include "core/util/constants.h"
+
+namespace ktgp_orb::two_view {
+namespace {
+
+void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& name) {
+  const auto refuse = [&](const std::string& what) {
+    throw std::invalid_argument("the K of the " + name + " camera " + what);
+  };
+  if (!k.allFinite()) refuse("has an entry that is not finite; expected nine finite entries");
+  if (!(k(0, 0) > 0.0 && k(1, 1) > 0.0)) {
+    refuse("has focal lengths " + std::to_string(k(0, 0)) + ", " + std::to_string(k(1, 1)) +
+           "; expected more than 0 px");
+  }
+  if (k(1, 0) != 0.0 || k(2, 0) != 0.0 || k(2, 1) != 0.0 || k(2, 2) != 1.0) {
+    refuse("is not upper triangular with 1 as its last entry");
+  }
+  if (size.empty()) return;
+  if (!(k(0, 2) >= 0.0 && k(0, 2) < size.width && k(1, 2) >= 0.0 && k(1, 2) < size.height)) {
+    refuse("has its principal point at " + std::to_string(k(0, 2)) + ", " +
+           std::to_string(k(1, 2)) + ", outside the image of " + std::to_string(size.width) + "x" +
+           std::to_string(size.height) + " px; does it belong to another image size?");
+  }
+}
+
+}  // namespace
+
+std::optional<Cameras> camerasOf(const TwoViewInput& input) {
+  if (!input.reference_camera) {
+    if (!input.target_camera) return std::nullopt;
+    throw std::invalid_argument(
+        "there is a K of the target camera and none of the reference camera; expected both or "
+        "neither");
+  }
+  const Cameras cameras{*input.reference_camera,
+                        input.target_camera.value_or(*input.reference_camera)};
+  requireCamera(cameras.reference, input.reference_size, "reference");
+  requireCamera(cameras.target, input.target_size, "target");
+  return cameras;
+}
+
+Cameras::Cameras(const Eigen::Matrix3d& of_reference, const Eigen::Matrix3d& of_target)
+    : reference(of_reference),
+      target(of_target),
+      reference_inverse(of_reference.inverse()),
+      target_inverse(of_target.inverse()) {}
+
+Eigen::Vector3d Cameras::referenceRay(const Eigen::Vector2d& x) const {
+  return reference_inverse * x.homogeneous();
+}
+
+Eigen::Vector3d Cameras::targetRay(const Eigen::Vector2d& u) const {
+  return target_inverse * u.homogeneous();
+}
+
+Eigen::Matrix3d Cameras::homographyOf(const Eigen::Matrix3d& rotation) const {
+  return target * rotation * reference_inverse;
+}
+
+Eigen::Matrix3d Cameras::fundamentalOf(const Motion& motion) const {
+  return target_inverse.transpose() * crossed(motion.translation) * motion.rotation *
+         reference_inverse;
+}
+
+bool Cameras::seeInFront(const Motion& motion, const Eigen::Vector2d& x, const Eigen::Vector2d& u,
+                         double max_error) const {
+  if (inFront(motion, referenceRay(x), targetRay(u))) return true;
+  return homography::errorOf(homographyOf(motion.rotation), x, u) < max_error;
+}
+
+double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x,
+                      const Eigen::Vector2d& u) {
+  const Eigen::Vector3d line = f * x.homogeneous();
+  return std::abs(line.dot(u.homogeneous())) / std::max(line.head<2>().norm(), 1e-30);
+}
+
+double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {
+  const Eigen::Vector3d line = f * x.homogeneous();
+  const Eigen::Vector3d back = f.transpose() * u.homogeneous();
+  const double length2 = line.head<2>().squaredNorm() + back.head<2>().squaredNorm();
+  return std::abs(line.dot(u.homogeneous())) / std::sqrt(std::max(length2, 1e-60));
+}
+
+void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, double max_error,
+           TwoView& view) {
+  const bool epipolar = view.geometry == Geometry::epipolar;
+  const double limit = epipolar ? kSampsonShare * max_error : max_error;
+  const Motion motion{view.pose.rotation, view.pose.translation};
+  view.mask.assign(pairs.size(), 0);
+  view.inliers = 0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const Eigen::Vector2d& x = pairs.reference[i];
+    const Eigen::Vector2d& u = pairs.target[i];
+    const double error =
+        epipolar ? sampson(view.fundamental, x, u) : homography::errorOf(view.homography, x, u);
+    if (!(error < limit)) continue;
+    if (epipolar && cameras && !cameras->seeInFront(motion, x, u, max_error)) continue;
+    view.mask[i] = 1;
+    ++view.inliers;
+    sum += error * error;
+  }
+  view.rmse = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(view.inliers, 1)));
+}
+
+double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView& view,
+                  std::vector<double>& angles) {
+  angles.clear();
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (view.mask[i] == 0) continue;
+    const Eigen::Vector3d a = view.pose.rotation * cameras.referenceRay(pairs.reference[i]);
+    const Eigen::Vector3d b = cameras.targetRay(pairs.target[i]);
+    angles.push_back(std::atan2(a.cross(b).norm(), a.dot(b)));
+  }
+  if (angles.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const auto middle = angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2);
+  std::nth_element(angles.begin(), middle, angles.end());
+  return *middle * 180.0 / util::kPi;
+}
+
+Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step, const Eigen::Vector3d& t) {
+  Eigen::Matrix<double, 6, 5> spread = Eigen::Matrix<double, 6, 5>::Zero();
+  spread.topRightCorner<3, 2>() = across(t);
+  spread.bottomLeftCorner<3, 3>().setIdentity();
+  return spread * of_step * spread.transpose();
+}
+
+}  // namespace ktgp_orb::two_view

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+
+#include "core/two_view/solvers.h"
+#include "ktgp_orb/two_view.h"
+
+namespace ktgp_orb::two_view {
+
+/// Both cameras' K, px.
+struct Cameras {
+  Eigen::Matrix3d reference;
+  Eigen::Matrix3d target;
+  Eigen::Matrix3d reference_inverse;
+  Eigen::Matrix3d target_inverse;
+
+  Cameras(const Eigen::Matrix3d& of_reference, const Eigen::Matrix3d& of_target);
+
+  /// Rays K^-1 x.
+  Eigen::Vector3d referenceRay(const Eigen::Vector2d& x) const;
+  Eigen::Vector3d targetRay(const Eigen::Vector2d& u) const;
+  /// K' R K^-1.
+  Eigen::Matrix3d homographyOf(const Eigen::Matrix3d& rotation) const;
+  /// K'^-T [t]x R K^-1.
+  Eigen::Matrix3d fundamentalOf(const Motion& motion) const;
+  /// Whether the point of a pair is in front of both cameras, or so far away that its rays are
+  /// parallel within `max_error`, px.
+  bool seeInFront(const Motion& motion, const Eigen::Vector2d& reference,
+                  const Eigen::Vector2d& target, double max_error) const;
+};
+
+/// Empty without K. Throws std::invalid_argument as TwoViewEstimator::estimate.
+std::optional<Cameras> camerasOf(const TwoViewInput& input);
+
+/// Distance of the target point from the epipolar line of the reference point, px.
+double distanceToLine(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
+/// Sampson distance, px.
+double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u);
+
+/// Part of the limit of reprojection errors that limits Sampson distances.
+constexpr double kSampsonShare = 0.5;
+
+/// Sets mask, inliers and RMSE of `view` from its geometry: the only place that does.
+/// `max_error`: as TwoViewOptions::max_error.
+void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, double max_error,
+           TwoView& view);
+
+/// Median angle between the rays of the inliers, degrees. `angles`: buffer.
+double parallaxOf(const PointPairs& pairs, const Cameras& cameras, const TwoView& view,
+                  std::vector<double>& angles);
+
+/// From the covariance of small rotations and of two directions across the translation.
+Covariance6 poseCovariance(const Eigen::Matrix<double, 5, 5>& of_step,
+                           const Eigen::Vector3d& translation);
+
+}  // namespace ktgp_orb::two_view

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+#include "core/two_view/cameras.h"
+
+namespace ktgp_orb::two_view {
+
+/// A rotation and the covariance of small rotations about the target camera's axes, rad².
+struct UncertainRotation {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+/// The rotation of maximum likelihood (Student's t) over the pairs near `homography`, which has
+/// `inliers`; false where it explains less than half of them. `max_error`: px.
+bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
+                 std::size_t inliers, double max_error, UncertainRotation& result);
+
+}  // namespace ktgp_orb::two_view
