@@ -12,6 +12,7 @@
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"
+#include "evaluation/two_view_evaluation.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
@@ -29,7 +30,10 @@ constexpr const char* kDescription =
     "such folders, or a text file with `name imageA imageB truth` a line. With --warps, DATA are "
     "images or folders of "
     "images,\n"
-    "and the pairs are exact warps of them. For recordings there is ktgp_evaluate_bag.";
+    "and the pairs are exact warps of them. With --two-view, DATA are folders of scenes with depth "
+    "and\n"
+    "a cameras.txt with a row `file fx fy cx cy R11 R12 ... R33 t1 t2 t3` per image, x_camera = "
+    "R X + t.\nFor recordings there is ktgp_evaluate_bag.";
 
 constexpr const char* kExamples =
     "Examples:\n"
@@ -39,6 +43,7 @@ constexpr const char* kExamples =
     "  ktgp_evaluate hpatches --methods KTGP,MP-ORB --estimator usac\n"
     "  ktgp_evaluate --hpatches hpatches-sequences-release --jobs 4\n"
     "  ktgp_evaluate --warps small,medium,large --methods KTGP,SIFT,ECC photo.jpg oxford/boat\n"
+    "  ktgp_evaluate --two-view --apart 1,3,6 kitti_2\n"
     "\n"
     "Exit code: 0 everything was evaluated, 1 a file was missing or broken or a method failed on "
     "a\n"
@@ -58,6 +63,8 @@ struct Arguments {
   int warp_pairs = 48;
   EvaluatedSize size;
   bool hpatches = false;
+  bool two_view = false;
+  std::vector<int> apart{1};
   double truth_deviation = 0.0;
   std::uint64_t warp_seed = 1;
   std::string bag;
@@ -185,6 +192,18 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                "the protocol of the papers on SuperGlue and LightGlue: shorter side 480 px, "
                "without the eight sequences of large images; prints the AUC beside published ones")
       ->excludes(longest);
+  const char* const views = "Two views";
+  CLI::Option* const two_view =
+      app.add_flag("--two-view", arguments.two_view,
+                   "relative pose in scenes with depth: AUC of the larger error of rotation and "
+                   "direction at 1, 2, 5 and 10 degrees; preset slam unless another is given")
+          ->group(views);
+  app.add_option("--apart", arguments.apart, "pairs of images so many rows of cameras.txt apart")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 1000))
+      ->needs(two_view)
+      ->capture_default_str()
+      ->group(views);
   app.add_option("--truth-deviation", arguments.truth_deviation,
                  "standard deviation of the true homographies at the corners, px; added to the "
                  "covariances that are compared with them")
@@ -262,6 +281,43 @@ int evaluateImageSets(const Arguments& arguments) {
   return dataset.problems.empty() ? kExitDone : kExitUnusedData;
 }
 
+int evaluateTwoViews(const Arguments& arguments) {
+  std::vector<std::string> problems;
+  std::vector<two_view::PosePair> pairs;
+  std::vector<std::vector<two_view::PoseScore>> scores;
+  two_view::PoseEvaluator evaluator(arguments.pipeline, arguments.methods);
+  for (const std::string& folder : arguments.data) {
+    try {
+      for (const auto& pair : two_view::findPosePairs(folder, arguments.apart)) {
+        pairs.push_back(pair);
+      }
+    } catch (const files::FileError& error) {
+      problems.emplace_back(error.what());
+    }
+  }
+  ProgressBar progress(pairs.size());
+  for (const auto& pair : pairs) {
+    try {
+      scores.push_back(evaluator.evaluate(pair));
+    } catch (const files::FileError& error) {
+      problems.emplace_back(error.what());
+      scores.emplace_back();
+    }
+    progress.advance(pair.set + " " + pair.name);
+  }
+  if (!files::isStandardOutput(arguments.csv)) {
+    std::fputs(two_view::toTable(pairs, scores, arguments.methods).c_str(), stdout);
+  }
+  if (!arguments.csv.empty()) {
+    files::writeText(arguments.csv, two_view::toCsv(pairs, scores, arguments.methods),
+                     arguments.force);
+  }
+  for (const std::string& problem : problems) {
+    std::fprintf(stderr, "ktgp_evaluate: %s\n", problem.c_str());
+  }
+  return problems.empty() ? kExitDone : kExitUnusedData;
+}
+
 int evaluate(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(kDescription);
@@ -271,6 +327,9 @@ int evaluate(int argc, char** argv) {
   if (arguments.hpatches) {
     arguments.size.shortest_side = hpatches::kShortestSide;
     if (app.get_option("--methods")->count() == 0) arguments.methods = hpatches::methodNames();
+  }
+  if (arguments.two_view && app.get_option("--methods")->count() == 0) {
+    arguments.methods = two_view::methodNames();
   }
   cv::setNumThreads(1);  // the jobs use the cores
   if (arguments.list_methods) {
@@ -287,7 +346,7 @@ int evaluate(int argc, char** argv) {
   plan.write(arguments.json);
   plan.write(arguments.csv);
   exitWhenInterrupted();
-  return evaluateImageSets(arguments);
+  return arguments.two_view ? evaluateTwoViews(arguments) : evaluateImageSets(arguments);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@ import unittest
 from tool_case import HEIGHT, ToolCase, picture, translation, write_pgm
 
 SHIFTS = {2: (3, 4), 3: (-6, 8), 4: (9, -2), 5: (-12, -5), 6: (15, 10)}
+KITTI = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "two_view/kitti_2")
 DOGMAN = os.path.join(os.environ.get("KTGP_ORB_DATA", ""), "hard/dogman")
 
 
@@ -271,6 +272,46 @@ class KtgpEvaluate(ToolCase):
         self.assertGreater(robust["corners_consistent"], 0.9)
         self.assertGreater(robust["corner_normalised_median"], 0.1)
         self.assertLess(robust["corner_normalised_median"], 4.0)
+
+    @unittest.skipUnless(os.path.isdir(KITTI), "KTGP_ORB_DATA is not set: this test needs its folder two_view")
+    def test_two_views_of_a_street_are_better_than_its_rivals(self):
+        (self.folder / "street").mkdir()
+        with open(os.path.join(KITTI, "cameras.txt")) as file:
+            rows = file.read().splitlines()[9:17]
+        (self.folder / "street/cameras.txt").write_text("\n".join(rows) + "\n")
+        for row in rows:
+            shutil.copy(os.path.join(KITTI, row.split()[0]), self.folder / "street")
+        run = self.run_tool("ktgp_evaluate", "--force", "--two-view", "street", "--methods",
+                            "SLAM,KTG+MAGSAC++,GMS+MAGSAC++", "--apart", "1", "--csv", "views.csv")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("AUC at 1, 2, 5, 10 deg", run.stdout)
+        self.assertIn("street, 1 apart", run.stdout)
+        with open(self.folder / "views.csv") as file:
+            rows = list(csv.DictReader(file))
+        self.assertEqual(len(rows), 7 * 3)
+
+        def errors(method):
+            return [float(r["error"]) for r in rows if r["method"] == method]
+        ours = auc(errors("SLAM"), 5)
+        self.assertGreater(ours, 0.85)
+        self.assertGreater(ours, auc(errors("KTG+MAGSAC++"), 5))
+        self.assertGreater(ours, auc(errors("GMS+MAGSAC++"), 5))
+        for row in rows:
+            if row["method"] == "SLAM":
+                self.assertEqual(row["geometry"], "epipolar")
+                self.assertGreater(float(row["kept"]), 0.97)
+                self.assertGreater(float(row["precision"]), 0.95)
+
+    def test_cameras_that_cannot_be_read_are_named(self):
+        (self.folder / "bad").mkdir()
+        run = self.evaluate("--two-view", "bad")
+        self.assertEqual(run.returncode, 1, run.stderr)
+        self.assertIn("bad/cameras.txt", run.stderr)
+        (self.folder / "bad/cameras.txt").write_text("a.png 1 2 3\n")
+        self.assertIn("has a row that is not `file fx fy cx cy R11", self.evaluate("--two-view", "bad").stderr)
+        run = self.evaluate("--two-view", "bad", "--methods", "MAGIC")
+        self.assertEqual(run.returncode, 2)
+        self.assertIn("there is no method MAGIC of two views; expected one of SLAM", run.stderr)
 
     def test_warps_of_a_folder_by_kind_and_by_seed(self):
         def errors(*arguments):

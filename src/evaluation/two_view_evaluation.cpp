@@ -1,0 +1,488 @@
+#include "evaluation/two_view_evaluation.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/core/version.hpp>
+#include <opencv2/features2d.hpp>
+#include <sstream>
+#include <stdexcept>
+
+#include "core/util/keypoint_position.h"
+#include "files/csv.h"
+#include "files/input.h"
+#include "ktgp_orb/evaluation.h"
+#include "ktgp_orb/ktgp_matcher.h"
+#include "ktgp_orb/orb_extractor.h"
+
+#define KTGP_ORB_HAVE_MAGSAC \
+  (CV_VERSION_MAJOR > 4 || (CV_VERSION_MAJOR == 4 && CV_VERSION_MINOR > 5))
+
+namespace ktgp_orb::tools::two_view {
+
+struct PoseImages {
+  cv::Mat reference;
+  cv::Mat target;
+  Features reference_features;
+  Features target_features;
+};
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+struct CameraRow {
+  std::string file;
+  Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;
+};
+
+std::vector<CameraRow> readCameras(const std::string& file) {
+  std::ifstream in(file);
+  if (!in) throw files::FileError(file, "cannot be opened");
+  std::vector<CameraRow> rows;
+  for (std::string line; std::getline(in, line);) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos) continue;
+    std::istringstream text(line);
+    CameraRow row;
+    text >> row.file >> row.k(0, 0) >> row.k(1, 1) >> row.k(0, 2) >> row.k(1, 2);
+    for (int i = 0; i < 9; ++i) text >> row.rotation(i / 3, i % 3);
+    for (int i = 0; i < 3; ++i) text >> row.translation[i];
+    if (!text) {
+      throw files::FileError(file, "has a row that is not `file fx fy cx cy R11 ... R33 t1 t2 t3`");
+    }
+    rows.push_back(row);
+  }
+  return rows;
+}
+
+Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0.0, -v.z(), v.y(), v.z(), 0.0, -v.x(), -v.y(), v.x(), 0.0;
+  return m;
+}
+
+Eigen::Matrix3d fundamentalOf(const PosePair& pair) {
+  return pair.target_camera.inverse().transpose() * crossed(pair.translation) * pair.rotation *
+         pair.reference_camera.inverse();
+}
+
+double sampson(const Eigen::Matrix3d& f, const Eigen::Vector2d& x, const Eigen::Vector2d& u) {
+  const Eigen::Vector3d line = f * x.homogeneous();
+  const Eigen::Vector3d back = f.transpose() * u.homogeneous();
+  return std::abs(line.dot(u.homogeneous())) /
+         std::sqrt(line.head<2>().squaredNorm() + back.head<2>().squaredNorm());
+}
+
+double degrees(double radians) {
+  return radians * 180.0 / CV_PI;
+}
+
+/// Larger of the two errors, degrees.
+double poseError(const PosePair& truth, const RelativePose& found) {
+  const double turn = Eigen::AngleAxisd(found.rotation * truth.rotation.transpose()).angle();
+  const double cosine = found.translation.normalized().dot(truth.translation);
+  return degrees(std::max(std::abs(turn), std::acos(std::clamp(cosine, -1.0, 1.0))));
+}
+
+/// Squared error of the five parameters over their covariance.
+double normalisedError(const PosePair& truth, const RelativePose& found,
+                       const Covariance6& covariance) {
+  Eigen::Matrix<double, 6, 1> error;
+  const Eigen::AngleAxisd turn(truth.rotation * found.rotation.transpose());
+  error << truth.translation - found.translation, turn.angle() * turn.axis();
+  const Eigen::Matrix<double, 6, 6> spread = covariance;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> solver(spread);
+  const Eigen::Matrix<double, 6, 1> parts = solver.eigenvectors().transpose() * error;
+  double sum = 0.0;
+  for (int i = 1; i < 6; ++i) sum += parts[i] * parts[i] / solver.eigenvalues()[i];
+  return sum;
+}
+
+/// Matches of a method, and which of them are its final ones.
+struct Candidates {
+  std::vector<Eigen::Vector2d> reference;
+  std::vector<Eigen::Vector2d> target;
+  std::vector<std::uint8_t> final;
+
+  void add(const cv::Point2f& from, const cv::Point2f& to, bool is_final = false) {
+    reference.emplace_back(from.x, from.y);
+    target.emplace_back(to.x, to.y);
+    final.push_back(is_final ? 1 : 0);
+  }
+};
+
+void scoreMatches(const PosePair& pair, const Candidates& candidates, PoseScore& score) {
+  const Eigen::Matrix3d f = fundamentalOf(pair);
+  std::size_t right = 0;
+  std::size_t right_final = 0;
+  for (std::size_t i = 0; i < candidates.final.size(); ++i) {
+    const bool is_right = sampson(f, candidates.reference[i], candidates.target[i]) < kRightWithin;
+    right += is_right;
+    right_final += is_right && candidates.final[i] != 0;
+    score.matches += candidates.final[i];
+  }
+  score.kept = right > 0 ? static_cast<double>(right_final) / static_cast<double>(right) : 0.0;
+  score.precision = score.matches > 0
+                        ? static_cast<double>(right_final) / static_cast<double>(score.matches)
+                        : 0.0;
+}
+
+/// OpenCV's best estimator of an essential matrix; pixels of the target are those of the
+/// reference's camera.
+void estimateByOpenCv(const PosePair& pair, Candidates& candidates, PoseScore& score) {
+  constexpr double kConfidence = 0.999;
+  constexpr double kThreshold = 1.0;  // px
+  score.error = std::numeric_limits<double>::infinity();
+  if (candidates.final.size() < 6) return;
+  const Eigen::Matrix3d same = pair.reference_camera * pair.target_camera.inverse();
+  std::vector<cv::Point2d> from;
+  std::vector<cv::Point2d> to;
+  for (std::size_t i = 0; i < candidates.final.size(); ++i) {
+    const Eigen::Vector2d u = (same * candidates.target[i].homogeneous()).hnormalized();
+    from.emplace_back(candidates.reference[i].x(), candidates.reference[i].y());
+    to.emplace_back(u.x(), u.y());
+  }
+  cv::Mat k;
+  cv::eigen2cv(pair.reference_camera, k);
+#if KTGP_ORB_HAVE_MAGSAC
+  constexpr int kMethod = cv::USAC_MAGSAC;
+#else
+  constexpr int kMethod = cv::RANSAC;
+#endif
+  const auto start = Clock::now();
+  cv::Mat mask;
+  const cv::Mat e = cv::findEssentialMat(from, to, k, kMethod, kConfidence, kThreshold, mask);
+  if (e.rows != 3 || e.cols != 3) return;
+  cv::Mat r;
+  cv::Mat t;
+  cv::Mat front = mask.clone();
+  cv::recoverPose(e, from, to, k, r, t, front);
+  score.estimation_milliseconds = since(start);
+  RelativePose pose;
+  cv::cv2eigen(r, pose.rotation);
+  Eigen::MatrixXd direction;
+  cv::cv2eigen(t, direction);
+  pose.translation = direction.col(0);
+  score.found = true;
+  score.error = poseError(pair, pose);
+  for (std::size_t i = 0; i < candidates.final.size(); ++i) {
+    candidates.final[i] = mask.at<std::uint8_t>(static_cast<int>(i));
+  }
+}
+
+/// Nearest by ratio (`threshold` below 1) or mutual ones (1).
+Candidates matchByOpenCv(const std::vector<cv::KeyPoint>& reference, const cv::Mat& of_reference,
+                         const std::vector<cv::KeyPoint>& target, const cv::Mat& of_target,
+                         int norm, double threshold) {
+  Candidates out;
+  if (reference.size() < 2 || target.size() < 2) return out;
+  const auto add = [&](const cv::DMatch& m) {
+    out.add(reference[static_cast<std::size_t>(m.trainIdx)].pt,
+            target[static_cast<std::size_t>(m.queryIdx)].pt);
+  };
+  if (threshold >= 1.0) {
+    std::vector<cv::DMatch> matches;
+    cv::BFMatcher(norm, true).match(of_target, of_reference, matches);
+    for (const cv::DMatch& m : matches) add(m);
+    return out;
+  }
+  std::vector<std::vector<cv::DMatch>> matches;
+  cv::BFMatcher(norm).knnMatch(of_target, of_reference, matches, 2);
+  for (const auto& m : matches) {
+    if (m.size() == 2 && m[0].distance < threshold * m[1].distance) add(m[0]);
+  }
+  return out;
+}
+
+using Images = PoseImages;
+using Run = std::function<PoseScore(const PosePair&, const Images&)>;
+
+Candidates candidatesOf(const Images& images, const std::vector<Correspondence>& matches,
+                        Level least, Level final) {
+  Candidates out;
+  for (const Correspondence& c : matches) {
+    if (c.level < least) continue;
+    out.add(images.reference_features.keypoints[static_cast<std::size_t>(c.reference_index)].pt,
+            images.target_features.keypoints[static_cast<std::size_t>(c.target_index)].pt,
+            c.level >= final);
+  }
+  return out;
+}
+
+Run ours(const MatcherOptions& options) {
+  auto matcher = std::make_shared<KtgpMatcher>(options);
+  auto result = std::make_shared<MatchResult>();
+  return [=](const PosePair& pair, const Images& images) {
+    PoseScore score;
+    MatchHints hints;
+    hints.reference_camera = pair.reference_camera;
+    hints.target_camera = pair.target_camera;
+    const auto start = Clock::now();
+    matcher->match(images.reference_features, images.target_features, hints, *result);
+    score.milliseconds = since(start);
+    score.estimation_milliseconds = result->refinements[3].milliseconds;
+    const TwoView& view = result->two_view.view;
+    score.error = std::numeric_limits<double>::infinity();
+    score.found = view.geometry != Geometry::none;
+    score.geometry = toString(result->geometry);
+    const bool moved = score.found && view.pose.translation.norm() > 0.5;
+    if (moved) score.error = poseError(pair, view.pose);
+    if (moved && view.pose_covariance.allFinite()) {
+      score.normalised = normalisedError(pair, view.pose, view.pose_covariance);
+    }
+    scoreMatches(pair, candidatesOf(images, result->correspondences, Level::ktg, Level::ktgp),
+                 score);
+    return score;
+  };
+}
+
+/// Matches of the level `least` of our chain, and OpenCV's estimator.
+Run chainAndMagsac(const MatcherOptions& options, Level least) {
+  auto matcher = std::make_shared<KtgpMatcher>(options);
+  auto result = std::make_shared<MatchResult>();
+  return [=](const PosePair& pair, const Images& images) {
+    PoseScore score;
+    const auto start = Clock::now();
+    matcher->match(images.reference_features, images.target_features, *result);
+    Candidates candidates = candidatesOf(images, result->correspondences, least, Level::guided);
+    estimateByOpenCv(pair, candidates, score);
+    score.milliseconds = since(start);
+    scoreMatches(pair, candidates, score);
+    return score;
+  };
+}
+
+Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double threshold) {
+  const cv::Ptr<cv::Feature2D> detector = make();
+  return [=](const PosePair& pair, const Images& images) {
+    PoseScore score;
+    std::vector<cv::KeyPoint> keypoints[2];
+    cv::Mat descriptors[2];
+    detector->detectAndCompute(images.reference, cv::noArray(), keypoints[0], descriptors[0]);
+    detector->detectAndCompute(images.target, cv::noArray(), keypoints[1], descriptors[1]);
+    const auto start = Clock::now();
+    Candidates candidates =
+        matchByOpenCv(keypoints[0], descriptors[0], keypoints[1], descriptors[1], norm, threshold);
+    estimateByOpenCv(pair, candidates, score);
+    score.milliseconds = since(start);
+    scoreMatches(pair, candidates, score);
+    return score;
+  };
+}
+
+std::vector<std::pair<std::string, std::function<Run(const PipelineOptions&)>>> methods() {
+  constexpr int kSift = 4000;
+  constexpr double kRatio = 0.8;
+  return {
+    {"SLAM",
+     [](const PipelineOptions& options) {
+       // Other parameters than those of the preset only where they choose such a geometry.
+       const bool chosen = options.matcher.geometry != GeometryModel::homography;
+       return ours(chosen ? options.matcher : MatcherOptions::slam());
+     }},
+        {"KTGP+MAGSAC++",
+         [](const PipelineOptions&) { return chainAndMagsac(MatcherOptions(), Level::ktgp); }},
+        {"KTG+MAGSAC++",
+         [](const PipelineOptions&) { return chainAndMagsac(MatcherOptions(), Level::ktg); }},
+        {"GMS+MAGSAC++",
+         [](const PipelineOptions&) {
+           MatcherOptions plain;
+           plain.ratio_threshold = 1.0;
+           return chainAndMagsac(plain, Level::ktg);
+         }},
+        {"ORB+MAGSAC++",
+         [](const PipelineOptions& options) {
+           const int features = options.orb.max_features;
+           return openCv([=] { return cv::ORB::create(features); }, cv::NORM_HAMMING, 1.0);
+         }},
+#if KTGP_ORB_HAVE_MAGSAC
+        {"SIFT+MAGSAC++", [](const PipelineOptions&) {
+           return openCv([] { return cv::SIFT::create(kSift); }, cv::NORM_L2, kRatio);
+         }},
+#endif
+  };
+}
+
+double share(std::size_t count, std::size_t of) {
+  return of > 0 ? 100.0 * static_cast<double>(count) / static_cast<double>(of) : 0.0;
+}
+
+std::string row(const std::string& set, const std::string& method,
+                const std::vector<PoseScore>& scores) {
+  constexpr double kBound = 20.515;  // 99.9 % of chi² with five degrees of freedom
+  std::vector<double> errors;
+  std::vector<double> times;
+  std::vector<double> estimations;
+  std::vector<double> normalised;
+  std::vector<double> precision;
+  std::vector<double> kept;
+  std::size_t found = 0;
+  std::size_t within = 0;
+  for (const PoseScore& score : scores) {
+    errors.push_back(score.error);
+    times.push_back(score.milliseconds);
+    estimations.push_back(score.estimation_milliseconds);
+    kept.push_back(score.kept);
+    if (score.matches > 0) precision.push_back(score.precision);
+    found += score.found;
+    if (!score.normalised) continue;
+    normalised.push_back(*score.normalised);
+    within += *score.normalised < kBound;
+  }
+  std::array<char, 256> line{};
+  std::snprintf(line.data(), line.size(), "%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(),
+                scores.size(), share(found, scores.size()));
+  std::string out = line.data();
+  for (const double threshold : kPoseThresholds) {
+    std::snprintf(line.data(), line.size(), " %5.1f",
+                  100.0 * evaluation::areaUnderCurve(errors, threshold));
+    out += line.data();
+  }
+  std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
+                100.0 * evaluation::summarize(precision).mean);
+  out += line.data();
+  if (normalised.empty()) {
+    out += "       -      -";
+  } else {
+    std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", share(within, normalised.size()),
+                  evaluation::median(normalised));
+    out += line.data();
+  }
+  std::snprintf(line.data(), line.size(), "  %7.1f %7.1f\n", evaluation::median(times),
+                evaluation::median(estimations));
+  return out + line.data();
+}
+
+}  // namespace
+
+std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart) {
+  namespace fs = std::filesystem;
+  const std::vector<CameraRow> rows = readCameras(folder + "/cameras.txt");
+  const std::string set = fs::canonical(folder).filename().string();
+  std::vector<PosePair> pairs;
+  for (const int distance : apart) {
+    for (std::size_t i = 0; i + static_cast<std::size_t>(distance) < rows.size(); ++i) {
+      const CameraRow& a = rows[i];
+      const CameraRow& b = rows[i + static_cast<std::size_t>(distance)];
+      PosePair pair;
+      pair.set = set + ", " + std::to_string(distance) + " apart";
+      pair.name = a.file + " " + b.file;
+      pair.reference = folder + "/" + a.file;
+      pair.target = folder + "/" + b.file;
+      pair.reference_camera = a.k;
+      pair.target_camera = b.k;
+      pair.rotation = b.rotation * a.rotation.transpose();
+      pair.translation = (b.translation - pair.rotation * a.translation).normalized();
+      pairs.push_back(pair);
+    }
+  }
+  return pairs;
+}
+
+std::vector<std::string> methodNames() {
+  std::vector<std::string> names;
+  for (const auto& method : methods()) names.push_back(method.first);
+  return names;
+}
+
+struct PoseEvaluator::Impl {
+  OrbExtractor extractor;
+  std::vector<std::function<PoseScore(const PosePair&, const PoseImages&)>> runs;
+  PoseImages images;
+
+  explicit Impl(const OrbOptions& orb) : extractor(orb) {}
+};
+
+PoseEvaluator::PoseEvaluator(const PipelineOptions& options,
+                             const std::vector<std::string>& wanted) {
+  OrbOptions orb = options.orb;
+  orb.images = ImageKeeping::share;
+  impl_ = std::make_unique<Impl>(orb);
+  const auto all = methods();
+  for (const std::string& name : wanted) {
+    const auto found = std::find_if(all.begin(), all.end(),
+                                    [&](const auto& method) { return method.first == name; });
+    if (found == all.end()) {
+      std::string names;
+      for (const std::string& known : methodNames()) names += " " + known;
+      throw std::invalid_argument("there is no method " + name + " of two views; expected one of" +
+                                  names);
+    }
+    impl_->runs.push_back(found->second(options));
+  }
+}
+
+PoseEvaluator::~PoseEvaluator() = default;
+
+std::vector<PoseScore> PoseEvaluator::evaluate(const PosePair& pair) {
+  Images& images = impl_->images;
+  images.reference = files::readGrey(pair.reference);
+  images.target = files::readGrey(pair.target);
+  impl_->extractor.extract(images.reference, images.reference_features);
+  impl_->extractor.extract(images.target, images.target_features);
+  std::vector<PoseScore> scores;
+  for (const Run& run : impl_->runs) scores.push_back(run(pair, images));
+  return scores;
+}
+
+std::string toTable(const std::vector<PosePair>& pairs,
+                    const std::vector<std::vector<PoseScore>>& scores,
+                    const std::vector<std::string>& methods) {
+  std::string out =
+      "set                        method         pairs found    AUC at 1, 2, 5, 10 deg    kept  "
+      "right   99.9 %  NEES   ms all ms view\n";
+  std::vector<std::string> sets;
+  for (const PosePair& pair : pairs) {
+    if (std::find(sets.begin(), sets.end(), pair.set) == sets.end()) sets.push_back(pair.set);
+  }
+  for (const std::string& set : sets) {
+    for (std::size_t m = 0; m < methods.size(); ++m) {
+      std::vector<PoseScore> of_set;
+      for (std::size_t i = 0; i < pairs.size(); ++i) {
+        if (pairs[i].set == set && m < scores[i].size()) of_set.push_back(scores[i][m]);
+      }
+      out += row(set, methods[m], of_set);
+    }
+  }
+  return out;
+}
+
+std::string toCsv(const std::vector<PosePair>& pairs,
+                  const std::vector<std::vector<PoseScore>>& scores,
+                  const std::vector<std::string>& methods) {
+  std::string out =
+      "set,pair,method,found,geometry,error,matches,kept,precision,normalised,milliseconds,"
+      "estimation_milliseconds\n";
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    for (std::size_t m = 0; m < scores[i].size(); ++m) {
+      const PoseScore& score = scores[i][m];
+      files::CsvRow row;
+      row.add(pairs[i].set).add(pairs[i].name).add(methods[m]).add(score.found ? 1 : 0);
+      row.add(score.geometry).add(score.error, 6).add(score.matches).add(score.kept, 4);
+      row.add(score.precision, 4);
+      row.add(score.normalised.value_or(std::numeric_limits<double>::quiet_NaN()), 5);
+      row.add(score.milliseconds, 4).add(score.estimation_milliseconds, 4);
+      out += row.line();
+    }
+  }
+  return out;
+}
+
+}  // namespace ktgp_orb::tools::two_view

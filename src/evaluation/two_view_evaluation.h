@@ -1,0 +1,80 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "parameters/options.h"
+
+/// Evaluation of the relative pose of two views of scenes with depth.
+namespace ktgp_orb::tools::two_view {
+
+/// Degrees at which the area under the curve is measured.
+constexpr std::array<double, 4> kPoseThresholds{1.0, 2.0, 5.0, 10.0};
+/// A match is right when its Sampson distance from the true epipolar geometry is below this, px.
+constexpr double kRightWithin = 1.5;
+
+/// Two images with known cameras: x_target ~ R x_reference + t.
+struct PosePair {
+  std::string set;        ///< folder and distance, e.g. "kitti_2, 3 apart"
+  std::string name;       ///< the two files
+  std::string reference;  ///< image file
+  std::string target;
+  Eigen::Matrix3d reference_camera;  ///< K, px
+  Eigen::Matrix3d target_camera;
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d translation;  ///< of length 1
+};
+
+/// The images of `folder` that are `apart` rows from each other in its cameras.txt: one row per
+/// image, `file fx fy cx cy R11 R12 ... R33 t1 t2 t3`, with x_camera = R X + t. Throws FileError.
+std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart);
+
+/// The result of one method for one pair.
+struct PoseScore {
+  bool found = false;
+  std::string geometry;  ///< see Geometry; peers: empty
+  /// The larger of the errors of rotation and of the translation's direction, degrees; infinite
+  /// without a pose.
+  double error = 0.0;
+  double milliseconds = 0.0;             ///< matching and estimation, without the features
+  double estimation_milliseconds = 0.0;  ///< of the geometry alone; peers: the estimator
+  std::size_t matches = 0;               ///< final ones
+  double precision = 0.0;                ///< share of the final matches that are right
+  /// Share of the right matches before the geometry that are among the final ones.
+  double kept = 0.0;
+  std::optional<double> normalised;  ///< squared error over its covariance, 5 degrees of freedom
+};
+
+/// Names of the methods: ours, and OpenCV's estimator on our and on its matches.
+std::vector<std::string> methodNames();
+
+/// Runs the methods named; reuses its buffers.
+class PoseEvaluator {
+ public:
+  /// `options`: parameters of the preset slam. Throws std::invalid_argument for an unknown name.
+  PoseEvaluator(const PipelineOptions& options, const std::vector<std::string>& methods);
+  ~PoseEvaluator();
+  /// One score per method, in their order. Throws FileError.
+  std::vector<PoseScore> evaluate(const PosePair& pair);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+/// For the terminal: a row per set and method. `scores`: one list per pair.
+std::string toTable(const std::vector<PosePair>& pairs,
+                    const std::vector<std::vector<PoseScore>>& scores,
+                    const std::vector<std::string>& methods);
+
+/// One row per pair and method.
+std::string toCsv(const std::vector<PosePair>& pairs,
+                  const std::vector<std::vector<PoseScore>>& scores,
+                  const std::vector<std::string>& methods);
+
+}  // namespace ktgp_orb::tools::two_view
