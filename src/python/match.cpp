@@ -1,6 +1,9 @@
 #include "python/match.h"
 
+#include <cmath>
 #include <cstring>
+#include <limits>
+#include <stdexcept>
 #include <string_view>
 #include <type_traits>
 
@@ -61,16 +64,37 @@ py::list stagesOf(const Match& match) {
 }
 
 std::string textOf(const Match& match) {
+  if (match.geometry == "epipolar") {
+    return "<ktgp_orb_core.Match: epipolar, " + std::to_string(match.inlier_count) + " inliers>";
+  }
   if (match.status != "ok") return "<ktgp_orb_core.Match: " + match.status + ">";
   return "<ktgp_orb_core.Match: ok, " + std::to_string(match.inlier_count) + " inliers, found by " +
          match.found_by + ">";
 }
 
+/// Throws std::invalid_argument for a K that nothing would use.
+MatchHints hintsOf(const MatcherOptions& options, const std::optional<Eigen::Matrix3d>& camera,
+                   const std::optional<Eigen::Matrix3d>& target_camera) {
+  if ((camera || target_camera) && options.geometry == GeometryModel::homography) {
+    throw std::invalid_argument(
+        "K is given, but geometry is homography, which needs none; expected preset=\"slam\", or "
+        "geometry=\"auto\" or \"epipolar\"");
+  }
+  MatchHints hints;
+  hints.reference_camera = camera;
+  hints.target_camera = target_camera;
+  return hints;
+}
+
 std::shared_ptr<Match> matchImages(const py::object& reference, const py::object& target,
-                                   const py::object& preset, const py::kwargs& changes) {
+                                   const py::object& preset,
+                                   const std::optional<Eigen::Matrix3d>& camera,
+                                   const std::optional<Eigen::Matrix3d>& target_camera,
+                                   const py::kwargs& changes) {
   const PipelineOptions options = pipelineOptions(parametersFrom({preset, changes}, Scope::pair));
   const ImageArray first = greyImage(reference, "reference");
   const ImageArray second = greyImage(target, "target");
+  const MatchHints hints = hintsOf(options.matcher, camera, target_camera);
   const py::gil_scoped_release others_may_run;
   OrbExtractor extractor(options.orb);
   KtgpMatcher matcher(options.matcher);
@@ -78,7 +102,7 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   extractor.extract(first.pixels, features[0]);
   extractor.extract(second.pixels, features[1]);
   MatchResult result;
-  matcher.match(features[0], features[1], result);
+  matcher.match(features[0], features[1], hints, result);
   return std::make_shared<Match>(result, features[0], features[1]);
 }
 
@@ -103,6 +127,26 @@ void defineMatch(py::module_& module) {
       .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
       .def_readonly("rmse", &Match::rmse,
                     "Root mean square of the reprojection errors of the inliers, px.")
+      .def_readonly(
+          "geometry", &Match::geometry,
+          "What explains the matches: \"plane\", \"rotation\", \"epipolar\" (a scene "
+          "with depth) or \"none\". rotation and epipolar need geometry=\"auto\", as in "
+          "preset \"slam\".\nepipolar: there is no homography, and the inliers are those of "
+          "the epipolar geometry.")
+      .def_readonly("rotation", &Match::rotation,
+                    "(3, 3) float64: x_target ~ rotation @ x_reference + translation, between "
+                    "points in the cameras' frames (x right, y down, z forward). None without K.")
+      .def_readonly("translation", &Match::translation,
+                    "(3,) float64, of length 1; 0 where the camera only turned. None without K.")
+      .def_readonly("pose_covariance", &Match::pose_covariance,
+                    "(6, 6) float64: of small changes of the translation, and of small rotations "
+                    "about the target camera's axes, rad. Of rank 5, since the translation has "
+                    "length 1. None where it is not known.")
+      .def_readonly("fundamental", &Match::fundamental,
+                    "(3, 3) float64, of norm 1: x_target^T F x_reference = 0, px. None where there "
+                    "is none.")
+      .def_readonly("parallax", &Match::parallax,
+                    "Median angle between the two rays of an inlier, degrees; NaN without K.")
       .def_property_readonly("stages", stagesOf,
                              "A dict for each stage: name, input, output, milliseconds.")
       .def_property_readonly("reference_points", viewOf(&Match::reference_points),
@@ -117,8 +161,8 @@ void defineMatch(py::module_& module) {
                              "(N,) int32: Hamming distance, 0 to 256.")
       .def_property_readonly(
           "levels", viewOf(&Match::levels),
-          "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3 + PROSAC: an inlier, 4 an "
-          "inlier from guided matching or growth.")
+          "(N,) uint8: the last stage passed. 0 KNN, 1 + TF, 2 + GMS, 3: an inlier of the "
+          "geometry, 4 an inlier from guided matching or growth.")
       .def("__repr__", textOf)
       .def(py::pickle([](const Match& match) { return stateOf(match); },
                       [](const py::tuple& state) {
@@ -201,7 +245,19 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
       shared_covariance(result.answer.shared_covariance),
       plane_deviation(result.answer.plane_deviation),
       inlier_count(result.inliers),
-      rmse(result.rmse) {
+      rmse(result.rmse),
+      geometry(toString(result.geometry)),
+      parallax(std::numeric_limits<double>::quiet_NaN()) {
+  const TwoView& view = result.two_view.view;
+  if (view.geometry != Geometry::none) {
+    parallax = view.parallax;
+    if (!view.fundamental.isZero(0.0)) fundamental = view.fundamental;
+    if (view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0)) {
+      rotation = view.pose.rotation;
+      translation = view.pose.translation;
+      if (view.pose_covariance.allFinite()) pose_covariance = view.pose_covariance;
+    }
+  }
   const auto keep = [this](const StageResult& stage) {
     if (*stage.name == '\0') return;
     stages.push_back({stage.name, stage.input, stage.output, stage.milliseconds});
@@ -233,7 +289,8 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 py::tuple stateOf(const Match& m) {
   return py::make_tuple(
       m.status, m.found_by, m.homography, m.covariance, m.shared_covariance, m.plane_deviation,
-      m.inlier_count, m.rmse, stagesOf(m), copied(m.reference_points), copied(m.target_points),
+      m.inlier_count, m.rmse, m.geometry, m.rotation, m.translation, m.pose_covariance,
+      m.fundamental, m.parallax, stagesOf(m), copied(m.reference_points), copied(m.target_points),
       copied(m.reference_indices), copied(m.target_indices), copied(m.distances), copied(m.levels));
 }
 
@@ -250,6 +307,12 @@ void restore(const py::tuple& state, Match& m) {
   take(m.plane_deviation);
   take(m.inlier_count);
   take(m.rmse);
+  take(m.geometry);
+  take(m.rotation);
+  take(m.translation);
+  take(m.pose_covariance);
+  take(m.fundamental);
+  take(m.parallax);
   for (const auto& stage : state[next++]) {
     m.stages.push_back({stage["name"].cast<std::string>(), stage["input"].cast<std::size_t>(),
                         stage["output"].cast<std::size_t>(), stage["milliseconds"].cast<double>()});
@@ -290,9 +353,12 @@ Matcher::Matcher(const Settings& settings)
     : settings_(settings),
       matcher_(pipelineOptions(parametersFrom(settings, Scope::pair)).matcher) {}
 
-std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target) {
+std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target,
+                                      const std::optional<Eigen::Matrix3d>& camera,
+                                      const std::optional<Eigen::Matrix3d>& target_camera) {
+  const MatchHints hints = hintsOf(matcher_.options(), camera, target_camera);
   const Shared::Use use(shared_);
-  matcher_.match(reference, target, result_);
+  matcher_.match(reference, target, hints, result_);
   return std::make_shared<Match>(result_, reference, target);
 }
 
@@ -317,15 +383,22 @@ void definePairs(py::module_& module) {
                  "Keywords are the parameters of doc/parameters.md, e.g. T_w=0.8. Raises "
                  "ValueError.");
   matcher.def("match", &Matcher::match, py::arg("reference"), py::arg("target"),
-              "reference, target: Features. Returns Match. Raises ValueError for descriptors of "
+              py::arg("K") = py::none(), py::arg("target_K") = py::none(),
+              "reference, target: Features. K: as in match(). Returns Match. Raises ValueError for "
+              "descriptors of "
               "two kinds.");
   module.def(
       "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
+      py::arg("K") = py::none(), py::arg("target_K") = py::none(),
       "Matches two images: (height, width) uint8, or (height, width, 3) in the order blue, green, "
       "red.\n\n"
-      "preset: \"ktgp\", \"photo\", \"robust\", \"teblid\" or \"video\"; keywords are the "
+      "preset: \"ktgp\", \"photo\", \"robust\", \"slam\", \"teblid\" or \"video\"; keywords are "
+      "the "
       "parameters of "
-      "doc/parameters.md,\ne.g. T_w=0.8. Returns Match. Raises ValueError.");
+      "doc/parameters.md,\ne.g. T_w=0.8. K: (3, 3), the camera's matrix in px for images without "
+      "distortion; with preset \"slam\" it gives the camera's motion.\ntarget_K: that of the "
+      "target "
+      "where it differs. Returns Match. Raises ValueError.");
 }
 
 }  // namespace ktgp_orb::python

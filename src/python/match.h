@@ -3,9 +3,11 @@
 #include <pybind11/eigen.h>
 #include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -40,6 +42,12 @@ struct Match {
   double plane_deviation = 0.0;
   std::size_t inlier_count = 0;
   double rmse = 0.0;
+  std::string geometry;
+  std::optional<Eigen::Matrix3d> rotation;
+  std::optional<Eigen::Vector3d> translation;
+  std::optional<Covariance6> pose_covariance;
+  std::optional<Eigen::Matrix3d> fundamental;
+  double parallax = 0.0;
   std::vector<Stage> stages;
   std::vector<Eigen::Vector2d> reference_points;
   std::vector<Eigen::Vector2d> target_points;
@@ -69,7 +77,9 @@ class Extractor {
 class Matcher {
  public:
   explicit Matcher(const Settings& settings);
-  std::shared_ptr<Match> match(const Features& reference, const Features& target);
+  std::shared_ptr<Match> match(const Features& reference, const Features& target,
+                               const std::optional<Eigen::Matrix3d>& camera,
+                               const std::optional<Eigen::Matrix3d>& target_camera);
   const Settings& settings() const { return settings_; }
 
  private:

@@ -43,6 +43,51 @@ class ModuleTest(unittest.TestCase):
         for name in ('homography', 'covariance', 'levels', 'reference_points', 'target_points'):
             np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
+    def test_a_scene_with_depth_gives_the_motion(self):
+        K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
+        rotation = cv2.Rodrigues(np.array([0.005, 0.03, 0.01]))[0]
+        direction = np.array([-0.9, 0.1, 0.3]) / np.linalg.norm([-0.9, 0.1, 0.3])
+        target = np.full_like(self.reference, 128)
+        for depth, columns in ((6.0, slice(320, 640)), (2.0, slice(0, 320))):
+            H = K @ (rotation + 0.3 / depth * np.outer(direction, [0, 0, 1])) @ np.linalg.inv(K)
+            part = np.zeros_like(self.reference)
+            part[:, columns] = 255
+            where = cv2.warpPerspective(part, H, (640, 480), flags=cv2.INTER_NEAREST) > 0
+            target[where] = cv2.warpPerspective(self.reference, H, (640, 480), flags=cv2.INTER_CUBIC)[where]
+        found = ktgp.match(self.reference, target, preset='slam', K=K)
+        self.assertEqual(found.geometry, 'epipolar')
+        self.assertEqual(found.status, 'model_rejected')
+        self.assertIn('epipolar', repr(found))
+        self.assertEqual(found.rotation.shape, (3, 3))
+        self.assertLess(np.linalg.norm(cv2.Rodrigues(found.rotation @ rotation.T)[0]), 0.002)
+        self.assertAlmostEqual(np.linalg.norm(found.translation), 1.0, 9)
+        self.assertGreater(found.translation @ direction, 0.9995)
+        self.assertEqual(found.pose_covariance.shape, (6, 6))
+        self.assertTrue(np.isfinite(found.pose_covariance).all())
+        self.assertGreater(found.parallax, 1.0)
+        self.assertEqual((found.levels == 3).sum(), found.inlier_count)
+        again = pickle.loads(pickle.dumps(found))
+        np.testing.assert_array_equal(again.translation, found.translation)
+        self.assertEqual(again.geometry, 'epipolar')
+        features = ktgp.Extractor(preset='slam')
+        by_parts = ktgp.Matcher(preset='slam').match(features.extract(self.reference), features.extract(target), K=K)
+        self.assertEqual(by_parts.geometry, 'epipolar')
+
+        blind = ktgp.match(self.reference, target, preset='slam')
+        self.assertEqual(blind.geometry, 'epipolar')
+        self.assertIsNone(blind.rotation)
+        self.assertIsNone(blind.pose_covariance)
+        self.assertAlmostEqual(np.linalg.norm(blind.fundamental), 1.0, 9)
+        inliers = blind.levels == 3
+        ones = np.ones((inliers.sum(), 1))
+        lines = np.hstack([blind.reference_points[inliers], ones]) @ blind.fundamental.T
+        errors = np.abs((np.hstack([blind.target_points[inliers], ones]) * lines).sum(1)) / np.hypot(*lines.T[:2])
+        self.assertLess(np.median(errors), 1.0)
+
+        plane = ktgp.match(self.reference, self.target)
+        self.assertEqual(plane.geometry, 'plane')
+        self.assertIsNone(plane.rotation)
+
     def test_the_result_has_the_bits_of_the_program(self):
         with tempfile.TemporaryDirectory() as folder:
             names = [os.path.join(folder, name) for name in ('a.png', 'b.png', 'out.json')]
@@ -198,7 +243,11 @@ class ModuleTest(unittest.TestCase):
             (lambda: extract('a.png'), "image is <class 'str'>; expected a NumPy array"),
             (lambda: extract(None), 'expected a NumPy array'),
             (lambda: extract(grey, np.zeros((3, 3), np.uint8)), 'mask'),
-            (lambda: ktgp.match(grey, grey, 'best'), 'preset is best; expected ktgp, photo, robust, teblid, video'),
+            (lambda: ktgp.match(grey, grey, 'best'), 'preset is best; expected ktgp, photo, robust, slam, teblid, video'),
+            (lambda: ktgp.match(grey, grey, K=np.eye(3)), 'expected preset="slam"'),
+            (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.zeros((3, 3))), 'more than 0 px'),
+            (lambda: ktgp.match(grey, moved(grey), 'slam', K=np.diag([9.0, 9.0, 1.0]), target_K=np.full((3, 3), np.nan)),
+             'the K of the target camera'),
             (lambda: ktgp.match(grey, grey, T_w=2.0), 'T_w is 2; expected a number in'),
             (lambda: ktgp.match(grey, grey, T_w='x'), 'T_w is'),
             (lambda: ktgp.match(grey, grey, features=1.5), 'features is 1.5'),
