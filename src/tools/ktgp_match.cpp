@@ -3,9 +3,13 @@
 
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <optional>
+#include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
@@ -36,8 +40,11 @@ constexpr const char* kExamples =
     "video\n"
     "  ktgp_match a.png b.png --params tuned.yaml             what a node with these parameters "
     "does\n"
+    "  ktgp_match a.png b.png --preset slam --camera 718.9,718.9,607.2,185.2   the camera's "
+    "motion\n"
     "\n"
-    "Exit code: 0 a homography was found, 1 the images have none that can be trusted, 2 options,\n"
+    "Exit code: 0 a homography, or the geometry that --geometry asks for, was found, 1 the images "
+    "have none that can be trusted, 2 options,\n"
     "inputs or outputs cannot be used, 130 interrupted (Ctrl-C).";
 
 /// A larger standard deviation of a corner, px, deserves a warning: a match counts as right within
@@ -53,6 +60,7 @@ struct Arguments {
   std::string draw;
   std::string draw_stages;
   std::string draw_final;
+  std::vector<double> camera;
   bool force = false;
   bool features_by_area = false;
   PipelineOptions pipeline;
@@ -110,16 +118,21 @@ void extract(OrbExtractor& extractor, Frame& frame) {
 
 /// Simulated views take longer than all the rest, so they come where the growth finds nothing
 /// without them.
-void match(const PipelineOptions& options, const Progress& progress, Outcome& outcome) {
+void match(const PipelineOptions& options, const std::vector<double>& camera,
+           const Progress& progress, Outcome& outcome) {
   KtgpMatcher matcher(options.matcher);
+  MatchHints hints;
+  if (!camera.empty()) {
+    hints.reference_camera.emplace();
+    *hints.reference_camera << camera[0], 0.0, camera[2], 0.0, camera[1], camera[3], 0.0, 0.0, 1.0;
+  }
   const Features& reference = outcome.reference.features;
   progress.say("matching");
-  matcher.match(reference, outcome.target.features, outcome.result);
+  matcher.match(reference, outcome.target.features, hints, outcome.result);
   const GrowthOptions& growth = options.matcher.growth;
-  if (outcome.result.status == Status::ok || !growth.enabled || growth.views == 0) return;
+  if (outcome.result.found() == Status::ok || !growth.enabled || growth.views == 0) return;
   progress.say("matching with simulated views of " + outcome.reference.file);
   const ReferenceViews views = simulateViews(outcome.reference.image, options.orb, growth.views);
-  MatchHints hints;
   hints.views = &views;
   matcher.match(reference, outcome.target.features, hints, outcome.result);
 }
@@ -145,7 +158,7 @@ Outcome run(Arguments& arguments) {
     progress.say("finding features of " + frame->file);
     extract(extractor, *frame);
   }
-  match(arguments.pipeline, progress, outcome);
+  match(arguments.pipeline, arguments.camera, progress, outcome);
 
   for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
     StageQuality& stage = outcome.stages[i];
@@ -219,8 +232,55 @@ const char* advice(const Outcome& outcome, const PipelineOptions& options) {
          "small details, or cut both images to the common part";
 }
 
+/// The motion, unless there is none; `text` says which.
+void printPose(const char* text, const RelativePose& pose) {
+  std::printf("%s: rotation | translation\n", text);
+  for (int row = 0; row < 3; ++row) {
+    std::printf("  %12.8f %12.8f %12.8f | %12.8f\n", pose.rotation(row, 0), pose.rotation(row, 1),
+                pose.rotation(row, 2), pose.translation[row]);
+  }
+}
+
+bool hasPose(const TwoView& view) {
+  return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
+}
+
+/// Standard deviations of rotation and direction, degrees: over all axes.
+std::pair<double, double> poseDeviation(const TwoView& view) {
+  const double degrees = 180.0 / CV_PI;
+  return {degrees * std::sqrt(view.pose_covariance.bottomRightCorner<3, 3>().trace()),
+          degrees * std::sqrt(view.pose_covariance.topLeftCorner<3, 3>().trace())};
+}
+
+void printTwoView(const MatchResult& result) {
+  const TwoView& view = result.two_view.view;
+  if (*result.refinements[3].name == '\0' || result.geometry == Geometry::none) return;
+  std::printf("\ngeometry: %s, %zu inliers, RMSE %.3f px", toString(result.geometry),
+              result.inliers, result.rmse);
+  if (std::isfinite(view.parallax)) std::printf(", parallax %.2f degrees", view.parallax);
+  std::printf("\nlog10 of false alarms: homography %.1f, epipolar %.1f\n",
+              view.log_false_alarms_homography, view.log_false_alarms_epipolar);
+  if (hasPose(view)) {
+    printPose("motion A -> B (x right, y down, z forward)", view.pose);
+    if (view.pose_covariance.allFinite()) {
+      const auto [turn, direction] = poseDeviation(view);
+      std::printf("standard deviation: rotation %.3f degrees, direction %.3f degrees\n", turn,
+                  direction);
+    }
+    if (view.other_pose) printPose("or, as likely for this plane", *view.other_pose);
+  } else if (result.geometry == Geometry::epipolar) {
+    std::printf("fundamental matrix (--camera fx,fy,cx,cy gives the motion)\n");
+    for (int row = 0; row < 3; ++row) {
+      std::printf("  %15.8g %15.8g %15.8g\n", view.fundamental(row, 0), view.fundamental(row, 1),
+                  view.fundamental(row, 2));
+    }
+  }
+}
+
 void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   const MatchResult& result = outcome.result;
+  printTwoView(result);
+  if (result.geometry == Geometry::epipolar) return;
   if (outcome.result.status != Status::ok) {
     std::printf("\nno homography: %s\ntry: %s\n", toString(outcome.result.status),
                 advice(outcome, options));
@@ -283,12 +343,35 @@ json toJson(const Eigen::Matrix3d& h) {
   return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
 }
 
+json toJson(const RelativePose& pose) {
+  return {{"rotation", toJson(pose.rotation)},
+          {"translation", {pose.translation.x(), pose.translation.y(), pose.translation.z()}}};
+}
+
+json twoViewToJson(const MatchResult& result) {
+  const TwoView& view = result.two_view.view;
+  json out{{"log_false_alarms_homography", view.log_false_alarms_homography},
+           {"log_false_alarms_epipolar", view.log_false_alarms_epipolar}};
+  if (std::isfinite(view.parallax)) out["parallax"] = view.parallax;
+  if (!view.fundamental.isZero(0.0)) out["fundamental"] = toJson(view.fundamental);
+  if (!hasPose(view)) return out;
+  out["pose"] = toJson(view.pose);
+  if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
+  if (!view.pose_covariance.allFinite()) return out;
+  out["pose_covariance"] = json::array();
+  for (Eigen::Index i = 0; i < 36; ++i) {
+    out["pose_covariance"].push_back(view.pose_covariance(i / 6, i % 6));
+  }
+  return out;
+}
+
 json toJson(const Outcome& outcome, const PipelineOptions& options) {
   const MatchResult& result = outcome.result;
   json out{{"reference", toJson(outcome.reference)},
            {"target", toJson(outcome.target)},
            {"options", tools::toJson(options)},
            {"status", toString(outcome.result.status)},
+           {"geometry", toString(outcome.result.geometry)},
            {"found_by", toString(outcome.result.found_by)},
            {"growth_seeds", outcome.result.growth.seeds},
            {"stages", json::array()},
@@ -305,6 +388,11 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["alignment"] = {{"status", toString(result.alignment.status)},
                       {"rmse_before", result.alignment.rmse_before},
                       {"rmse_after", result.alignment.rmse_after}};
+  if (*result.refinements[3].name != '\0') out["two_view"] = twoViewToJson(result);
+  if (result.geometry == Geometry::epipolar) {
+    out["inliers"] = result.inliers;
+    out["rmse"] = result.rmse;
+  }
   if (outcome.result.status != Status::ok) return out;
   out["homography"] = toJson(result.answer.homography);
   out["inliers"] = result.inliers;
@@ -384,6 +472,12 @@ void addArguments(CLI::App& app, Arguments& arguments) {
        "blue = by GMS, grey = by the ratio filter");
   file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
   file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
+  app.add_option("--camera", arguments.camera,
+                 "K of both images without distortion, px: with --geometry auto or epipolar, or "
+                 "--preset slam, for the camera's motion")
+      ->delimiter(',')
+      ->expected(4)
+      ->type_name("fx,fy,cx,cy");
   addCommonOptions(app, arguments.force);
   addPipelineOptions(app, arguments.pipeline, "photo");
 }
@@ -409,6 +503,12 @@ int matchTwoImages(int argc, char** argv) {
   const bool photo = app.count("--preset") == 0 || app["--preset"]->as<std::string>() == "photo";
   arguments.features_by_area = photo && app.count("--params") + app.count("--features") == 0;
 
+  if (!arguments.camera.empty() &&
+      arguments.pipeline.matcher.geometry == GeometryModel::homography) {
+    throw std::invalid_argument(
+        "--camera is of use with --geometry auto or epipolar, or --preset slam; expected one of "
+        "them");
+  }
   checkFiles(arguments);
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
@@ -416,7 +516,7 @@ int matchTwoImages(int argc, char** argv) {
       files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
   if (!to_output) print(outcome, arguments.pipeline);
   writeFiles(arguments, outcome);
-  return outcome.result.status == Status::ok ? kExitDone : kExitUnusedData;
+  return outcome.result.found() == Status::ok ? kExitDone : kExitUnusedData;
 }
 
 }  // namespace

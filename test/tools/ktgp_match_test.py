@@ -72,6 +72,50 @@ class KtgpMatch(ToolCase):
             self.assertIn(word, run.stdout)
         self.assertNotIn("corner error", run.stdout)
 
+    def test_a_scene_with_depth_has_the_motion_of_the_camera(self):
+        first = cv2.imread(str(self.folder / "a.pgm"), cv2.IMREAD_GRAYSCALE)
+        height, width = first.shape
+        K = np.array([[0.8 * width, 0, width / 2], [0, 0.8 * width, height / 2], [0, 0, 1]])
+        direction = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
+        second = np.full_like(first, 128)
+        for depth, columns in ((6.0, slice(width // 2, width)), (2.0, slice(0, width // 2))):
+            H = K @ (np.eye(3) + 0.25 / depth * np.outer(direction, [0, 0, 1])) @ np.linalg.inv(K)
+            part = np.zeros_like(first)
+            part[:, columns] = 255
+            where = cv2.warpPerspective(part, H, (width, height), flags=cv2.INTER_NEAREST) > 0
+            second[where] = cv2.warpPerspective(first, H, (width, height), flags=cv2.INTER_CUBIC)[where]
+        self.write("depth.png", second)
+        camera = ",".join(map(str, (K[0, 0], K[1, 1], K[0, 2], K[1, 2])))
+        run = self.match("a.pgm", "depth.png", "--preset", "slam", "--camera", camera, "--json", "out.json",
+                         "--draw", "depth_matches.png")
+        self.assertEqual(run.returncode, 0, run.stdout + run.stderr)
+        self.assertRegex(run.stdout, r"geometry: epipolar, \d+ inliers, RMSE \S+ px, parallax \S+ degrees")
+        self.assertIn("motion A -> B", run.stdout)
+        self.assertIn("standard deviation: rotation", run.stdout)
+        self.assertNotIn("no homography", run.stdout)
+        self.assertTrue((self.folder / "depth_matches.png").exists())
+        out = json.loads((self.folder / "out.json").read_text())
+        self.assertEqual(out["geometry"], "epipolar")
+        self.assertIsNone(out["homography"])
+        self.assertGreater(np.dot(out["two_view"]["pose"]["translation"], direction), 0.999)
+        self.assertEqual(len(out["two_view"]["pose_covariance"]), 36)
+        blind = self.match("a.pgm", "depth.png", "--geometry", "auto", "--preset", "slam")
+        self.assertEqual(blind.returncode, 0)
+        self.assertIn("fundamental matrix (--camera fx,fy,cx,cy gives the motion)", blind.stdout)
+        plane = self.match("a.pgm", "b.pgm", "--preset", "slam", "--camera", camera)
+        self.assertRegex(plane.stdout, r"geometry: (plane|rotation), ")
+        self.assertIn("homography A -> B", plane.stdout)
+
+    def test_a_camera_that_cannot_be_used_is_refused(self):
+        for words, reason in ((("--camera", "1,2,3", "--preset", "slam"), "--camera"),
+                              (("--camera", "500,500,200,150"), "--camera is of use with --geometry auto"),
+                              (("--camera", "0,0,0,0", "--preset", "slam"), "expected more than 0 px"),
+                              (("--camera", "500,500,9000,150", "--preset", "slam"), "another image size"),
+                              (("--camera", "nan,500,200,150", "--preset", "slam"), "")):
+            run = self.match("a.pgm", "b.pgm", *words)
+            self.assertEqual(run.returncode, 2, run.stdout + run.stderr)
+            self.assertIn(reason, run.stderr)
+
     def test_ground_truth_adds_errors(self):
         run = self.match("a.pgm", "b.pgm", "--ground-truth", "H.txt", "--json", "out.json")
         self.assertEqual(run.returncode, 0, run.stderr)
@@ -260,7 +304,7 @@ class KtgpMatch(ToolCase):
         self.assertIn("none.yaml", run.stderr)
         run = self.match("a.pgm", "b.pgm", "--preset", "best")
         self.assertEqual(run.returncode, 2)
-        self.assertIn("ktgp, photo, robust, teblid, video", run.stderr)
+        self.assertIn("ktgp, photo, robust, slam, teblid, video", run.stderr)
 
     def test_help_says_defaults_ranges_and_examples(self):
         run = self.match("--help")
