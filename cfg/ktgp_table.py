@@ -46,17 +46,23 @@ def check(table_rows):
                          'that of the table, %s' % (', '.join(sorted(shown)), ', '.join(shown)))
 
 
-def choices(gen, text):
-    """An enumeration from "value: what it means; value: what it means"."""
+def choices(gen, text, name, taken):
+    """An enumeration from "value: what it means; value: what it means". All constants of a table need names of
+    their own; `taken` has those so far."""
     entries = [entry.strip().split(': ', 1) for entry in text.split(';')]
-    return gen.enum([gen.const(value, str_t, value, meaning) for value, meaning in entries],
-                    'Choices')
+    constants = []
+    for value, meaning in entries:
+        constant = '%s_%s' % (name, value) if value in taken else value
+        taken.add(constant)
+        constants.append(gen.const(constant, str_t, value, meaning))
+    return gen.enum(constants, 'Choices')
 
 
 def generate(table, name):
     check(rows(table))
     gen = ParameterGenerator()
     group = gen
+    taken = set()
     for kind, parameter, arguments in rows(table):
         if kind == 'GROUP':
             group = gen if parameter == 'method' else gen.add_group(parameter)
@@ -70,5 +76,5 @@ def generate(table, name):
             group.add(parameter, str_t, 0, arguments[1], arguments[0])
         elif kind == 'CHOICE':
             group.add(parameter, str_t, 0, arguments[1], arguments[0],
-                      edit_method=choices(gen, arguments[2]))
+                      edit_method=choices(gen, arguments[2], parameter, taken))
     return gen.generate('ktgp_orb', 'ktgp_orb', name)
