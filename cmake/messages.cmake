@@ -8,6 +8,7 @@ add_message_files(FILES
   StageStatistics.msg
   TargetDetection.msg
   TargetDetections.msg
+  TwoViewGeometry.msg
 )
 add_service_files(FILES DetectTargets.srv MatchPair.srv RemoveTarget.srv SaveMosaic.srv SetPose.srv
   SetTarget.srv)

@@ -25,6 +25,7 @@ struct Configuration {
   CameraView view;                             ///< of the camera's images, not of reference_image
   bool rectify = false;                        ///< the lens in `view` is wanted
   std::string lens_problem;                    ///< why `view` has no lens, in case of a problem
+  std::string camera_problem;                  ///< why `view.camera` cannot be used
   double max_rate = 0.0;                       ///< Hz; 0: all frames
   OverlayStyle overlay_style = OverlayStyle::flow;
   int threads = 1;

@@ -54,6 +54,27 @@ void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
   if (frame.lens && frame.lens->calibration().image_size != frame.image.size()) {
     frame.lens = nullptr;  // does not apply to this image
   }
+  setCamera(frame);
+}
+
+/// Computed once for all images of one size. A camera_info that cannot be used gives none; the
+/// node says why.
+void FrameMaker::setCamera(Frame& frame) {
+  frame.camera.reset();
+  frame.camera_lens = nullptr;
+  if (!view_.camera) return;
+  if (camera_size_ != frame.image.size()) {
+    camera_size_ = frame.image.size();
+    camera_.reset();
+    try {
+      camera_ = pixelCamera(*view_.camera, view_.pixels, camera_size_);
+    } catch (const std::invalid_argument&) {
+      return;
+    }
+  }
+  if (!camera_) return;
+  frame.camera = camera_->camera;
+  frame.camera_lens = frame.lens ? nullptr : camera_->lens;  // its points are moved already
 }
 
 // Computed once for all images of one size.

@@ -1,22 +1,27 @@
 #pragma once
 
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string>
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "messages/camera.h"
 #include "messages/pixel_memory.h"
 
 namespace ktgp_orb {
 
 /// The used part of a camera's images, and the lens.
 struct CameraView {
-  cv::Rect roi;       ///< px; empty: the whole image
-  cv::Mat file_mask;  ///< CV_8UC1, of mask_image; empty: none
-  cv::Mat sent_mask;  ///< CV_8UC1, of ~mask; empty: none
-  LensConstPtr lens;  ///< null: points stay in the camera's own pixels
+  cv::Rect roi;                            ///< px; empty: the whole image
+  cv::Mat file_mask;                       ///< CV_8UC1, of mask_image; empty: none
+  cv::Mat sent_mask;                       ///< CV_8UC1, of ~mask; empty: none
+  LensConstPtr lens;                       ///< null: points stay in the camera's own pixels
+  sensor_msgs::CameraInfoConstPtr camera;  ///< for the two-view geometry; null: not known
+  Pixels pixels = Pixels::raw;             ///< of the images of `camera`
 };
 
 /// Parses "x y width height", separated by blanks or commas; an empty rectangle for an empty text.
@@ -38,10 +43,13 @@ class FrameMaker {
 
  private:
   const cv::Mat& maskOf(const cv::Size& size);
+  void setCamera(Frame& frame);
 
   util::GreyStretch stretch_;
   CameraView view_;
   PixelMemoryPool memory_;
+  std::optional<PixelCamera> camera_;  // of images of `camera_size_`
+  cv::Size camera_size_;
   cv::Mat mask_;  // all masks of view_ combined, for images of its size
 };
 

@@ -179,6 +179,7 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   message->image_height = static_cast<std::uint32_t>(target.features.image_size.height);
   message->reference_width = static_cast<std::uint32_t>(reference.features.image_size.width);
   message->reference_height = static_cast<std::uint32_t>(reference.features.image_size.height);
+  message->geometry = static_cast<std::uint8_t>(match.match.geometry);
   message->rectified = target.lens != nullptr;
   const std::vector<Correspondence>& guided = match.match.guided;
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);

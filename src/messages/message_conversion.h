@@ -4,7 +4,9 @@
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
+#include <ktgp_orb/TwoViewGeometry.h>
 #include <sensor_msgs/Image.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <std_msgs/Header.h>
 
 #include <Eigen/Core>
@@ -35,6 +37,8 @@ struct MatchedFrame {
 CorrespondencesPtr toCorrespondences(const MatchedFrame& frame);
 HomographyStampedPtr toHomography(const MatchedFrame& frame);
 HomographyStampedPtr toAccumulated(const MatchedFrame& frame);
+TwoViewGeometryPtr toTwoView(const MatchedFrame& frame);
+sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame);
 MatchPtr toMatch(const MatchedFrame& frame);
 MatchStatisticsPtr toStatistics(const MatchedFrame& frame);
 

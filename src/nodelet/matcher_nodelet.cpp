@@ -53,6 +53,7 @@ class MatcherNodelet : public ImageNode<KtgpConfig, MatcherWork> {
   template <typename Use>
   void use(const std::string& what, const Use& use);
   void lensArrived(const sensor_msgs::CameraInfo& info);
+  void cameraArrived(const sensor_msgs::CameraInfoConstPtr& info);
   void rereadReference(bool at_once);
   void matchPair(MatchPair::Request& request, MatchPair::Response& response);
   void setReference();
@@ -82,7 +83,10 @@ void MatcherNodelet::start() {
   });
   camera_info_ = &addInput<sensor_msgs::CameraInfo>(
       image_transport::getCameraInfoTopic(images_->topic()), "camera_info", 1, false,
-      [this](const sensor_msgs::CameraInfoConstPtr& info) { lensArrived(*info); },
+      [this](const sensor_msgs::CameraInfoConstPtr& info) {
+        if (config_.rectify) lensArrived(*info);
+        cameraArrived(info);
+      },
       &settings_queue_);
   worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
   worker_.setLimits(kConfiguration, {1, std::numeric_limits<std::size_t>::max()});
@@ -172,7 +176,8 @@ void MatcherNodelet::configure(KtgpConfig& config) {
   max_rate_ = config.max_rate;
   lazy_ = config.lazy;
   is_fixed_ = settings_.configuration().sequence.reference.mode == ReferenceMode::fixed;
-  camera_info_->enable(config.rectify);
+  camera_info_->enable(config.rectify || settings_.configuration().sequence.matcher.geometry !=
+                                             GeometryModel::homography);
   sendConfiguration();
   connectionsChanged();  // lazy and rectify may have changed
 }
@@ -201,6 +206,17 @@ void MatcherNodelet::lensArrived(const sensor_msgs::CameraInfo& info) {
   if (!settings_.setLens(info, problem)) return;
   if (!problem.empty() && problem != before) {
     NODELET_WARN("%s cannot be used: %s", camera_info_->topic().c_str(), problem.c_str());
+  }
+  sendConfiguration();
+}
+
+void MatcherNodelet::cameraArrived(const sensor_msgs::CameraInfoConstPtr& info) {
+  std::string problem;
+  const std::string before = settings_.configuration().camera_problem;
+  if (!settings_.setCamera(info, problem)) return;
+  if (!problem.empty() && problem != before) {
+    NODELET_WARN("%s cannot be used for the camera's motion: %s", camera_info_->topic().c_str(),
+                 problem.c_str());
   }
   sendConfiguration();
 }

@@ -1,5 +1,6 @@
 #include "nodelet/matcher_settings.h"
 
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -27,6 +28,10 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   wanted.view.sent_mask = configuration_.view.sent_mask;
   wanted.view.lens = config.rectify ? lens_ : nullptr;
   wanted.lens_problem = configuration_.lens_problem;
+  wanted.camera_problem = configuration_.camera_problem;
+  wanted.view.pixels = are_rectified ? Pixels::rectified : Pixels::raw;
+  wanted.view.camera =
+      wanted.sequence.matcher.geometry == GeometryModel::homography ? nullptr : camera_;
   if (is_configured_) ++wanted.number;
   configuration_ = std::move(wanted);  // nothing throws from here on
   reference_file_ = config.reference_image;
@@ -49,6 +54,28 @@ bool MatcherSettings::setLens(const sensor_msgs::CameraInfo& info, std::string& 
   if (!same) lens_ = lens;
   configuration_.view.lens = configuration_.rectify ? lens_ : nullptr;
   configuration_.lens_problem = problem;
+  ++configuration_.number;
+  return true;
+}
+
+bool MatcherSettings::setCamera(const sensor_msgs::CameraInfoConstPtr& info, std::string& problem) {
+  if (configuration_.sequence.matcher.geometry == GeometryModel::homography) return false;
+  const auto content = [](sensor_msgs::CameraInfo i) {
+    i.header = std_msgs::Header();
+    return i;
+  };
+  if (camera_ && content(*camera_) == content(*info) && configuration_.view.camera) return false;
+  try {
+    const cv::Size size(static_cast<int>(info->roi.width > 0 ? info->roi.width : info->width),
+                        static_cast<int>(info->roi.height > 0 ? info->roi.height : info->height));
+    pixelCamera(*info, configuration_.view.pixels,
+                {size.width / std::max(1, static_cast<int>(info->binning_x)),
+                 size.height / std::max(1, static_cast<int>(info->binning_y))});
+  } catch (const std::exception& error) {
+    problem = error.what();
+  }
+  configuration_.camera_problem = problem;
+  camera_ = configuration_.view.camera = info;
   ++configuration_.number;
   return true;
 }

@@ -22,6 +22,8 @@ class MatcherSettings {
   void configure(const KtgpConfig& config, const std::string& image_topic);
   /// The lens of a camera_info; if it cannot be used, `problem` says why.
   bool setLens(const sensor_msgs::CameraInfo& info, std::string& problem);
+  /// The camera of the two-view geometry, the same way.
+  bool setCamera(const sensor_msgs::CameraInfoConstPtr& info, std::string& problem);
   /// Throws RefusedImage.
   void setMask(const sensor_msgs::ImageConstPtr& image);
   void setReference(const sensor_msgs::ImageConstPtr& image);
@@ -34,6 +36,7 @@ class MatcherSettings {
   Configuration configuration_;
   bool is_configured_ = false;
   LensConstPtr lens_;  // of the last camera_info
+  sensor_msgs::CameraInfoConstPtr camera_;
   std::string reference_file_;
   std::string mask_file_;
   sensor_msgs::ImageConstPtr file_reference_;

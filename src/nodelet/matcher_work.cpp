@@ -60,7 +60,7 @@ void MatcherWork::publish(const MatchedFrame& frame) {
 
 // A robot in front of a wall finds no homography and is not faulty: only a warning.
 void MatcherWork::report(const SequenceMatch& match) {
-  const Status status = match.match.status;
+  const Status status = match.match.found();
   const bool has_reference = status != Status::no_reference;
   without_reference_ = has_reference ? 0 : without_reference_ + 1;
   diagnosis_.count("frames matched", has_reference ? 1 : 0);
@@ -75,6 +75,7 @@ void MatcherWork::report(const SequenceMatch& match) {
                                                : "",
                         false);
   diagnosis_.setProblem("lens", lensProblem(match));
+  diagnosis_.setProblem("camera", cameraProblem(match), false);
   if (!has_reference)
     diagnosis_.setValue("last reason for no reference", toString(match.no_reference));
   diagnosis_.setValue("last status", toString(status));
@@ -93,6 +94,17 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   }
   return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
          "of this image size on " +
+         camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
+}
+
+/// Why there is no motion although the two-view geometry is wanted; empty: no problem.
+std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
+  const Configuration& configuration = matcher_.configuration();
+  if (configuration.sequence.matcher.geometry == GeometryModel::homography) return "";
+  if (match.frame->camera) return "";
+  const std::string& reason = configuration.camera_problem;
+  return "geometry is on, but there is no motion of the camera: no camera_info of a calibrated "
+         "camera and of this image size on " +
          camera_info_topic_ + (reason.empty() ? "" : " (" + reason + ")");
 }
 

@@ -47,6 +47,7 @@ class MatcherWork {
   /// A function of its own in the binary, too: robot_heap_test counts what ROS allocates in it.
   [[gnu::noinline]] void publish(const MatchedFrame& frame);
   std::string lensProblem(const SequenceMatch& match) const;
+  std::string cameraProblem(const SequenceMatch& match) const;
   void publishOverlay();
 
   MessageMatcher matcher_;

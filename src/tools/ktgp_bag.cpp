@@ -241,6 +241,26 @@ int threadsFrom(const Parameters& parameters) {
   return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
+/// The camera for the two-view geometry; without camera_info there is no motion.
+void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
+               Configuration& configuration) {
+  if (configuration.sequence.matcher.geometry == GeometryModel::homography) return;
+  std::string problem = "only a bag has camera_info";
+  if (kindOf(bag) == InputKind::bag) {
+    try {
+      const sensor_msgs::CameraInfo info = readCameraInfo(bag, topic);
+      lensFrom(info);  // refuses what cannot be used
+      configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
+      configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
+      return;
+    } catch (const std::exception& error) {
+      problem = error.what();
+    }
+  }
+  std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
+               problem.c_str());
+}
+
 Configuration configurationFor(Parameters parameters, const std::string& bag,
                                const std::string& topic) {
   parameters.threads = 1;  // per image; several images are processed in parallel
@@ -253,6 +273,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
     }
     configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
   }
+  setCamera(parameters, bag, topic, configuration);
   return configuration;
 }
 

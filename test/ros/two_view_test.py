@@ -1,0 +1,125 @@
+#!/usr/bin/python3
+"""A camera that moves past a scene with depth: its motion on ~two_view and the scene on ~points."""
+
+import sys
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatus, TwoViewGeometry
+from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, view, wait_for_diagnostics, wait_for_matcher,
+                          wait_until)
+from poster import K, information
+from sensor_msgs import point_cloud2
+from sensor_msgs.msg import CameraInfo, PointCloud2
+
+DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
+DISTANCE = 0.3
+NEAR, FAR = 2.0, 6.0
+FIRST = view(100, 100)
+
+
+def second_view():
+    """FIRST, whose left half is NEAR and whose right half is FAR, after the motion."""
+    seen = np.full_like(FIRST, 128)
+    for depth, columns in ((FAR, slice(320, 640)), (NEAR, slice(0, 320))):
+        homography = K @ (np.eye(3) + DISTANCE / depth * np.outer(DIRECTION, [0, 0, 1])) @ np.linalg.inv(K)
+        part = np.zeros_like(FIRST)
+        part[:, columns] = 255
+        where = cv2.warpPerspective(part, homography, (640, 480), flags=cv2.INTER_NEAREST) > 0
+        seen[where] = cv2.warpPerspective(FIRST, homography, (640, 480), flags=cv2.INTER_CUBIC)[where]
+    return seen
+
+
+SECOND = second_view()
+
+
+class TwoViewTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
+        cls.views = Recorder('/camera/matcher/two_view', TwoViewGeometry)
+        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
+        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
+        cls.points = Recorder('/camera/matcher/points', PointCloud2)
+        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
+        cls.camera = Camera()
+        wait_for_matcher(cls.camera, cls.views, cls.homographies, cls.correspondences, cls.points)
+
+    def match(self):
+        """The stamp of the second view, which is matched to the first."""
+        for picture in (FIRST, SECOND):
+            stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))
+            self.homographies.wait_for(stamp)
+        return stamp
+
+    def test_1_the_default_publishes_neither(self):
+        self.client.update_configuration({'geometry': 'homography'})
+        self.match()
+        stamp = self.match()
+        self.correspondences.wait_for(stamp)
+        self.assertEqual(self.views.messages(), [])
+        self.assertEqual(self.points.messages(), [])
+
+    def test_2_without_camera_info_it_is_the_fundamental_matrix(self):
+        self.client.update_configuration({'geometry': 'auto', 'mutual': True, 'gms': False, 'T_w': 1.0})
+        self.match()
+        found = self.views.wait_for(self.match())
+        self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
+        self.assertFalse(found.has_pose)
+        self.assertAlmostEqual(np.linalg.norm(found.fundamental), 1.0, 6)
+        self.assertEqual(self.points.messages(), [])
+        wait_for_diagnostics(self.diagnostics, 'there is no motion of the camera: no camera_info', self.match)
+
+    def test_3_camera_info_gives_the_motion_and_the_scene(self):
+        self.info.publish(information())
+        wait_until(lambda: self.views.wait_for(self.match()).has_pose, 'camera_info is in')
+        stamp = self.match()
+        found = self.views.wait_for(stamp)
+        self.assertEqual(found.status, MatchStatus.STATUS_OK)
+        self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
+        self.assertEqual(found.header.frame_id, 'camera')
+        self.assertLess(found.reference_stamp, stamp)
+        p, q = found.pose.pose.position, found.pose.pose.orientation
+        self.assertGreater(np.dot([p.x, p.y, p.z], DIRECTION), 0.9995)
+        self.assertGreater(abs(q.w), np.cos(0.5 * 0.002))
+        self.assertTrue(np.isfinite(found.pose.covariance).all())
+        self.assertGreater(found.parallax, 1.0)
+        self.assertLess(found.log_false_alarms_epipolar, found.log_false_alarms_homography)
+
+        # Who knows only homographies is not misled, and the levels say what they belong to.
+        homography = self.homographies.wait_for(stamp)
+        self.assertEqual(homography.status, MatchStatus.STATUS_MODEL_REJECTED)
+        self.assertEqual(list(homography.homography), [0.0] * 9)
+        matches = self.correspondences.wait_for(stamp)
+        self.assertEqual(matches.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
+        level = np.frombuffer(matches.level, np.uint8)
+        self.assertEqual((level == Correspondences.LEVEL_KTGP).sum(), found.inliers)
+
+        cloud = self.points.wait_for(stamp)
+        points = np.array(list(point_cloud2.read_points(cloud, ('x', 'y', 'z', 'deviation'))))
+        self.assertEqual(cloud.header.frame_id, 'camera')
+        self.assertGreater(len(points), 200)
+        moved = DISTANCE * DIRECTION[2]  # of the planes, in the camera's frame
+        depth = DISTANCE * points[:, 2]
+        near = np.abs(depth - NEAR - moved) < 0.1 * NEAR
+        far = np.abs(depth - FAR - moved) < 0.15 * FAR
+        self.assertGreater(near.sum(), 100)
+        self.assertGreater(far.sum(), 50)
+        self.assertGreater((near | far).mean(), 0.95)
+        self.assertTrue((points[:, 3] > 0).all())
+
+    def test_4_a_camera_info_that_cannot_be_used_is_said(self):
+        self.info.publish(information(k=0 * K, p=0 * K))
+        wait_until(lambda: not self.views.wait_for(self.match()).has_pose, 'the camera_info is in')
+        wait_for_diagnostics(self.diagnostics, 'the camera is not calibrated', self.match)
+
+
+if __name__ == '__main__':
+    rospy.init_node('two_view_test')
+    rostest.rosrun('ktgp_orb', 'two_view', TwoViewTest, sys.argv)
