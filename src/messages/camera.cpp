@@ -82,6 +82,9 @@ LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info) {
   LensCalibration calibration;
   calibration.model = modelFrom(info.distortion_model);
   calibration.image_size = imageSize(info);
+  if (calibration.image_size.empty()) {
+    throw std::invalid_argument("the camera_info has no image size (width and height)");
+  }
   calibration.distortion = info.D;
   std::copy(info.K.begin(), info.K.end(), calibration.camera.val);
   std::copy(info.R.begin(), info.R.end(), calibration.rotation.val);
@@ -109,9 +112,6 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   }
   const LensConstPtr lens = lensFrom(known);
   const LensCalibration& calibration = lens->calibration();
-  if (calibration.image_size.empty()) {
-    throw std::invalid_argument("the camera_info has no image size (width and height)");
-  }
   if (calibration.image_size != image_size) {
     throw std::invalid_argument("the camera_info is of " + text(calibration.image_size) +
                                 " images (width and height, roi and binning applied); expected " +

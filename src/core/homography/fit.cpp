@@ -121,7 +121,11 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
   const double rounding = errors.rounding * pairs.target.scale;
-  const Matrix8 smooth = field.covariance + rounding * rounding * field.of_rounding;
+  // Where the grey values are noisy, how they are rounded differs from patch to patch: then it is
+  // part of the noise that the errors show, and only the rest is alike for neighbours.
+  const double seen = of_patches ? field.noise_variance : 0.0;
+  const double unseen = std::max(rounding * rounding - seen, 0.0);
+  const Matrix8 smooth = field.covariance + unseen * field.of_rounding;
   const Matrix8 jacobian = jacobianOfPixels(pairs, homography);
   UncertainHomography result;
   result.homography = pairs.toPixels(homography);

@@ -83,9 +83,9 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
 
   solve(single, near, scales.significance, result);
   constexpr double kCommon = 0.02;  // of the variance of the noise
-  const double noise = result.noise_share * single.measured / single.of_noise;
-  result.common_covariance =
-      kCommon * noise * inverse * expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
+  result.noise_variance = result.noise_share * single.measured / single.of_noise;
+  result.common_covariance = kCommon * result.noise_variance * inverse *
+                             expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;
   // A field that is correlated over most of the image gives about this many independent values.
   // With so few, the covariance is that of Student's t: f / (f - 2) times as large.
   constexpr double kFreedom = 6.0;

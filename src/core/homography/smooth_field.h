@@ -22,6 +22,8 @@ struct FieldScales {
 struct FieldFit {
   double variance = 0.0;     ///< tau² of the field, per coordinate, in squared units of the target
   double noise_share = 1.0;  ///< share of the squared errors that is noise, 0..1
+  double noise_variance =
+      0.0;  ///< of the noise per coordinate, units as `variance`; 0: too few pairs
   /// Covariance of H's first eight entries that comes from the field alone.
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// The same for rounding errors of variance 1 (see SmoothField).
