@@ -72,7 +72,8 @@ std::vector<ParameterRow> readRows() {
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;
-  const std::string matcher = "matcher";  // GCC 13 and 14 take a reference made from a temporary for dangling
+  const std::string matcher =
+      "matcher";  // GCC 13 and 14 take a reference made from a temporary for dangling
   for (const ParameterInfo& info : parametersOf(matcher)) {
     rows.push_back({info, fields[rows.size()]});
   }
