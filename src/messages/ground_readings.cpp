@@ -250,7 +250,7 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
     case GroundStatus::no_homography:
       return "the matcher found no homography";
     case GroundStatus::no_covariance:
-      return "the homography has no covariance";
+      return "the homography has no covariance, or one that is not positive definite";
     case GroundStatus::no_height:
       return noReading("height", heightTrouble(estimate));
     case GroundStatus::no_normal: {

@@ -1,5 +1,6 @@
 #include "messages/pose_message.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <cmath>
 #include <stdexcept>
@@ -8,6 +9,18 @@ namespace ktgp_orb {
 namespace {
 
 using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
+
+/// Of the correlations, so that the units do not matter.
+bool isSemidefinite(const Covariance6& covariance) {
+  constexpr double kRounding = 1e-9;
+  if (!(covariance.diagonal().minCoeff() >= 0.0)) return false;
+  const Eigen::Array<double, 6, 1> deviation = covariance.diagonal().array().sqrt();
+  const Eigen::Matrix<double, 6, 1> scale = (deviation > 0.0).select(deviation.inverse(), 1.0);
+  const Covariance6 correlation = scale.asDiagonal() * covariance * scale.asDiagonal();
+  if (!((correlation - correlation.transpose()).cwiseAbs().maxCoeff() < kRounding)) return false;
+  return Covariance6(correlation + kRounding * Covariance6::Identity()).llt().info() ==
+         Eigen::Success;
+}
 
 }  // namespace
 
@@ -40,6 +53,10 @@ geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
 }
 
 Pose3 poseOf(const geometry_msgs::Pose& pose) {
+  const Eigen::Vector3d position(pose.position.x, pose.position.y, pose.position.z);
+  if (!position.allFinite()) {
+    throw std::invalid_argument("the position has a number that is not finite");
+  }
   const Eigen::Quaterniond turn(pose.orientation.w, pose.orientation.x, pose.orientation.y,
                                 pose.orientation.z);
   if (!(std::abs(turn.norm() - 1.0) < 0.01)) {
@@ -48,12 +65,18 @@ Pose3 poseOf(const geometry_msgs::Pose& pose) {
   }
   Pose3 result = Pose3::Identity();
   result.linear() = turn.normalized().toRotationMatrix();
-  result.translation() << pose.position.x, pose.position.y, pose.position.z;
+  result.translation() = position;
   return result;
 }
 
 Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose) {
-  return Eigen::Map<const RowMajor6>(pose.covariance.data());
+  const Covariance6 covariance = Eigen::Map<const RowMajor6>(pose.covariance.data());
+  if (!covariance.allFinite()) {
+    throw std::invalid_argument("the covariance has a number that is not finite");
+  }
+  if (isSemidefinite(covariance)) return covariance;
+  throw std::invalid_argument(
+      "the covariance is none: it is not symmetric, or not positive semidefinite");
 }
 
 }  // namespace ktgp_orb

@@ -19,7 +19,8 @@ geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const std::string& child,
                                             const geometry_msgs::Pose& pose);
 
-/// Throws std::invalid_argument for an orientation that is none.
+/// Throw std::invalid_argument for numbers that are not finite, an orientation that is none, or a
+/// covariance that is not symmetric and positive semidefinite.
 Pose3 poseOf(const geometry_msgs::Pose& pose);
 Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose);
 

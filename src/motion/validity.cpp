@@ -1,6 +1,8 @@
 #include "motion/validity.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <cmath>
 #include <stdexcept>
 #include <string>
@@ -19,6 +21,34 @@ template <typename Reading>
 void requireUsable(const char* name, const std::optional<Reading>& reading) {
   const std::string trouble = reading ? whyUnusable(*reading) : "";
   if (!trouble.empty()) throw std::invalid_argument(name + (" " + trouble));
+}
+
+/// Whether a point of the reference is in the image, as of every homography that was matched.
+bool haveCommonPart(const Eigen::Matrix3d& homography, const cv::Size& size) {
+  constexpr int kSteps = 8;
+  for (int i = 0; i <= kSteps; ++i) {
+    for (int j = 0; j <= kSteps; ++j) {
+      const Eigen::Vector3d from(size.width * i / double{kSteps}, size.height * j / double{kSteps},
+                                 1.0);
+      const Eigen::Vector2d to = (homography * from).hnormalized();
+      if (to.x() >= 0.0 && to.x() <= size.width && to.y() >= 0.0 && to.y() <= size.height) {
+        return true;
+      }
+    }
+  }
+  return false;
+}
+
+void requireOfTwoImages(const Eigen::Matrix3d& homography, const cv::Size& size) {
+  if (!homography.allFinite()) {
+    throw std::invalid_argument("the homography has a number that is not finite");
+  }
+  if (!(homography.determinant() > 0.0)) {
+    throw std::invalid_argument("the homography mirrors the image, or makes it a line");
+  }
+  if (size.empty() || haveCommonPart(homography, size)) return;
+  throw std::invalid_argument(
+      "the homography moves the whole reference out of the image; expected a part in common");
 }
 
 }  // namespace
@@ -54,9 +84,7 @@ void requireValid(const GroundFrame& frame) {
                                 std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
   }
   requireAtLeastZero("plane_deviation", frame.plane_deviation);
-  if (frame.homography && !frame.homography->allFinite()) {
-    throw std::invalid_argument("the homography has a number that is not finite");
-  }
+  if (frame.homography) requireOfTwoImages(*frame.homography, frame.size);
 }
 
 bool isUsable(const Covariance8& covariance) {

@@ -9,6 +9,7 @@
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <cstdlib>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -162,6 +163,24 @@ TEST(Lens, OfAnUncalibratedCameraIsRefused) {
   info.distortion_model = "mei";
   EXPECT_NE(errorOf<std::invalid_argument>([&] { lensFrom(info); }).find("'mei'; expected"),
             std::string::npos);
+}
+
+TEST(Lens, WhatNoCameraHasIsRefused) {
+  using Change = std::function<void(sensor_msgs::CameraInfo&)>;
+  const std::vector<std::pair<std::string, Change>> changes{
+      {"camera matrix has skew, 40.0", [](auto& i) { i.K[1] = 40.0; }},
+      {"rectified camera matrix has skew, 40.0", [](auto& i) { i.P[1] = 40.0; }},
+      {"the last row of the camera matrix is 0.1", [](auto& i) { i.K[6] = 0.1; }},
+      {"the rectifying rotation is no rotation matrix", [](auto& i) { i.R[8] = -1.0; }},
+      {"the rectifying rotation is no rotation matrix", [](auto& i) { i.R[1] = 0.1; }},
+      {"camera matrix has focal lengths 0.000000, 510.0", [](auto& i) { i.K[0] = 1e-10; }},
+      {"rectified camera matrix has focal lengths", [](auto& i) { i.P[5] = 1e12; }}};
+  for (const auto& [words, change] : changes) {
+    sensor_msgs::CameraInfo info = calibrated();
+    change(info);
+    const std::string error = errorOf<std::invalid_argument>([&] { lensFrom(info); });
+    EXPECT_NE(error.find(words), std::string::npos) << words << ": " << error;
+  }
 }
 
 TEST(Lens, OfAnotherImageSizeIsNotUsed) {

@@ -955,6 +955,29 @@ TEST(GroundMotion, RefusesUnusableReadings) {
   EXPECT_EQ(refusalOf([](GroundFrame&) {}), "");
 }
 
+TEST(GroundMotion, RefusesHomographiesThatNoPairOfImagesHas) {
+  const auto moved = [](double x, double y) {
+    return [=](GroundFrame& f) {
+      f.size = {640, 480};
+      f.homography = Eigen::Matrix3d::Identity();
+      f.homography->topRightCorner<2, 1>() << x, y;
+    };
+  };
+  const std::string apart =
+      "the homography moves the whole reference out of the image; expected a part in common";
+  for (const double far : {1e9, -1e9, 1e300, 700.0}) {
+    EXPECT_EQ(refusalOf(moved(far, 0.0)), apart) << far;
+    EXPECT_EQ(refusalOf(moved(0.0, far)), apart) << far;
+  }
+  EXPECT_EQ(refusalOf(moved(600.0, 400.0)), "");
+  const std::string flat = "the homography mirrors the image, or makes it a line";
+  EXPECT_EQ(
+      refusalOf([](GroundFrame& f) { f.homography = Eigen::Vector3d(-1, 1, 1).asDiagonal(); }),
+      flat);
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.homography->setZero(); }), flat);
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.homography->row(1).setZero(); }), flat);
+}
+
 TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
   Flight flight(mounted(), 1e-8);
   flight.gives_height = false;

@@ -15,11 +15,43 @@ bool isFinite(const cv::Matx33d& matrix) {
   return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
 }
 
-void requireCamera(const cv::Matx33d& camera, const std::string& name) {
-  if (isFinite(camera) && camera(0, 0) > 0.0 && camera(1, 1) > 0.0) return;
-  throw std::invalid_argument(name + " has focal lengths " + std::to_string(camera(0, 0)) + ", " +
-                              std::to_string(camera(1, 1)) +
-                              "; expected those of a calibrated camera, above 0 px");
+/// A focal length in images' sides: from a field of view of nearly 180 degrees to one of arc
+/// seconds.
+bool isFocalLength(double px, int side) {
+  constexpr double kLeast = 1e-3;
+  constexpr double kMost = 1e5;
+  return side > 0 ? px > kLeast * side && px < kMost * side : px > 0.0;
+}
+
+/// OpenCV's models have no skew, and would ignore it.
+void requireCamera(const cv::Matx33d& camera, const cv::Size& image, const std::string& name) {
+  if (!isFinite(camera) || !isFocalLength(camera(0, 0), image.width) ||
+      !isFocalLength(camera(1, 1), image.height)) {
+    throw std::invalid_argument(name + " has focal lengths " + std::to_string(camera(0, 0)) + ", " +
+                                std::to_string(camera(1, 1)) +
+                                "; expected those of a calibrated camera, in px");
+  }
+  if (camera(0, 1) != 0.0 || camera(1, 0) != 0.0) {
+    const double skew = camera(0, 1) != 0.0 ? camera(0, 1) : camera(1, 0);
+    throw std::invalid_argument(name + " has skew, " + std::to_string(skew) + "; expected none");
+  }
+  for (int column = 0; column < 3; ++column) {
+    if (camera(2, column) == (column == 2 ? 1.0 : 0.0)) continue;
+    throw std::invalid_argument("the last row of the " + name + " is " +
+                                std::to_string(camera(2, 0)) + ", " + std::to_string(camera(2, 1)) +
+                                ", " + std::to_string(camera(2, 2)) + "; expected 0, 0, 1");
+  }
+}
+
+void requireRotation(const cv::Matx33d& rotation) {
+  constexpr double kRounding = 1e-3;  // of files with few digits
+  if (!isFinite(rotation)) throw std::invalid_argument("the rectifying rotation is not finite");
+  if (cv::norm(rotation * rotation.t() - cv::Matx33d::eye()) < kRounding &&
+      cv::determinant(rotation) > 0.0) {
+    return;
+  }
+  throw std::invalid_argument(
+      "the rectifying rotation is no rotation matrix; expected R of a calibration");
 }
 
 void requireCoefficients(const LensCalibration& calibration) {
@@ -45,12 +77,10 @@ bool LensCalibration::operator==(const LensCalibration& other) const {
 }
 
 Lens::Lens(const LensCalibration& calibration) : calibration_(calibration) {
-  requireCamera(calibration.camera, "camera matrix");
-  requireCamera(calibration.rectified_camera, "rectified camera matrix");
+  requireCamera(calibration.camera, calibration.image_size, "camera matrix");
+  requireCamera(calibration.rectified_camera, calibration.image_size, "rectified camera matrix");
   requireCoefficients(calibration);
-  if (!isFinite(calibration.rotation)) {
-    throw std::invalid_argument("the rectifying rotation is not finite");
-  }
+  requireRotation(calibration.rotation);
 }
 
 void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
