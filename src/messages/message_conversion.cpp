@@ -2,6 +2,7 @@
 
 #include <cv_bridge/cv_bridge.h>
 #include <ktgp_orb/MatchStatus.h>
+#include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
@@ -10,6 +11,7 @@
 #include <utility>
 
 #include "core/util/keypoint_position.h"
+#include "messages/colour_image.h"
 
 namespace ktgp_orb {
 namespace {
@@ -338,25 +340,33 @@ std::string explanation(NoReference reason) {
 namespace {
 
 /// The image of the frame in the pixels of its keypoints.
-cv::Mat shown(const Frame& frame) {
-  if (!frame.lens) return frame.image;
+cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {
+  if (!lens) return image;
   cv::Mat rectified;
-  frame.lens->rectify(frame.image, rectified);
+  lens->rectify(image, rectified);
   return rectified;
+}
+
+/// More than 8 bits are grey, stretched like the frame.
+cv::Mat coloured(const sensor_msgs::ImageConstPtr& image, const Frame& frame) {
+  const bool has_bytes = sensor_msgs::image_encodings::bitDepth(image->encoding) == 8;
+  return shown(has_bytes ? colourImage(image) : frame.image, frame.lens);
 }
 
 }  // namespace
 
-sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
+sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const SequenceMatch& match,
                                 OverlayStyle style) {
   cv::Mat canvas;
+  const cv::Mat target = coloured(image, *match.frame);
   if (!match.reference) {
-    drawUnmatched(shown(*match.frame), explanation(match.no_reference), canvas);
+    drawUnmatched(target, explanation(match.no_reference), canvas);
   } else {
-    drawOverlay({shown(*match.reference), match.reference->features},
-                {shown(*match.frame), match.frame->features}, match.match, style, canvas);
+    const Frame& reference = *match.reference;
+    drawOverlay({shown(reference.image, reference.lens), reference.features},
+                {target, match.frame->features}, match.match, style, canvas);
   }
-  return toImage(header, "bgr8", canvas);
+  return toImage(image->header, "bgr8", canvas);
 }
 
 }  // namespace ktgp_orb

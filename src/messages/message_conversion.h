@@ -72,8 +72,8 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
 std::string explanation(NoReference reason);
 
 /// The overlay picture (bgr8) with the header of the target; without a reference it shows the
-/// reason.
-sensor_msgs::ImagePtr toOverlay(const std_msgs::Header& header, const SequenceMatch& match,
+/// reason. `image`: the message of the target, for its colours.
+sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const SequenceMatch& match,
                                 OverlayStyle style);
 
 }  // namespace ktgp_orb

@@ -43,12 +43,11 @@ MatchedFrame MessageMatcher::process(const std_msgs::Header& header, const Frame
                                      MatchAhead* ahead) {
   last_ = nullptr;
   last_ = &sequence_.match(frame, ahead);
-  last_header_ = header;
   return {header, *last_, configuration_.number};
 }
 
-sensor_msgs::ImagePtr MessageMatcher::overlay() const {
-  return last_ != nullptr ? toOverlay(last_header_, *last_, configuration_.overlay_style) : nullptr;
+sensor_msgs::ImagePtr MessageMatcher::overlay(const sensor_msgs::ImageConstPtr& image) const {
+  return last_ != nullptr ? toOverlay(image, *last_, configuration_.overlay_style) : nullptr;
 }
 
 void MessageMatcher::forgetReference() {

@@ -23,8 +23,9 @@ class MessageMatcher {
   MatchedFrame process(const sensor_msgs::ImageConstPtr& image);
   /// The same for a frame. `ahead`: see SequenceMatcher::match.
   MatchedFrame process(const std_msgs::Header& header, const FramePtr& frame, MatchAhead* ahead);
-  /// The last processed frame; null if there is none since the last reset.
-  sensor_msgs::ImagePtr overlay() const;
+  /// The last processed frame, in the colours of its `image`; null if there is none since the last
+  /// reset.
+  sensor_msgs::ImagePtr overlay(const sensor_msgs::ImageConstPtr& image) const;
 
   /// The next frame becomes the reference of the fixed mode.
   void fixNextFrame() { sequence_.fixNextFrame(); }
@@ -49,7 +50,6 @@ class MessageMatcher {
   SequenceMatcher sequence_;
   FrameConstPtr configured_reference_;  // not of the camera
   FrameMaker frame_maker_;
-  std_msgs::Header last_header_;
   const SequenceMatch* last_ = nullptr;
 };
 

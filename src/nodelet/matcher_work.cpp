@@ -51,7 +51,7 @@ void MatcherWork::process(const sensor_msgs::ImageConstPtr& image) {
   frame.refused = diagnosis_.total(Diagnosis::kRefused);
   frame.latency = diagnosis_.done(image->header.stamp, start);
   publish(frame);
-  publishOverlay();
+  publishOverlay(image);
 }
 
 void MatcherWork::publish(const MatchedFrame& frame) {
@@ -109,7 +109,7 @@ std::string MatcherWork::cameraProblem(const SequenceMatch& match) const {
 }
 
 // After the data, which must not wait for the picture.
-void MatcherWork::publishOverlay() {
+void MatcherWork::publishOverlay(const sensor_msgs::ImageConstPtr& image) {
   if (overlay_.getNumSubscribers() == 0) return;
   const auto start = Diagnosis::Clock::now();
   if (newer_waits_() && start - last_overlay_ < kLongestWithoutOverlay) {
@@ -117,7 +117,7 @@ void MatcherWork::publishOverlay() {
     return;
   }
   last_overlay_ = start;
-  overlay_.publish(matcher_.overlay());
+  overlay_.publish(matcher_.overlay(image));
   diagnosis_.count("overlays");
 }
 

@@ -48,7 +48,7 @@ class MatcherWork {
   [[gnu::noinline]] void publish(const MatchedFrame& frame);
   std::string lensProblem(const SequenceMatch& match) const;
   std::string cameraProblem(const SequenceMatch& match) const;
-  void publishOverlay();
+  void publishOverlay(const sensor_msgs::ImageConstPtr& image);
 
   MessageMatcher matcher_;
   Diagnosis& diagnosis_;

@@ -5,6 +5,9 @@
 #include <cstring>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <utility>
+
+#include "core/util/grey_levels.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -16,26 +19,37 @@ std::string shapeOf(const py::array& array) {
   return py::str(array.attr("shape")).cast<std::string>();
 }
 
-/// An array of uint8 whose pixels of a row are next to each other; a copy only if they are not.
-py::array bytesOf(const py::object& object, const std::string& name) {
+bool isWide(const py::array& array) {
+  return py::isinstance<py::array_t<std::uint16_t>>(array);
+}
+
+/// An array of uint8, or of uint16 if it `may_be_wide`, whose pixels of a row are next to each
+/// other; a copy only if they are not.
+py::array bytesOf(const py::object& object, const std::string& name, bool may_be_wide = false) {
+  const char* const expected = may_be_wide ? "uint8 or uint16" : "uint8";
   if (!py::isinstance<py::array>(object)) {
     throw py::value_error(name + " is " + py::str(py::type::of(object)).cast<std::string>() +
-                          "; expected a NumPy array of uint8");
+                          "; expected a NumPy array of " + expected);
   }
   auto array = py::reinterpret_borrow<py::array>(object);
-  if (!py::isinstance<py::array_t<std::uint8_t>>(array)) {
+  const bool is_wide = may_be_wide && isWide(array);
+  if (!is_wide && !py::isinstance<py::array_t<std::uint8_t>>(array)) {
     throw py::value_error(name + " has the type " +
-                          py::str(array.attr("dtype")).cast<std::string>() + "; expected uint8");
+                          py::str(array.attr("dtype")).cast<std::string>() + "; expected " +
+                          expected);
   }
   for (py::ssize_t i = 0; i < array.ndim(); ++i) {
     if (array.shape(i) > kLargest) throw py::value_error(name + " is too large");
     if (array.shape(i) == 0 && name != "descriptors") throw py::value_error(name + " is empty");
   }
-  const py::ssize_t channels = array.ndim() == 3 ? array.shape(2) : 1;
-  const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == channels &&
-                              (array.ndim() == 2 || array.strides(2) == 1) &&
-                              array.strides(0) >= channels * array.shape(1);
+  const py::ssize_t pixel = array.itemsize() * (array.ndim() == 3 ? array.shape(2) : 1);
+  const bool rows_are_dense = array.ndim() >= 2 && array.strides(1) == pixel &&
+                              (array.ndim() == 2 || array.strides(2) == array.itemsize()) &&
+                              array.strides(0) >= pixel * array.shape(1);
   if (rows_are_dense || array.ndim() < 2) return array;
+  if (is_wide) {
+    return py::array_t<std::uint16_t, py::array::c_style | py::array::forcecast>::ensure(array);
+  }
   return py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>::ensure(array);
 }
 
@@ -100,25 +114,46 @@ void requireInside(const Features& features) {
   }
 }
 
+/// Grey or colour of 8 or 16 bits, as it is.
+ImageArray anyImage(const py::object& image, const std::string& name) {
+  ImageArray out{bytesOf(image, name, true), {}};
+  const py::array& array = out.owner;
+  const py::ssize_t channels = array.ndim() == 3 ? array.shape(2) : 1;
+  if ((array.ndim() != 2 && array.ndim() != 3) ||
+      (channels != 1 && channels != 3 && channels != 4)) {
+    throw py::value_error(name + " has the shape " + shapeOf(array) +
+                          "; expected (height, width), (height, width, 3) or (height, width, 4)");
+  }
+  const int depth = isWide(array) ? CV_16U : CV_8U;
+  out.pixels = matrixOf(array, CV_MAKETYPE(depth, static_cast<int>(channels)));
+  return out;
+}
+
+/// Without alpha, where there is one.
+void convertColour(int with_alpha, int without, cv::Mat& pixels) {
+  const cv::Mat given = std::exchange(pixels, cv::Mat());
+  cv::cvtColor(given, pixels, given.channels() == 4 ? with_alpha : without);
+}
+
 }  // namespace
 
 ImageArray imageArray(const py::object& image, const std::string& name) {
-  ImageArray out{bytesOf(image, name), {}};
-  const py::array& array = out.owner;
-  if (array.ndim() != 2 && (array.ndim() != 3 || array.shape(2) != 3)) {
-    throw py::value_error(name + " has the shape " + shapeOf(array) +
-                          "; expected (height, width) or (height, width, 3)");
+  ImageArray out = anyImage(image, name);
+  cv::Mat& pixels = out.pixels;
+  if (pixels.channels() == 1) return greyImage(image, name);
+  if (pixels.channels() == 4) convertColour(cv::COLOR_BGRA2BGR, cv::COLOR_BGRA2BGR, pixels);
+  if (pixels.depth() == CV_16U) {
+    const cv::Mat wide = std::exchange(pixels, cv::Mat());
+    wide.convertTo(pixels, CV_8U, 1.0 / 257.0);
   }
-  out.pixels = matrixOf(array, array.ndim() == 2 ? CV_8UC1 : CV_8UC3);
   return out;
 }
 
 ImageArray greyImage(const py::object& image, const std::string& name) {
-  ImageArray out = imageArray(image, name);
-  if (out.pixels.channels() != 3) return out;
-  const cv::Mat colour = out.pixels;
-  out.pixels = cv::Mat();
-  cv::cvtColor(colour, out.pixels, cv::COLOR_BGR2GRAY);
+  ImageArray out = anyImage(image, name);
+  cv::Mat& pixels = out.pixels;
+  if (pixels.channels() > 1) convertColour(cv::COLOR_BGRA2GRAY, cv::COLOR_BGR2GRAY, pixels);
+  if (pixels.depth() == CV_16U) pixels = util::stretchTo8Bit(pixels);
   return out;
 }
 

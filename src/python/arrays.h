@@ -17,12 +17,13 @@ struct ImageArray {
   cv::Mat pixels;
 };
 
-/// An array of uint8 without a copy where its rows are dense: (height, width) as CV_8UC1, or
-/// (height, width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Throws
+/// An array without a copy where its rows are dense uint8: (height, width) as CV_8UC1, or (height,
+/// width, 3) in the order blue, green, red, as OpenCV reads files, as CV_8UC3. Alpha is left out;
+/// of uint16, grey is stretched as the programs do, and colours lose their lower bits. Throws
 /// py::value_error, which names the image, its type or shape, and what is expected.
 ImageArray imageArray(const py::object& image, const std::string& name);
 
-/// The same as CV_8UC1; colours are converted.
+/// The same as CV_8UC1; colours are converted, then stretched.
 ImageArray greyImage(const py::object& image, const std::string& name);
 
 /// The same for a mask, or an empty matrix for None.

@@ -144,6 +144,10 @@ class PyMosaic {
     const Shared::Use use(shared_);
     return mosaic_.pose();
   }
+  double planeDeviation() {
+    const Shared::Use use(shared_);
+    return mosaic_.planeDeviation();
+  }
 
  private:
   Mosaic mosaic_;
@@ -170,7 +174,11 @@ void defineMosaic(py::module_& module) {
           "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where "
           "nothing was seen.")
       .def_property_readonly("pose", &PyMosaic::pose,
-                             "(3, 3) float64: map to the last image, px; None where it is lost.");
+                             "(3, 3) float64: map to the last image, px; None where it is lost.")
+      .def_property_readonly(
+          "plane_deviation", &PyMosaic::planeDeviation,
+          "How far points are off the map, px; where it is large, the scene is no "
+          "plane.");
 }
 
 class PyStabilizer {

@@ -5,7 +5,7 @@ from typing import Any, Dict, List, Optional, Tuple, Union
 import numpy as np
 from numpy.typing import NDArray
 
-Image = NDArray[np.uint8]
+Image = Union[NDArray[np.uint8], NDArray[np.uint16]]
 
 __version__: str
 
@@ -129,6 +129,8 @@ class Mosaic:
     def image(self) -> NDArray[np.uint8]: ...
     @property
     def pose(self) -> Optional[NDArray[np.float64]]: ...
+    @property
+    def plane_deviation(self) -> float: ...
 
 class SteadyFrame:
     @property

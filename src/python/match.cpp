@@ -370,13 +370,13 @@ void definePairs(py::module_& module) {
   defineSettings(extractor, "ktgp",
                  "Keywords are the parameters of doc/parameters.md, e.g. features=1000. Raises "
                  "ValueError.");
-  extractor.def(
-      "extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
-      "image: (height, width) uint8, grey and not copied where its rows are dense, or "
-      "(height, width, 3),\n"
-      "blue, green, red; mask: (height, width) uint8, keypoints are found where it is not 0. "
-      "Returns "
-      "Features.\nRaises ValueError.");
+  extractor.def("extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
+                "image: (height, width) uint8, grey and not copied where its rows are dense, or "
+                "(height, width, 3 or 4),\n"
+                "blue, green, red, alpha; or uint16; mask: (height, width) uint8, keypoints are "
+                "found where it is not 0. "
+                "Returns "
+                "Features.\nRaises ValueError.");
   py::class_<Matcher> matcher(module, "Matcher",
                               "Matches the features of two images. Threads may share an object.");
   defineSettings(matcher, "ktgp",
@@ -390,8 +390,8 @@ void definePairs(py::module_& module) {
   module.def(
       "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
       py::arg("K") = py::none(), py::arg("target_K") = py::none(),
-      "Matches two images: (height, width) uint8, or (height, width, 3) in the order blue, green, "
-      "red.\n\n"
+      "Matches two images: (height, width) of uint8 or uint16, or (height, width, 3 or 4) in the "
+      "order blue, green, red, alpha.\n\n"
       "preset: \"ktgp\", \"photo\", \"robust\", \"slam\", \"teblid\" or \"video\"; keywords are "
       "the "
       "parameters of "

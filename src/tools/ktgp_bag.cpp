@@ -196,7 +196,8 @@ class Run {
     matched.refused = refused_;
     matched.skipped = skipped;
     FrameMessages messages = toMessages(matched);
-    const sensor_msgs::ImagePtr picture = draws_overlay_ || drawing_ ? matcher_.overlay() : nullptr;
+    const sensor_msgs::ImagePtr picture =
+        draws_overlay_ || drawing_ ? matcher_.overlay(recorded.image) : nullptr;
     if (draws_overlay_) messages.overlay = picture;
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     writer_.write(messages, recorded.received);
@@ -332,8 +333,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
       ->required();
   app.add_option("OUT.bag", arguments.out, "bag to write")->required();
-  app.add_option("--topic", arguments.selection.topic,
-                 "image topic in a bag, raw or compressed; not needed if there is only one");
+  app.add_option(
+      "--topic", arguments.selection.topic,
+      "image topic in a bag, with or without /compressed; not needed if there is only one");
   app.add_option("--start", arguments.selection.start,
                  "start this long after the start of the recording [s]")
       ->check(tools::numberIn({0.0, 1e9}));

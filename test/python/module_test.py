@@ -152,6 +152,32 @@ class ModuleTest(unittest.TestCase):
         grid[:, :, 1] = self.reference
         self.same(ktgp.match(grid[:, :, 1], self.target), expected)
 
+    def test_pictures_of_16_bits_and_in_colour_are_as_the_programs_take_them(self):
+        wide = (self.reference.astype(np.uint16) * 12 + 300)
+        with tempfile.TemporaryDirectory() as folder:
+            for name, image, kind in (
+                    ('16-bit grey', wide, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH),
+                    ('alpha', cv2.cvtColor(self.reference, cv2.COLOR_GRAY2BGRA), cv2.IMREAD_UNCHANGED),
+                    ('colour', cv2.merge([self.reference // 2, self.reference, self.reference // 3]), cv2.IMREAD_UNCHANGED),
+                    ('16-bit colour', cv2.merge([wide, wide, wide]), cv2.IMREAD_UNCHANGED)):
+                files = [os.path.join(folder, name + end) for end in (' a.png', ' b.png', '.json')]
+                cv2.imwrite(files[0], image)
+                cv2.imwrite(files[1], self.target)
+                read = cv2.imread(files[0], kind)
+                self.assertEqual((read.dtype, read.shape), (image.dtype, image.shape))
+                subprocess.run([os.path.join(TOOLS, 'ktgp_match'), *files[:2], '--json', files[2], '--force',
+                                '--preset', 'ktgp'], check=True, stdout=subprocess.DEVNULL)
+                with open(files[2]) as file:
+                    expected = np.array(json.load(file)['homography'])
+                found = ktgp.match(read, self.target)
+                corners = np.array([[[0, 0], [639, 0], [0, 479], [639, 479]]], float)
+                off = cv2.perspectiveTransform(corners, found.homography) - cv2.perspectiveTransform(corners, expected)
+                self.assertLess(np.abs(off).max(), 0.02 if 'colour' in name else 1e-9, name)
+        self.same(ktgp.match(np.ascontiguousarray(wide[:, ::-1])[:, ::-1], self.target), ktgp.match(wide, self.target))
+        mosaic, sequence = ktgp.Mosaic(), ktgp.Sequence()
+        self.assertEqual(mosaic.add(cv2.merge([wide, wide, wide]), sequence.match(wide, 1.0)), 'new_map')
+        self.assertEqual(mosaic.image[100, 100, 0], round(wide[100, 100] / 257))
+
     def test_masked_pixels_have_no_keypoints(self):
         mask = np.zeros((480, 640), np.uint8)
         mask[:, 320:] = 1
@@ -236,10 +262,11 @@ class ModuleTest(unittest.TestCase):
             keypoints[1, :2] = x, y
             return keypoints
         cases = (
-            (lambda: ktgp.match(grey.astype(np.float32), grey), 'reference has the type float32; expected uint8'),
-            (lambda: ktgp.match(grey, grey.astype(np.int8)), 'target has the type int8; expected uint8'),
+            (lambda: ktgp.match(grey.astype(np.float32), grey), 'reference has the type float32; expected uint8 or '
+             'uint16'),
+            (lambda: ktgp.match(grey, grey.astype(np.int8)), 'target has the type int8; expected uint8 or uint16'),
             (lambda: ktgp.match(grey, grey[0]), 'target has the shape (640,)'),
-            (lambda: extract(np.zeros((4, 4, 4), np.uint8)), 'shape (4, 4, 4); expected (height, width)'),
+            (lambda: extract(np.zeros((4, 4, 5), np.uint8)), 'shape (4, 4, 5); expected (height, width)'),
             (lambda: extract('a.png'), "image is <class 'str'>; expected a NumPy array"),
             (lambda: extract(None), 'expected a NumPy array'),
             (lambda: extract(grey, np.zeros((3, 3), np.uint8)), 'mask'),
