@@ -89,6 +89,11 @@ class Mosaic {
   bool full() const;          ///< something could not be drawn, since max_megapixels is reached
   std::size_t keyframes() const;
   std::size_t maps() const;  ///< number of maps begun
+  /// How far the points of the newest frames are from the plane of their keyframes, px: running
+  /// mean of UncertainHomography::plane_deviation; 0 without keyframes.
+  double planeDeviation() const;
+  /// Whether that is so much that what is near or high is drawn several times.
+  bool hasParallax() const;
 
   void reset();
 

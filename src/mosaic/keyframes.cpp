@@ -67,9 +67,16 @@ std::optional<Eigen::Matrix3d> Keyframes::locate(const Features& features,
     if (chained) hints.prediction = guess / guess(2, 2);
     matcher_.match(keyframe->features, features, hints, result_);
     if (result_.status != Status::ok || result_.inliers < kLeastInliers) continue;
+    constexpr double kFrames = 20.0;  // of the running mean
+    plane_deviation_ += (result_.answer.plane_deviation - plane_deviation_) / kFrames;
     return Eigen::Matrix3d(result_.answer.homography * keyframe->from_map);
   }
   return std::nullopt;
+}
+
+void Keyframes::clear() {
+  keyframes_.clear();
+  plane_deviation_ = 0.0;
 }
 
 void Keyframes::add(Features features, const Eigen::Matrix3d& from_map) {

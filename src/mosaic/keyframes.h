@@ -29,7 +29,9 @@ class Keyframes {
 
   void add(Features features, const Eigen::Matrix3d& from_map);
   std::size_t size() const { return keyframes_.size(); }
-  void clear() { keyframes_.clear(); }
+  void clear();
+  /// Running mean of the deviations from a plane between located frames and their keyframes, px.
+  double planeDeviation() const { return plane_deviation_; }
 
  private:
   struct Keyframe {
@@ -42,6 +44,7 @@ class Keyframes {
   KtgpMatcher matcher_;
   MatchResult result_;
   std::vector<Keyframe> keyframes_;
+  double plane_deviation_ = 0.0;
 };
 
 }  // namespace ktgp_orb::mosaic

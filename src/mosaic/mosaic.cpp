@@ -24,6 +24,9 @@ using mosaic::TileMap;
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
 // Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
 constexpr double kLargestZoom = 4.0;
+// px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
+// a patio.
+constexpr double kParallax = 0.5;
 
 void requireInRange(const char* name, double value, double low, double high) {
   if (value >= low && value <= high) return;
@@ -332,6 +335,14 @@ std::size_t Mosaic::keyframes() const {
 
 std::size_t Mosaic::maps() const {
   return impl_->maps;
+}
+
+double Mosaic::planeDeviation() const {
+  return impl_->keyframes.planeDeviation();
+}
+
+bool Mosaic::hasParallax() const {
+  return planeDeviation() > kParallax;
 }
 
 void Mosaic::reset() {

@@ -109,6 +109,14 @@ void MosaicWork::report() {
   diagnosis_.setValue("megapixels", withOneDigit(mosaic_.megapixels()));
   diagnosis_.setValue("keyframes", std::to_string(mosaic_.keyframes()));
   diagnosis_.setValue("maps begun", std::to_string(mosaic_.maps()));
+  diagnosis_.setValue("deviation from a plane (px)", withOneDigit(mosaic_.planeDeviation()));
+  diagnosis_.setProblem("parallax",
+                        mosaic_.hasParallax()
+                            ? "the scene is no plane: points are about " +
+                                  withOneDigit(mosaic_.planeDeviation()) +
+                                  " px off the map, and what is near is drawn several times"
+                            : "",
+                        false);
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");

@@ -104,6 +104,13 @@ std::string BagViews::report() const {
                   place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
                   mosaic_.full() ? "; full, some was left out" : "");
     text += line;
+    if (mosaic_.hasParallax()) {
+      std::snprintf(line, sizeof line,
+                    "%s: the scene is no plane: points are about %.1f px off the map, and what is "
+                    "near is drawn several times\n",
+                    options_.mosaic.c_str(), mosaic_.planeDeviation());
+      text += line;
+    }
   }
   return text;
 }

@@ -197,6 +197,42 @@ TEST(Mosaic, KeyframesFightTheDrift) {
   EXPECT_LT(fly({}), 0.3);
 }
 
+/// The view of a camera that has moved by `x` px over hills of `relief` of its height.
+cv::Mat seeHills(const cv::Mat& world, double x, double relief) {
+  cv::Mat map(kSize, CV_32FC2);
+  for (int row = 0; row < kSize.height; ++row) {
+    for (int column = 0; column < kSize.width; ++column) {
+      double across = 400.0 + x + column;
+      for (int i = 0; i < 10; ++i) {
+        const double hill = std::sin(across / 50.0) * std::cos((300.0 + row) / 50.0);
+        across = 400.0 + column + x * (1.0 + relief * hill);
+      }
+      map.at<cv::Vec2f>(row, column) = {static_cast<float>(across),
+                                        300.F + static_cast<float>(row)};
+    }
+  }
+  cv::Mat frame;
+  cv::remap(world, frame, map, cv::noArray(), cv::INTER_LINEAR);
+  return frame;
+}
+
+TEST(Mosaic, KnowsAWorldThatIsNoPlane) {
+  for (const double relief : {0.0, 0.03}) {
+    Mosaic mosaic;
+    for (int i = 0; i <= 40; ++i) {
+      Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+      h(0, 2) = -4.0;
+      mosaic.follow((i + 1) * kPeriod, i * kPeriod, i > 0 ? std::make_optional(h) : std::nullopt);
+      mosaic.place((i + 1) * kPeriod, seeHills(world(1), 4.0 * i, relief));
+    }
+    EXPECT_EQ(mosaic.maps(), 1U);
+    EXPECT_EQ(mosaic.hasParallax(), relief > 0.0) << mosaic.planeDeviation() << " px";
+    EXPECT_NEAR(mosaic.planeDeviation(), relief > 0.0 ? 1.2 : 0.0, relief > 0.0 ? 0.7 : 0.1);
+    mosaic.reset();
+    EXPECT_FALSE(mosaic.hasParallax());
+  }
+}
+
 TEST(Mosaic, StopsGrowingAtItsBound) {
   MosaicOptions options = byPath();
   options.max_megapixels = 1.0;
