@@ -12,6 +12,15 @@
 namespace ktgp_orb {
 namespace {
 
+constexpr char kCompressed[] = "/compressed";
+
+/// Without what image transport appends.
+std::string rawTopic(const std::string& topic) {
+  const std::size_t suffix = sizeof kCompressed - 1;
+  const std::size_t end = topic.size() - std::min(topic.size(), suffix);
+  return topic.compare(end, std::string::npos, kCompressed) == 0 ? topic.substr(0, end) : topic;
+}
+
 bool isImage(const bag::Topic& topic) {
   return topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage";
 }
@@ -67,6 +76,8 @@ class BagImages : public ImageSource {
     topic_ = wanted;
     if (topic_.empty() && names.size() == 1) topic_ = *names.begin();
     if (names.count(topic_) > 0) return;
+    topic_ = rawTopic(wanted) == wanted ? wanted + kCompressed : rawTopic(wanted);
+    if (names.count(topic_) > 0) return;
     const std::string has =
         wanted.empty() ? " has no single image topic" : " has no image on '" + wanted + "'";
     throw UnusableBag(path + has + "; its image topics: " + joined(names) + whatIsDamaged());
@@ -83,11 +94,9 @@ class BagImages : public ImageSource {
 
 }  // namespace
 
-std::string cameraOf(std::string image_topic) {
-  const std::string suffix = "/compressed";
-  const std::size_t end = image_topic.size() - std::min(image_topic.size(), suffix.size());
-  if (image_topic.compare(end, std::string::npos, suffix) == 0) image_topic.erase(end);
-  return image_topic.substr(0, image_topic.rfind('/'));
+std::string cameraOf(const std::string& image_topic) {
+  const std::string raw = rawTopic(image_topic);
+  return raw.substr(0, raw.rfind('/'));
 }
 
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic) {

@@ -48,7 +48,7 @@ struct BagSelection {
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection);
 
 /// Namespace of the camera of the image topic, also for topics of the compressed transport.
-std::string cameraOf(std::string image_topic);
+std::string cameraOf(const std::string& image_topic);
 
 /// The first camera_info beside the image topic. Throws UnusableBag if there is none.
 sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic);

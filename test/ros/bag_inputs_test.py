@@ -75,6 +75,17 @@ class BagInputsTest(unittest.TestCase):
         self.assertEqual([m.status for m in topics['/front/matcher/statistics']],
                          [1] + (FRAMES - 1) * [0])
 
+    def test_a_topic_is_found_with_and_without_compressed(self):
+        for topic, convert, given in (('/front/image/compressed', compressed, '/front/image'),
+                                      ('/front/image', lambda image: image, '/front/image/compressed')):
+            path = self.write_bag(topic, convert)
+            code, topics, text = self.run_bag(path, '--topic', given)
+            self.assertEqual(code, 0, text)
+            self.assertEqual(len(topics['/front/matcher/statistics']), FRAMES)
+        code, _, text = self.run_bag(path, '--topic', '/front/other')
+        self.assertEqual(code, 2)
+        self.assertIn("has no image on '/front/other'; its image topics: /front/image", text)
+
     def test_max_rate_skips_and_counts(self):
         _, topics, _ = self.run_bag(self.write_bag('/front/image'), '--max_rate', '10')
         statistics = topics['/front/matcher/statistics']
