@@ -159,6 +159,11 @@ std::optional<Pose3> GroundReadings::transform(const std::string& target, const 
 GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) const {
   GroundMotionOptions options;
   options.readout_time = config_.readout_time;
+  for (const std::string& other : {withoutSlash(image.frame_id), baseFrame(image, config_)}) {
+    if (other != config_.odom_frame) continue;
+    throw std::invalid_argument("odom_frame is " + other +
+                                ", the frame of the camera; expected another one");
+  }
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
   std::string problem;
   if (config_.base_frame.empty()) {
@@ -418,8 +423,20 @@ std::string shutterReport(const GroundEstimate& estimate) {
   return text;
 }
 
+GroundMotionConfig withUsableFrames(GroundMotionConfig config) {
+  for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
+    *frame = withoutSlash(*frame);
+  }
+  if (config.odom_frame.empty() || config.odom_frame == config.base_frame) {
+    throw std::invalid_argument(
+        "odom_frame is " + (config.odom_frame.empty() ? std::string("empty") : config.odom_frame) +
+        "; expected a frame other than base_frame");
+  }
+  return config;
+}
+
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
-  return config.base_frame.empty() ? image.frame_id + "_level" : config.base_frame;
+  return config.base_frame.empty() ? withoutSlash(image.frame_id) + "_level" : config.base_frame;
 }
 
 nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,

@@ -115,6 +115,7 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
                      const std::string& image_topic)
     : options_(options) {
   if (options_.path.empty()) return;
+  options_.config = withUsableFrames(options_.config);
   const std::string beside = cameraOf(image_topic);
   if (options_.range_topic.empty()) options_.range_topic = beside + "/range";
   if (options_.imu_topic.empty()) options_.imu_topic = beside + "/imu";

@@ -2,6 +2,7 @@
 
 #include <dynamic_reconfigure/Config.h>
 #include <gtest/gtest.h>
+#include <tf2/buffer_core.h>
 
 #include <functional>
 #include <limits>
@@ -29,6 +30,76 @@ TEST(GroundReadings, DefaultsAreThoseOfTheNode) {
   const std::string expected = textOf(GroundMotionConfig::__getDefault__());
   EXPECT_NE(expected.find("height_deviation"), std::string::npos);
   EXPECT_EQ(textOf(groundMotionDefaults()), expected);
+}
+
+TEST(GroundReadings, TheHeightsSliderIsOneToDrag) {
+  EXPECT_LE(GroundMotionConfig::__getMax__().height, 200.0);
+}
+
+/// Why no frame of the camera `cam` can be used; empty: it can.
+std::string refusalOf(const std::function<void(GroundMotionConfig&)>& change) {
+  GroundMotionConfig config = groundMotionDefaults();
+  config.base_frame.clear();
+  change(config);
+  std_msgs::Header image;
+  image.frame_id = "/cam";
+  const tf2::BufferCore tf;
+  GroundReadings readings(tf);
+  try {
+    readings.configure(withUsableFrames(config), "/range", "/imu");
+    readings.optionsFor(image);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
+  using Config = GroundMotionConfig;
+  EXPECT_EQ(refusalOf([](Config&) {}), "");
+  EXPECT_EQ(refusalOf([](Config& c) { c.odom_frame.clear(); }),
+            "odom_frame is empty; expected a frame other than base_frame");
+  EXPECT_EQ(refusalOf([](Config& c) { c.odom_frame = c.base_frame = "base"; }),
+            "odom_frame is base; expected a frame other than base_frame");
+  EXPECT_EQ(refusalOf([](Config& c) {
+              c.odom_frame = "base";
+              c.base_frame = "/base";
+            }),
+            "odom_frame is base; expected a frame other than base_frame");
+  for (const char* frame : {"cam", "/cam", "cam_level"}) {
+    EXPECT_NE(refusalOf([&](Config& c) { c.odom_frame = frame; }).find("the frame of the camera"),
+              std::string::npos)
+        << frame;
+  }
+  Config config = groundMotionDefaults();
+  config.base_frame = "/base_link";
+  EXPECT_EQ(withUsableFrames(config).base_frame, "base_link");
+}
+
+TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
+  const tf2::BufferCore tf;
+  GroundReadings readings(tf);
+  GroundMotionConfig config = groundMotionDefaults();
+  config.base_frame.clear();
+  config.gyro = true;
+  readings.configure(config, "/range", "/imu");
+  sensor_msgs::CameraInfo info;
+  info.width = 640;
+  info.height = 480;
+  info.K = {500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0};
+  HomographyStamped homography;
+  homography.header.frame_id = "cam";
+  for (int i = 1; i <= 2; ++i) {
+    homography.header.stamp = ros::Time(i);
+    sensor_msgs::Imu imu;
+    imu.header = homography.header;
+    imu.angular_velocity_covariance[0] = -1.0;
+    readings.add(imu);
+    readings.frameOf(homography, {640, 480}, info, Pixels::raw);
+  }
+  EXPECT_EQ(
+      readings.noTurn(),
+      "the angular_velocity_covariance on /imu begins with -1, so it has no angular velocity");
 }
 
 TEST(PoseMessage, WhatIsNoPoseOrNoCovarianceIsRefused) {
