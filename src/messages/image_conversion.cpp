@@ -121,13 +121,36 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
 
 }  // namespace
 
+namespace {
+
+constexpr double kMostMegapixels = 64.0;  // of a request
+
+double megapixelsOf(const sensor_msgs::Image& image) {
+  return 1e-6 * image.width * static_cast<double>(image.height);
+}
+
+}  // namespace
+
 void requireSmall(const std::string& name, const sensor_msgs::Image& image) {
-  constexpr double kMost = 64.0;
-  const double megapixels = 1e-6 * image.width * static_cast<double>(image.height);
-  if (megapixels <= kMost) return;
+  const double megapixels = megapixelsOf(image);
+  if (megapixels <= kMostMegapixels) return;
   std::ostringstream text;
   text << name << " is " << image.width << "x" << image.height << " (" << megapixels
-       << " megapixels); expected " << kMost << " at most";
+       << " megapixels); expected " << kMostMegapixels << " at most";
+  throw RefusedImage(text.str());
+}
+
+void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>& images) {
+  constexpr std::size_t kMostImages = 64;
+  double megapixels = 0.0;
+  for (const sensor_msgs::Image& image : images) {
+    requireSmall("one of " + name, image);
+    megapixels += megapixelsOf(image);
+  }
+  if (images.size() <= kMostImages && megapixels <= kMostMegapixels) return;
+  std::ostringstream text;
+  text << name << " are " << images.size() << " with " << megapixels << " megapixels; expected "
+       << kMostImages << " images with " << kMostMegapixels << " megapixels at most";
   throw RefusedImage(text.str());
 }
 

@@ -6,6 +6,7 @@
 #include <opencv2/core.hpp>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
@@ -22,6 +23,8 @@ class RefusedImage : public std::runtime_error {
 /// Throws RefusedImage for an image of a request that has more than 64 megapixels, so that memory
 /// and time of a request are bounded.
 void requireSmall(const std::string& name, const sensor_msgs::Image& image);
+/// The same for more than 64 images, and for more than 64 megapixels in all of them.
+void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>& images);
 
 /// The image as 8-bit grey (CV_8UC1). A mono8 image is not copied: the result refers to the
 /// message's data and is valid while `message` lives. Colour and Bayer images are converted; 16-bit

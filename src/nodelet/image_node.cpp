@@ -1,5 +1,6 @@
 #include "nodelet/image_node.h"
 
+#include <malloc.h>
 #include <exception>
 
 #include "messages/image_conversion.h"
@@ -44,6 +45,12 @@ void NodeBase::onInit() {
     queue->start();
   }
   connectionsChanged();
+}
+
+void NodeBase::giveMemoryBack() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 void NodeBase::stop() {

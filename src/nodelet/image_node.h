@@ -89,6 +89,7 @@ class NodeBase : public nodelet::Nodelet {
             response.message = util::printable(error.what(), 600);
             NODELET_WARN("a request is refused: %s", response.message.c_str());
           }
+          if (ros::serialization::serializationLength(request) > kLargeRequest) giveMemoryBack();
           return true;
         })));
   }
@@ -110,8 +111,12 @@ class NodeBase : public nodelet::Nodelet {
   Outputs outputs_;
 
  private:
+  static constexpr std::uint32_t kLargeRequest = 4'000'000;  // bytes
+
   void onInit() final;
   void tick();
+  /// Freed memory, which the allocator would keep.
+  static void giveMemoryBack();
   void watchInputs(bool clock_stands);
   bool clockStands();
 

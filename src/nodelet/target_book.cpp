@@ -26,8 +26,8 @@ fs::path folderOf(const std::string& list) {
 
 Target targetOf(const SetTarget::Request& request) {
   Target target{request.id, {}, request.width, request.frame};
+  requireSmall("the images of the target", request.images);
   for (const sensor_msgs::Image& image : request.images) {
-    requireSmall("an image of the target", image);
     target.images.push_back(greyImage(boost::make_shared<sensor_msgs::Image>(image)).clone());
   }
   return target;

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "ktgp_orb/overlay.h"
+#include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "messages/target_messages.h"
@@ -49,7 +50,8 @@ class TargetsWork {
 
  private:
   void report(const TargetDetections& message);
-  void publish(const TargetDetectionsPtr& message, const cv::Mat& grey, const TargetFrame& frame);
+  void publish(const TargetDetectionsPtr& message, const sensor_msgs::ImageConstPtr& image,
+               const TargetFrame& frame);
 
   TargetSettings settings_;
   TargetFinder finder_;
@@ -82,7 +84,7 @@ void TargetsWork::search(const sensor_msgs::ImageConstPtr& image) {
       toMessage(image->header, frame, settings_.config.frame_prefix);
   addPoses(frame, grey.size(), info_.get(), info_topic_, settings_.pixels, pose_, *message);
   report(*message);
-  publish(message, grey, frame);
+  publish(message, image, frame);
   diagnosis_.done(image->header.stamp, start);
 }
 
@@ -108,14 +110,14 @@ void TargetsWork::report(const TargetDetections& message) {
   diagnosis_.setValue("frames for all", std::to_string(message.frames_for_all));
 }
 
-void TargetsWork::publish(const TargetDetectionsPtr& message, const cv::Mat& grey,
-                          const TargetFrame& frame) {
+void TargetsWork::publish(const TargetDetectionsPtr& message,
+                          const sensor_msgs::ImageConstPtr& image, const TargetFrame& frame) {
   outputs_.detections.publish(message);
   if (outputs_.markers.getNumSubscribers() > 0) outputs_.markers.publish(markersOf(*message));
   if (settings_.config.publish_tf) broadcaster_.sendTransform(transformsOf(*message));
   if (outputs_.image.getNumSubscribers() == 0) return;
   cv::Mat canvas;
-  drawTargets(grey, frame.detections, canvas);
+  drawTargets(colourImage(image), frame.detections, canvas);
   outputs_.image.publish(toImage(message->header, "bgr8", canvas));
 }
 

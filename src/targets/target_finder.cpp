@@ -146,7 +146,7 @@ std::vector<Candidate> inOrder(std::vector<Candidate> by_votes, const Sequence& 
 struct TargetFinder::Impl {
   explicit Impl(const TargetFinderOptions& o)
       : options(o),
-        frame(o),
+        frame(std::make_unique<SearchedFrame>(o)),
         check_extractor(checkOptions(o)),
         store(options),
         search(options, store) {
@@ -171,7 +171,7 @@ struct TargetFinder::Impl {
   const TargetFrame& find(Clock::time_point start);
 
   TargetFinderOptions options;
-  SearchedFrame frame;
+  std::unique_ptr<SearchedFrame> frame;
   OrbExtractor check_extractor;
   targets::TargetStore store;
   targets::FrameSearch search;
@@ -310,7 +310,7 @@ void TargetFinder::Impl::searchMissing() {
   for (const Track& track : sequence.tracks.missing()) {
     StoredTarget* target = store.find(track.target->id);
     search.searchNear(*target, track.picture, targets::predicted(track),
-                      frame.scale() * kSearchRadius, found);
+                      frame->scale() * kSearchRadius, found);
   }
 }
 
@@ -318,7 +318,7 @@ void TargetFinder::Impl::publish() {
   answer.detections.clear();
   const std::vector<std::uint8_t> is_doubtful = targets::conflicts(found, store);
   for (std::size_t i = 0; i < found.size(); ++i) {
-    DetectedTarget detection = detectionOf(found[i], track_of[i], frame, store);
+    DetectedTarget detection = detectionOf(found[i], track_of[i], *frame, store);
     if (is_doubtful[i] != 0) detection.status = Status::model_rejected;
     answer.detections.push_back(std::move(detection));
   }
@@ -342,24 +342,24 @@ bool TargetFinder::Impl::wantsSmall() const {
 /// were searched, and coarser than the picture's.
 void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
-  if (frame.own().empty() || !(frame.scale() < 1.0)) return;
+  if (frame->own().empty() || !(frame->scale() < 1.0)) return;
   const TargetPicture& picture = store.picture(one.picture);
-  UncertainHomography estimate = homography::chained({frame.toFrame()}, one.found.estimate);
+  UncertainHomography estimate = homography::chained({frame->toFrame()}, one.found.estimate);
   const Eigen::Vector2d middle(0.5 * picture.image.cols, 0.5 * picture.image.rows);
   const Eigen::Matrix2d stretch = homography::jacobianByPoint(estimate.homography, middle);
   if (stretch.determinant() > kMostStretch * kMostStretch) return;
   PointPairs pairs;
-  if (!aligner.align(picture, frame.own(), estimate, pairs)) return;
-  const Eigen::Matrix3d to_searched = frame.toFrame().inverse();
+  if (!aligner.align(picture, frame->own(), estimate, pairs)) return;
+  const Eigen::Matrix3d to_searched = frame->toFrame().inverse();
   one.found.estimate = homography::chained({to_searched}, estimate);
   for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);
   one.found.pairs = std::move(pairs);
 }
 
 const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
-  const Features& given = frame.features();
+  const Features& given = frame->features();
   targets::Tracks& tracks = sequence.tracks;
-  tracks.setScale(frame.scale());
+  tracks.setScale(frame->scale());
   answer.search = {};
   answer.search.known = store.targets().size();
   answer.search.features = given.size();
@@ -442,7 +442,7 @@ std::string TargetFinder::ambiguity(const std::string& id) const {
 const TargetFrame& TargetFinder::find(const cv::Mat& image) {
   const Clock::time_point start = Clock::now();
   ++impl_->sequence.number;
-  impl_->frame.set(image, impl_->wantsSmall());
+  impl_->frame->set(image, impl_->wantsSmall());
   return impl_->find(start);
 }
 
@@ -454,15 +454,19 @@ const TargetFrame& TargetFinder::find(const Features& features) {
                                 toString(impl_->options.orb.descriptor));
   }
   ++impl_->sequence.number;
-  impl_->frame.set(features);
+  impl_->frame->set(features);
   return impl_->find(Clock::now());
 }
 
 const TargetFrame& TargetFinder::findAlone(const cv::Mat& image) {
   const Sequence followed = std::exchange(impl_->sequence, {});
+  // With buffers of its own, which may be large.
+  std::unique_ptr<SearchedFrame> of_sequence =
+      std::exchange(impl_->frame, std::make_unique<SearchedFrame>(impl_->options));
   const double search_ms = std::exchange(impl_->options.search_ms, kUnlimited);
   const auto restore = [&] {
     impl_->sequence = followed;
+    impl_->frame = std::move(of_sequence);
     impl_->options.search_ms = search_ms;
   };
   try {

@@ -4,17 +4,20 @@
 #include "messages/frame_maker.h"
 #include "messages/camera.h"
 
+#include <cv_bridge/cv_bridge.h>
 #include <gtest/gtest.h>
 
 #include <boost/make_shared.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <functional>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "messages/image_conversion.h"
+#include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
 
 namespace ktgp_orb {
@@ -115,6 +118,40 @@ sensor_msgs::CameraInfo calibrated() {
   info.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
   info.P = {450.0, 0.0, 322.0, 0.0, 0.0, 460.0, 242.0, 0.0, 0.0, 0.0, 1.0, 0.0};
   return info;
+}
+
+TEST(MatcherOverlay, HasTheColoursOfTheCamera) {
+  cv::Mat grey(240, 320, CV_8UC1);
+  cv::RNG(1).fill(grey, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(grey, grey, {}, 2.0);
+  const cv::Mat dark = 0.2 * grey;
+  cv::Mat red;
+  cv::merge(std::vector<cv::Mat>{dark, dark, grey}, red);
+  for (const OverlayStyle style : {OverlayStyle::flow, OverlayStyle::side_by_side}) {
+    Configuration configuration = configurationFrom(Parameters(), 0);
+    configuration.overlay_style = style;
+    MessageMatcher matcher(configuration);
+    for (int i = 0; i < 2; ++i) {
+      const sensor_msgs::ImagePtr message = toImage({}, "bgr8", red);
+      message->header.stamp = ros::Time(1 + i);
+      message->header.frame_id = "camera";
+      matcher.process(message);
+      const sensor_msgs::ImageConstPtr overlay = matcher.overlay(message);
+      EXPECT_EQ(overlay->header.stamp, message->header.stamp);
+      EXPECT_EQ(overlay->header.frame_id, "camera");
+      const cv::Mat picture = cv_bridge::toCvShare(overlay)->image;
+      const cv::Scalar mean =
+          cv::mean(picture(cv::Rect(picture.cols - 40, picture.rows - 40, 40, 40)));
+      EXPECT_GT(mean[2], mean[0] + 10.0) << toString(style) << i;
+    }
+  }
+  MessageMatcher matcher(configurationFrom(Parameters(), 0));
+  cv::Mat deep;
+  red.convertTo(deep, CV_16U, 16.0);
+  const sensor_msgs::ImageConstPtr message = toImage({}, "bgr16", deep);
+  matcher.process(message);
+  EXPECT_GT(cv::mean(cv_bridge::toCvShare(matcher.overlay(message))->image)[0], 40.0)
+      << "12 bits are stretched";
 }
 
 TEST(Lens, IsThatOfTheCameraInfo) {

@@ -251,6 +251,37 @@ TEST(Sizes, ThatDoNotFitAreRefused) {
   EXPECT_THROW(greyImage(odd), RefusedImage);
 }
 
+std::string refusalOf(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const RefusedImage& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Sizes, OfARequestAreBoundedOneByOneAndTogether) {
+  sensor_msgs::Image image;
+  image.width = image.height = 8000;
+  std::vector<sensor_msgs::Image> images(1, image);
+  EXPECT_NO_THROW(requireSmall("the image", image));
+  EXPECT_NO_THROW(requireSmall("the images", images));
+  images.emplace_back();
+  images.back().width = images.back().height = 1000;
+  EXPECT_EQ(refusalOf([&] { requireSmall("the images", images); }),
+            "the images are 2 with 65 megapixels; expected 64 images with 64 megapixels at most");
+  image.width = 8001;
+  EXPECT_NE(refusalOf([&] { requireSmall("the image", image); }).find("the image is 8001x8000"),
+            std::string::npos);
+  images.assign(65, sensor_msgs::Image());
+  EXPECT_NE(refusalOf([&] {
+              requireSmall("the images", images);
+            }).find("the images are 65 with 0 megapixels"),
+            std::string::npos);
+  images.resize(64);
+  EXPECT_NO_THROW(requireSmall("the images", images));
+}
+
 TEST(Files, OfSixteenBitsAreConvertedAsMessagesAre) {
   cv::Mat twelve_bits;
   grey().convertTo(twelve_bits, CV_16U, 16.0);

@@ -6,8 +6,10 @@ import tempfile
 import threading
 import time
 import unittest
+import xmlrpc.client
 
 import numpy as np
+import rosgraph
 import rospy
 from sensor_msgs.msg import Image
 
@@ -103,6 +105,28 @@ def no_delay(publisher):
     """Whether the subscribers' connections have TCP_NODELAY, as each requested."""
     return {connection.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
             for connection in publisher.impl.connections}
+
+
+class Memory:
+    """Of the process of a node, MB: what it holds, and the most since begin()."""
+
+    def __init__(self, node):
+        uri = rosgraph.Master('/memory').lookupNode(node)
+        self._process = '/proc/%d/' % xmlrpc.client.ServerProxy(uri).getPid('/memory')[2]
+
+    def _read(self, name):
+        with open(self._process + 'status') as status:
+            return int(next(line for line in status if line.startswith(name)).split()[1]) / 1024.0
+
+    def begin(self):
+        with open(self._process + 'clear_refs', 'w') as file:
+            file.write('5')
+
+    def held(self):
+        return self._read('VmRSS')
+
+    def most(self):
+        return self._read('VmHWM')
 
 
 class FolderCase(unittest.TestCase):

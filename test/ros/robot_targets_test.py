@@ -16,7 +16,7 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Recorder, image_message, texture, wait_for_diagnostics, wait_until
+from ktgp_testing import Camera, Memory, Recorder, image_message, texture, wait_for_diagnostics, wait_until
 from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
@@ -187,8 +187,28 @@ class TargetsTest(unittest.TestCase):
         for answer in (self.detect(huge, CameraInfo()), self.add('huge', [huge], 0.0, '')):
             self.assertFalse(answer.success)
             self.assertIn('is 9000x8000 (72 megapixels); expected 64 at most', answer.message)
+        answer = self.add('many', [Image(width=8000, height=5000)] * 2, 0.0, '')
+        self.assertIn('the images of the target are 2 with 80 megapixels; expected 64 images with 64 megapixels at '
+                      'most', answer.message)
         answer = self.add(300 * 'x', [image_message(OTHER, now())], 0.0, '')
         self.assertIn('the id has 300 bytes; expected at most 256', answer.message)
+
+    def test_a_request_gives_its_memory_back(self):
+        """SECURITY.md: 30 bytes for each of its pixels at most, and next to nothing stays."""
+        memory = Memory('/manager')
+        large = image_message(np.tile(POSTER, (20, 15))[:6000, :6000], now())
+        for name, request in (('detect', lambda: self.detect(large, CameraInfo())),
+                              ('add', lambda: self.add('large', [large], 0.0, ''))):
+            memory.begin()
+            before = memory.held()
+            for _ in range(2):
+                answer = request()
+                self.remove('large')
+            self.send(rendered(K))
+            most, rest = memory.most() - before, memory.held() - before
+            print('%s: %.0f MB at most, %.0f MB stay: %s' % (name, most, rest, answer.message))
+            self.assertLess(most, 30 * 36)
+            self.assertLess(rest, 36)
 
     def test_ids_do_not_forge_lines_of_the_log(self):
         log = Recorder('/rosout', Log)

@@ -2,6 +2,7 @@
 import importlib.util
 import os
 import pathlib
+import re
 import subprocess
 import unittest
 
@@ -25,6 +26,17 @@ class Help(unittest.TestCase):
                 self.assertNotIn("installing", output)
                 self.assertNotIn("Traceback", output)
                 self.assertNotIn("#!", output)
+
+    def test_the_debian_packages_say_what_each_is_for(self):
+        control = (ROOT / "debian/control").read_text()
+        packages = dict(re.findall(r"^Package: (\S+)\n(.*?)(?=^Package: |\Z)", control, re.MULTILINE | re.DOTALL))
+        titles = {re.search("^Description: (.*)", text, re.MULTILINE).group(1) for text in packages.values()}
+        self.assertEqual(len(titles), len(packages))
+        for words in ("matcher", "mosaic", "stabilizer", "flat targets", "motion above the ground"):
+            self.assertIn(words, packages["ros-ktgp-orb"].replace("\n ", " "))
+        pages = dict(re.findall(r'page (ktgp_\w+) "(.*?)"', (ROOT / "debian/rules").read_text()))
+        self.assertGreaterEqual(len(pages), 5)
+        self.assertEqual(len(set(pages.values())), len(pages))
 
 
 if __name__ == "__main__":
