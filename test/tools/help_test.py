@@ -38,6 +38,16 @@ class Help(unittest.TestCase):
         self.assertGreaterEqual(len(pages), 5)
         self.assertEqual(len(set(pages.values())), len(pages))
 
+    def test_every_bound_of_security_has_its_test(self):
+        rows = re.findall(r"^\| (.*) \| (.*) \| (.*) \|$", (ROOT / "SECURITY.md").read_text(), re.MULTILINE)[2:]
+        self.assertGreater(len(rows), 8)
+        known = {path.name.split(".")[0] for path in (ROOT / "test").rglob("*_test.*")}
+        for what, _, tests in rows:
+            names = [name.replace("long_", "") for name in re.findall("`(.*?)`", tests)]
+            self.assertTrue(names, what)
+            for name in names:
+                self.assertTrue({name, name + "_test"} & known, what + ": " + name)
+
 
 if __name__ == "__main__":
     unittest.main()
