@@ -6,6 +6,8 @@
 #include <opencv2/core/eigen.hpp>
 #include <stdexcept>
 
+#include "ktgp_orb/two_view.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -48,13 +50,6 @@ void shrink(const sensor_msgs::CameraInfo& info, cv::Matx33d& camera) {
   }
 }
 
-cv::Size imageSize(const sensor_msgs::CameraInfo& info) {
-  const std::uint32_t width = info.roi.width > 0 ? info.roi.width : info.width;
-  const std::uint32_t height = info.roi.height > 0 ? info.roi.height : info.height;
-  return {static_cast<int>(width / std::max(1U, info.binning_x)),
-          static_cast<int>(height / std::max(1U, info.binning_y))};
-}
-
 /// Whether the lens moves no point.
 bool isStraight(const LensCalibration& lens) {
   const bool distorts = std::any_of(lens.distortion.begin(), lens.distortion.end(),
@@ -64,6 +59,13 @@ bool isStraight(const LensCalibration& lens) {
 }
 
 }  // namespace
+
+cv::Size imageSize(const sensor_msgs::CameraInfo& info) {
+  const std::uint32_t width = info.roi.width > 0 ? info.roi.width : info.width;
+  const std::uint32_t height = info.roi.height > 0 ? info.roi.height : info.height;
+  return {static_cast<int>(width / std::max(1U, info.binning_x)),
+          static_cast<int>(height / std::max(1U, info.binning_y))};
+}
 
 Pixels pixelsFrom(const std::string& name, const std::string& image_topic) {
   if (name == "raw") return Pixels::raw;
@@ -125,6 +127,16 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   cv::cv2eigen(calibration.rectified_camera, found.camera);
   if (pixels == Pixels::raw) found.lens = lens;
   return found;
+}
+
+PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
+                          const cv::Size& image_size) {
+  const PixelCamera camera = pixelCamera(info, pixels, image_size);
+  TwoViewInput input;
+  input.reference_camera = camera.camera;
+  input.reference_size = input.target_size = image_size;
+  estimateTwoView({}, {}, input);  // refuses it here rather than with every frame
+  return camera;
 }
 
 }  // namespace ktgp_orb

@@ -35,6 +35,14 @@ struct PixelCamera {
 PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                         const cv::Size& image_size);
 
+/// The same for the two-view geometry. Throws for a K that it refuses, too, for example with a
+/// principal point outside of the image.
+PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
+                          const cv::Size& image_size);
+
+/// The size of the images that a camera_info describes, px.
+cv::Size imageSize(const sensor_msgs::CameraInfo& info);
+
 /// The lens for raw images of the camera, for any size. Throws as pixelCamera.
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
 

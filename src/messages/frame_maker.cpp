@@ -67,7 +67,7 @@ void FrameMaker::setCamera(Frame& frame) {
     camera_size_ = frame.image.size();
     camera_.reset();
     try {
-      camera_ = pixelCamera(*view_.camera, view_.pixels, camera_size_);
+      camera_ = twoViewCamera(*view_.camera, view_.pixels, camera_size_);
     } catch (const std::invalid_argument&) {
       return;
     }

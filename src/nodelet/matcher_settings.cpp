@@ -1,6 +1,5 @@
 #include "nodelet/matcher_settings.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -66,11 +65,7 @@ bool MatcherSettings::setCamera(const sensor_msgs::CameraInfoConstPtr& info, std
   };
   if (camera_ && content(*camera_) == content(*info) && configuration_.view.camera) return false;
   try {
-    const cv::Size size(static_cast<int>(info->roi.width > 0 ? info->roi.width : info->width),
-                        static_cast<int>(info->roi.height > 0 ? info->roi.height : info->height));
-    pixelCamera(*info, configuration_.view.pixels,
-                {size.width / std::max(1, static_cast<int>(info->binning_x)),
-                 size.height / std::max(1, static_cast<int>(info->binning_y))});
+    twoViewCamera(*info, configuration_.view.pixels, imageSize(*info));
   } catch (const std::exception& error) {
     problem = error.what();
   }

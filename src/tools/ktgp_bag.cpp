@@ -250,8 +250,8 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
   if (kindOf(bag) == InputKind::bag) {
     try {
       const sensor_msgs::CameraInfo info = readCameraInfo(bag, topic);
-      lensFrom(info);  // refuses what cannot be used
       configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
+      twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
       return;
     } catch (const std::exception& error) {

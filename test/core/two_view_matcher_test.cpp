@@ -264,6 +264,16 @@ TEST(TwoViewOfMatcher, ASequenceKnowsItsCamera) {
     EXPECT_LT(directionError(match.match.two_view.view.pose, motion()), 0.02);
     EXPECT_FALSE(match.accumulated);
   }
+  // A frame of the pool does not remember the camera of the frame that it was.
+  for (int i = 2; i < 12; ++i) {
+    const FramePtr frame = sequence.newFrame();
+    EXPECT_FALSE(frame->camera) << i;
+    frame->stamp = i * 100000000;
+    frame->image = images[i % 2];
+    const SequenceMatch& match = sequence.match(frame);
+    EXPECT_EQ(match.match.geometry, Geometry::epipolar);
+    EXPECT_TRUE(match.match.two_view.view.pose.translation.isZero(0.0));
+  }
 }
 
 }  // namespace

@@ -118,6 +118,11 @@ class TwoViewTest(unittest.TestCase):
         self.info.publish(information(k=0 * K, p=0 * K))
         wait_until(lambda: not self.views.wait_for(self.match()).has_pose, 'the camera_info is in')
         wait_for_diagnostics(self.diagnostics, 'the camera is not calibrated', self.match)
+        beside = K.copy()
+        beside[0, 2] = 900.0
+        self.info.publish(information(k=beside))
+        wait_for_diagnostics(self.diagnostics, 'does it belong to another image size?', self.match)
+        self.assertFalse(self.views.wait_for(self.match()).has_pose)
 
 
 if __name__ == '__main__':

@@ -15,6 +15,8 @@ void empty(Frame& frame) {
   frame.encoding.clear();
   frame.mask.release();
   frame.lens.reset();
+  frame.camera.reset();
+  frame.camera_lens.reset();
   frame.features.keypoints.clear();
   releaseIfShared(frame.features.descriptors);
   if (!frame.features.descriptors.empty()) frame.features.descriptors.resize(0);
