@@ -197,6 +197,11 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_find second.png targets.yaml --draw found.png --json found.json',
     'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
         'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
+    'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1,3,6':
+        Skipped('needs a recording with known cameras; the test of ktgp_evaluate has one'),
+    'rosrun ktgp_orb ktgp_evaluate --two-view fountain-P11 Herz-Jesus-P25 --apart 1,2 --descriptor teblid '
+    '--features 3000 --fast_threshold 10':
+        Skipped('needs pictures with known cameras'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
         'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 0.1 --duration 60',
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv':
