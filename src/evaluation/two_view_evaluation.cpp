@@ -421,7 +421,7 @@ PoseEvaluator::PoseEvaluator(const PipelineOptions& options,
                                     [&](const auto& method) { return method.first == name; });
     if (found == all.end()) {
       std::string names;
-      for (const std::string& known : methodNames()) names += " " + known;
+      for (const std::string& known : methodNames()) names.append(" ").append(known);
       throw std::invalid_argument("there is no method " + name + " of two views; expected one of" +
                                   names);
     }

@@ -70,7 +70,7 @@ Pose3 poseOf(const geometry_msgs::Pose& pose) {
 }
 
 Covariance6 covarianceOf(const geometry_msgs::PoseWithCovariance& pose) {
-  const Covariance6 covariance = Eigen::Map<const RowMajor6>(pose.covariance.data());
+  Covariance6 covariance = Eigen::Map<const RowMajor6>(pose.covariance.data());
   if (!covariance.allFinite()) {
     throw std::invalid_argument("the covariance has a number that is not finite");
   }
