@@ -77,7 +77,6 @@ COMMANDS = {
         'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png',
     'scripts/test -L long -R motion': TOO_LONG,
     'dev/check_platform bullseye': TOO_LONG,
-    'dev/check_platform trixie': TOO_LONG,
     'dev/check_platform --without-tests trixie': IN_CI,
     'dev/check_platform bookworm': IN_CI,
     'dev/check_workspace': IN_CI,
