@@ -420,10 +420,10 @@ PoseEvaluator::PoseEvaluator(const PipelineOptions& options,
     const auto found = std::find_if(all.begin(), all.end(),
                                     [&](const auto& method) { return method.first == name; });
     if (found == all.end()) {
-      std::string names;
-      for (const std::string& known : methodNames()) names.append(" ").append(known);
-      throw std::invalid_argument("there is no method " + name + " of two views; expected one of" +
-                                  names);
+      std::string error = "there is no method ";
+      error.append(name).append(" of two views; expected one of");
+      for (const std::string& known : methodNames()) error.append(" ").append(known);
+      throw std::invalid_argument(error);
     }
     impl_->runs.push_back(found->second(options));
   }

@@ -131,7 +131,7 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 
 PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
                           const cv::Size& image_size) {
-  const PixelCamera camera = pixelCamera(info, pixels, image_size);
+  PixelCamera camera = pixelCamera(info, pixels, image_size);
   TwoViewInput input;
   input.reference_camera = camera.camera;
   input.reference_size = input.target_size = image_size;

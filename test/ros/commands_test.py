@@ -112,6 +112,8 @@ COMMANDS = {
     'scripts/test -L long -R faults': TOO_LONG,
     'scripts/test -L long -R verdict': TOO_LONG,
     'scripts/test -L long -R targets': TOO_LONG,
+    'scripts/test -L long -R long_flood': TOO_LONG,
+    'test/long/flood_test.py SECONDS': TOO_LONG,
     'scripts/test -L long -R long_soak': IN_CI,
     'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak': TOO_LONG,
     'scripts/test -L long -R targets_soak': TOO_LONG,

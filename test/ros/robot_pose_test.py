@@ -7,6 +7,7 @@ import sys
 import unittest
 
 import cv2
+import numpy as np
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -24,7 +25,7 @@ from tf2_msgs.msg import TFMessage
 # picture, camera_info, kind of the image
 RIGHT = {
     'pinhole': (lambda: rendered(K), information(), 'by_name'),
-    'K counts for raw images, not P': (lambda: rendered(K), information(p=3 * K), 'by_name'),
+    'K counts for raw images, not P': (lambda: rendered(K), information(p=np.diag((3.0, 3.0, 1.0)) @ K), 'by_name'),
     'distortion': (lambda: rendered(K, BARREL), information(distortion=BARREL), 'by_name'),
     'distortion, another P': (lambda: rendered(K, BARREL),
                               information(distortion=BARREL, p=WIDE_P), 'by_name'),

@@ -99,7 +99,7 @@ class SlidersTest(unittest.TestCase):
     def test_a_wide_range_is_logarithmic(self):
         window, values, _ = self.open(GroundMotionConfig, 'ground_motion')
         row = window.rows['height']
-        low, high = 0.001, 10000.0
+        low, high = 0.001, 200.0
         for share in (0.25, 0.5, 0.75):
             row.slider.set(share)
             expected = low * (high / low) ** (share)

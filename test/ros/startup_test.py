@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -30,7 +31,8 @@ def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=())
     are lost."""
     process = subprocess.Popen(
         ['roslaunch', 'ktgp_orb'] + list(arguments),
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+        env=dict(os.environ, PYTHONUNBUFFERED='1'))
     lines = []
 
     def read():

@@ -39,7 +39,7 @@ class Help(unittest.TestCase):
         self.assertEqual(len(set(pages.values())), len(pages))
 
     def test_every_bound_of_security_has_its_test(self):
-        rows = re.findall(r"^\| (.*) \| (.*) \| (.*) \|$", (ROOT / "SECURITY.md").read_text(), re.MULTILINE)[2:]
+        rows = re.findall(r"^\| (.*) \| (.*) \| (.*) \|$", (ROOT / "SECURITY.md").read_text(), re.MULTILINE)[1:]
         self.assertGreater(len(rows), 8)
         known = {path.name.split(".")[0] for path in (ROOT / "test").rglob("*_test.*")}
         for what, _, tests in rows:
