@@ -66,6 +66,21 @@ TEST(Alignment, RecoversTranslationsToAFiftiethOfAPixel) {
   }
 }
 
+// Samples between pixels were cut to 1/256 px, and all patches displaced by half of that. An exact
+// start, whose samples lie on pixels, does not show it.
+TEST(Alignment, AnInexactStartDisplacesNothing) {
+  const Eigen::Matrix3d truth = translation(2.0, -1.0);
+  for (const unsigned seed : {1U, 2U, 3U}) {
+    const AlignmentScene scene = planeScene(seed, truth);
+    const AlignmentResult result = align(scene, truth * turn(0.05, 1.0005));
+    ASSERT_EQ(result.status, AlignmentStatus::ok);
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (const AlignedPoint& p : result.points) mean += p.target - test::apply(truth, p.reference);
+    mean /= static_cast<double>(result.points.size());
+    EXPECT_LT(mean.cwiseAbs().maxCoeff(), 0.0006) << mean.transpose();
+  }
+}
+
 // The sums are in single precision; the documented range is 0.5 to 1.
 TEST(Alignment, NoCorrelationIsAboveOne) {
   const auto faint = [](double grey) { return 0.2 * grey + 180.0; };

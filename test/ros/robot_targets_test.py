@@ -156,7 +156,7 @@ class TargetsTest(unittest.TestCase):
         self.assertEqual(self.send(picture).known, 0)
 
     def test_images_flow_while_services_work(self):
-        """Of requests that take seconds, on images of 36 megapixels."""
+        """Between two requests on images of 36 megapixels. One request, of four, is all that they wait for."""
         large = image_message(np.tile(POSTER, (20, 15))[:6000, :6000], now())
         picture = rendered(K)
         self.send(picture)
@@ -180,7 +180,7 @@ class TargetsTest(unittest.TestCase):
         print('%d of %d images were searched meanwhile, at most %d in a row were not'
               % (len(answered), len(stamps), max(map(len, runs))))
         self.assertEqual(len(calls), 4)
-        self.assertLess(max(map(len, runs)), 0.2 * len(stamps))
+        self.assertLess(max(map(len, runs)), 0.4 * len(stamps))
 
     def test_requests_that_are_too_large_are_refused(self):
         huge = Image(width=9000, height=8000, encoding='mono8', step=9000)

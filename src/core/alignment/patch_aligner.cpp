@@ -124,8 +124,15 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
   const int y = static_cast<int>(centre.y());
   const Eigen::Vector2d first =
       centre - Eigen::Vector2d(x, y) - back * Eigen::Vector2d(kFirst, kFirst);
-  const AffineWalk walk{fixed(first.x()),  fixed(first.y()),  fixed(back(0, 0)),
-                        fixed(back(1, 0)), fixed(back(0, 1)), fixed(back(1, 1))};
+  // The samples' positions are cut to 1/256 px; half of that makes it rounding. Without it all
+  // patches are displaced by 1/512 px, the same way in every frame.
+  constexpr std::int32_t kHalfStep = 128;
+  const AffineWalk walk{fixed(first.x()) + kHalfStep,
+                        fixed(first.y()) + kHalfStep,
+                        fixed(back(0, 0)),
+                        fixed(back(1, 0)),
+                        fixed(back(0, 1)),
+                        fixed(back(1, 1))};
   kernels_.warp(level.ptr<std::uint8_t>(y) + x, static_cast<std::ptrdiff_t>(level.step), walk,
                 patch_);
   sums_ = kernels_.prepare(patch_, template_);
