@@ -105,104 +105,123 @@ Eigen::Matrix3d moved(const cv::Size& size, double degrees, double zoom, double 
   return h / h(2, 2);
 }
 
-class SlowCamera : public testing::TestWithParam<const char*> {
- protected:
-  const cv::Size size_{640, 480};
+const cv::Size kSize(640, 480);
 
-  UncertainHomography match(SequenceMatcher& matcher, const cv::Mat& reference,
-                            const cv::Mat& target) {
-    matcher.reset();
-    matcher.match(reference, 0.0);
-    const SequenceMatch& found = matcher.match(target, 0.03);
-    EXPECT_EQ(found.match.status, Status::ok);
-    EXPECT_EQ(found.match.alignment.status, AlignmentStatus::ok);
-    return found.match.answer;
+/// The presets on the same images, which take longer to draw than to match.
+class Presets {
+ public:
+  explicit Presets(bool aligned) : aligned_(aligned) {
+    for (const char* name : {"ktgp", "video", "robust", "teblid"}) {
+      SequenceOptions options = optionsOf(name);
+      options.matcher.alignment.enabled = aligned;
+      presets_.push_back({name, SequenceMatcher(options), Errors(kSize)});
+    }
   }
+
+  void add(const cv::Mat& reference, const cv::Mat& target, const Eigen::Matrix3d& truth) {
+    for (Preset& preset : presets_) {
+      SCOPED_TRACE(preset.name);
+      preset.matcher.reset();
+      preset.matcher.match(reference, 0.0);
+      const auto& found = preset.matcher.match(target, 0.03).match;
+      ASSERT_EQ(found.status, Status::ok);
+      if (aligned_) EXPECT_EQ(found.alignment.status, AlignmentStatus::ok);
+      preset.errors.add(found.answer, truth);
+    }
+  }
+
+  /// Calls `check` with the errors of each preset.
+  template <typename Check>
+  void forEach(const Check& check) const {
+    for (const Preset& preset : presets_) {
+      SCOPED_TRACE(preset.name);
+      const Errors& e = preset.errors;
+      std::printf("%s: median %.4f px, largest %.4f, e'S^-1 e %.2f, within %.3f\n", preset.name,
+                  e.median(), e.largest(), e.medianSquaredDeviation(), e.within());
+      check(e);
+    }
+  }
+
+ private:
+  struct Preset {
+    const char* name;
+    SequenceMatcher matcher;
+    Errors errors;
+  };
+  bool aligned_;
+  std::vector<Preset> presets_;
 };
 
 // Every picture has three of the shifts 0, 0.05, ... 1.5 px, each in another direction.
-TEST_P(SlowCamera, ShiftsAreMeasuredToAFiftiethOfAPixel) {
-  SequenceMatcher matcher(optionsOf(GetParam()));
-  const Pictures pictures(size_);
-  const double noises[] = {1.5, 4.0};
-  Errors errors[] = {Errors(size_), Errors(size_)};
+TEST(SlowCamera, ShiftsAreMeasuredToAFiftiethOfAPixel) {
+  const Pictures pictures(kSize);
+  Presets little(true);
+  Presets much(true);
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     const FinePicture picture = pictures[i];
+    const cv::Mat before = picture.moved(0, 0);
     for (int length = static_cast<int>(i) % 11; length <= 30; length += 11) {
       const double direction = 2.1 * static_cast<double>(i) + 0.4 * length;
       const int x = static_cast<int>(std::lround(length * std::cos(direction)));
       const int y = static_cast<int>(std::lround(length * std::sin(direction)));
       const auto truth = translation(double(x) / kFine, double(y) / kFine);
-      const cv::Mat before = picture.moved(0, 0);
       const cv::Mat after = picture.moved(x, y);
-      for (std::size_t k = 0; k < 2; ++k) {
-        const cv::Mat reference = withNoise(before, noises[k], 2 * i);
-        const cv::Mat target = withNoise(after, noises[k], 1000 * i + 2 * x + y + 1);
-        errors[k].add(match(matcher, reference, target), truth);
-      }
+      const auto seed = 1000 * i + 2 * x + y + 1;
+      little.add(withNoise(before, 1.5, 2 * i), withNoise(after, 1.5, seed), truth);
+      much.add(withNoise(before, 4.0, 2 * i), withNoise(after, 4.0, seed), truth);
     }
   }
-  for (std::size_t k = 0; k < 2; ++k) {
-    std::printf("%s, noise %g: median %.4f px, largest %.4f, e'S^-1 e %.2f, within %.3f\n",
-                GetParam(), noises[k], errors[k].median(), errors[k].largest(),
-                errors[k].medianSquaredDeviation(), errors[k].within());
-    EXPECT_LT(errors[k].median(), k == 0 ? 0.02 : 0.05);
-    EXPECT_LT(errors[k].largest(), k == 0 ? 0.06 : 0.15);
-    EXPECT_GT(errors[k].medianSquaredDeviation(), 0.5);
-    EXPECT_LT(errors[k].medianSquaredDeviation(), 3.0);
-    EXPECT_GT(errors[k].within(), 0.97);
-  }
+  const auto check = [](double median, double largest) {
+    return [median, largest](const Errors& errors) {
+      EXPECT_LT(errors.median(), median);
+      EXPECT_LT(errors.largest(), largest);
+      EXPECT_GT(errors.medianSquaredDeviation(), 0.5);
+      EXPECT_LT(errors.medianSquaredDeviation(), 3.0);
+      EXPECT_GT(errors.within(), 0.97);
+    };
+  };
+  little.forEach(check(0.02, 0.06));
+  much.forEach(check(0.05, 0.15));
 }
 
-TEST_P(SlowCamera, TurnsZoomsAndTiltsAreMeasured) {
-  SequenceMatcher matcher(optionsOf(GetParam()));
-  Errors errors(size_);
-  const Pictures pictures(size_);
+TEST(SlowCamera, TurnsZoomsAndTiltsAreMeasured) {
+  Presets presets(true);
+  const Pictures pictures(kSize);
   for (std::size_t i = 0; i < std::min<std::size_t>(pictures.size(), 8); ++i) {
     const FinePicture picture = pictures[i];
     const cv::Mat reference = withNoise(picture.moved(0, 0), 1.5, i);
     const double turn[] = {0.02, 0.1, 0.2, 0.05};
     const double zoom[] = {1.0005, 1.0, 1.002, 1.001, 1.0};
     const double tilt[] = {2e-7, 0.0, -1e-6};
-    const Eigen::Matrix3d truth = moved(size_, turn[i % 4], zoom[i % 5], tilt[i % 3]);
-    const cv::Mat target = withNoise(picture.moved(truth), 1.5, 100 + i);
-    errors.add(match(matcher, reference, target), truth);
+    const Eigen::Matrix3d truth = moved(kSize, turn[i % 4], zoom[i % 5], tilt[i % 3]);
+    presets.add(reference, withNoise(picture.moved(truth), 1.5, 100 + i), truth);
   }
-  EXPECT_LT(errors.median(), 0.02);
-  EXPECT_LT(errors.largest(), 0.1);
-  EXPECT_LT(errors.medianSquaredDeviation(), 3.0);
-  EXPECT_GT(errors.within(), 0.96);
+  presets.forEach([](const Errors& errors) {
+    EXPECT_LT(errors.median(), 0.02);
+    EXPECT_LT(errors.largest(), 0.1);
+    EXPECT_LT(errors.medianSquaredDeviation(), 3.0);
+    EXPECT_GT(errors.within(), 0.96);
+  });
 }
 
-INSTANTIATE_TEST_SUITE_P(Presets, SlowCamera, testing::Values("ktgp", "video", "robust", "teblid"),
-                         [](const auto& info) { return std::string(info.param); });
-
 // Keypoints alone cannot measure what is less than half a pixel. They must say so.
-TEST(SlowCameraOfKeypoints, TheirCovarianceKnowsThatTheyLieOnWholePixels) {
-  const cv::Size size(640, 480);
-  for (const char* preset : {"ktgp", "robust"}) {
-    SequenceOptions options = optionsOf(preset);
-    options.matcher.alignment.enabled = false;
-    SequenceMatcher matcher(options);
-    Errors errors(size);
-    const Pictures pictures(size);
-    for (std::size_t i = 0; i < std::min<std::size_t>(pictures.size(), 8); ++i) {
-      const FinePicture picture = pictures[i];
-      const cv::Mat reference = withNoise(picture.moved(0, 0), 1.5, i);
-      for (int x = 0; x <= 30; x += 3) {
-        matcher.reset();
-        matcher.match(reference, 0.0);
-        const int y = x * 2 / 3;
-        const cv::Mat target = withNoise(picture.moved(-x, y), 1.5, 100 * i + x + 1);
-        const SequenceMatch& found = matcher.match(target, 0.03);
-        ASSERT_EQ(found.match.status, Status::ok);
-        errors.add(found.match.answer, translation(-double(x) / kFine, double(y) / kFine));
-      }
+TEST(SlowCamera, TheCovarianceOfKeypointsKnowsThatTheyLieOnWholePixels) {
+  Presets presets(false);
+  const Pictures pictures(kSize);
+  for (std::size_t i = 0; i < std::min<std::size_t>(pictures.size(), 8); ++i) {
+    const FinePicture picture = pictures[i];
+    const cv::Mat reference = withNoise(picture.moved(0, 0), 1.5, i);
+    for (int x = 0; x <= 30; x += 3) {
+      const int y = x * 2 / 3;
+      presets.add(reference, withNoise(picture.moved(-x, y), 1.5, 100 * i + x + 1),
+                  translation(-double(x) / kFine, double(y) / kFine));
     }
-    EXPECT_GT(errors.within(), 0.95) << preset;
-    EXPECT_LT(errors.largest(), 3.0) << preset;
-    EXPECT_GT(errors.medianSquaredDeviation(), 0.1) << preset << ": too cautious";
   }
+  presets.forEach([](const Errors& errors) {
+    EXPECT_GT(errors.within(), 0.95);
+    EXPECT_LT(errors.largest(), 3.0);
+    EXPECT_GT(errors.medianSquaredDeviation(), 0.1) << "too cautious";
+  });
 }
 
 /// The sum of 60 steps, or the answer in fixed mode.
@@ -256,50 +275,54 @@ TEST(SlowPan, ItsStepsAddUp) {
 /// A camera that drifts over flat ground, 2 m below it, and looks straight down.
 class SlowFlight {
  public:
-  struct Errors {
-    Eigen::Vector2d mean = Eigen::Vector2d::Zero();  ///< of the velocity, m/s
-    double squared_deviations = 0.0;                 ///< mean e'S⁻¹e of the three velocities
-    int frames = 0;
-  };
+  explicit SlowFlight(double gyro_noise) : gyro_noise_(gyro_noise), ground_(options()) {}
 
-  explicit SlowFlight(double gyro_noise) : gyro_noise_(gyro_noise) {}
-
-  /// `x`, `y`: fine pixels that the ground moves from frame to frame.
-  Errors fly(const FinePicture& picture, int x, int y) {
-    SequenceMatcher matcher(optionsOf("video"));
-    GroundMotionOptions options;
-    options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
-    options.readout_time = 0.0;
-    GroundMotion ground(options);
-    const Eigen::Vector3d truth = velocity(x, y);
-    const int frames = std::min(60, 2 * FinePicture::kMargin * kFine / std::max(std::abs(x), y));
-    Errors errors;
-    for (int i = 0; i < frames; ++i) {
-      const int steps = i - frames / 2;
-      const auto seed = static_cast<std::uint64_t>(1000 * x + 100 * y + i);
-      const cv::Mat image = withNoise(picture.moved(steps * x, steps * y), 1.5, seed);
-      const GroundEstimate& estimate = ground.add(frameOf(matcher.match(image, i / kRate), i));
-      if (i < 2) continue;
-      EXPECT_EQ(estimate.status, GroundStatus::ok) << "frame " << i;
-      const Eigen::Vector3d error = estimate.twist.head<3>() - truth;
-      const Eigen::Matrix3d spread = estimate.twist_covariance.topLeftCorner<3, 3>();
-      errors.mean += error.head<2>();
-      errors.squared_deviations += error.dot(spread.inverse() * error);
-      ++errors.frames;
-    }
-    errors.mean /= errors.frames;
-    errors.squared_deviations /= errors.frames;
-    return errors;
+  void start() {
+    ground_.reset();
+    mean_.setZero();
+    squared_deviations_ = 0.0;
+    frames_ = 0;
   }
 
+  /// `image`: number `i`, which should show that velocity.
+  void add(const SequenceMatch& found, int i, const Eigen::Vector3d& truth) {
+    const GroundEstimate& estimate = ground_.add(frameOf(found, i));
+    if (i < 2) return;
+    EXPECT_EQ(estimate.status, GroundStatus::ok) << "frame " << i;
+    const Eigen::Vector3d error = estimate.twist.head<3>() - truth;
+    const Eigen::Matrix3d spread = estimate.twist_covariance.topLeftCorner<3, 3>();
+    mean_ += error.head<2>();
+    squared_deviations_ += error.dot(spread.inverse() * error);
+    ++frames_;
+  }
+
+  void check(double speed) const {
+    const double bias = mean_.norm() / frames_ / speed;
+    const double deviation = squared_deviations_ / frames_;
+    std::printf("gyro %g, %.4f m/s: bias %.2f %%, e'S^-1 e %.2f, %d frames\n", gyro_noise_, speed,
+                100.0 * bias, deviation, frames_);
+    EXPECT_LT(bias, 0.03) << speed << " m/s, gyro " << gyro_noise_;
+    EXPECT_GT(deviation, 1.5) << speed << " m/s, gyro " << gyro_noise_;
+    EXPECT_LT(deviation, 5.0) << speed << " m/s, gyro " << gyro_noise_;
+  }
+
+  /// `x`, `y`: fine pixels that the ground moves from frame to frame.
   static Eigen::Vector3d velocity(int x, int y) {
     return Eigen::Vector3d(-x, y, 0.0) / kFine * kHeight / kFocalLength * kRate;
   }
 
- private:
   static constexpr double kRate = 30.0;
+
+ private:
   static constexpr double kHeight = 2.0;
   static constexpr double kFocalLength = 600.0;
+
+  static GroundMotionOptions options() {
+    GroundMotionOptions options;
+    options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
+    options.readout_time = 0.0;
+    return options;
+  }
 
   GroundFrame frameOf(const SequenceMatch& found, int i) {
     const auto stamp = [](int number) { return std::llround(1e9 * (1 + number) / kRate); };
@@ -327,32 +350,38 @@ class SlowFlight {
   }
 
   double gyro_noise_;  // rad from frame to frame; 0: no gyroscope
+  GroundMotion ground_;
+  Eigen::Vector2d mean_ = Eigen::Vector2d::Zero();  // sum of the errors, m/s
+  double squared_deviations_ = 0.0;
+  int frames_ = 0;
   std::mt19937 random_{5};
   std::normal_distribution<double> normal_;
 };
 
 TEST(SlowFlight, VelocitiesFromHalfACentimetrePerSecondAreMeasured) {
-  const cv::Size size(640, 480);
-  const FinePicture picture = Pictures(size)[1];
-  for (const double gyro_noise : {0.0, 2e-5}) {
-    SlowFlight flight(gyro_noise);
-    for (const auto& [x, y] : {std::pair(1, 0), {2, 1}, {-3, 4}, {0, 8}, {-16, 12}}) {
-      const double speed = SlowFlight::velocity(x, y).norm();
-      const SlowFlight::Errors errors = flight.fly(picture, x, y);
-      std::printf("gyro %g, %.4f m/s: bias %.2f %%, e'S^-1 e %.2f, %d frames\n", gyro_noise, speed,
-                  100.0 * errors.mean.norm() / speed, errors.squared_deviations, errors.frames);
-      EXPECT_LT(errors.mean.norm(), 0.03 * speed) << speed << " m/s, gyro " << gyro_noise;
-      EXPECT_GT(errors.squared_deviations, 1.5) << speed << " m/s, gyro " << gyro_noise;
-      EXPECT_LT(errors.squared_deviations, 5.0) << speed << " m/s, gyro " << gyro_noise;
+  const FinePicture picture = Pictures(kSize)[1];
+  SlowFlight flights[] = {SlowFlight(0.0), SlowFlight(2e-5)};
+  SequenceMatcher matcher(optionsOf("video"));
+  for (const auto& [x, y] : {std::pair(1, 0), {2, 1}, {-3, 4}, {0, 8}, {-16, 12}}) {
+    const Eigen::Vector3d truth = SlowFlight::velocity(x, y);
+    matcher.reset();
+    for (SlowFlight& flight : flights) flight.start();
+    const int frames = std::min(60, 2 * FinePicture::kMargin * kFine / std::max(std::abs(x), y));
+    for (int i = 0; i < frames; ++i) {
+      const int steps = i - frames / 2;
+      const auto seed = static_cast<std::uint64_t>(1000 * x + 100 * y + i);
+      const cv::Mat image = withNoise(picture.moved(steps * x, steps * y), 1.5, seed);
+      const SequenceMatch& found = matcher.match(image, i / SlowFlight::kRate);
+      for (SlowFlight& flight : flights) flight.add(found, i, truth);
     }
+    for (const SlowFlight& flight : flights) flight.check(truth.norm());
   }
 }
 
 // A frozen camera: the same picture again and again. It may have moved by as little as rounded grey
 // values can hide.
 TEST(FrozenCamera, StandsStillWithinWhatItsImagesCanShow) {
-  const cv::Size size(640, 480);
-  const cv::Mat image = FinePicture::drawn(size, 5).moved(3, 7);
+  const cv::Mat image = FinePicture::drawn(kSize, 5).moved(3, 7);
   for (const char* preset : {"ktgp", "video", "robust", "teblid"}) {
     SequenceMatcher matcher(optionsOf(preset));
     matcher.match(image, 0.0);
@@ -361,7 +390,7 @@ TEST(FrozenCamera, StandsStillWithinWhatItsImagesCanShow) {
     EXPECT_EQ(found.match.alignment.status, AlignmentStatus::ok) << preset;
     const UncertainHomography& answer = found.match.answer;
     EXPECT_LT((answer.homography - Eigen::Matrix3d::Identity()).norm(), 1e-6) << preset;
-    for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
+    for (const Eigen::Vector2d& corner : homography::imageCorners(kSize, {})) {
       const auto slope = homography::jacobianByEntries(answer.homography, corner);
       const Eigen::Matrix2d spread = slope * answer.covariance * slope.transpose();
       EXPECT_GT(std::sqrt(spread.trace()), 2e-4) << preset;
