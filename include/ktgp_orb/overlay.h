@@ -29,9 +29,10 @@ const char* toString(OverlayStyle style);
 /// both). The colour shows the last stage that a match passed, in a palette for colour-blind people
 /// (Okabe & Ito, 2008): yellow = final, purple = removed by PROSAC, blue = by GMS, grey = by the
 /// ratio filter. In `flow` the final matches are strokes, the others dots, and a white outline is
-/// the border of the reference image mapped by the homography; side_by_side has it, too. Text and
-/// strokes scale with the image. A panel shows the status, a bar per stage, the milliseconds and
-/// the uncertainty of the corners. Throws std::invalid_argument for an image that is neither
+/// the border of the reference image mapped by the homography; side_by_side has it, too. Final
+/// matches of an epipolar geometry are green, with some white epipolar lines in the target. Text
+/// and strokes scale with the image. A panel shows the status, a bar per stage, the milliseconds
+/// and the uncertainty of the corners. Throws std::invalid_argument for an image that is neither
 /// CV_8UC1 nor CV_8UC3.
 void drawOverlay(const FrameView& reference, const FrameView& target, const MatchResult& result,
                  OverlayStyle style, cv::Mat& canvas);

@@ -72,6 +72,10 @@ struct Frame {
   /// Moves points of `image` to the pixels of `camera`; null: they are there.
   LensConstPtr camera_lens;
   Features features;
+  /// For each keypoint a number, >= 1, that no other keypoint of the sequence has but those that it
+  /// is matched to from frame to frame: a final match continues the track of its reference
+  /// keypoint. Set by SequenceMatcher::match; empty before.
+  std::vector<std::uint64_t> tracks;
   /// Options that `features` were found with. If the matcher's extractor has others, the features
   /// are found again in a new frame of the same image; this frame does not change. Without an image
   /// the features are used as they are.
@@ -114,6 +118,10 @@ struct SequenceMatch {
   /// Extraction and all stages, including those of matches that were not used.
   double total_milliseconds = 0.0;
 };
+
+/// Whether a match needs only the features of its two frames: not the motion or the answer of the
+/// frame before (search radius, two-view geometry), nor the views of the reference (growth).
+bool canMatchAhead(const MatcherOptions& options);
 
 /// A match computed in advance, for example in another thread, to save time later.
 struct MatchAhead {
@@ -159,7 +167,7 @@ class SequenceMatcher {
   const SequenceMatch& match(const Features& features, double seconds);
   /// The same for a frame, which is kept without a copy: do not change it until its use_count() is
   /// 1 again. If `ahead` is not null, it is used instead of a new match to the reference that it
-  /// names; not with a search radius, which needs the previous frame first.
+  /// names, if canMatchAhead says so.
   const SequenceMatch& match(const FramePtr& frame, MatchAhead* ahead = nullptr);
 
   /// An empty frame to fill for match() or setFixedReference(). Frames that are no longer in use

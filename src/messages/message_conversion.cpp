@@ -48,17 +48,20 @@ static_assert(int(AlignmentStatus::too_few_points) == MatchStatistics::ALIGNMENT
               "");
 static_assert(int(AlignmentStatus::not_better) == MatchStatistics::ALIGNMENT_NOT_BETTER, "");
 
-void append(const Correspondence& c, const cv::Point2f& reference, const cv::Point2f& target,
+void append(const Correspondence& c, const Frame& reference, const Frame& target,
             Correspondences& message) {
-  message.reference_x.push_back(reference.x);
-  message.reference_y.push_back(reference.y);
-  message.target_x.push_back(target.x);
-  message.target_y.push_back(target.y);
+  const cv::Point2f from = imagePoint(reference.features, c.reference_index);
+  const cv::Point2f to = imagePoint(target.features, c.target_index);
+  message.reference_x.push_back(from.x);
+  message.reference_y.push_back(from.y);
+  message.target_x.push_back(to.x);
+  message.target_y.push_back(to.y);
   message.distance.push_back(static_cast<std::uint16_t>(c.distance));
   message.ratio.push_back(static_cast<float>(c.ratio()));
   message.reference_index.push_back(static_cast<std::uint32_t>(c.reference_index));
   message.target_index.push_back(static_cast<std::uint32_t>(c.target_index));
   message.level.push_back(static_cast<std::uint8_t>(c.level));
+  message.track.push_back(target.tracks[static_cast<std::size_t>(c.target_index)]);
 }
 
 void reserve(std::size_t size, Correspondences& message) {
@@ -71,6 +74,7 @@ void reserve(std::size_t size, Correspondences& message) {
   message.reference_index.reserve(size);
   message.target_index.reserve(size);
   message.level.reserve(size);
+  message.track.reserve(size);
 }
 
 /// Mean and root mean square of the final matches' Hamming distances.
@@ -185,14 +189,10 @@ CorrespondencesPtr toCorrespondences(const MatchedFrame& frame) {
   message->rectified = target.lens != nullptr;
   const std::vector<Correspondence>& guided = match.match.guided;
   reserve(countAtLeast(match.match.correspondences, Level::kt) + guided.size(), *message);
-  for (const Correspondence& c : match.match.correspondences) {
-    if (c.level < Level::kt) continue;
-    append(c, imagePoint(reference.features, c.reference_index),
-           imagePoint(target.features, c.target_index), *message);
-  }
-  for (const Correspondence& c : guided) {
-    append(c, imagePoint(reference.features, c.reference_index),
-           imagePoint(target.features, c.target_index), *message);
+  for (const auto* list : {&match.match.correspondences, &guided}) {
+    for (const Correspondence& c : *list) {
+      if (c.level >= Level::kt) append(c, reference, target, *message);
+    }
   }
   appendAligned(match.match.alignment, message->level.size() - guided.size(), *message);
   return message;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <opencv2/core.hpp>
 
 namespace ktgp_orb::overlay {
@@ -10,5 +11,10 @@ void copyAsBgr(const cv::Mat& image, cv::Mat region);
 
 /// Reference left, target right; black below the shorter one.
 void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas);
+
+/// True for `chosen` of `count` indices, evenly spaced.
+inline bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
+  return (i + 1) * chosen / count != i * chosen / count;
+}
 
 }  // namespace ktgp_orb::overlay

@@ -1,6 +1,8 @@
 #include "overlay/flow.h"
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -32,8 +34,8 @@ void drawDots(const FrameView& target, const MatchResult& result, Level level, i
   for (const Correspondence& c : result.correspondences) {
     if (c.level != level) continue;
     const cv::Point2f& at = imagePoint(target.features, c.target_index);
-    cv::circle(canvas, subpixel(at), radius << kFractionBits, lookOf(level).colour, cv::FILLED,
-               cv::LINE_AA, kFractionBits);
+    cv::circle(canvas, subpixel(at), radius << kFractionBits, lookOf(level, result.geometry).colour,
+               cv::FILLED, cv::LINE_AA, kFractionBits);
   }
 }
 
@@ -44,9 +46,10 @@ void drawStrokes(const FrameView& reference, const FrameView& target, const Matc
     if (c.level < Level::ktgp) continue;
     const cv::Point from = subpixel(imagePoint(reference.features, c.reference_index));
     const cv::Point to = subpixel(imagePoint(target.features, c.target_index));
-    cv::line(canvas, from, to, lookOf(c.level).colour, stroke, cv::LINE_AA, kFractionBits);
-    cv::circle(canvas, to, stroke << kFractionBits, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA,
-               kFractionBits);
+    cv::line(canvas, from, to, lookOf(c.level, result.geometry).colour, stroke, cv::LINE_AA,
+             kFractionBits);
+    cv::circle(canvas, to, stroke << kFractionBits, lookOf(c.level, result.geometry).colour,
+               cv::FILLED, cv::LINE_AA, kFractionBits);
   }
 }
 
@@ -67,6 +70,34 @@ void drawOutline(const cv::Size& reference_size, const MatchResult& result, int 
   cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
 }
 
+void drawEpipolarLines(const FrameView& reference, const FrameView& target,
+                       const MatchResult& result, int stroke, cv::Mat& canvas) {
+  constexpr std::size_t kLines = 8;
+  constexpr double kMost = 3.0;  // px between a line and its match
+  if (result.geometry != Geometry::epipolar) return;
+  const std::size_t count = countAtLeast(result.correspondences, Level::ktgp);
+  std::size_t i = 0;
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktgp || !isChosen(i++, count, std::min(count, kLines))) continue;
+    const cv::Point2f from = imagePoint(reference.features, c.reference_index);
+    const cv::Point2f at = imagePoint(target.features, c.target_index);
+    const Eigen::Vector3d line =
+        result.two_view.view.fundamental * Eigen::Vector3d(from.x, from.y, 1.0);
+    const Eigen::Vector2d normal = line.head<2>().normalized();
+    const Eigen::Vector2d match(at.x, at.y);
+    const double distance = line.dot(match.homogeneous()) / line.head<2>().norm();
+    if (!(std::abs(distance) < kMost)) continue;
+    // Drawn from one side of the canvas to the other, through the point of the line at the match.
+    const Eigen::Vector2d along =
+        (canvas.cols + canvas.rows) * Eigen::Vector2d(-normal.y(), normal.x());
+    const Eigen::Vector2d middle = match - distance * normal;
+    const Eigen::Vector2d first = middle - along;
+    const Eigen::Vector2d last = middle + along;
+    cv::line(canvas, subpixel(first.x(), first.y()), subpixel(last.x(), last.y()), kWhite, stroke,
+             cv::LINE_AA, kFractionBits);
+  }
+}
+
 void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
               cv::Mat& canvas) {
   canvas.create(target.image.size(), CV_8UC3);
@@ -79,6 +110,7 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
     drawDots(target, result, level, face.stroke(), canvas);
   }
   drawOutline(reference.image.size(), result, face.stroke(), canvas);
+  drawEpipolarLines(reference, target, result, face.stroke(), canvas);
   drawStrokes(reference, target, result, face.stroke(), canvas);
 }
 

@@ -13,4 +13,9 @@ void drawFlow(const FrameView& reference, const FrameView& target, const MatchRe
 void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
                  cv::Mat& canvas);
 
+/// The epipolar lines of a few final matches, if that is the geometry, into the target's part of
+/// the canvas. A line that misses its match, since the lens bends it, is left out.
+void drawEpipolarLines(const FrameView& reference, const FrameView& target,
+                       const MatchResult& result, int stroke, cv::Mat& canvas);
+
 }  // namespace ktgp_orb::overlay

@@ -14,11 +14,6 @@ using util::imagePoint;
 
 constexpr std::size_t kMaxLines = 150;
 
-/// True for `lines` of `count` indices, evenly spaced.
-bool isChosen(std::size_t i, std::size_t count, std::size_t lines) {
-  return (i + 1) * lines / count != i * lines / count;
-}
-
 }  // namespace
 
 void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
@@ -34,7 +29,8 @@ void drawMatches(const FrameView& reference, const FrameView& target, const Matc
   };
   const auto dots = [&](const Correspondence& c) {
     const auto dot = [&](const cv::Point2f& p) {
-      cv::circle(canvas, p, stroke, lookOf(c.level).colour, cv::FILLED, cv::LINE_AA);
+      cv::circle(canvas, p, stroke, lookOf(c.level, result.geometry).colour, cv::FILLED,
+                 cv::LINE_AA);
     };
     if (c.reference_index >= 0) dot(from(c));
     dot(to(c));
@@ -48,7 +44,7 @@ void drawMatches(const FrameView& reference, const FrameView& target, const Matc
   std::size_t i = 0;
   for (const Correspondence& c : result.correspondences) {
     if (c.level < level || !isChosen(i++, count, lines)) continue;
-    cv::line(canvas, from(c), to(c), lookOf(c.level).colour, stroke, cv::LINE_AA);
+    cv::line(canvas, from(c), to(c), lookOf(c.level, result.geometry).colour, stroke, cv::LINE_AA);
   }
 }
 

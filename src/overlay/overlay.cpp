@@ -13,6 +13,7 @@ namespace {
 using overlay::copyAsBgr;
 using overlay::darken;
 using overlay::drawDifference;
+using overlay::drawEpipolarLines;
 using overlay::drawFlow;
 using overlay::drawMatches;
 using overlay::drawOutline;
@@ -50,7 +51,9 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
     case OverlayStyle::side_by_side: {
       drawMatches(reference, target, result, Level::ktgp, true, canvas);
       cv::Mat right = canvas(cv::Rect({reference.image.cols, 0}, target.image.size()));
-      drawOutline(reference.image.size(), result, Typeface(canvas.size()).stroke(), right);
+      const int stroke = Typeface(canvas.size()).stroke();
+      drawOutline(reference.image.size(), result, stroke, right);
+      drawEpipolarLines(reference, target, result, stroke, right);
       break;
     }
     case OverlayStyle::difference:

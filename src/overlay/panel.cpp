@@ -60,7 +60,7 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Ma
   const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
 
   const std::string title = headline(result, reference_size);
-  const int label_width = face.width(lookOf(Level::ktg).label) + margin;
+  const int label_width = face.width(lookOf(Level::ktg, result.geometry).label) + margin;
   const int count_width = face.width("0000000");
   const int bar_start = 2 * margin + label_width + count_width;
   const int width = std::max(face.width(title) + 2 * margin, bar_start + 3 * line);
@@ -70,13 +70,13 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Ma
   for (const Level level : kLevels) {
     const std::size_t count = counts[static_cast<std::size_t>(level)];
     const std::string number = std::to_string(count);
-    face.draw(canvas, lookOf(level).label, {margin, y});
+    face.draw(canvas, lookOf(level, result.geometry).label, {margin, y});
     face.draw(canvas, number, {bar_start - margin - face.width(number), y});
     const int longest = width - margin - bar_start;
     const int length =
         std::max(2, static_cast<int>(std::lround(longest * static_cast<double>(count) / total)));
-    cv::rectangle(canvas, cv::Rect(bar_start, y + line / 4, length, line / 2), lookOf(level).colour,
-                  cv::FILLED);
+    cv::rectangle(canvas, cv::Rect(bar_start, y + line / 4, length, line / 2),
+                  lookOf(level, result.geometry).colour, cv::FILLED);
     y += line;
   }
 }

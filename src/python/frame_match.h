@@ -5,6 +5,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "python/match.h"
 
@@ -18,6 +19,7 @@ struct FrameMatch : Match {
   std::int64_t stamp = 0;  ///< ns
   std::int64_t reference_stamp = 0;
   cv::Size image_size;
+  std::vector<std::uint64_t> tracks;  ///< of the target keypoints, for each match
 };
 
 inline double secondsOf(std::int64_t stamp) {

@@ -31,6 +31,10 @@ class Sequence {
     out->stamp = found.frame->stamp;
     out->reference_stamp = found.reference ? found.reference->stamp : 0;
     out->image_size = found.frame->features.image_size;
+    out->tracks.reserve(out->target_indices.size());
+    for (const std::int32_t i : out->target_indices) {
+      out->tracks.push_back(found.frame->tracks[static_cast<std::size_t>(i)]);
+    }
     return out;
   }
 
@@ -69,10 +73,16 @@ void defineSequence(py::module_& module) {
       .def_property_readonly(
           "reference_seconds", [](const FrameMatch& m) { return secondsOf(m.reference_stamp); },
           "Of the reference; 0 without one.")
+      .def_property_readonly(
+          "tracks",
+          [](const py::object& self) { return view(self.cast<const FrameMatch&>().tracks, self); },
+          "(N,) uint64: the track of the target keypoint of each match. It stays with a keypoint "
+          "while final matches, of levels 3 and 4, lead from frame to frame.")
       .def(py::pickle(
           [](const FrameMatch& m) {
             return py::make_tuple(stateOf(m), m.no_reference, m.accumulated, m.stamp,
-                                  m.reference_stamp, m.image_size.width, m.image_size.height);
+                                  m.reference_stamp, m.image_size.width, m.image_size.height,
+                                  m.tracks);
           },
           [](const py::tuple& state) {
             auto match = std::make_shared<FrameMatch>();
@@ -82,6 +92,7 @@ void defineSequence(py::module_& module) {
             match->stamp = state[3].cast<std::int64_t>();
             match->reference_stamp = state[4].cast<std::int64_t>();
             match->image_size = cv::Size(state[5].cast<int>(), state[6].cast<int>());
+            match->tracks = state[7].cast<std::vector<std::uint64_t>>();
             return match;
           }));
   py::class_<Sequence> sequence(

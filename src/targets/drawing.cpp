@@ -32,7 +32,8 @@ void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detect
     const std::vector<cv::Point> outline = outlineOf(detection);
     if (outline.empty()) continue;
     const bool found = detection.status == Status::ok;
-    const cv::Scalar& colour = overlay::lookOf(found ? Level::ktgp : Level::ktg).colour;
+    const cv::Scalar& colour =
+        overlay::lookOf(found ? Level::ktgp : Level::ktg, Geometry::plane).colour;
     cv::polylines(canvas, outline, true, overlay::kBlack, face.stroke() + 2, cv::LINE_AA,
                   kFractionBits);
     cv::polylines(canvas, outline, true, colour, face.stroke(), cv::LINE_AA, kFractionBits);

@@ -50,10 +50,7 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     // Tasks start in order, so the previous frame is at least in progress: no deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
-    // A search radius needs the previous frame first; only the sequence has the views.
-    const bool ahead =
-        options_.matcher.knn.search_radius == 0.0 && options_.matcher.growth.views == 0;
-    if (reference && ahead) {
+    if (reference && canMatchAhead(options_.matcher)) {
       prepared.ahead = MatchAhead{reference, {}};
       worker.matcher.match(reference->features, prepared.frame->features, prepared.ahead->result);
     }

@@ -6,6 +6,7 @@
 #include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
+#include "ktgp_orb/two_view.h"
 #include "tools/view_text.h"
 
 namespace ktgp_orb {
@@ -16,9 +17,29 @@ constexpr const char* kColumns =
     "descriptor,"
     "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,plane_deviation,"
     "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
-    "h00,h01,h02,h10,h11,h12,h20,h21,h22,error";
+    "h00,h01,h02,h10,h11,h12,h20,h21,h22,"
+    "geometry,x,y,z,qx,qy,qz,qw,parallax,error";
 constexpr int kStages = 4;
-constexpr std::size_t kColumnsAfterStatus = 29;  // without the error
+constexpr std::size_t kColumnsOfTwoView = 9;
+constexpr std::size_t kColumnsAfterStatus = 29 + kColumnsOfTwoView;  // without the error
+
+/// What is not known stays empty.
+void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
+  if (view == nullptr) {
+    row.skip(kColumnsOfTwoView);
+    return;
+  }
+  row.add(toString(static_cast<Geometry>(view->geometry)));
+  if (!view->has_pose) {
+    row.skip(kColumnsOfTwoView - 1);
+    return;
+  }
+  const auto& position = view->pose.pose.position;
+  const auto& turn = view->pose.pose.orientation;
+  for (const double value : {position.x, position.y, position.z}) row.add(value);
+  for (const double value : {turn.x, turn.y, turn.z, turn.w}) row.add(value, 17);
+  row.add(view->parallax);
+}
 
 }  // namespace
 
@@ -102,6 +123,7 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   for (int i = 0; i < kStages; ++i) row.add(s.stages[i].milliseconds, kTime);
   row.add(s.total_milliseconds, kTime);
   for (const double h : messages.homography->homography) row.add(h, kExact);
+  addTwoView(messages.two_view.get(), row);
   *csv_ << row.skip(1).line();
   if (csv_file_ && !*csv_) files::throwUnwritable(*csv_file_, "an earlier part of it could not");
 }

@@ -15,6 +15,7 @@ namespace {
 
 const cv::Vec3b kFinal(66, 228, 240);
 const cv::Vec3b kRemovedByGms(233, 180, 86);
+const cv::Vec3b kOfEpipolar(115, 158, 0);
 
 bool isNear(const cv::Vec3b& a, const cv::Vec3b& b) {
   return cv::norm(a, b, cv::NORM_INF) <= 40.0;
@@ -93,6 +94,37 @@ TEST(Overlay, SideBySideOutlinesTheReferenceInTheTarget) {
   int white = 0;
   for (int y = 200; y < 480; ++y) white += isNear(canvas.at<cv::Vec3b>(y, 660), {255, 255, 255});
   EXPECT_GT(white, 150);  // some of it below lines
+}
+
+// The scene moves along (20, 10), and so do the lines.
+TEST(Overlay, AnEpipolarGeometryIsGreenWithLinesThroughMatches) {
+  Scene scene({640, 480});
+  scene.result.status = Status::model_rejected;
+  scene.result.geometry = Geometry::epipolar;
+  scene.result.two_view.view.fundamental << 0, 0, 10, 0, 0, -20, -10, 20, 0;
+  for (const OverlayStyle style : {OverlayStyle::flow, OverlayStyle::side_by_side}) {
+    const cv::Mat canvas = scene.draw(style);
+    const int x0 = canvas.cols - 640;
+    EXPECT_EQ(countColour(canvas, kFinal), 0);
+    EXPECT_GT(countColour(canvas(cv::Rect(x0, 240, 640, 240)), kOfEpipolar), 1000);
+    int white = 0;
+    int ahead = 0;
+    for (int y = 250; y < 430; ++y) {
+      for (int x = x0 + 100; x < x0 + 500; ++x) {
+        if (!isNear(canvas.at<cv::Vec3b>(y, x), {255, 255, 255})) continue;
+        ++white;
+        const auto& next = canvas.at<cv::Vec3b>(y + 20, x + 40);
+        ahead += isNear(next, {255, 255, 255}) ? 1 : 0;
+      }
+    }
+    EXPECT_GT(ahead, 0.7 * white) << "the rest is below strokes and dots";
+    EXPECT_GT(white, 500);
+  }
+  // Lines that miss their matches are left out.
+  scene.result.two_view.view.fundamental << 0, 0, 10, 0, 0, 20, -10, 20, 0;
+  EXPECT_LT(
+      countColour(scene.draw(OverlayStyle::flow)(cv::Rect(0, 240, 640, 240)), {255, 255, 255}),
+      100);
 }
 
 TEST(Overlay, FlowKeepsTheImageRecognisable) {

@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 
 #include "core/homography/transform.h"
@@ -84,6 +85,44 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
     ASSERT_TRUE(match.accumulated);
     EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
     expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
+  }
+}
+
+// The camera moves by whole pixels, so a keypoint stays at its place in the world.
+TEST(SequenceMatcher, ATrackStaysWithItsKeypoint) {
+  for (const ReferenceMode mode :
+       {ReferenceMode::previous, ReferenceMode::keyframe, ReferenceMode::fixed}) {
+    SequenceMatcher matcher(withMode(mode));
+    std::map<std::uint64_t, cv::Point2f> places;
+    std::map<std::uint64_t, int> ages;
+    matcher.fixNextFrame();
+    for (int i = 0; i < 8; ++i) {
+      const SequenceMatch& match = matcher.match(view(i), 0.1 * i);
+      const Frame& frame = *match.frame;
+      ASSERT_EQ(frame.tracks.size(), frame.features.size());
+      EXPECT_EQ(std::set(frame.tracks.begin(), frame.tracks.end()).size(), frame.tracks.size());
+      for (std::size_t k = 0; k < frame.tracks.size(); ++k) {
+        const cv::Point2f place =
+            frame.features.keypoints[k].pt + cv::Point2f(float(kStepX * i), float(kStepY * i));
+        const auto [known, is_new] = places.try_emplace(frame.tracks[k], place);
+        EXPECT_LT(cv::norm(known->second - place), 3.0 * (i + 1));
+        ++ages[frame.tracks[k]];
+      }
+      for (const Correspondence& c : match.match.correspondences) {
+        if (c.level < Level::ktgp) continue;
+        const std::uint64_t track = frame.tracks[static_cast<std::size_t>(c.target_index)];
+        const std::uint64_t before =
+            match.reference->tracks[static_cast<std::size_t>(c.reference_index)];
+        EXPECT_TRUE(track == before || ages[track] == 1) << "one of several matches goes on";
+      }
+    }
+    const auto lasting = std::count_if(ages.begin(), ages.end(),
+                                       [](const auto& track) { return track.second == 8; });
+    EXPECT_GT(lasting, 10) << "mode " << static_cast<int>(mode);
+    // Another sequence does not go on with the tracks of this one.
+    matcher.reset();
+    const SequenceMatch& first = matcher.match(view(7), 1.0);
+    for (const std::uint64_t track : first.frame->tracks) EXPECT_EQ(places.count(track), 0U);
   }
 }
 

@@ -240,6 +240,13 @@ class ModuleTest(unittest.TestCase):
         error = cv2.perspectiveTransform(corners, found[2].accumulated) - \
             cv2.perspectiveTransform(corners, TURN @ TURN)
         self.assertLess(np.abs(error).max(), 0.1)
+        final = [f.levels >= 3 for f in found]
+        before = dict(zip(found[1].target_indices[final[1]], found[1].tracks[final[1]]))
+        go_on = [before[reference] == track for reference, track in
+                 zip(found[2].reference_indices[final[2]], found[2].tracks[final[2]]) if reference in before]
+        self.assertGreater(np.mean(go_on), 0.9)  # of several matches of one keypoint, one goes on
+        self.assertGreater(len(set(found[1].tracks[final[1]]) & set(found[2].tracks[final[2]])), 300)
+        self.assertEqual(len(set(found[2].tracks[final[2]])), final[2].sum())
         self.assertEqual(sequence.match(frames[0], 100.0).no_reference, 'gap')
         sequence.restart()
         fixed = ktgp.Sequence(reference_mode='fixed', preset='robust')

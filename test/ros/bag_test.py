@@ -105,7 +105,7 @@ class BagTest(unittest.TestCase):
             for level, stage in ((Correspondences.LEVEL_KT, 1), (Correspondences.LEVEL_KTG, 2)):
                 self.assertEqual((levels >= level).sum(), statistics.stages[stage].output)
             arrays = (m.reference_x, m.reference_y, m.target_x, m.target_y, m.distance, m.ratio,
-                      m.reference_index, m.target_index)
+                      m.reference_index, m.target_index, m.track)
             self.assertEqual({len(array) for array in arrays}, {len(levels)})
             self.assertEqual((m.image_width, m.image_height), self.size)
             if len(levels):

@@ -54,6 +54,9 @@ def without_times(message):
         # The panel shows measured times, and is as wide as they are long.
         del rows[:max(90, message.height * 7 // 25 + 2)]
         message.data = b''.join(rows)
+    if getattr(message, 'track', None):
+        # The nodelet's numbers go on across its restarts.
+        message.track = [number - min(message.track) for number in message.track]
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()

@@ -113,7 +113,9 @@ class ReferenceTest(unittest.TestCase):
     def test_the_accumulated_homography_goes_back_to_the_first_frame(self):
         keyframe, previous = self.drift('keyframe'), self.drift('previous')
         print('drift after 15 frames: keyframe %.3f px, previous %.3f px' % (keyframe, previous))
-        self.assertLess(keyframe, previous)
+        # Of steps of whole pixels every one is exact to 1e-4 px, so there is next to nothing to add up.
+        self.assertLess(keyframe, 0.01)
+        self.assertLess(previous, 0.01)
 
     def test_the_steps_of_a_slow_pan_add_up(self):
         """By a quarter of a pixel: each pixel is the mean of four by four of the picture."""

@@ -1,11 +1,16 @@
 #!/usr/bin/python3
 """A camera that moves past a scene with depth: its motion on ~two_view and the scene on ~points."""
 
+import csv
+import os
+import subprocess
 import sys
+import tempfile
 import unittest
 
 import cv2
 import numpy as np
+import rosbag
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
@@ -113,6 +118,32 @@ class TwoViewTest(unittest.TestCase):
         self.assertGreater(far.sum(), 50)
         self.assertGreater((near | far).mean(), 0.95)
         self.assertTrue((points[:, 3] > 0).all())
+
+    def test_5_a_recording_gives_the_same(self):
+        with tempfile.TemporaryDirectory() as folder:
+            bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
+            with rosbag.Bag(bag, 'w') as file:
+                for i, picture in enumerate((FIRST, SECOND)):
+                    stamp = rospy.Time(100 + i)
+                    for topic, message in (('camera_info', information()), ('image_raw', image_message(picture, stamp))):
+                        message.header.stamp, message.header.frame_id = stamp, 'camera'
+                        file.write('/camera/' + topic, message, stamp)
+            subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table], check=True)
+            with rosbag.Bag(out) as file:
+                topics = {topic.split('/')[-1]: message for topic, message, _ in file.read_messages()}
+            with open(table) as file:
+                rows = list(csv.DictReader(file))
+        found = topics['two_view']
+        self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
+        self.assertEqual(topics['points'].header.stamp, rospy.Time(101))
+        self.assertGreater(topics['points'].width, 200)
+        self.assertEqual([row['geometry'] for row in rows], ['none', 'epipolar'])
+        self.assertEqual(rows[0]['x'], '')
+        position = np.array([float(rows[1][name]) for name in 'xyz'])
+        self.assertGreater(position @ DIRECTION, 0.9995)
+        q = found.pose.pose.orientation
+        self.assertEqual([float(rows[1]['q' + name]) for name in 'xyzw'], [q.x, q.y, q.z, q.w])
+        self.assertAlmostEqual(float(rows[1]['parallax']), found.parallax, 6)
 
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))

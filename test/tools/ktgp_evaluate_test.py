@@ -313,6 +313,15 @@ class KtgpEvaluate(ToolCase):
         self.assertEqual(run.returncode, 2)
         self.assertIn("there is no method MAGIC of two views; expected one of SLAM", run.stderr)
 
+    def test_tiny_warps_are_those_of_a_slow_camera(self):
+        """Of them KTGP+ALIGN measures hundredths of a pixel, where keypoints alone are tenths off."""
+        _, rows = self.warps("tiny", "data/first/img1.pgm", "--methods", "KTGP,KTGP+ALIGN")
+        errors = {method: [float(r["corner_error"]) for r in rows if r["method"] == method]
+                  for method in ("KTGP", "KTGP+ALIGN")}
+        self.assertEqual([len(e) for e in errors.values()], [4, 4])
+        self.assertGreater(min(errors["KTGP"]), 0.1)
+        self.assertLess(max(errors["KTGP+ALIGN"]), 0.15)
+
     def test_warps_of_a_folder_by_kind_and_by_seed(self):
         def errors(*arguments):
             run, rows = self.warps("small,medium", "data/first", "--methods", "KTGP", *arguments)

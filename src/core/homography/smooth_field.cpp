@@ -82,7 +82,7 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
 
   solve(single, near, scales.significance, result);
-  constexpr double kCommon = 0.01;  // of the variance of the noise
+  constexpr double kCommon = 0.02;  // of the variance of the noise
   result.noise_variance = result.noise_share * single.measured / single.of_noise;
   result.common_covariance = kCommon * result.noise_variance * inverse *
                              expanded(of_pairs.slope * of_pairs.slope.transpose()) * inverse;

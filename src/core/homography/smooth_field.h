@@ -28,7 +28,7 @@ struct FieldFit {
   Eigen::Matrix<double, 8, 8> covariance = Eigen::Matrix<double, 8, 8>::Zero();
   /// The same for rounding errors of variance 1 (see SmoothField).
   Eigen::Matrix<double, 8, 8> of_rounding = Eigen::Matrix<double, 8, 8>::Zero();
-  /// The same for an error that all pairs share: 1 % of the variance of their noise.
+  /// The same for an error that all pairs share: 2 % of the variance of their noise.
   /// Interpolation gives sub-pixel registration the same error for patches at the same position
   /// between pixels (Schreier, Braasch & Sutton, Optical Engineering 39, 2000).
   Eigen::Matrix<double, 8, 8> common_covariance = Eigen::Matrix<double, 8, 8>::Zero();

@@ -21,6 +21,7 @@ void empty(Frame& frame) {
   releaseIfShared(frame.features.descriptors);
   if (!frame.features.descriptors.empty()) frame.features.descriptors.resize(0);
   frame.features.image_size = {};
+  frame.tracks.clear();
   frame.orb.reset();
   frame.extraction_milliseconds = 0.0;
 }

@@ -8,6 +8,7 @@
 #include "core/sequence/frame_pool.h"
 #include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
+#include "core/sequence/track_numbers.h"
 
 namespace ktgp_orb {
 namespace {
@@ -15,6 +16,7 @@ namespace {
 using sequence::FramePool;
 using sequence::MotionPredictor;
 using sequence::ReferenceKeeper;
+using sequence::TrackNumbers;
 
 void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
@@ -52,6 +54,11 @@ SequenceOptions withImages(SequenceOptions options) {
   options.orb.images = options.matcher.alignment.enabled ? ImageKeeping::share : ImageKeeping::none;
   if (options.reference.mode == ReferenceMode::previous) options.matcher.growth.enabled = false;
   return options;
+}
+
+bool canMatchAhead(const MatcherOptions& options) {
+  return options.knn.search_radius == 0.0 && options.growth.views == 0 &&
+         options.geometry == GeometryModel::homography;
 }
 
 void extractFeatures(OrbExtractor& extractor, Frame& frame) {
@@ -92,6 +99,7 @@ struct SequenceMatcher::Impl {
   KtgpMatcher matcher;
   ReferenceKeeper keeper;
   MotionPredictor predictor;
+  TrackNumbers tracks;
   FramePool pool;
   ReferenceViews views;
   FramePtr viewed;  // the frame of the views
@@ -199,8 +207,7 @@ void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target
 /// `reference`.
 void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
                                         MatchAhead* ahead) {
-  const bool alone = options.matcher.knn.search_radius == 0.0;  // does not need the previous frame
-  if (alone && ahead != nullptr && ahead->reference == reference) {
+  if (canMatchAhead(options.matcher) && ahead != nullptr && ahead->reference == reference) {
     std::swap(answer.match, ahead->result);
   } else {
     matchTo(reference, frame, answer.match);
@@ -224,8 +231,12 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   if (reference) {
     matchToBest(*frame, reference, ahead);
     predictor.advance(*frame, *reference, answer.match);
+    // A fixed reference, or one whose features were found anew, has none yet.
+    if (reference->tracks.empty()) tracks.begin(*reference);
+    tracks.carryOn(*reference, answer.match, *frame);
   } else {
     predictor.restartAt(*frame);
+    tracks.begin(*frame);
     answer.match.clear(options.matcher);
     answer.match.descriptor = frame->features.descriptor;
   }
