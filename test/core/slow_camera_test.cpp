@@ -282,7 +282,9 @@ TEST(SlowPan, ItsStepsAddUp) {
       const cv::Mat view = whole ? picture.moved(fine, fine) : picture.moved(translation(at, at));
       frames.push_back(withNoise(view, 1.5, static_cast<std::uint64_t>(i)));
     }
-    EXPECT_LT(shakeOfSteadyPan(frames, step), 0.02) << "step " << step;
+    // Second differences of corners that are measured to 0.02 px; as steps, the pan would shake
+    // by 0.2.
+    EXPECT_LT(shakeOfSteadyPan(frames, step), 0.05) << "step " << step;
     for (const ReferenceMode mode :
          {ReferenceMode::previous, ReferenceMode::keyframe, ReferenceMode::fixed}) {
       const UncertainHomography sum = panned(frames, mode);
