@@ -2,8 +2,10 @@
 
 #include <pybind11/numpy.h>
 
+#include <Eigen/Core>
 #include <opencv2/core.hpp>
 #include <string>
+#include <vector>
 
 #include "ktgp_orb/features.h"
 
@@ -40,5 +42,23 @@ py::list cvKeypoints(const Features& features);
 /// descriptors. `image_size`: (width, height). Throws py::value_error.
 Features featuresFrom(const py::object& keypoints, const py::object& descriptors,
                       const std::pair<int, int>& image_size, const std::string& descriptor);
+
+/// A read-only array of shape (N,) in the memory of `values`, which `owner` keeps alive.
+template <typename Number>
+py::array_t<Number> view(const std::vector<Number>& values, const py::object& owner) {
+  py::array_t<Number> out(static_cast<py::ssize_t>(values.size()), values.data(), owner);
+  out.attr("flags").attr("writeable") = false;
+  return out;
+}
+
+/// The same for points, of shape (N, 2).
+inline py::array_t<double> view(const std::vector<Eigen::Vector2d>& points,
+                                const py::object& owner) {
+  const auto* const numbers = reinterpret_cast<const double*>(points.data());
+  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{2}}, numbers,
+                          owner);
+  out.attr("flags").attr("writeable") = false;
+  return out;
+}
 
 }  // namespace ktgp_orb::python

@@ -14,23 +14,6 @@
 namespace ktgp_orb::python {
 namespace {
 
-/// A read-only array of shape (N,) in the memory of `values`, which `owner` keeps alive.
-template <typename Number>
-py::array_t<Number> view(const std::vector<Number>& values, const py::object& owner) {
-  py::array_t<Number> out(static_cast<py::ssize_t>(values.size()), values.data(), owner);
-  out.attr("flags").attr("writeable") = false;
-  return out;
-}
-
-/// The same for points, of shape (N, 2).
-py::array_t<double> view(const std::vector<Eigen::Vector2d>& points, const py::object& owner) {
-  const auto* const numbers = reinterpret_cast<const double*>(points.data());
-  py::array_t<double> out({static_cast<py::ssize_t>(points.size()), py::ssize_t{2}}, numbers,
-                          owner);
-  out.attr("flags").attr("writeable") = false;
-  return out;
-}
-
 /// A copy of the memory as bytes, and back.
 template <typename Value>
 py::bytes copied(const std::vector<Value>& values) {

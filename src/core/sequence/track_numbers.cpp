@@ -5,6 +5,8 @@
 namespace ktgp_orb::sequence {
 
 void TrackNumbers::begin(Frame& frame) {
+  // As much as the keypoints, which have room for the most that the extractor gives.
+  frame.tracks.reserve(frame.features.keypoints.capacity());
   frame.tracks.resize(frame.features.size());
   std::iota(frame.tracks.begin(), frame.tracks.end(), next_);
   next_ += frame.tracks.size();
@@ -20,6 +22,7 @@ void TrackNumbers::choose(const std::vector<Correspondence>& matches) {
 
 void TrackNumbers::carryOn(const Frame& reference, const MatchResult& result, Frame& target) {
   begin(target);
+  heirs_.reserve(reference.features.keypoints.capacity());
   heirs_.assign(reference.features.size(), {});
   choose(result.correspondences);
   choose(result.guided);
