@@ -96,12 +96,17 @@ TEST(Overlay, SideBySideOutlinesTheReferenceInTheTarget) {
   EXPECT_GT(white, 150);  // some of it below lines
 }
 
-// The scene moves along (20, 10), and so do the lines.
+// F = [e]x H for an epipole e of the target, where H is the scene's translation: all lines go
+// through e.
 TEST(Overlay, AnEpipolarGeometryIsGreenWithLinesThroughMatches) {
   Scene scene({640, 480});
   scene.result.status = Status::model_rejected;
   scene.result.geometry = Geometry::epipolar;
-  scene.result.two_view.view.fundamental << 0, 0, 10, 0, 0, -20, -10, 20, 0;
+  const Eigen::Vector2d epipole(-400.0, 100.0);
+  Eigen::Matrix3d cross;
+  cross << 0, -1, epipole.y(), 1, 0, -epipole.x(), -epipole.y(), epipole.x(), 0;
+  const Eigen::Matrix3d fundamental = cross * scene.result.answer.homography;
+  scene.result.two_view.view.fundamental = fundamental;
   for (const OverlayStyle style : {OverlayStyle::flow, OverlayStyle::side_by_side}) {
     const cv::Mat canvas = scene.draw(style);
     const int x0 = canvas.cols - 640;
@@ -113,15 +118,20 @@ TEST(Overlay, AnEpipolarGeometryIsGreenWithLinesThroughMatches) {
       for (int x = x0 + 100; x < x0 + 500; ++x) {
         if (!isNear(canvas.at<cv::Vec3b>(y, x), {255, 255, 255})) continue;
         ++white;
-        const auto& next = canvas.at<cv::Vec3b>(y + 20, x + 40);
-        ahead += isNear(next, {255, 255, 255}) ? 1 : 0;
+        const Eigen::Vector2d from_epipole = Eigen::Vector2d(x - x0, y) - epipole;
+        const cv::Point next(x + cvRound(0.04 * from_epipole.x()),
+                             y + cvRound(0.04 * from_epipole.y()));
+        const cv::Rect around(next - cv::Point(1, 1), cv::Size(3, 3));
+        ahead += countColour(canvas(around), {255, 255, 255}) > 0 ? 1 : 0;
       }
     }
     EXPECT_GT(ahead, 0.7 * white) << "the rest is below strokes and dots";
     EXPECT_GT(white, 500);
   }
   // Lines that miss their matches are left out.
-  scene.result.two_view.view.fundamental << 0, 0, 10, 0, 0, 20, -10, 20, 0;
+  Eigen::Matrix3d beside = scene.result.answer.homography;
+  beside(1, 2) += 50.0;
+  scene.result.two_view.view.fundamental = cross * beside;
   EXPECT_LT(
       countColour(scene.draw(OverlayStyle::flow)(cv::Rect(0, 240, 640, 240)), {255, 255, 255}),
       100);

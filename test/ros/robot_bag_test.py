@@ -56,7 +56,8 @@ def without_times(message):
         message.data = b''.join(rows)
     if getattr(message, 'track', None):
         # The nodelet's numbers go on across its restarts.
-        message.track = [number - min(message.track) for number in message.track]
+        least = min(message.track)
+        message.track = [number - least for number in message.track]
     buffer = io.BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()

@@ -233,7 +233,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
     predictor.advance(*frame, *reference, answer.match);
     // A fixed reference, or one whose features were found anew, has none yet.
     if (reference->tracks.empty()) tracks.begin(*reference);
-    tracks.carryOn(*reference, answer.match, *frame);
+    tracks.continueTracks(*reference, answer.match, *frame);
   } else {
     predictor.restartAt(*frame);
     tracks.begin(*frame);

@@ -15,18 +15,19 @@ class TrackNumbers {
   /// New numbers for all keypoints.
   void begin(Frame& frame);
   /// `result`: of the match of `target` to `reference`, which has numbers.
-  void carryOn(const Frame& reference, const MatchResult& result, Frame& target);
+  void continueTracks(const Frame& reference, const MatchResult& result, Frame& target);
 
  private:
-  struct Heir {
-    std::int32_t target = -1;
+  /// The match that continues the track of a reference keypoint.
+  struct Best {
+    std::int32_t target = -1;  ///< keypoint; -1: none
     std::int32_t distance = 0;
   };
 
   void choose(const std::vector<Correspondence>& matches);
 
   std::uint64_t next_ = 1;
-  std::vector<Heir> heirs_;  // of the reference's keypoints
+  std::vector<Best> best_;  // of each keypoint of the reference
 };
 
 }  // namespace ktgp_orb::sequence
