@@ -69,6 +69,9 @@ void NodeBase::stop() {
   }
   outputs_.shutdown();
   updater_.reset();
+  // The threads of this nodelet had parts of the heap of their own, which those of the next one
+  // do not fill: without this a manager grew by .2 MB at each loading.
+  giveMemoryBack();
 }
 
 ros::NodeHandle NodeBase::node(CallbackThread& queue) const {
