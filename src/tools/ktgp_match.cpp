@@ -469,8 +469,7 @@ void addArguments(CLI::App& app, Arguments& arguments) {
        "write a row per nearest neighbour, with the last stage it passed; - as above");
   file("--draw", arguments.draw,
        "write both images side by side: yellow = final match (green: of a scene with depth), "
-       "purple = removed by PROSAC, "
-       "blue = by GMS, grey = by the ratio filter");
+       "purple = removed by PROSAC, blue = by GMS, grey = by the ratio filter");
   file("--draw-stages", arguments.draw_stages, "write a picture of the four stages");
   file("--draw-final", arguments.draw_final, "write a picture of the final matches alone");
   app.add_option("--camera", arguments.camera,
