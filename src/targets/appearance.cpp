@@ -26,8 +26,11 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-int blocksAlong(double length) {
-  return std::clamp(static_cast<int>(length / kSide), 3, kMostBlocks);
+/// Where the frame was enlarged, neighbouring px tell the same: a block has some of the camera's.
+int blocksAlong(double length, double enlargement) {
+  constexpr double kLeastTaken = 4.0;  // px of the camera
+  const double side = std::max<double>(kSide, kLeastTaken * enlargement);
+  return std::clamp(static_cast<int>(length / side), 3, kMostBlocks);
 }
 
 /// Sixteen sums, one per column, which become vector code: a single sum must keep its order.
@@ -57,8 +60,7 @@ cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
 
 /// The picture made as large as `size`, and the frame on the same canvas with a margin around it.
 void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-                        const cv::Size& size, const cv::Size& margin,
-                        const std::vector<cv::Mat>& pyramid, double scale_factor) {
+                        const cv::Size& size, const cv::Size& margin, const FramePyramid& frame) {
   const cv::Size& whole = picture.image.size();
   const cv::Size2d seen = sizeIn(homography, whole);
   shrink(picture, size, cv::INTER_LINEAR, picture_);
@@ -66,17 +68,16 @@ void Appearance::sample(const TargetPicture& picture, const Eigen::Matrix3d& hom
   to_picture.col(2) -= to_picture.leftCols<2>() * Eigen::Vector2d(margin.width, margin.height);
   const double finer = std::min(seen.width / size.width, seen.height / size.height);
   const auto finest = static_cast<std::size_t>(
-      std::max(0.0, std::floor(std::log(std::max(finer, 1.0)) / std::log(scale_factor))));
-  const cv::Mat& level = pyramid[std::min(finest, pyramid.size() - 1)];
-  const Eigen::Matrix3d to_level = homography::resizing(pyramid[0].size(), level.size());
+      std::max(0.0, std::floor(std::log(std::max(finer, 1.0)) / std::log(frame.scale_factor))));
+  const cv::Mat& level = frame.levels[std::min(finest, frame.levels.size() - 1)];
+  const Eigen::Matrix3d to_level = homography::resizing(frame.levels[0].size(), level.size());
   cv::warpPerspective(level, frame_, matrixOf(to_level * homography * to_picture),
                       size + margin + margin, cv::INTER_LINEAR | cv::WARP_INVERSE_MAP,
                       cv::BORDER_CONSTANT, 0);
 }
 
 bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-                        const std::vector<cv::Mat>& pyramid, double scale_factor, double radius,
-                        Eigen::Matrix3d& located) {
+                        const FramePyramid& frame, double radius, Eigen::Matrix3d& located) {
   constexpr double kLongest = 48.0;  // px of the canvas; more takes time, and finds the same place
   constexpr double kLeastAlike = 0.4;  // correlation; afterwards the blocks are compared
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
@@ -84,7 +85,7 @@ bool Appearance::locate(const TargetPicture& picture, const Eigen::Matrix3d& hom
   const cv::Size size(std::max(kSide, cvRound(scale * seen.width)),
                       std::max(kSide, cvRound(scale * seen.height)));
   const int reach = std::max(1, cvRound(scale * radius));
-  sample(picture, homography, size, {reach, reach}, pyramid, scale_factor);
+  sample(picture, homography, size, {reach, reach}, frame);
   cv::Mat correlation;
   cv::matchTemplate(frame_, picture_, correlation, cv::TM_CCOEFF_NORMED);
   double best = 0.0;
@@ -145,8 +146,8 @@ void Appearance::markSeen(const Eigen::Matrix3d& homography, const cv::Size& pic
 
 Appearance::Similarity Appearance::compare(const TargetPicture& picture,
                                            const Eigen::Matrix3d& homography,
-                                           const std::vector<cv::Mat>& pyramid, double scale_factor,
-                                           double tests, double above_neighbours) {
+                                           const FramePyramid& frame, double tests,
+                                           double above_neighbours) {
   constexpr float kPictureDeviation = 6.F;  // grey values
   constexpr float kFrameDeviation = 3.F;
   constexpr double kFewest = 6.0;
@@ -154,12 +155,12 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   constexpr double kLeastShare = 0.3;  // of the blocks in view; the others may be hidden
   // One canvas for both, no finer than the picture is seen in the frame.
   const cv::Size2d seen = sizeIn(homography, picture.image.size());
-  columns_ = blocksAlong(seen.width);
-  rows_ = blocksAlong(seen.height);
-  sample(picture, homography, {columns_ * kSide, rows_ * kSide}, {0, 0}, pyramid, scale_factor);
+  columns_ = blocksAlong(seen.width, frame.enlargement);
+  rows_ = blocksAlong(seen.height, frame.enlargement);
+  sample(picture, homography, {columns_ * kSide, rows_ * kSide}, {0, 0}, frame);
   cut(picture_, kPictureDeviation, of_picture_);
   cut(frame_, kFrameDeviation, of_frame_);
-  markSeen(homography, picture.image.size(), pyramid[0].size());
+  markSeen(homography, picture.image.size(), frame.levels[0].size());
 
   double own_hits = 0.0, own_count = 0.0, hits = 1.0, count = 1.0, largest = 0.0;
   for (int dy = -kDecoyReach; dy <= kDecoyReach; ++dy) {

@@ -8,6 +8,13 @@
 
 namespace ktgp_orb::targets {
 
+/// The images of a frame, from large to small.
+struct FramePyramid {
+  std::vector<cv::Mat> levels;
+  double scale_factor = 1.2;  ///< of neighbouring levels
+  double enlargement = 1.0;   ///< px of level 0 per px of the camera
+};
+
 /// Compares a picture with the frame under a homography, block by block, by the correlation of grey
 /// values. Chance is measured: how often a block of the picture looks like one of the frame's
 /// blocks near its own place. So blocks that all look alike, as in a repetitive picture, are no
@@ -27,17 +34,16 @@ class Appearance {
   static constexpr double kAboveNeighbours = 1.5;
   static constexpr double kAboveNeighboursOfTrack = 1.0;
 
-  /// `pyramid`: of the frame, neighbouring levels differ by `scale_factor`. `tests`: how many
-  /// pictures and homographies are compared in all.
+  /// `homography`: picture -> level 0 of the frame. `tests`: how many pictures and homographies are
+  /// compared in all.
   Similarity compare(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-                     const std::vector<cv::Mat>& pyramid, double scale_factor, double tests,
+                     const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
   /// Moves a homography by up to `radius` px of the frame to where the images look most alike.
   /// False, without a result, if they do not anywhere.
   bool locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,
-              const std::vector<cv::Mat>& pyramid, double scale_factor, double radius,
-              Eigen::Matrix3d& located);
+              const FramePyramid& frame, double radius, Eigen::Matrix3d& located);
 
  private:
   struct Block {
@@ -46,7 +52,7 @@ class Appearance {
     float values[64];     // mean 0, length 1
   };
   void sample(const TargetPicture& picture, const Eigen::Matrix3d& homography, const cv::Size& size,
-              const cv::Size& margin, const std::vector<cv::Mat>& pyramid, double scale_factor);
+              const cv::Size& margin, const FramePyramid& frame);
   void cut(const cv::Mat& image, float least_deviation, std::vector<Block>& blocks) const;
   void markSeen(const Eigen::Matrix3d& homography, const cv::Size& picture, const cv::Size& frame);
 

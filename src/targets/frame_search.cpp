@@ -26,9 +26,10 @@ constexpr std::int32_t kFewestThoroughVotes = 8;
 
 }  // namespace
 
-void FrameSearch::setFrame(const Features& features) {
+void FrameSearch::setFrame(const Features& features, double scale) {
   features_ = &features;
-  whole_.setFrame(features, {}, features.images);
+  pyramid_ = {features.images, options_.orb.scale_factor, scale};
+  whole_.setFrame(features, {}, pyramid_);
   frames_.clear();
   bits_.clear();
   hits_.clear();
@@ -189,7 +190,7 @@ void FrameSearch::setRest() {
     std::memcpy(rest_features_.descriptors.ptr(static_cast<int>(i)),
                 features_->descriptors.ptr(rest_numbers_[i]), kDescriptorBytes);
   }
-  rest_.setFrame(rest_features_, rest_numbers_, features_->images);
+  rest_.setFrame(rest_features_, rest_numbers_, pyramid_);
 }
 
 }  // namespace ktgp_orb::targets

@@ -32,15 +32,11 @@ struct FoundTarget {
 class FrameSearch {
  public:
   FrameSearch(const TargetFinderOptions& options, TargetStore& store)
-      : options_(options),
-        store_(store),
-        tables_(kKeyBits),
-        thorough_tables_(kThoroughKeyBits),
-        whole_(options.orb.scale_factor),
-        rest_(options.orb.scale_factor) {}
+      : options_(options), store_(store), tables_(kKeyBits), thorough_tables_(kThoroughKeyBits) {}
 
-  /// `features` must live until the last search in this frame.
-  void setFrame(const Features& features);
+  /// `features` must live until the last search in this frame. `scale`: px of their image per px of
+  /// the camera.
+  void setFrame(const Features& features, double scale);
 
   /// Looks at most `count` keypoints up in the index of all targets, from number `turn` of a fixed
   /// order on. Keypoints that follow each other in this order lie in different parts of the frame.
@@ -68,6 +64,7 @@ class FrameSearch {
   const TargetFinderOptions& options_;
   TargetStore& store_;
   const Features* features_ = nullptr;
+  FramePyramid pyramid_;
   std::vector<growth::LocalFrame> frames_;  // of the features
   std::vector<growth::Bits> bits_;          // descriptors of the features
   FrameTables tables_;

@@ -30,12 +30,10 @@ float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
 
 }  // namespace
 
-PictureSearch::PictureSearch(double scale_factor) : scale_factor_(scale_factor) {}
-
 void PictureSearch::setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
-                             const std::vector<cv::Mat>& images) {
+                             const FramePyramid& frame) {
   matcher_.setTarget(features);
-  images_ = images;
+  frame_ = frame;
   numbers_ = numbers;
 }
 
@@ -91,11 +89,10 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
                            FoundPicture& found) {
   constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
-  if (images_.empty()) return false;
+  if (frame_.levels.empty()) return false;
   aligned_ = {};
-  if (!appearance_.locate(picture, prediction, images_, scale_factor_, radius,
-                          aligned_.homography) ||
-      !aligner_.align(picture, images_, aligned_, aligned_pairs_) ||
+  if (!appearance_.locate(picture, prediction, frame_, radius, aligned_.homography) ||
+      !aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
       !homography::keepsPlaneInView(aligned_.homography,
                                     homography::imageCorners(picture.image.size(), {}))) {
     return false;
@@ -106,9 +103,8 @@ bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& predic
   found.estimate = aligned_;
   found.aligned = true;
   std::swap(found.pairs, aligned_pairs_);
-  const Appearance::Similarity seen =
-      appearance_.compare(picture, aligned_.homography, images_, scale_factor_, kPlaces,
-                          Appearance::kAboveNeighboursOfTrack);
+  const Appearance::Similarity seen = appearance_.compare(
+      picture, aligned_.homography, frame_, kPlaces, Appearance::kAboveNeighboursOfTrack);
   found.log_false_alarms = seen.log_false_alarms;
   found.agreement = seen.agreement;
   return found.log_false_alarms < kLogMaxOfTrack;
@@ -126,7 +122,8 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
                                  FoundPicture& found) {
-  if (images_.empty() || !aligner_.grow(picture, images_, centre, map, found.estimate)) {
+  if (frame_.levels.empty() ||
+      !aligner_.grow(picture, frame_.levels, centre, map, found.estimate)) {
     return false;
   }
   if (!homography::keepsPlaneInView(found.estimate.homography,
@@ -160,8 +157,8 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
 Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, std::size_t pictures,
                                                  const FoundPicture& found) {
   const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
-  if (images_.empty()) return {};
-  return appearance_.compare(picture, found.estimate.homography, images_, scale_factor_, tests);
+  if (frame_.levels.empty()) return {};
+  return appearance_.compare(picture, found.estimate.homography, frame_, tests);
 }
 
 /// Whether the images say so.
@@ -236,7 +233,7 @@ void PictureSearch::dropOutliers(FoundPicture& found) {
 }
 
 void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
-  if (images_.empty()) return;
+  if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
   // Keypoints in a small part of the picture do not determine the rest of it.
   const Eigen::Matrix3d& map = found.estimate.homography;
@@ -248,7 +245,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
   affine.topRightCorner<2, 1>() =
       homography::project(map, centre) - affine.topLeftCorner<2, 2>() * centre;
   UncertainHomography grown;
-  if (aligner_.grow(picture, images_, centre, affine, grown)) {
+  if (aligner_.grow(picture, frame_.levels, centre, affine, grown)) {
     alignFrom(grown, picture, found);
   }
 }
@@ -264,7 +261,7 @@ bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPictur
 bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
                               FoundPicture& found) {
   aligned_ = start;
-  if (!aligner_.align(picture, images_, aligned_, aligned_pairs_) ||
+  if (!aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
       !homography::keepsPlaneInView(aligned_.homography,
                                     homography::imageCorners(picture.image.size(), {}))) {
     return false;

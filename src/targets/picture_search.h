@@ -33,13 +33,10 @@ struct FoundPicture {
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use
 class PictureSearch {
  public:
-  /// `scale_factor`: of the frame's pyramid.
-  explicit PictureSearch(double scale_factor);
-
   /// The features of the frame that take part from now on. `numbers`: of each in the whole frame;
-  /// empty: these are all. `images`: its pyramid; may be empty.
+  /// empty: these are all. `frame`: may have no images.
   void setFrame(const Features& features, const std::vector<std::int32_t>& numbers,
-                const std::vector<cv::Mat>& images);
+                const FramePyramid& frame);
 
   /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
   /// explain. `pictures`: known, which chance has as many opportunities.
@@ -88,8 +85,7 @@ class PictureSearch {
   /// Those that do not agree with the homography last finalised.
   void dropOutliers(FoundPicture& found);
 
-  double scale_factor_;
-  std::vector<cv::Mat> images_;
+  FramePyramid frame_;
   Appearance appearance_;
   growth::LocalMatcher matcher_;
   growth::Grower grower_{growth::kTargetPlan};

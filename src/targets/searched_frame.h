@@ -10,7 +10,8 @@
 namespace ktgp_orb::targets {
 
 /// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints, so
-/// the frame is made twice as large where such targets are wanted. A frame above kLargestFrame is
+/// the frame is made twice as large where such targets are wanted, and a frame below 480 px up to
+/// four times: there the same targets are smaller. A frame above kLargestFrame is
 /// made smaller: the pyramid does not reach a target that fills it. Keeps its buffers.
 class SearchedFrame {
  public:
@@ -33,8 +34,11 @@ class SearchedFrame {
   static constexpr int kLargestFrame = 2500;  ///< px, longer side
 
  private:
+  void setEnlargement(double by);
+
   OrbExtractor extractor_;
-  OrbExtractor small_extractor_;  // for the frame made larger
+  OrbExtractor enlarged_extractor_;
+  double enlargement_ = 0.0;  // of enlarged_extractor_
   cv::Mat resized_;
   std::vector<cv::Mat> own_;
   Features extracted_;

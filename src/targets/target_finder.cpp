@@ -198,7 +198,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   std::vector<FoundTarget> same;
   for (std::size_t i = 0; i < pictures.size(); ++i) {
     check_extractor.extract(pictures[i].image, own);
-    search.setFrame(own);
+    search.setFrame(own, 1.0);
     search.lookUp(0, own.size());
     for (const Candidate& candidate : search.candidates()) {
       if (candidate.target == replaced || candidate.votes < kFewestVotes) continue;
@@ -366,7 +366,7 @@ const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
   answer.search.extraction_milliseconds = millisecondsSince(start);
   found.clear();
   store.index().optimise();
-  search.setFrame(given);
+  search.setFrame(given, frame->scale());
   tracks.beginFrame();
   searchFollowed();
   searchOthers();

@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "core/homography/transform.h"
 #include "orb_test_images.h"
 #include "target_world.h"
 
@@ -144,6 +145,36 @@ TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfTheFrame) {
   }
   EXPECT_GE(found, 5);
   EXPECT_LT(found_without, found);
+}
+
+/// A quarter of the usual camera: 14 px high, and the covariance of what was enlarged is right.
+TEST(TargetFinder, FindsSmallTargetsInSmallFrames) {
+  TargetFinder finder = finderOf(3);
+  int found = 0;
+  double right = 0.0, corners = 0.0;
+  for (int i = 0; i < 6; ++i) {
+    const Shown truth = shown(i % 3, 150.0 + 60 * i, 200.0, 0.1 * i, 56.0 / kPoster.height, i);
+    cv::Mat small, noise(120, 160, CV_8U);
+    cv::resize(frameOf({truth}, 1000U + static_cast<unsigned>(i)), small, noise.size(), 0, 0,
+               cv::INTER_AREA);
+    cv::RNG(static_cast<std::uint64_t>(i) + 1).fill(noise, cv::RNG::NORMAL, 10.0, 2.0);
+    small += noise;
+    const Eigen::Matrix3d map =
+        homography::resizing(cv::Size(640, 480), small.size()) * truth.homography;
+    const DetectedTarget* one = detectionOf(finder.findAlone(small), truth.number);
+    if (one == nullptr) continue;
+    ++found;
+    std::size_t k = 0;
+    for (const Eigen::Vector2d& corner : test::corners(kPoster)) {
+      const Eigen::Vector2d error =
+          one->corners[k] - Eigen::Vector2d((map * corner.homogeneous()).hnormalized());
+      EXPECT_LT(error.norm(), 1.0);  // px
+      right += error.dot(one->corner_covariances[k++].inverse() * error) < 13.8 ? 1.0 : 0.0;
+      ++corners;
+    }
+  }
+  EXPECT_GE(found, 5);
+  EXPECT_GE(right, 0.95 * corners);  // 99.9 % if the covariance is right
 }
 
 /// The pyramid does not reach a target that fills a photograph of 12 megapixels.

@@ -26,7 +26,7 @@ TEST(TargetFrames, AreFoundAtAllSizesAndFollowed) {
     EXPECT_EQ(row.others, 0U) << row.source;
     const bool is_small = row.source == "cube.mp4";  // 60 to 80 px in the video, at full size
     const std::array<double, kLabelledSizes.size()> least =
-        is_small ? std::array<double, 5>{0.9, 0.5, 0.15, 0.0, 0.0}
+        is_small ? std::array<double, 5>{0.9, 0.9, 0.8, 0.35, 0.0}
                  : std::array<double, 5>{1.0, 1.0, 1.0, 1.0, 0.9};
     for (std::size_t s = 0; s < least.size(); ++s) {
       EXPECT_GE(static_cast<double>(row.found[s]), least[s] * static_cast<double>(row.frames))

@@ -10,6 +10,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/features2d.hpp>
 
+#include "core/homography/transform.h"
 #include "ktgp_orb/target_finder.h"
 #include "target_scenes.h"
 
@@ -113,6 +114,34 @@ double framesToFirst(const World& world, const View& view, TargetFinder& finder)
   return kMost;
 }
 
+/// The view as a camera of fewer pixels would take it; `answers` stay in px of the view.
+std::vector<Answer> searchSmall(const View& view, double size, TargetFinder& finder) {
+  cv::Mat small;
+  cv::resize(view.image, small, cv::Size(), size, size, cv::INTER_AREA);
+  std::vector<Answer> answers = answersOf(finder.find(small));
+  const Eigen::Matrix3d to_view = homography::resizing(small.size(), view.image.size());
+  for (Answer& answer : answers) answer.homography = to_view * answer.homography;
+  return answers;
+}
+
+/// Wrong ids and wrong places in frames that are enlarged more than twice.
+void measureSmall(World& world, std::size_t frames, double size) {
+  TargetFinder finder;
+  test::addAll(world, finder);
+  Score score;
+  for (std::size_t i = 0; i < frames; ++i) {
+    const View view = makeView(world, 1000 + i);
+    if (view.truths.empty()) continue;
+    finder.restart();
+    const double start = processorMilliseconds();
+    const std::vector<Answer> answers = searchSmall(view, size, finder);
+    score.milliseconds.push_back(processorMilliseconds() - start);
+    count(world, view, answers, score);
+  }
+  const std::string name = "TargetFinder, " + std::to_string(cvRound(size * kFrame.width)) + " px";
+  print(name.c_str(), world.targets.size(), score, 1.0, 0.0);
+}
+
 void measure(World& world, std::size_t frames) {
   const double before = memoryInMegabytes();
   TargetFinder finder;
@@ -200,6 +229,7 @@ int main(int argc, char** argv) {
   for (int i = 3; i < argc; ++i) {
     auto world = ktgp_orb::test::makeWorld(std::strtoul(argv[i], nullptr, 10));
     ktgp_orb::measure(world, frames);
+    for (const double size : {0.5, 0.25}) ktgp_orb::measureSmall(world, frames, size);
     if (of_peer > 0) ktgp_orb::measurePeer(world, of_peer);
   }
   return 0;
