@@ -46,6 +46,11 @@ ImageSource imageSource(const ros::NodeHandle& node, const std::string& transpor
   if (source.transport == kCompressedTransport && !is_installed(kCompressedTransport))
     source.plugin = kOwnPlugin;
   if (is_installed(source.plugin)) return source;
+  if (source.plugin == kOwnPlugin) {
+    throw std::invalid_argument(
+        "compressed images cannot be decoded: the library ktgp_orb_compressed of this package is "
+        "not found; build the whole package, and source its setup.bash");
+  }
   throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
                               transport +
                               "_image_transport provides it (on ROS Noetic: apt install "
