@@ -31,7 +31,7 @@ struct LensCalibration {
 /// Immutable: several threads may use one instance.
 class Lens {
  public:
-  /// Throws std::invalid_argument for focal lengths that are not positive, for a number of
+  /// Throws std::invalid_argument for focal lengths that no camera has, for a number of
   /// coefficients that the model does not have, and for numbers that are not finite.
   explicit Lens(const LensCalibration& calibration);
 

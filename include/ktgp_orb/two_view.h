@@ -145,8 +145,8 @@ class TwoViewEstimator {
   const TwoViewOptions& options() const;
 
   /// Throws std::invalid_argument for arrays of different length, values that are not finite, and a
-  /// K that is not one: focal lengths of at most 0, entries that are not finite, or a principal
-  /// point outside the image, as of a K that belongs to another image size.
+  /// K that is not one: focal lengths that no camera has, entries that are not finite, or a
+  /// principal point outside the image, as of a K that belongs to another image size.
   void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
 
  private:

@@ -207,11 +207,13 @@ TEST(Lens, WhatNoCameraHasIsRefused) {
   const std::vector<std::pair<std::string, Change>> changes{
       {"camera matrix has skew, 40.0", [](auto& i) { i.K[1] = 40.0; }},
       {"rectified camera matrix has skew, 40.0", [](auto& i) { i.P[1] = 40.0; }},
-      {"the last row of the camera matrix is 0.1", [](auto& i) { i.K[6] = 0.1; }},
+      {"the camera matrix is not upper triangular", [](auto& i) { i.K[6] = 0.1; }},
       {"the rectifying rotation is no rotation matrix", [](auto& i) { i.R[8] = -1.0; }},
       {"the rectifying rotation is no rotation matrix", [](auto& i) { i.R[1] = 0.1; }},
-      {"camera matrix has focal lengths 0.000000, 510.0", [](auto& i) { i.K[0] = 1e-10; }},
-      {"rectified camera matrix has focal lengths", [](auto& i) { i.P[5] = 1e12; }}};
+      {"fx of the camera matrix is 1e-10; expected", [](auto& i) { i.K[0] = 1e-10; }},
+      {"fx of the camera matrix is 1e+300; expected", [](auto& i) { i.K[0] = 1e300; }},
+      {"fy of the rectified camera matrix is 1e+12", [](auto& i) { i.P[5] = 1e12; }},
+      {"cx of the camera matrix is 1e+07; expected", [](auto& i) { i.K[2] = 1e7; }}};
   for (const auto& [words, change] : changes) {
     sensor_msgs::CameraInfo info = calibrated();
     change(info);

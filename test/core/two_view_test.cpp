@@ -488,7 +488,7 @@ TEST(TwoView, RefusesAKThatIsNotOne) {
     input.reference_camera = k;
     estimateTwoView(world.pairs.reference, world.pairs.target, input);
   };
-  expectRefused([&] { with(Eigen::Matrix3d::Zero()); }, "more than 0 px");
+  expectRefused([&] { with(Eigen::Matrix3d::Zero()); }, "upper triangular");
   Eigen::Matrix3d k = camera();
   k(0, 0) = std::numeric_limits<double>::quiet_NaN();
   expectRefused([&] { with(k); }, "not finite");
@@ -496,6 +496,14 @@ TEST(TwoView, RefusesAKThatIsNotOne) {
   k(0, 2) = 960.0;
   expectRefused([&] { with(k); }, "another image size");
   expectRefused([&] { with(camera().transpose()); }, "upper triangular");
+  for (const double f : {0.0, 1e-10, 1e300}) {
+    k = camera();
+    k(0, 0) = k(1, 1) = f;
+    expectRefused([&] { with(k); }, "fx of the K of the reference camera is ");
+  }
+  k = camera();
+  k(1, 1) = 0.01 * k(0, 0);
+  expectRefused([&] { with(k); }, "fx / fy of the K of the reference camera is 100");
   expectRefused(
       [&] {
         TwoViewOptions wrong;

@@ -8,6 +8,9 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/util/camera_check.h"
+#include "core/util/options_check.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -15,32 +18,20 @@ bool isFinite(const cv::Matx33d& matrix) {
   return std::all_of(matrix.val, matrix.val + 9, [](double x) { return std::isfinite(x); });
 }
 
-/// A focal length in images' sides: from a field of view of nearly 180 degrees to one of arc
-/// seconds.
-bool isFocalLength(double px, int side) {
-  constexpr double kLeast = 1e-3;
-  constexpr double kMost = 1e5;
-  return side > 0 ? px > kLeast * side && px < kMost * side : px > 0.0;
-}
-
-/// OpenCV's models have no skew, and would ignore it.
-void requireCamera(const cv::Matx33d& camera, const cv::Size& image, const std::string& name) {
-  if (!isFinite(camera) || !isFocalLength(camera(0, 0), image.width) ||
-      !isFocalLength(camera(1, 1), image.height)) {
-    throw std::invalid_argument(name + " has focal lengths " + std::to_string(camera(0, 0)) + ", " +
-                                std::to_string(camera(1, 1)) +
-                                "; expected those of a calibrated camera, in px");
+/// OpenCV's models have no skew, and would ignore it. A part of an image (roi) need not contain the
+/// principal point.
+void requireLensCamera(const std::string& name, const cv::Matx33d& camera, const cv::Size& image) {
+  constexpr double kFarthest = 10.0;  // sides of the image
+  util::requireCamera(name, camera, image);
+  if (camera(0, 1) != 0.0) {
+    throw std::invalid_argument(name + " has skew, " + std::to_string(camera(0, 1)) +
+                                "; expected none");
   }
-  if (camera(0, 1) != 0.0 || camera(1, 0) != 0.0) {
-    const double skew = camera(0, 1) != 0.0 ? camera(0, 1) : camera(1, 0);
-    throw std::invalid_argument(name + " has skew, " + std::to_string(skew) + "; expected none");
-  }
-  for (int column = 0; column < 3; ++column) {
-    if (camera(2, column) == (column == 2 ? 1.0 : 0.0)) continue;
-    throw std::invalid_argument("the last row of the " + name + " is " +
-                                std::to_string(camera(2, 0)) + ", " + std::to_string(camera(2, 1)) +
-                                ", " + std::to_string(camera(2, 2)) + "; expected 0, 0, 1");
-  }
+  if (image.empty()) return;
+  const double width = kFarthest * image.width;
+  const double height = kFarthest * image.height;
+  util::requireInRange("cx of " + name, camera(0, 2), -width, width);
+  util::requireInRange("cy of " + name, camera(1, 2), -height, height);
 }
 
 void requireRotation(const cv::Matx33d& rotation) {
@@ -77,8 +68,9 @@ bool LensCalibration::operator==(const LensCalibration& other) const {
 }
 
 Lens::Lens(const LensCalibration& calibration) : calibration_(calibration) {
-  requireCamera(calibration.camera, calibration.image_size, "camera matrix");
-  requireCamera(calibration.rectified_camera, calibration.image_size, "rectified camera matrix");
+  requireLensCamera("the camera matrix", calibration.camera, calibration.image_size);
+  requireLensCamera("the rectified camera matrix", calibration.rectified_camera,
+                    calibration.image_size);
   requireCoefficients(calibration);
   requireRotation(calibration.rotation);
 }

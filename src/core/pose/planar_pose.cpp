@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/homography/transform.h"
+#include "core/util/camera_check.h"
 #include "core/util/small_matrix.h"
 
 namespace ktgp_orb {
@@ -215,10 +216,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     throw std::invalid_argument("target width is " + std::to_string(target_width) +
                                 "; expected more than 0 m");
   }
-  if (!(camera(0, 0) > 0.0 && camera(1, 1) > 0.0)) {
-    throw std::invalid_argument("focal length is " + std::to_string(camera(0, 0)) + ", " +
-                                std::to_string(camera(1, 1)) + "; expected more than 0 px");
-  }
+  util::requireCamera("the camera matrix", camera, {});
   const Eigen::Matrix3d scale = targetFromReference(reference_size, target_width);
   PlanarPoses result;
   const auto starts = startsOf(homography, camera, reference_size, scale);

@@ -9,28 +9,24 @@
 
 #include "core/homography/transform.h"
 #include "core/two_view/epipolar.h"
+#include "core/util/camera_check.h"
 #include "core/util/constants.h"
+#include "core/util/options_check.h"
 
 namespace ktgp_orb::two_view {
 namespace {
 
-void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& name) {
-  const auto refuse = [&](const std::string& what) {
-    throw std::invalid_argument("the K of the " + name + " camera " + what);
-  };
-  if (!k.allFinite()) refuse("has an entry that is not finite; expected nine finite entries");
-  if (!(k(0, 0) > 0.0 && k(1, 1) > 0.0)) {
-    refuse("has focal lengths " + std::to_string(k(0, 0)) + ", " + std::to_string(k(1, 1)) +
-           "; expected more than 0 px");
-  }
-  if (k(1, 0) != 0.0 || k(2, 0) != 0.0 || k(2, 1) != 0.0 || k(2, 2) != 1.0) {
-    refuse("is not upper triangular with 1 as its last entry");
-  }
+void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::string& whose) {
+  const std::string name = "the K of the " + whose + " camera";
+  util::requireCamera(name, k, size);
+  constexpr double kMostRatio = 4.0;  // of the sides of a pixel
+  util::requireInRange("fx / fy of " + name, k(0, 0) / k(1, 1), 1.0 / kMostRatio, kMostRatio);
   if (size.empty()) return;
   if (!(k(0, 2) >= 0.0 && k(0, 2) < size.width && k(1, 2) >= 0.0 && k(1, 2) < size.height)) {
-    refuse("has its principal point at " + std::to_string(k(0, 2)) + ", " +
-           std::to_string(k(1, 2)) + ", outside the image of " + std::to_string(size.width) + "x" +
-           std::to_string(size.height) + " px; does it belong to another image size?");
+    throw std::invalid_argument(name + " has its principal point at " + std::to_string(k(0, 2)) +
+                                ", " + std::to_string(k(1, 2)) + ", outside the image of " +
+                                std::to_string(size.width) + "x" + std::to_string(size.height) +
+                                " px; does it belong to another image size?");
   }
 }
 
