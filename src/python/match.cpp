@@ -10,6 +10,7 @@
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
+#include "python/shared.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -78,7 +79,7 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   const ImageArray first = greyImage(reference, "reference");
   const ImageArray second = greyImage(target, "target");
   const MatchHints hints = hintsOf(options.matcher, camera, target_camera);
-  const py::gil_scoped_release others_may_run;
+  const WithoutGil others_may_run;
   OrbExtractor extractor(options.orb);
   KtgpMatcher matcher(options.matcher);
   Features features[2];

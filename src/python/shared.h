@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cxxabi.h>
 #include <pybind11/pybind11.h>
 #include <unistd.h>
 
@@ -8,6 +9,26 @@
 #include <stdexcept>
 
 namespace ktgp_orb::python {
+
+/// Lets other threads of Python run. A daemon thread that comes back after the end of the
+/// interpreter stops here for ever, as it does in Python 3.14. Older ones end it by unwinding,
+/// which would abort the process on its way through C++.
+class WithoutGil {
+ public:
+  WithoutGil() = default;
+  ~WithoutGil() {
+    try {
+      PyEval_RestoreThread(state_);
+    } catch (const abi::__forced_unwind&) {
+      for (;;) pause();
+    }
+  }
+  WithoutGil(const WithoutGil&) = delete;
+  WithoutGil& operator=(const WithoutGil&) = delete;
+
+ private:
+  PyThreadState* state_ = PyEval_SaveThread();
+};
 
 /// Of an object that several Python threads may use, one after the other.
 class Shared {
@@ -25,7 +46,7 @@ class Shared {
               "the object was in use by a thread when this process was forked; expected an object "
               "made after the fork");
         }
-        const pybind11::gil_scoped_release others_may_run;
+        const WithoutGil others_may_run;
         shared_.mutex_.lock();
       }
       shared_.process_ = getpid();
@@ -37,7 +58,7 @@ class Shared {
 
    private:
     Shared& shared_;
-    std::optional<pybind11::gil_scoped_release> others_may_run_;
+    std::optional<WithoutGil> others_may_run_;
   };
 
  private:

@@ -390,6 +390,24 @@ class ModuleTest(unittest.TestCase):
         version = subprocess.check_output([os.path.join(TOOLS, 'ktgp_match'), '--version'], universal_newlines=True)
         self.assertEqual(version.split()[-1], ktgp.__version__)
 
+    def test_a_daemon_thread_does_not_end_the_process(self):
+        program = '''
+import numpy as np, sys, threading
+import ktgp_orb_core as ktgp
+image = np.kron(np.random.RandomState(0).randint(0, 255, (60, 80)), np.ones((8, 8))).astype(np.uint8)
+began = threading.Event()
+def loop():
+    while True:
+        began.set()
+        ktgp.match(image, image, preset='photo')
+threading.Thread(target=loop, daemon=True).start()
+began.wait()
+'''
+        for _ in range(3):
+            run = subprocess.run([sys.executable, '-c', program], stderr=subprocess.PIPE,
+                                 universal_newlines=True)
+            self.assertEqual((run.returncode, run.stderr), (0, ''))
+
     def test_an_object_in_use_at_a_fork_is_refused_in_the_child_and_others_work(self):
         busy, idle = ktgp.Extractor(features=2000), ktgp.Extractor(features=300)
         large = picture(shape=(3000, 4000))
