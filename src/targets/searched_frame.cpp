@@ -46,7 +46,9 @@ void SearchedFrame::set(const cv::Mat& image, bool wants_small) {
   features_ = &extracted_;
   if (longer > kLargestFrame) {
     const double shrink = static_cast<double>(kLargestFrame) / longer;
-    cv::resize(image, resized_, cv::Size(), shrink, shrink, cv::INTER_AREA);
+    const cv::Size size(std::max(1, cvRound(shrink * image.cols)),
+                        std::max(1, cvRound(shrink * image.rows)));
+    cv::resize(image, resized_, size, 0, 0, cv::INTER_AREA);
   } else if (is_larger) {
     setEnlargement(enlargementOf(longer));
     // Linear interpolation would blur what little a small frame has.

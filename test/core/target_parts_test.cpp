@@ -8,6 +8,7 @@
 
 #include "target_world.h"
 #include "targets/conflicts.h"
+#include "targets/searched_frame.h"
 #include "targets/target_store.h"
 
 namespace ktgp_orb::targets {
@@ -33,6 +34,23 @@ Target poster(int number, int images = 1) {
 
 StoredTarget& add(TargetStore& store, const Target& target) {
   return store.add(target, store.prepare(target, 1));
+}
+
+/// So the time for a request does not follow the size of its image.
+TEST(SearchedFrame, HasAtMostItsLargestSize) {
+  SearchedFrame frame(oneView());
+  const cv::Mat tile = test::drawnPicture({640, 480}, 1);
+  for (const cv::Size size : {cv::Size(8000, 8000), cv::Size(60000, 10), cv::Size(1300, 900),
+                              cv::Size(160, 120), cv::Size(3, 2)}) {
+    cv::Mat tiled;
+    cv::repeat(tile, size.height / tile.rows + 1, size.width / tile.cols + 1, tiled);
+    for (const bool wants_small : {false, true}) {
+      frame.set(tiled(cv::Rect({}, size)), wants_small);
+      const cv::Size searched = frame.features().image_size;
+      EXPECT_LE(std::max(searched.width, searched.height), SearchedFrame::kLargestFrame) << size;
+      EXPECT_LE(frame.features().size(), 4000U) << size;
+    }
+  }
 }
 
 /// Two posters and how they were found in a frame.

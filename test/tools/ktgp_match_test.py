@@ -109,7 +109,7 @@ class KtgpMatch(ToolCase):
     def test_a_camera_that_cannot_be_used_is_refused(self):
         for words, reason in ((("--camera", "1,2,3", "--preset", "slam"), "--camera"),
                               (("--camera", "500,500,200,150"), "--camera is of use with --geometry auto"),
-                              (("--camera", "0,0,0,0", "--preset", "slam"), "expected more than 0 px"),
+                              (("--camera", "0,0,0,0", "--preset", "slam"), "fx of the K of the reference camera is 0; expected"),
                               (("--camera", "500,500,9000,150", "--preset", "slam"), "another image size"),
                               (("--camera", "nan,500,200,150", "--preset", "slam"), "")):
             run = self.match("a.pgm", "b.pgm", *words)
