@@ -274,6 +274,15 @@ class KtgpEvaluate(ToolCase):
         self.assertLess(robust["corner_normalised_median"], 4.0)
 
     @unittest.skipUnless(os.path.isdir(KITTI), "KTGP_ORB_DATA is not set: this test needs its folder two_view")
+    def test_no_pair_of_a_street_has_the_direction_of_a_local_optimum(self):
+        run = self.run_tool("ktgp_evaluate", "--two-view", KITTI, "--methods", "SLAM", "--csv", "views.csv")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        with open(self.folder / "views.csv") as file:
+            errors = [float(row["error"]) for row in csv.DictReader(file)]
+        self.assertEqual(len(errors), 50)
+        self.assertLess(max(errors), 2.0)  # degrees
+
+    @unittest.skipUnless(os.path.isdir(KITTI), "KTGP_ORB_DATA is not set: this test needs its folder two_view")
     def test_two_views_of_a_street_are_better_than_its_rivals(self):
         (self.folder / "street").mkdir()
         with open(os.path.join(KITTI, "cameras.txt")) as file:

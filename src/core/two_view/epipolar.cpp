@@ -261,27 +261,26 @@ template class EpipolarProblem<7>;
 
 /// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
 /// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
-void EpipolarFit::dropBehind(const EpipolarPairs& pairs, const Motion& motion) {
-  const double far = kFarLimits * pairs.limit();
-  for (std::size_t i = 0; i < near_.size(); ++i) {
-    if (near_[i] == 0) continue;
-    const Eigen::Vector3d q = pairs.referenceRay(i);
-    const Eigen::Vector3d u = pairs.targetRay(i);
-    if (inFront(motion, q, u)) continue;
-    const Eigen::Vector2d at = (motion.rotation * q).hnormalized();
-    if ((at - u.hnormalized()).norm() * pairs.focal() > far) near_[i] = 0;
-  }
+bool EpipolarFit::isBehind(const EpipolarPairs& pairs, const Motion& motion, std::size_t i) {
+  const Eigen::Vector3d q = pairs.referenceRay(i);
+  const Eigen::Vector3d u = pairs.targetRay(i);
+  if (inFront(motion, q, u)) return false;
+  const Eigen::Vector2d at = (motion.rotation * q).hnormalized();
+  return (at - u.hnormalized()).norm() * pairs.focal() > kFarLimits * pairs.limit();
 }
 
 std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
                                 std::size_t most) {
   findInliers(pairs, geometry.matrix, reach, near_);
-  if (pairs.calibrated()) dropBehind(pairs, geometry.motion);
   const PointArrays<double>& from = pairs.refinement;
   std::size_t n = 0;
   selected_.resize(std::min(pairs.size(), most));
   for (std::size_t i = 0; i < pairs.size() && n < most; ++i) {
     if (near_[i] == 0) continue;
+    if (pairs.calibrated() && isBehind(pairs, geometry.motion, i)) {
+      near_[i] = 0;
+      continue;
+    }
     selected_.x[n] = from.x[i];
     selected_.y[n] = from.y[i];
     selected_.u[n] = from.u[i];

@@ -119,7 +119,7 @@ class EpipolarFit {
 
   std::size_t select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
                      std::size_t most);
-  void dropBehind(const EpipolarPairs& pairs, const Motion& motion);
+  static bool isBehind(const EpipolarPairs& pairs, const Motion& motion, std::size_t i);
   void reweight(const Epipolar& geometry, Sums& sums);
   void estimateScale(double freedom);
   bool findStep(const EpipolarPairs& pairs, const Epipolar& geometry, const Sums& sums,

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/SVD>
 #include <algorithm>
+#include <limits>
 
 #include "core/two_view/epipolar.h"
 
@@ -18,6 +19,47 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 }
 
 }  // namespace
+
+Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
+  constexpr int kRounds = 4;
+  constexpr std::size_t kMost = 200;
+  const std::size_t n = std::min(pairs.size(), kMost);
+  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
+  double scale2 = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < kRounds; ++round) {
+    Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+    double weights = 0.0;
+    double squares = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      const Eigen::Vector3d from = pairs.referenceRay(i).normalized();
+      const Eigen::Vector3d to = pairs.targetRay(i).normalized();
+      const double e2 = (turn * from - to).squaredNorm();
+      const double w = 1.0 / (1.0 + e2 / scale2);
+      sum.noalias() += w * to * from.transpose();
+      if (round > 0) {
+        weights += w;
+        squares += w * e2;
+      }
+    }
+    turn = nearestRotation(sum);
+    double total = 0.0;
+    for (std::size_t i = 0; i < n; ++i) {
+      total += (turn * pairs.referenceRay(i).normalized() - pairs.targetRay(i).normalized())
+                   .squaredNorm();
+    }
+    scale2 = round > 0 ? squares / weights : total / static_cast<double>(n);
+  }
+  return turn;
+}
+
+bool isForward(const EpipolarPairs& pairs, const Motion& motion) {
+  const std::size_t n = std::min<std::size_t>(pairs.size(), 64);
+  std::size_t front = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    front += inFront(motion, pairs.referenceRay(i), pairs.targetRay(i)) ? 1 : 0;
+  }
+  return 2 * front > n;
+}
 
 bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
                  std::size_t inliers, double max_error, UncertainRotation& result) {

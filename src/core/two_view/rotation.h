@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "core/two_view/cameras.h"
+#include "core/two_view/epipolar.h"
 
 namespace ktgp_orb::two_view {
 
@@ -17,5 +18,11 @@ struct UncertainRotation {
 /// `inliers`; false where it explains less than half of them. `max_error`: px.
 bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
                  std::size_t inliers, double max_error, UncertainRotation& result);
+
+/// The turn that explains the pairs best without a translation, robustly.
+Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
+
+/// Whether most of the first pairs are in front of both cameras.
+bool isForward(const EpipolarPairs& pairs, const Motion& motion);
 
 }  // namespace ktgp_orb::two_view

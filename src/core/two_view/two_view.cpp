@@ -86,6 +86,7 @@ struct TwoViewEstimator::Impl {
   static constexpr int kPlaneSamples = 250;  // a plane with less support is not what is published
 
   bool findEpipolar(const TwoViewInput& input, TwoView& result);
+  bool startElsewhere();
   template <std::size_t Sample>
   bool search(two_view::EpipolarProblem<Sample>& problem,
               prosac::ProsacSearch<two_view::EpipolarProblem<Sample>>& prosac_search,
@@ -197,7 +198,33 @@ bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& re
   } else {
     found = search<7>(seven, seven_search, nullptr, result);
   }
-  return found && fit.minimise(normalised, epipolar);
+  if (!found || !fit.minimise(normalised, epipolar)) return false;
+  return !cameras || !startElsewhere() || fit.minimise(normalised, epipolar);
+}
+
+/// With little parallax, a wrong direction of the translation agrees with most pairs once the turn
+/// makes up for it. Sampling stops there, and the fit does not leave it. So the fit starts again
+/// from other directions, with the turn that explains the pairs without a translation.
+bool TwoViewEstimator::Impl::startElsewhere() {
+  constexpr int kSteps = 2;
+  static const Eigen::Vector3d kDirections[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
+                                                {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
+  const Eigen::Matrix3d turn = two_view::turnOf(normalised);
+  float least = five.cost(epipolar, std::numeric_limits<float>::infinity());
+  bool is_better = false;
+  for (const Eigen::Vector3d& direction : kDirections) {
+    two_view::Motion motion{turn, direction.normalized()};
+    if (!two_view::isForward(normalised, motion)) motion.translation *= -1.0;
+    Epipolar start = normalised.fromMotion(motion);
+    for (int step = 0; step < kSteps && five.refine(1.0, start); ++step) {
+    }
+    const float cost = five.cost(start, least);
+    if (cost >= least) continue;
+    least = cost;
+    epipolar = start;
+    is_better = true;
+  }
+  return is_better;
 }
 
 /// Fills log_plane, and log_rotation with cameras.
