@@ -16,6 +16,27 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; 
   throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
 }
 
+std::string textOf(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+/// What is wrong with a picture that has fewer than the fewest keypoints, which need some room
+/// between the borders.
+std::string whyFewKeypoints(const TargetPicture& picture) {
+  constexpr int kNarrow = 40;  // px, shorter side
+  const std::string count = std::to_string(picture.own) + " keypoints; expected " +
+                            std::to_string(kFewestKeypoints) + " or more, from ";
+  const cv::Size size = picture.image.size();
+  if (std::min(size.width, size.height) >= kNarrow) {
+    return " has too little texture: " + count + "a sharp image of a picture with details";
+  }
+  const bool is_smaller = size != picture.full_size;
+  const int least = static_cast<int>(std::ceil(kNarrow / picture.scale));
+  return " is too narrow: " + textOf(picture.full_size) + " px " +
+         (is_smaller ? "(made smaller: " + textOf(size) + ") " : "") + "with " + count +
+         "a shorter side of " + std::to_string(least) + " px or more";
+}
+
 }  // namespace
 
 std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
@@ -39,9 +60,7 @@ std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views)
     pictures.push_back(
         makePicture(image, options_.orb, options_.features, options_.largest_side, views));
     if (pictures.back().own < kFewestKeypoints) {
-      refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
-                            " keypoints; expected " + std::to_string(kFewestKeypoints) +
-                            " or more, from a sharp image of a picture with details");
+      refuse(target.id, name + whyFewKeypoints(pictures.back()));
     }
   }
   return pictures;

@@ -316,6 +316,24 @@ TEST(TargetFinder, RefusesWhatCannotBeATarget) {
   EXPECT_THROW(TargetFinder{options}, std::invalid_argument);
 }
 
+/// They have no place for keypoints, or for few, whatever they show.
+TEST(TargetFinder, RefusesNarrowPicturesByTheirShape) {
+  TargetFinder finder;
+  Target target;
+  target.id = "line";
+  for (const cv::Size size : {cv::Size(3, 900), cv::Size(1, 400), cv::Size(1200, 1),
+                              cv::Size(5, 1600), cv::Size(1, 1), cv::Size(1600, 100)}) {
+    target.images = {test::drawnPicture({1600, 1600}, 5)(cv::Rect(cv::Point(), size))};
+    const std::string shape = std::to_string(size.width) + "x" + std::to_string(size.height);
+    EXPECT_EQ(
+        reasonOf(finder, target).find("target \"line\": image 1 is too narrow: " + shape + " px"),
+        0U)
+        << reasonOf(finder, target);
+  }
+  EXPECT_NE(reasonOf(finder, target).find("(made smaller: 400x25) with "), std::string::npos);
+  EXPECT_NE(reasonOf(finder, target).find("a shorter side of 160 px"), std::string::npos);
+}
+
 /// Adds `picture` and then a thousand of its copies, which must all be refused.
 template <typename Copy>
 void expectOneTarget(const cv::Mat& picture, const Copy& copyOf) {
