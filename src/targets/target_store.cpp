@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/util/frame_name.h"
 #include "core/util/printable.h"
 #include "targets/ambiguity.h"
 
@@ -14,6 +15,24 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; 
 
 [[noreturn]] void refuse(const std::string& id, const std::string& reason) {
   throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
+}
+
+void requireShort(const std::string& id, const char* name, const std::string& text) {
+  constexpr std::size_t kLongest = 256;
+  if (text.size() <= kLongest) return;
+  refuse(id, std::string("the ") + name + " has " + std::to_string(text.size()) +
+                 " bytes; expected at most " + std::to_string(kLongest));
+}
+
+void requireNames(const Target& target) {
+  if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
+  requireShort(target.id, "id", target.id);
+  requireShort(target.id, "frame", target.frame);
+  const bool is_blank =
+      util::withoutSlash(target.frame).find_first_not_of(" \t\r\n") == std::string::npos;
+  if (is_blank && !target.frame.empty()) {
+    refuse(target.id, "the frame is " + util::quoted(target.frame) + "; expected a name");
+  }
 }
 
 std::string textOf(const cv::Size& size) {
@@ -40,12 +59,7 @@ std::string whyFewKeypoints(const TargetPicture& picture) {
 }  // namespace
 
 std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
-  constexpr std::size_t kLongest = 256;
-  if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
-  if (target.id.size() > kLongest) {
-    refuse(target.id, "the id has " + std::to_string(target.id.size()) +
-                          " bytes; expected at most " + std::to_string(kLongest));
-  }
+  requireNames(target);
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +
                           " m; expected a positive one, or 0 if it is not known");
@@ -70,7 +84,7 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   auto stored = std::make_unique<StoredTarget>();
   stored->id = target.id;
   stored->width = target.width;
-  stored->frame = target.frame;
+  stored->frame = util::withoutSlash(target.frame);
   for (const TargetPicture& picture : pictures) {
     if (stored->ambiguity.empty()) stored->ambiguity = ambiguityOf(picture);
   }

@@ -486,18 +486,37 @@ TEST(TargetFinder, AFrameBelongsToOneTarget) {
   Target door = poster(0), other = poster(1);
   door.frame = "door";
   finder.add(door);
-  for (const char* frame : {"door", "door_1", "door_12"}) {
+  for (const char* frame : {"door", "door_1", "door_12", "/door", "//door_1"}) {
     other.frame = frame;
     EXPECT_NE(reasonOf(finder, other).find("meets the frame \"door\" of target \"poster0\""),
               std::string::npos)
         << frame;
   }
-  for (const char* frame : {"door_a", "door_", "doo", ""}) {
+  for (const char* frame : {"door_a", "door_", "doo", "door_0", "door_01", "/shelf", ""}) {
     other.frame = frame;
     EXPECT_EQ(reasonOf(finder, other), "") << frame;
     finder.remove(other.id);
   }
   finder.replace(door);
+}
+
+/// As tf2 needs them.
+TEST(TargetFinder, NamesOfFramesAreUsable) {
+  TargetFinder finder;
+  Target target = poster(0);
+  for (const char* frame : {" ", "/", "\t\n", "/ "}) {
+    target.frame = frame;
+    EXPECT_NE(reasonOf(finder, target).find("\"poster0\": the frame is \""), std::string::npos)
+        << frame;
+  }
+  target.frame = std::string(257, 'x');
+  EXPECT_NE(reasonOf(finder, target).find("the frame has 257 bytes; expected at most 256"),
+            std::string::npos);
+  target.frame = "/door";
+  finder.add(target);
+  const TargetFrame& frame = finder.find(frameOf({shown(0, 320, 240)}));
+  ASSERT_EQ(frame.detections.size(), 1U);
+  EXPECT_EQ(frame.detections[0].frame, "door");
 }
 
 TEST(TargetFinder, SaysThatThereMayBeMoreCopies) {
