@@ -19,9 +19,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// The one name of a kept list: two nodes may know it by different names, such as links. Throws
+/// std::invalid_argument with the reason if no list can be kept there.
+std::string realNameOf(const std::string& list) {
+  std::error_code none;
+  const fs::file_status status = fs::status(list, none);
+  if (fs::is_directory(status)) {
+    throw std::invalid_argument(list + ": is a folder; expected the name of a YAML list");
+  }
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    throw std::invalid_argument(list + ": is no regular file; expected the name of a YAML list");
+  }
+  if (!fs::exists(status) && fs::is_symlink(fs::symlink_status(list, none))) {
+    throw std::invalid_argument(list + ": is a link to a file that is missing; expected the name " +
+                                "of that file");
+  }
+  const fs::path real = fs::weakly_canonical(fs::absolute(list), none);
+  return none ? fs::absolute(list).string() : real.string();
+}
+
 /// The folder for the images of a kept list.
 fs::path folderOf(const std::string& list) {
-  return fs::absolute(list + "_images");
+  return list + "_images";
 }
 
 Target targetOf(const SetTarget::Request& request) {
@@ -55,15 +74,12 @@ TargetBook::~TargetBook() {
 }
 
 void TargetBook::open(const std::string& targets, const std::string& file) {
-  file_ = file;
-  if (fs::is_directory(file)) {
-    throw std::invalid_argument(file + ": is a folder; expected the name of a YAML list");
-  }
-  if (!file.empty()) lock();
+  file_ = file.empty() ? "" : realNameOf(file);
+  if (!file_.empty()) lock();
   std::error_code none;
-  const std::uintmax_t size = fs::file_size(file, none);
+  const std::uintmax_t size = fs::file_size(file_, none);
   const bool was_kept = !none && size > 0;
-  const std::string& list = was_kept ? file : targets;
+  const std::string& list = was_kept ? file_ : targets;
   if (list.empty()) return;
   const std::vector<TargetEntry> entries = readTargetList(list);
   lists_.waiting.assign(entries.begin(), entries.end());

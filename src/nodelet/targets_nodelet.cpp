@@ -188,7 +188,8 @@ void TargetsNodelet::start() {
 
 std::string TargetsNodelet::greeting() const {
   return "searches targets in images on " + images_->topic() + " (transport " +
-         images_->transport() + "), calibration on " + camera_info_->topic();
+         images_->transport() + "), calibration on " + camera_info_->topic() +
+         (book_.file().empty() ? "" : ", keeps targets in " + util::printable(book_.file(), 600));
 }
 
 void TargetsNodelet::advertise() {
