@@ -81,7 +81,11 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   const bool was_kept = !none && size > 0;
   const std::string& list = was_kept ? file_ : targets;
   if (list.empty()) return;
-  const std::vector<TargetEntry> entries = readTargetList(list);
+  std::vector<TargetEntry> entries = readTargetList(list);
+  if (was_kept) {
+    // Its lines change with each target that is added or removed.
+    for (TargetEntry& entry : entries) entry.place.clear();
+  }
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
@@ -109,7 +113,7 @@ void TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
   try {
-    user_.add(readTarget(entry));
+    addTarget(entry, user_.add);
     lists_.used.push_back(entry);
   } catch (const std::exception& error) {
     lists_.refused.push_back(entry);
@@ -150,7 +154,7 @@ void TargetBook::replace(const SetTarget::Request& request) {
 /// Writes the files first: if the disk is full, nothing has changed.
 void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
   const Target target = targetOf(request);
-  TargetEntry entry{target.id, {}, target.width, target.frame};
+  TargetEntry entry{target.id, {}, target.width, target.frame, ""};
   Lists next = lists_;
   const std::vector<TargetEntry> replaced = next.takeOut(target.id);
   try {
@@ -202,9 +206,6 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   std::vector<TargetEntry> entries = lists.used;
   entries.insert(entries.end(), lists.refused.begin(), lists.refused.end());
   entries.insert(entries.end(), lists.waiting.begin(), lists.waiting.end());
-  for (TargetEntry& entry : entries) {
-    for (std::string& file : entry.files) file = fs::absolute(file).string();
-  }
   auto list = std::make_unique<files::OutputFile>(file_, true);
   files::write(*list, textOfTargetList(entries));
   return list;
