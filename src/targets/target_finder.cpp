@@ -214,7 +214,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
       same.clear();
       search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
-        if (!targets::showsTheSame(other, pictures[i].image.size(), store)) continue;
+        if (!targets::showsTheSame(other, pictures[i], store)) continue;
         throw std::invalid_argument("target " + util::quoted(id) + ": image " +
                                     std::to_string(i + 1) + " shows the same as target " +
                                     util::quoted(candidate.target->id) +

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -418,6 +419,93 @@ TEST(TargetFinder, SignsWithOneLogoAreTenTargets) {
     if (one.status == Status::ok) found.push_back(one.id);
   }
   EXPECT_EQ(found, std::vector<std::string>{"sign4"});
+}
+
+/// Signs with the same upper half, and large text below.
+Target doorSign(int number) {
+  const char* const kNames[] = {"Anna B.", "Carl Otto", "Zoe", "Archive", "Print shop", "Kitchen"};
+  cv::Mat image(300, 400, CV_8U, cv::Scalar(230));
+  test::drawnPicture({400, 150}, 77).copyTo(image.rowRange(0, 150));
+  const std::string room = "ROOM " + std::to_string(137 * number % 900 + 100);
+  cv::putText(image, room, {15, 218}, cv::FONT_HERSHEY_SIMPLEX, 2.0, 20, 5, cv::LINE_AA);
+  cv::putText(image, kNames[number], {15, 280}, cv::FONT_HERSHEY_SIMPLEX, 1.6, 60, 5, cv::LINE_AA);
+  Target sign;
+  sign.id = "sign" + std::to_string(number);
+  sign.images = {image};
+  return sign;
+}
+
+/// Where their text is too small to decide, none of them is ok; never a wrong one.
+TEST(TargetFinder, SignsWithOneHalfAreSixTargets) {
+  constexpr int kSigns = 6;
+  TargetFinder finder;
+  for (int i = 0; i < kSigns; ++i) EXPECT_EQ(reasonOf(finder, doorSign(i)), "");
+  int right = 0, shown = 0;
+  for (int i = 0; i < kSigns; ++i) {
+    for (const auto& [tilt, zoom] : {std::pair(0.0, 1.0), std::pair(0.3, 1.0), std::pair(0.6, 1.0),
+                                     std::pair(0.3, 0.4), std::pair(0.6, 0.4)}) {
+      cv::Mat frame, image;
+      test::drawnPicture(kFrame, 1000).convertTo(frame, CV_32F);
+      Placement p;
+      p.tilt = tilt;
+      p.axis = i;
+      p.turn = 0.2;
+      p.zoom = zoom;
+      const Target sign = doorSign(i);
+      test::place(sign.images[0], test::homographyOf(p, sign.images[0].size()), frame);
+      frame.convertTo(image, CV_8U);
+      ++shown;
+      for (const DetectedTarget& one : finder.findAlone(image).detections) {
+        if (one.status != Status::ok) continue;
+        EXPECT_EQ(one.id, sign.id) << tilt;
+        ++right;
+      }
+    }
+  }
+  std::printf("%d of %d signs were named\n", right, shown);
+  EXPECT_GE(right, 2 * shown / 3);
+}
+
+/// In another light, at another scale, or blurred.
+TEST(TargetFinder, AnotherPhotographOfATargetIsRefused) {
+  for (const cv::Mat& picture :
+       {poster(0).images[0], doorSign(0).images[0], cv::Mat(test::drawnPicture({800, 600}, 2))}) {
+    Target target;
+    target.id = "first";
+    target.images = {picture};
+    TargetFinder finder;
+    finder.add(target);
+    const auto expectRefused = [&](const char* what, const cv::Mat& image) {
+      target.id = what;
+      target.images = {image};
+      EXPECT_NE(reasonOf(finder, target).find("shows the same as target \"first\""),
+                std::string::npos)
+          << what;
+      finder.remove(what);
+    };
+    cv::Mat changed;
+    picture.convertTo(changed, CV_8U, 0.4, 40.0);
+    expectRefused("less contrast", changed);
+    picture.convertTo(changed, CV_32F, 1.0 / 255.0);
+    cv::pow(changed, 2.0, changed);
+    changed.convertTo(changed, CV_8U, 255.0);
+    expectRefused("darker", changed);
+    changed = picture.clone();
+    cv::Mat shade = changed.colRange(0, changed.cols / 2);
+    shade.convertTo(shade, CV_8U, 0.4);
+    expectRefused("shadow", changed);
+    for (const double blur : {1.0, 2.0, 3.0}) {
+      cv::GaussianBlur(picture, changed, {}, blur);
+      expectRefused("blurred", changed);
+    }
+    for (const double scale : {0.5, 0.7, 1.5}) {
+      cv::resize(picture, changed, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+      expectRefused("resized", changed);
+    }
+    changed = picture.clone();
+    cv::circle(changed, {picture.cols / 3, picture.rows / 2}, picture.rows / 5, 255, cv::FILLED);
+    expectRefused("glare", changed);
+  }
 }
 
 /// A picture that is a part of another one's picture, and known by itself.
