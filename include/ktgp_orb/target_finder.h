@@ -24,7 +24,8 @@ struct Target {
   /// example by day and by night).
   std::vector<cv::Mat> images;
   double width = 0.0;  ///< what the images show from left to right, m; 0: not known
-  /// Name for the caller (tf). No other target has it, also not as FRAME_1 ... of its instances.
+  /// Name for the caller (tf), without a leading slash, which is left out. No other target has it,
+  /// also not as FRAME_1 ... of its instances.
   std::string frame;
 };
 

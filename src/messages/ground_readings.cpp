@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "core/util/constants.h"
+#include "core/util/frame_name.h"
 #include "messages/pose_message.h"
 #include "motion/rows.h"
 
@@ -18,17 +19,13 @@ namespace {
 
 constexpr double kDegree = util::kPi / 180.0;
 constexpr std::size_t kKept = 1000;  // messages
+using util::withoutSlash;
 using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
 
 std::string seconds(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.3f s", value);
   return text;
-}
-
-/// By its name, or the one that counts as none in tf.
-std::string withoutSlash(const std::string& frame) {
-  return !frame.empty() && frame[0] == '/' ? frame.substr(1) : frame;
 }
 
 template <typename Message>

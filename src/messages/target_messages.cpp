@@ -6,6 +6,7 @@
 #include <boost/make_shared.hpp>
 #include <stdexcept>
 
+#include "core/util/frame_name.h"
 #include "core/util/keypoint_position.h"
 #include "messages/pose_message.h"
 
@@ -72,6 +73,12 @@ bool wantsPose(const TargetDetection& message) {
   return message.status == MatchStatus::STATUS_OK && wanted;
 }
 
+/// Of this instance, for tf.
+std::string frameOf(const TargetDetection& target) {
+  if (target.instance == 0 || target.frame.empty()) return target.frame;
+  return target.frame + "_" + std::to_string(target.instance);
+}
+
 }  // namespace
 
 PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera) {
@@ -117,7 +124,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
   for (const DetectedTarget& target : frame.detections) {
     message->detections.push_back(messageOf(target));
     std::string& name = message->detections.back().frame;
-    if (!name.empty()) name.insert(0, frame_prefix);
+    if (!name.empty()) name = util::withoutSlash(frame_prefix + name);
   }
   message->known = static_cast<std::uint32_t>(frame.search.known);
   message->candidates = static_cast<std::uint32_t>(frame.search.candidates);
@@ -131,13 +138,16 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
 void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs::CameraInfo* info,
               const std::string& info_topic, Pixels pixels, DetectedPose& pose,
               TargetDetections& message) {
+  const std::string camera_frame = util::withoutSlash(message.header.frame_id);
   std::optional<PixelCamera> camera;
   for (std::size_t i = 0; i < message.detections.size(); ++i) {
     TargetDetection& detection = message.detections[i];
     if (!wantsPose(detection)) continue;
     try {
-      if (detection.frame == message.header.frame_id && !detection.frame.empty()) {
-        throw std::invalid_argument("the frame of " + detection.id + ", " + detection.frame +
+      const std::string own_frame = frameOf(detection);
+      if (own_frame == camera_frame && !own_frame.empty()) {
+        throw std::invalid_argument("the frame of instance " + std::to_string(detection.instance) +
+                                    " of " + detection.id + ", " + own_frame +
                                     ", is the camera's; expected one of its own");
       }
       if (detection.width <= 0.0) {
@@ -165,12 +175,17 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
 
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message) {
   std::vector<geometry_msgs::TransformStamped> transforms;
+  std_msgs::Header header = message.header;
+  header.frame_id = util::withoutSlash(header.frame_id);
   for (const TargetDetection& target : message.detections) {
     // Of several poses, tf could only have one, and nobody would know.
     if (target.has_pose == 0 || target.frame.empty() || !target.ambiguity.empty()) continue;
-    std::string child = target.frame;
-    if (target.instance > 0) child += "_" + std::to_string(target.instance);
-    transforms.push_back(transformOf(message.header, child, target.pose.pose));
+    transforms.push_back(transformOf(header, frameOf(target), target.pose.pose));
+  }
+  // tf2 needs a name for both ends.
+  if (header.frame_id.empty() && !transforms.empty()) {
+    throw std::invalid_argument("the images have no frame_id, so " + transforms[0].child_frame_id +
+                                " is not sent to tf; expected that of the camera");
   }
   return transforms;
 }

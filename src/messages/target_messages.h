@@ -55,6 +55,7 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
               TargetDetections& message);
 
 /// One for each pose of a target that has a frame: FRAME for instance 0, FRAME_1 for instance 1 ...
+/// Throws std::invalid_argument with the reason if the images have no frame_id.
 std::vector<geometry_msgs::TransformStamped> transformsOf(const TargetDetections& message);
 
 /// For rviz: outline and id for each pose; the first marker removes those of the frame before.

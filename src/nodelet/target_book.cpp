@@ -19,9 +19,28 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// The one name of a kept list: two nodes may know it by different names, such as links. Throws
+/// std::invalid_argument with the reason if no list can be kept there.
+std::string realNameOf(const std::string& list) {
+  std::error_code none;
+  const fs::file_status status = fs::status(list, none);
+  if (fs::is_directory(status)) {
+    throw std::invalid_argument(list + ": is a folder; expected the name of a YAML list");
+  }
+  if (fs::exists(status) && !fs::is_regular_file(status)) {
+    throw std::invalid_argument(list + ": is no regular file; expected the name of a YAML list");
+  }
+  if (!fs::exists(status) && fs::is_symlink(fs::symlink_status(list, none))) {
+    throw std::invalid_argument(list + ": is a link to a file that is missing; expected the name " +
+                                "of that file");
+  }
+  const fs::path real = fs::weakly_canonical(fs::absolute(list), none);
+  return none ? fs::absolute(list).string() : real.string();
+}
+
 /// The folder for the images of a kept list.
 fs::path folderOf(const std::string& list) {
-  return fs::absolute(list + "_images");
+  return list + "_images";
 }
 
 Target targetOf(const SetTarget::Request& request) {
@@ -55,17 +74,18 @@ TargetBook::~TargetBook() {
 }
 
 void TargetBook::open(const std::string& targets, const std::string& file) {
-  file_ = file;
-  if (fs::is_directory(file)) {
-    throw std::invalid_argument(file + ": is a folder; expected the name of a YAML list");
-  }
-  if (!file.empty()) lock();
+  file_ = file.empty() ? "" : realNameOf(file);
+  if (!file_.empty()) lock();
   std::error_code none;
-  const std::uintmax_t size = fs::file_size(file, none);
+  const std::uintmax_t size = fs::file_size(file_, none);
   const bool was_kept = !none && size > 0;
-  const std::string& list = was_kept ? file : targets;
+  const std::string& list = was_kept ? file_ : targets;
   if (list.empty()) return;
-  const std::vector<TargetEntry> entries = readTargetList(list);
+  std::vector<TargetEntry> entries = readTargetList(list);
+  if (was_kept) {
+    // Its lines change with each target that is added or removed.
+    for (TargetEntry& entry : entries) entry.place.clear();
+  }
   lists_.waiting.assign(entries.begin(), entries.end());
 }
 
@@ -93,7 +113,7 @@ void TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
   try {
-    user_.add(readTarget(entry));
+    addTarget(entry, user_.add);
     lists_.used.push_back(entry);
   } catch (const std::exception& error) {
     lists_.refused.push_back(entry);
@@ -134,7 +154,7 @@ void TargetBook::replace(const SetTarget::Request& request) {
 /// Writes the files first: if the disk is full, nothing has changed.
 void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
   const Target target = targetOf(request);
-  TargetEntry entry{target.id, {}, target.width, target.frame};
+  TargetEntry entry{target.id, {}, target.width, target.frame, ""};
   Lists next = lists_;
   const std::vector<TargetEntry> replaced = next.takeOut(target.id);
   try {
@@ -186,9 +206,6 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   std::vector<TargetEntry> entries = lists.used;
   entries.insert(entries.end(), lists.refused.begin(), lists.refused.end());
   entries.insert(entries.end(), lists.waiting.begin(), lists.waiting.end());
-  for (TargetEntry& entry : entries) {
-    for (std::string& file : entry.files) file = fs::absolute(file).string();
-  }
   auto list = std::make_unique<files::OutputFile>(file_, true);
   files::write(*list, textOfTargetList(entries));
   return list;

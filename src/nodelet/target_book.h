@@ -37,6 +37,8 @@ class TargetBook {
   /// Throws std::invalid_argument with the reason if the list cannot be read, if another book has
   /// it, or if the folder for its images cannot be created.
   void open(const std::string& targets, const std::string& file);
+  /// The kept list, without links; empty: none.
+  const std::string& file() const { return file_; }
   bool isLoading() const { return !lists_.waiting.empty(); }
   std::size_t waiting() const { return lists_.waiting.size(); }
   /// Reads the next target of the list and adds it.

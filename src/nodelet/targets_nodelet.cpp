@@ -50,6 +50,7 @@ class TargetsWork {
 
  private:
   void report(const TargetDetections& message);
+  void sendTransforms(const TargetDetections& message);
   void publish(const TargetDetectionsPtr& message, const sensor_msgs::ImageConstPtr& image,
                const TargetFrame& frame);
 
@@ -110,11 +111,21 @@ void TargetsWork::report(const TargetDetections& message) {
   diagnosis_.setValue("frames for all", std::to_string(message.frames_for_all));
 }
 
+void TargetsWork::sendTransforms(const TargetDetections& message) {
+  std::string problem;
+  try {
+    if (settings_.config.publish_tf) broadcaster_.sendTransform(transformsOf(message));
+  } catch (const std::invalid_argument& error) {
+    problem = error.what();
+  }
+  diagnosis_.setProblem("tf", problem);
+}
+
 void TargetsWork::publish(const TargetDetectionsPtr& message,
                           const sensor_msgs::ImageConstPtr& image, const TargetFrame& frame) {
   outputs_.detections.publish(message);
   if (outputs_.markers.getNumSubscribers() > 0) outputs_.markers.publish(markersOf(*message));
-  if (settings_.config.publish_tf) broadcaster_.sendTransform(transformsOf(*message));
+  sendTransforms(*message);
   if (outputs_.image.getNumSubscribers() == 0) return;
   cv::Mat canvas;
   drawTargets(colourImage(image), frame.detections, canvas);
@@ -177,7 +188,8 @@ void TargetsNodelet::start() {
 
 std::string TargetsNodelet::greeting() const {
   return "searches targets in images on " + images_->topic() + " (transport " +
-         images_->transport() + "), calibration on " + camera_info_->topic();
+         images_->transport() + "), calibration on " + camera_info_->topic() +
+         (book_.file().empty() ? "" : ", keeps targets in " + util::printable(book_.file(), 600));
 }
 
 void TargetsNodelet::advertise() {

@@ -30,12 +30,22 @@ bool isImageName(const fs::path& file) {
   return std::find(kEndings.begin(), kEndings.end(), ending) != kEndings.end();
 }
 
+std::string absoluteName(const fs::path& file) {
+  std::error_code none;
+  const fs::path found = fs::absolute(file, none);
+  return none ? file.string() : found.string();
+}
+
 std::vector<TargetEntry> readFolder(const std::string& path) {
   std::vector<TargetEntry> entries;
   std::error_code none;
   for (const fs::directory_entry& file : fs::directory_iterator(path)) {
     if (!isImageName(file.path()) || file.is_directory(none)) continue;
-    entries.push_back({file.path().stem().string(), {file.path().string()}, 0.0, ""});
+    entries.push_back({file.path().stem().string(),
+                       {absoluteName(file.path())},
+                       0.0,
+                       "",
+                       util::printable(file.path().string())});
   }
   if (entries.empty()) refuse(path, "is a folder without images; expected one for each target");
   std::sort(entries.begin(), entries.end(), [](const TargetEntry& a, const TargetEntry& b) {
@@ -77,10 +87,28 @@ TargetEntry entryOf(const YAML::Node& node, const fs::path& folder) {
                                   " is unknown; expected id, image, images, width or frame");
     }
   }
+  if (keys.count("image") + keys.count("images") > 1) {
+    throw std::invalid_argument("it has image and images; expected one of them");
+  }
   if (names.empty()) throw std::invalid_argument("it has no image");
-  for (const std::string& name : names) entry.files.push_back((folder / name).string());
+  for (const std::string& name : names) {
+    if (name.empty()) throw std::invalid_argument("the name of an image is empty");
+    entry.files.push_back(absoluteName(folder / name));
+  }
   if (entry.id.empty()) entry.id = fs::path(names.front()).stem().string();
   return entry;
+}
+
+Target readTarget(const TargetEntry& entry) {
+  Target target{entry.id, {}, entry.width, entry.frame};
+  for (const std::string& file : entry.files) {
+    try {
+      target.images.push_back(files::readGrey(file));
+    } catch (const std::exception& error) {
+      throw std::invalid_argument("target " + util::quoted(entry.id) + ": " + error.what());
+    }
+  }
+  return target;
 }
 
 }  // namespace
@@ -105,12 +133,13 @@ std::vector<TargetEntry> readTargetList(const std::string& path) {
       refuse(path, "is no list of targets; expected lines such as - {id: door, image: door.png}");
     }
     for (const YAML::Node& node : list) {
-      const std::string place = "line " + std::to_string(node.Mark().line + 1) + ": ";
-      if (!node.IsMap()) refuse(path, place + "expected {id: NAME, image: FILE}");
+      const std::string line = "line " + std::to_string(node.Mark().line + 1);
+      if (!node.IsMap()) refuse(path, line + ": expected {id: NAME, image: FILE}");
       try {
         entries.push_back(entryOf(node, fs::path(path).parent_path()));
+        entries.back().place = util::printable(path) + ", " + line;
       } catch (const std::invalid_argument& error) {
-        refuse(path, place + error.what());
+        refuse(path, line + ": " + error.what());
       }
     }
   } catch (const YAML::Exception& error) {
@@ -134,17 +163,20 @@ std::string textOfTargetList(const std::vector<TargetEntry>& entries) {
   return out.c_str() + std::string("\n");
 }
 
-Target readTarget(const TargetEntry& entry) {
-  Target target{entry.id, {}, entry.width, entry.frame};
-  for (const std::string& file : entry.files) target.images.push_back(files::readGrey(file));
-  return target;
+void addTarget(const TargetEntry& entry, const std::function<void(const Target&)>& add) {
+  try {
+    add(readTarget(entry));
+  } catch (const std::exception& error) {
+    const std::string place = entry.place.empty() ? "" : entry.place + ": ";
+    throw std::invalid_argument(place + error.what());
+  }
 }
 
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder) {
   std::vector<std::string> refused;
   for (const TargetEntry& entry : entries) {
     try {
-      finder.add(readTarget(entry));
+      addTarget(entry, [&](const Target& target) { finder.add(target); });
     } catch (const std::exception& error) {
       refused.emplace_back(error.what());
     }

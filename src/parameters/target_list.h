@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -13,20 +14,23 @@ struct TargetEntry {
   std::vector<std::string> files;
   double width = 0.0;  ///< m; 0: not known
   std::string frame;
+  std::string place;  ///< where the entry is: the list and its line, or the file of a folder
 };
 
 /// A folder of images, one for each target (its name without the ending is the id), or a YAML list:
 ///   - {id: door, image: door.png, width: 0.8, frame: door}
 ///   - {id: map, images: [day.jpg, night.jpg]}
-/// Names of files are relative to the list. Ordered by id (folder) or as in the list. Throws
-/// std::invalid_argument, beginning with `path`, with the reason.
+/// Names of files are relative to the list; those of the entries are absolute. Ordered by id
+/// (folder) or as in the list. Throws std::invalid_argument, beginning with `path`, with the
+/// reason.
 std::vector<TargetEntry> readTargetList(const std::string& path);
 
 /// Such a YAML list.
 std::string textOfTargetList(const std::vector<TargetEntry>& entries);
 
-/// The target of an entry. Throws std::exception with the name of an image and the reason.
-Target readTarget(const TargetEntry& entry);
+/// Reads the images of an entry and gives the target to `add`. Throws std::invalid_argument with
+/// the place, the id and the reason if an image cannot be read or `add` throws.
+void addTarget(const TargetEntry& entry, const std::function<void(const Target&)>& add);
 
 /// Reads the images and adds the targets; returns the reasons why some were refused.
 std::vector<std::string> addTargets(const std::vector<TargetEntry>& entries, TargetFinder& finder);

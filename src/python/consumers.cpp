@@ -35,7 +35,7 @@ class Targets {
           return options;
         }()) {}
 
-  void add(const std::string& id, const py::object& images, double width) {
+  std::string add(const std::string& id, const py::object& images, double width) {
     Target target{id, {}, width, ""};
     const bool several = py::isinstance<py::list>(images) || py::isinstance<py::tuple>(images);
     const py::list list = several ? py::list(images) : py::list(py::make_tuple(images));
@@ -45,6 +45,7 @@ class Targets {
     }
     const Shared::Use use(shared_);
     finder_.add(target);
+    return finder_.ambiguity(id);
   }
   bool remove(const std::string& id) {
     const Shared::Use use(shared_);
@@ -89,7 +90,10 @@ void defineTargets(py::module_& module) {
       .def_readonly("inliers", &DetectedTarget::inliers)
       .def_readonly("log_false_alarms", &DetectedTarget::log_false_alarms,
                     "log10 of the expected number of false alarms.")
-      .def_readonly("width", &DetectedTarget::width, "As given to add, m.");
+      .def_readonly("width", &DetectedTarget::width, "As given to add, m.")
+      .def_readonly("ambiguity", &DetectedTarget::ambiguity,
+                    "How it looks like itself in another pose, such as \"turned by 180 degrees\": "
+                    "then this pose is one of several. Empty: it does not.");
   const TargetFinderOptions usual;
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
@@ -102,8 +106,7 @@ void defineTargets(py::module_& module) {
           "Raises ValueError.")
       .def("add", &Targets::add, py::arg("id"), py::arg("images"), py::arg("width") = 0.0,
            "images: an image of the whole target and nothing else, or a list of them; width in m, "
-           "0: "
-           "not known.\nRaises ValueError with the reason.")
+           "0: not known.\nReturns DetectedTarget.ambiguity. Raises ValueError with the reason.")
       .def("remove", &Targets::remove, py::arg("id"), "False if there is no such target.")
       .def_property_readonly("ids", &Targets::ids, "In the order in which they were added.")
       .def("find", &Targets::find, py::arg("image"),

@@ -199,4 +199,20 @@ Appearance::Similarity Appearance::compare(const TargetPicture& picture,
   return similarity;
 }
 
+double Appearance::shareThatDiffers() const {
+  constexpr float kUnlike = 0.2F;    // correlation; blur leaves more of it
+  constexpr double kFewest = 100.0;  // blocks; one of fewer may differ by chance
+  double all = 0.0, unlike = 0.0;
+  for (int row = 1; row + 1 < rows_; ++row) {
+    for (int column = 1; column + 1 < columns_; ++column) {
+      const Block& a = of_picture_[blockAt(column, row)];
+      const Block& b = of_frame_[blockAt(column, row)];
+      if (!a.has_texture || !b.has_texture || !b.is_seen) continue;
+      all += 1.0;
+      if (productOf(a.values, b.values) < kUnlike) unlike += 1.0;
+    }
+  }
+  return unlike / std::max(all, kFewest);
+}
+
 }  // namespace ktgp_orb::targets

@@ -40,6 +40,11 @@ class Appearance {
                      const FramePyramid& frame, double tests,
                      double above_neighbours = kAboveNeighbours);
 
+  /// Of the blocks that have texture in both images of the last comparison, the share that looks
+  /// clearly different: another text, not another light or blur. Without those at the border, where
+  /// one of the images may show a little less.
+  double shareThatDiffers() const;
+
   /// Moves a homography by up to `radius` px of the frame to where the images look most alike.
   /// False, without a result, if they do not anywhere.
   bool locate(const TargetPicture& picture, const Eigen::Matrix3d& homography,

@@ -16,8 +16,8 @@ namespace ktgp_orb::targets {
 /// - Both cover nearly the same part of the frame.
 std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, TargetStore& store);
 
-/// Whether the target and an image of `size`, in which it was found, show nearly the same part of
-/// the scene, and not only have a part in common.
-bool showsTheSame(const FoundTarget& found, const cv::Size& size, TargetStore& store);
+/// Whether the target and a picture, in which it was found, show nearly the same part of the scene,
+/// and not only have a part in common, such as the upper half of a sign.
+bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, TargetStore& store);
 
 }  // namespace ktgp_orb::targets

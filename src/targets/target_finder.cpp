@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/homography/transform.h"
+#include "core/util/frame_name.h"
 #include "core/util/options_check.h"
 #include "core/util/printable.h"
 #include "targets/conflicts.h"
@@ -110,6 +111,14 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   return detection;
 }
 
+/// Whether an instance of a target with `frame` has the frame `name`: instance 1 of `door` has
+/// `door_1`, and none has `door_0` or `door_01`.
+bool isInstanceFrame(const std::string& name, const std::string& frame) {
+  const std::size_t first = frame.size() + 1;  // digit
+  return name.size() > first && name.compare(0, first, frame + "_") == 0 && name[first] != '0' &&
+         name.find_first_not_of("0123456789", first) == std::string::npos;
+}
+
 /// What a search remembers of the frames before.
 struct Sequence {
   std::uint64_t number = 0;  // of the frame, from 1
@@ -205,7 +214,7 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
       same.clear();
       search.search(*candidate.target, same);
       for (const FoundTarget& other : same) {
-        if (!targets::showsTheSame(other, pictures[i].image.size(), store)) continue;
+        if (!targets::showsTheSame(other, pictures[i], store)) continue;
         throw std::invalid_argument("target " + util::quoted(id) + ": image " +
                                     std::to_string(i + 1) + " shows the same as target " +
                                     util::quoted(candidate.target->id) +
@@ -215,23 +224,20 @@ void TargetFinder::Impl::requireDifferent(const std::string& id,
   }
 }
 
-/// A frame of tf has one parent. Instance 1 of `door` has the frame `door_1`.
+/// A frame of tf has one parent.
 void TargetFinder::Impl::requireOwnFrame(const Target& target, const StoredTarget* replaced) const {
-  if (target.frame.empty()) return;
-  const auto is_instance_of = [](const std::string& longer, const std::string& frame) {
-    return longer.size() > frame.size() + 1 && longer.compare(0, frame.size(), frame) == 0 &&
-           longer[frame.size()] == '_' &&
-           longer.find_first_not_of("0123456789", frame.size() + 1) == std::string::npos;
-  };
+  const std::string frame = util::withoutSlash(target.frame);
+  if (frame.empty()) return;
   for (const auto& other : store.targets()) {
     if (other.get() == replaced || other->frame.empty()) continue;
-    if (other->frame != target.frame && !is_instance_of(other->frame, target.frame) &&
-        !is_instance_of(target.frame, other->frame)) {
+    if (other->frame != frame && !isInstanceFrame(other->frame, frame) &&
+        !isInstanceFrame(frame, other->frame)) {
       continue;
     }
-    throw std::invalid_argument("target \"" + target.id + "\": the frame \"" + target.frame +
-                                "\" meets the frame \"" + other->frame + "\" of target \"" +
-                                other->id + "\"; expected one that no instance of another has");
+    throw std::invalid_argument(
+        "target " + util::quoted(target.id) + ": the frame " + util::quoted(frame) +
+        " meets the frame " + util::quoted(other->frame) + " of target " + util::quoted(other->id) +
+        "; expected one that no instance of another has");
   }
 }
 

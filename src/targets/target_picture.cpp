@@ -27,6 +27,8 @@ struct StoredSize {
 };
 constexpr StoredSize kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
 constexpr double kLeastSize = 40.0;  // px, longer side
+// Of the shorter side: less leaves no place for a keypoint that is far enough from both borders.
+constexpr int kLeastRoom = 24;  // px
 
 cv::Mat limited(const cv::Mat& image, int largest_side, double& scale) {
   scale = std::min(1.0, largest_side / static_cast<double>(std::max(image.cols, image.rows)));
@@ -105,6 +107,7 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   TargetPicture picture;
   picture.full_size = image.size();
   picture.image = limited(image, largest_side, picture.scale);
+  if (std::min(picture.image.cols, picture.image.rows) < kLeastRoom) return picture;
   addHalves(picture);
   OrbOptions options = orb;
   options.images = ImageKeeping::none;

@@ -21,7 +21,8 @@ struct TargetPicture {
 };
 
 /// Creates the views and extracts their features. `features`, `largest_side`, `views`: see
-/// TargetFinderOptions. Throws std::invalid_argument for an image of another type.
+/// TargetFinderOptions. A very narrow image has no keypoints. Throws std::invalid_argument for an
+/// image of another type.
 TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int features,
                           int largest_side, int views);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/util/frame_name.h"
 #include "core/util/printable.h"
 #include "targets/ambiguity.h"
 
@@ -16,15 +17,49 @@ constexpr std::size_t kFewestKeypoints = 40;  // of an image without its views; 
   throw std::invalid_argument("target " + util::quoted(id) + ": " + reason);
 }
 
+void requireShort(const std::string& id, const char* name, const std::string& text) {
+  constexpr std::size_t kLongest = 256;
+  if (text.size() <= kLongest) return;
+  refuse(id, std::string("the ") + name + " has " + std::to_string(text.size()) +
+                 " bytes; expected at most " + std::to_string(kLongest));
+}
+
+void requireNames(const Target& target) {
+  if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
+  requireShort(target.id, "id", target.id);
+  requireShort(target.id, "frame", target.frame);
+  const bool is_blank =
+      util::withoutSlash(target.frame).find_first_not_of(" \t\r\n") == std::string::npos;
+  if (is_blank && !target.frame.empty()) {
+    refuse(target.id, "the frame is " + util::quoted(target.frame) + "; expected a name");
+  }
+}
+
+std::string textOf(const cv::Size& size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+/// What is wrong with a picture that has fewer than the fewest keypoints, which need some room
+/// between the borders.
+std::string whyFewKeypoints(const TargetPicture& picture) {
+  constexpr int kNarrow = 40;  // px, shorter side
+  const std::string count = std::to_string(picture.own) + " keypoints; expected " +
+                            std::to_string(kFewestKeypoints) + " or more, from ";
+  const cv::Size size = picture.image.size();
+  if (std::min(size.width, size.height) >= kNarrow) {
+    return " has too little texture: " + count + "a sharp image of a picture with details";
+  }
+  const bool is_smaller = size != picture.full_size;
+  const int least = static_cast<int>(std::ceil(kNarrow / picture.scale));
+  return " is too narrow: " + textOf(picture.full_size) + " px " +
+         (is_smaller ? "(made smaller: " + textOf(size) + ") " : "") + "with " + count +
+         "a shorter side of " + std::to_string(least) + " px or more";
+}
+
 }  // namespace
 
 std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views) const {
-  constexpr std::size_t kLongest = 256;
-  if (target.id.empty()) throw std::invalid_argument("a target has no id; expected a name");
-  if (target.id.size() > kLongest) {
-    refuse(target.id, "the id has " + std::to_string(target.id.size()) +
-                          " bytes; expected at most " + std::to_string(kLongest));
-  }
+  requireNames(target);
   if (!std::isfinite(target.width) || target.width < 0.0) {
     refuse(target.id, "the width is " + std::to_string(target.width) +
                           " m; expected a positive one, or 0 if it is not known");
@@ -39,9 +74,7 @@ std::vector<TargetPicture> TargetStore::prepare(const Target& target, int views)
     pictures.push_back(
         makePicture(image, options_.orb, options_.features, options_.largest_side, views));
     if (pictures.back().own < kFewestKeypoints) {
-      refuse(target.id, name + " has too little texture: " + std::to_string(pictures.back().own) +
-                            " keypoints; expected " + std::to_string(kFewestKeypoints) +
-                            " or more, from a sharp image of a picture with details");
+      refuse(target.id, name + whyFewKeypoints(pictures.back()));
     }
   }
   return pictures;
@@ -51,7 +84,7 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   auto stored = std::make_unique<StoredTarget>();
   stored->id = target.id;
   stored->width = target.width;
-  stored->frame = target.frame;
+  stored->frame = util::withoutSlash(target.frame);
   for (const TargetPicture& picture : pictures) {
     if (stored->ambiguity.empty()) stored->ambiguity = ambiguityOf(picture);
   }

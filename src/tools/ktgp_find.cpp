@@ -65,7 +65,8 @@ json toJson(const DetectedTarget& detection) {
           {"plane_deviation", detection.homography.plane_deviation},
           {"log_false_alarms", detection.log_false_alarms},
           {"width", detection.width},
-          {"frame", detection.frame}};
+          {"frame", detection.frame},
+          {"ambiguity", detection.ambiguity}};
 }
 
 json toJson(const Arguments& arguments, const TargetFrame& frame,
@@ -79,6 +80,7 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
           {"candidates", frame.search.candidates},
           {"tried", frame.search.tried},
           {"milliseconds", frame.search.milliseconds},
+          {"at_limit", frame.search.at_limit},
           {"detections", detections}};
 }
 
@@ -95,7 +97,14 @@ void print(const TargetFrame& frame, const TargetFinderOptions& options) {
     std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
                 toString(d.status), d.inliers);
     for (const Eigen::Vector2d& c : d.corners) std::printf(" (%.2f, %.2f)", c.x(), c.y());
+    if (!d.ambiguity.empty()) {
+      std::printf("; it looks the same %s: this pose is one of several", d.ambiguity.c_str());
+    }
     std::printf("\n");
+  }
+  if (!frame.search.at_limit.empty()) {
+    std::printf("%d of %s were found; there may be more: --max-instances\n", options.max_instances,
+                util::printable(frame.search.at_limit).c_str());
   }
   const bool is_default = options.orb.max_features == TargetFinderOptions().orb.max_features;
   if (!isFound(frame)) {
@@ -120,6 +129,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--target-features", arguments.options.features,
                  "most keypoints of a target's image")
       ->check(CLI::Range(50, 5000))
+      ->capture_default_str();
+  app.add_option("--max-instances", arguments.options.max_instances, "most copies of one target")
+      ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   addCommonOptions(app, arguments.force);
 }

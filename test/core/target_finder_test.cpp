@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
@@ -316,6 +317,24 @@ TEST(TargetFinder, RefusesWhatCannotBeATarget) {
   EXPECT_THROW(TargetFinder{options}, std::invalid_argument);
 }
 
+/// They have no place for keypoints, or for few, whatever they show.
+TEST(TargetFinder, RefusesNarrowPicturesByTheirShape) {
+  TargetFinder finder;
+  Target target;
+  target.id = "line";
+  for (const cv::Size size : {cv::Size(3, 900), cv::Size(1, 400), cv::Size(1200, 1),
+                              cv::Size(5, 1600), cv::Size(1, 1), cv::Size(1600, 100)}) {
+    target.images = {test::drawnPicture({1600, 1600}, 5)(cv::Rect(cv::Point(), size))};
+    const std::string shape = std::to_string(size.width) + "x" + std::to_string(size.height);
+    EXPECT_EQ(
+        reasonOf(finder, target).find("target \"line\": image 1 is too narrow: " + shape + " px"),
+        0U)
+        << reasonOf(finder, target);
+  }
+  EXPECT_NE(reasonOf(finder, target).find("(made smaller: 400x25) with "), std::string::npos);
+  EXPECT_NE(reasonOf(finder, target).find("a shorter side of 160 px"), std::string::npos);
+}
+
 /// Adds `picture` and then a thousand of its copies, which must all be refused.
 template <typename Copy>
 void expectOneTarget(const cv::Mat& picture, const Copy& copyOf) {
@@ -402,6 +421,93 @@ TEST(TargetFinder, SignsWithOneLogoAreTenTargets) {
   EXPECT_EQ(found, std::vector<std::string>{"sign4"});
 }
 
+/// Signs with the same upper half, and large text below.
+Target doorSign(int number) {
+  const char* const kNames[] = {"Anna B.", "Carl Otto", "Zoe", "Archive", "Print shop", "Kitchen"};
+  cv::Mat image(300, 400, CV_8U, cv::Scalar(230));
+  test::drawnPicture({400, 150}, 77).copyTo(image.rowRange(0, 150));
+  const std::string room = "ROOM " + std::to_string(137 * number % 900 + 100);
+  cv::putText(image, room, {15, 218}, cv::FONT_HERSHEY_SIMPLEX, 2.0, 20, 5, cv::LINE_AA);
+  cv::putText(image, kNames[number], {15, 280}, cv::FONT_HERSHEY_SIMPLEX, 1.6, 60, 5, cv::LINE_AA);
+  Target sign;
+  sign.id = "sign" + std::to_string(number);
+  sign.images = {image};
+  return sign;
+}
+
+/// Where their text is too small to decide, none of them is ok; never a wrong one.
+TEST(TargetFinder, SignsWithOneHalfAreSixTargets) {
+  constexpr int kSigns = 6;
+  TargetFinder finder;
+  for (int i = 0; i < kSigns; ++i) EXPECT_EQ(reasonOf(finder, doorSign(i)), "");
+  int right = 0, shown = 0;
+  for (int i = 0; i < kSigns; ++i) {
+    for (const auto& [tilt, zoom] : {std::pair(0.0, 1.0), std::pair(0.3, 1.0), std::pair(0.6, 1.0),
+                                     std::pair(0.3, 0.4), std::pair(0.6, 0.4)}) {
+      cv::Mat frame, image;
+      test::drawnPicture(kFrame, 1000).convertTo(frame, CV_32F);
+      Placement p;
+      p.tilt = tilt;
+      p.axis = i;
+      p.turn = 0.2;
+      p.zoom = zoom;
+      const Target sign = doorSign(i);
+      test::place(sign.images[0], test::homographyOf(p, sign.images[0].size()), frame);
+      frame.convertTo(image, CV_8U);
+      ++shown;
+      for (const DetectedTarget& one : finder.findAlone(image).detections) {
+        if (one.status != Status::ok) continue;
+        EXPECT_EQ(one.id, sign.id) << tilt;
+        ++right;
+      }
+    }
+  }
+  std::printf("%d of %d signs were named\n", right, shown);
+  EXPECT_GE(right, 2 * shown / 3);
+}
+
+/// In another light, at another scale, or blurred.
+TEST(TargetFinder, AnotherPhotographOfATargetIsRefused) {
+  for (const cv::Mat& picture :
+       {poster(0).images[0], doorSign(0).images[0], cv::Mat(test::drawnPicture({800, 600}, 2))}) {
+    Target target;
+    target.id = "first";
+    target.images = {picture};
+    TargetFinder finder;
+    finder.add(target);
+    const auto expectRefused = [&](const char* what, const cv::Mat& image) {
+      target.id = what;
+      target.images = {image};
+      EXPECT_NE(reasonOf(finder, target).find("shows the same as target \"first\""),
+                std::string::npos)
+          << what;
+      finder.remove(what);
+    };
+    cv::Mat changed;
+    picture.convertTo(changed, CV_8U, 0.4, 40.0);
+    expectRefused("less contrast", changed);
+    picture.convertTo(changed, CV_32F, 1.0 / 255.0);
+    cv::pow(changed, 2.0, changed);
+    changed.convertTo(changed, CV_8U, 255.0);
+    expectRefused("darker", changed);
+    changed = picture.clone();
+    cv::Mat shade = changed.colRange(0, changed.cols / 2);
+    shade.convertTo(shade, CV_8U, 0.4);
+    expectRefused("shadow", changed);
+    for (const double blur : {1.0, 2.0, 3.0}) {
+      cv::GaussianBlur(picture, changed, {}, blur);
+      expectRefused("blurred", changed);
+    }
+    for (const double scale : {0.5, 0.7, 1.5}) {
+      cv::resize(picture, changed, {}, scale, scale, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+      expectRefused("resized", changed);
+    }
+    changed = picture.clone();
+    cv::circle(changed, {picture.cols / 3, picture.rows / 2}, picture.rows / 5, 255, cv::FILLED);
+    expectRefused("glare", changed);
+  }
+}
+
 /// A picture that is a part of another one's picture, and known by itself.
 TEST(TargetFinder, ATargetInsideAnotherOneIsFound) {
   for (const double share : {0.25, 0.3, 0.5}) {
@@ -468,18 +574,37 @@ TEST(TargetFinder, AFrameBelongsToOneTarget) {
   Target door = poster(0), other = poster(1);
   door.frame = "door";
   finder.add(door);
-  for (const char* frame : {"door", "door_1", "door_12"}) {
+  for (const char* frame : {"door", "door_1", "door_12", "/door", "//door_1"}) {
     other.frame = frame;
     EXPECT_NE(reasonOf(finder, other).find("meets the frame \"door\" of target \"poster0\""),
               std::string::npos)
         << frame;
   }
-  for (const char* frame : {"door_a", "door_", "doo", ""}) {
+  for (const char* frame : {"door_a", "door_", "doo", "door_0", "door_01", "/shelf", ""}) {
     other.frame = frame;
     EXPECT_EQ(reasonOf(finder, other), "") << frame;
     finder.remove(other.id);
   }
   finder.replace(door);
+}
+
+/// As tf2 needs them.
+TEST(TargetFinder, NamesOfFramesAreUsable) {
+  TargetFinder finder;
+  Target target = poster(0);
+  for (const char* frame : {" ", "/", "\t\n", "/ "}) {
+    target.frame = frame;
+    EXPECT_NE(reasonOf(finder, target).find("\"poster0\": the frame is \""), std::string::npos)
+        << frame;
+  }
+  target.frame = std::string(257, 'x');
+  EXPECT_NE(reasonOf(finder, target).find("the frame has 257 bytes; expected at most 256"),
+            std::string::npos);
+  target.frame = "/door";
+  finder.add(target);
+  const TargetFrame& frame = finder.find(frameOf({shown(0, 320, 240)}));
+  ASSERT_EQ(frame.detections.size(), 1U);
+  EXPECT_EQ(frame.detections[0].frame, "door");
 }
 
 TEST(TargetFinder, SaysThatThereMayBeMoreCopies) {

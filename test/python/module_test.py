@@ -351,6 +351,17 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual(targets.find(scene), [])
         with self.assertRaisesRegex(ValueError, 'too little texture'):
             targets.add('grey', np.full((300, 400), 99, np.uint8))
+        with self.assertRaisesRegex(ValueError, 'target "line": image 1 is too narrow: 3x900 px'):
+            targets.add('line', np.ascontiguousarray(picture(9, (900, 400))[:, :3]))
+
+    def test_a_target_says_that_it_looks_like_itself_in_another_pose(self):
+        targets = ktgp.Targets()
+        self.assertEqual(targets.add('poster', picture(9, (300, 400))), '')
+        half = picture(12, (150, 240))
+        card = np.vstack([half, half[::-1, ::-1]])
+        self.assertEqual(targets.add('card', card), 'turned by 180 degrees')
+        scene = cv2.warpPerspective(card, TURN, (640, 480))
+        self.assertEqual({found.ambiguity for found in targets.find(scene)}, {'turned by 180 degrees'})
 
     def test_a_mosaic_grows_and_the_stabilizer_holds_still(self):
         sequence, mosaic, stabilizer = ktgp.Sequence('video'), ktgp.Mosaic(), ktgp.Stabilizer(lag=5)

@@ -15,6 +15,7 @@ from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
 from ktgp_testing import Camera, FolderCase, Recorder, image_message, texture, wait_until
 from poster import K, POSITION, POSTER, information, rendered
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -54,6 +55,13 @@ def image(picture):
 
 
 class TargetsFilesTest(FolderCase):
+    def start(self, name, file):
+        """What a node says that ends at once, since it cannot keep this list."""
+        rospy.set_param(name + '/file', file)
+        return subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + name[1:]],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
+                              timeout=60).stdout
+
     def contents(self):
         """Of all files."""
         found = {}
@@ -98,9 +106,10 @@ class TargetsFilesTest(FolderCase):
             file.write('- {id: other, image: other.png, frame: %s}\n- {id: first, image: first.png}\n' %
                        (2 * long_frame))
         with node('/full', limit_files, file=kept):
-            wait_until(lambda: state() == (2, ['first']), 'both are read')
+            # The one with the long frame is refused, and stays in the list.
+            wait_until(lambda: state() == (1, ['first']), 'both are read')
             refused('cannot be written', 'remove', 'first')
-            self.assertEqual(state(), (2, ['first']))
+            self.assertEqual(state(), (1, ['first']))
 
     def test_creates_the_folder_of_the_list_or_says_why_not(self):
         with node('/new', file=self.path('a', 'b', 'kept.yaml')):
@@ -112,11 +121,9 @@ class TargetsFilesTest(FolderCase):
                              ['a/b/kept.yaml', 'a/b/kept.yaml_images/0.png'])
         with open(self.path('file'), 'w'):
             pass
-        rospy.set_param('/none/file', self.path('file', 'kept.yaml'))
-        run = subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=none'],
-                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
-        self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', run.stdout)
-        self.assertIn('Not a directory', run.stdout)
+        said = self.start('/none', self.path('file', 'kept.yaml'))
+        self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', said)
+        self.assertIn('Not a directory', said)
 
     def test_a_file_belongs_to_one_node_and_an_empty_one_counts_as_none(self):
         kept = self.path('kept.yaml')
@@ -132,10 +139,7 @@ class TargetsFilesTest(FolderCase):
         with node('/owner', file=kept, targets=self.path('targets.yaml')):
             answer = call('/owner', 'add', 'small', [image(SMALL)], 0.0, '')
             self.assertTrue(answer.success, answer.message)
-            rospy.set_param('/second/file', kept)
-            run = subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=second'],
-                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, timeout=60)
-            self.assertIn(kept + ': is in use by another node', run.stdout)
+            self.assertIn(kept + ': is in use by another node', self.start('/second', kept))
             answer = call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections
             self.assertEqual((answer.known, [d.id for d in answer.detections]), (2, ['poster']))
         with open(victim) as file:
@@ -143,6 +147,38 @@ class TargetsFilesTest(FolderCase):
         with node('/owner', file=kept):  # free again
             wait_until(lambda: call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections.known == 2,
                        'both are kept')
+
+    def test_a_link_is_the_list_that_it_leads_to(self):
+        """Two nodes that know one list by two names would lose each other's targets."""
+        kept = os.path.join(os.path.realpath(self.folder), 'kept.yaml')
+        cv2.imwrite(self.path('poster.png'), POSTER)
+        with open(kept, 'w') as file:
+            file.write('- {image: poster.png}\n')
+        os.symlink('kept.yaml', self.path('link.yaml'))
+        with node('/linked', file=self.path('link.yaml')):
+            answer = call('/linked', 'add', 'small', [image(SMALL)], 0.0, '')
+            self.assertTrue(answer.success, answer.message)
+            self.assertIn(kept + ': is in use by another node', self.start('/second', kept))
+        self.assertTrue(os.path.islink(self.path('link.yaml')))
+        with open(kept) as file:
+            self.assertIn('id: small', file.read())
+        self.assertEqual(sorted(os.listdir(self.folder)), ['kept.yaml', 'kept.yaml_images', 'link.yaml', 'poster.png'])
+
+    def test_refuses_what_is_no_list(self):
+        os.mkdir(self.path('folder.yaml'))
+        os.symlink('missing.yaml', self.path('link.yaml'))
+        for name, words in ((self.path('folder.yaml'), ': is a folder'), ('/dev/null', ': is no regular file'),
+                            (self.path('link.yaml'), ': is a link to a file that is missing')):
+            self.assertIn(name + words, self.start('/refused', name))
+        self.assertEqual(sorted(os.listdir(self.folder)), ['folder.yaml', 'link.yaml'])
+        self.assertFalse(os.path.exists('/dev/null_images'))
+
+    def test_says_where_a_relative_list_is(self):
+        log = Recorder('/rosout', Log)
+        self.addCleanup(log.close)
+        with node('/relative', lambda: os.chdir(self.folder), file='kept.yaml'):
+            expected = 'keeps targets in ' + os.path.join(os.path.realpath(self.folder), 'kept.yaml')
+            wait_until(lambda: [m for m in log.messages() if expected in m.msg], 'the log says it')
 
     def test_answers_frames_and_services_while_it_reads_many_targets(self):
         count = 150
@@ -190,7 +226,7 @@ class TargetsFilesTest(FolderCase):
         detections = {robot: Recorder(robot + '/targets/detections', TargetDetections) for robot in robots}
         transforms = Recorder('/tf', TFMessage)
         with node('/one/camera/targets', targets=self.path('targets.yaml')), \
-                node('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='two/'):
+                node('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='/two/'):
             for robot in robots:
                 infos[robot].publish(information())
                 cameras[robot].wait_for_subscriber()

@@ -106,6 +106,44 @@ class TargetsTest(unittest.TestCase):
         for recorder in (transforms, markers, pictures):
             recorder.close()
 
+    def test_tf_gets_only_frames_that_it_can_use(self):
+        self.info.publish(information())
+        answer = self.replace('poster', [image_message(POSTER, now())], 1.0, '/poster')  # as poster
+        self.assertTrue(answer.success, answer.message)
+        two = np.hstack([rendered(K, position=(x, -0.04, 2.6))[:, columns]
+                         for x, columns in ((-0.7, slice(320)), (0.7, slice(320, 640)))])
+        transforms = Recorder('/tf', TFMessage)
+        self.addCleanup(transforms.close)
+        wait_until(transforms.publishers, 'tf is connected')
+
+        def sent(picture, frame_id):
+            """The detections in it, and the transforms of its time."""
+            stamp = self.camera.next_stamp()
+            self.camera.send(image_message(picture, stamp, frame_id=frame_id))
+            message = self.detections.wait_for(stamp)
+            return message, [(t.header.frame_id, t.child_frame_id) for m in transforms.messages()
+                             for t in m.transforms if t.header.stamp == stamp]
+
+        def until(picture, frame_id, expected):
+            answers = []
+
+            def holds():
+                answers.append(sent(picture, frame_id))
+                return sorted(answers[-1][1]) == expected
+            wait_until(holds, 'tf has %s of %s' % (expected, frame_id))
+            return answers[-1][0]
+        message = until(two, '/camera', [('camera', 'poster'), ('camera', 'poster_1')])
+        self.assertEqual([d.frame for d in message.detections], ['poster', 'poster'])
+        # The camera's own frame is that of instance 1.
+        message = until(two, 'poster_1', [('poster_1', 'poster')])
+        self.assertEqual([d.has_pose for d in message.detections], [1, 0])
+        self.assertIn("the frame of instance 1 of poster, poster_1, is the camera's", message.no_pose)
+        # Without a frame_id.
+        wait_for_diagnostics(self.diagnostics, 'the images have no frame_id, so poster is not sent to tf',
+                             lambda: sent(two, ''))
+        message, frames = sent(two, '')
+        self.assertEqual(([d.has_pose for d in message.detections], message.no_pose, frames), ([1, 1], '', []))
+
     def test_says_why_there_is_no_pose(self):
         picture = rendered(K)
         self.info.publish(information(k=0 * K, p=0 * K))

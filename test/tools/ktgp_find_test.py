@@ -64,6 +64,59 @@ class KtgpFind(ToolCase):
             self.assertIn(reason, run.stderr)
         self.assertIn("known targets: 3, with a chance: ", run.stdout)
 
+    def test_narrow_images_are_refused_by_their_shape(self):
+        (self.folder / "posters" / "line.pgm").write_bytes(b"P5\n3 900\n255\n" + bytes(i % 251 for i in range(2700)))
+        run = self.find("scene.pgm", "posters")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn('target "line": image 1 is too narrow: 3x900 px (made smaller: 1x400) with 0 keypoints', run.stderr)
+
+    def test_a_refused_target_says_where_it_is_from(self):
+        (self.folder / "list.yaml").write_text(
+            "- {id: a, image: posters/poster1.pgm}\n- {id: b, image: nope.png}\n"
+            "- {id: a, image: posters/poster2.pgm}\n")
+        run = self.find("scene.pgm", "list.yaml")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(run.stderr.splitlines(), [
+            f'ktgp_find: list.yaml, line 2: target "b": {self.folder.resolve()}/nope.png: is missing',
+            'ktgp_find: list.yaml, line 3: target "a" exists already; expected a new id'])
+        write_pgm(self.folder / "posters" / "poster1.png", picture(9))
+        run = self.find("scene.pgm", "posters")
+        self.assertEqual(run.stderr, 'ktgp_find: posters/poster1.png: target "poster1" exists already; '
+                                     'expected a new id\n')
+
+    def test_says_that_a_target_looks_like_itself_in_another_pose(self):
+        half = [bytes(row[:WIDTH]) for row in picture(5)[:HEIGHT // 2]]
+        card = half + [row[::-1] for row in half[::-1]]
+        write_pgm(self.folder / "posters" / "card.pgm", card)
+        # At half size: in views where both poses match equally well, it may be missed.
+        table = [bytearray([128] * WIDTH) for _ in range(HEIGHT)]
+        for y in range(HEIGHT // 2):
+            for x in range(WIDTH // 2):
+                four = card[2 * y][2 * x:2 * x + 2] + card[2 * y + 1][2 * x:2 * x + 2]
+                table[y + 60][x + 80] = sum(four) // 4
+        write_pgm(self.folder / "table.pgm", table)
+        run = self.find("table.pgm", "posters", "--json", "out.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertIn("; it looks the same turned by 180 degrees: this pose is one of several\n", run.stdout)
+        self.assertEqual({found["ambiguity"] for found in self.detections()}, {"turned by 180 degrees"})
+        run = self.find("scene.pgm", "posters", "--json", "out.json")
+        self.assertNotIn("looks the same", run.stdout)
+        self.assertEqual([found["ambiguity"] for found in self.detections()], [""])
+
+    def test_says_that_there_may_be_more_copies(self):
+        poster = [bytes(row[20:20 + WIDTH]) for row in picture(2)[20:20 + HEIGHT]]
+        rows = [3 * (row + bytes([128] * 20)) for row in poster]
+        (self.folder / "copies.pgm").write_bytes(
+            b"P5\n%d %d\n255\n" % (len(rows[0]), len(rows)) + b"".join(rows))
+        run = self.find("copies.pgm", "posters", "--max-instances", "2", "--json", "out.json")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertEqual(len(self.detections()), 2)
+        self.assertIn("\n2 of poster1 were found; there may be more: --max-instances\n", run.stdout)
+        self.assertEqual(json.loads((self.folder / "out.json").read_text())["at_limit"], "poster1")
+        run = self.find("copies.pgm", "posters", "--json", "out.json")
+        self.assertEqual(len(self.detections()), 3)
+        self.assertNotIn("there may be more", run.stdout)
+
     def test_other_files_and_folders_do_not_count(self):
         (self.folder / "posters" / "notes.txt").write_text("not an image")
         (self.folder / "posters" / "old").mkdir()
@@ -113,6 +166,8 @@ class KtgpFind(ToolCase):
                  "e.yaml": ("- {id: a, image: b}\n- {images: t0.png}", "line 2: images is no list of files"),
                  "f.yaml": ("- {image: b, width: wide}", "line 1: width is no number of metres"),
                  "g.yaml": ("- {id: a, id: b, image: c}", "\"id\" occurs twice"),
+                 "i.yaml": ("- {image: b, images: [c, d]}", "line 1: it has image and images; expected one of them"),
+                 "j.yaml": ("- {id: a, image: ''}", "line 1: the name of an image is empty"),
                  "h.yaml": ("- {image: b}\n---\n- {image: c}", "several YAML documents"),
                  "\x1b[31m.yaml": ("x: 1", "\\x1b[31m.yaml: is no list")}
         for name, (text, _) in lists.items():
