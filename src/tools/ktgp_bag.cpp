@@ -278,9 +278,9 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
   return configuration;
 }
 
-void checkFiles(Arguments& arguments) {
-  files::OutputPlan plan(arguments.force);
+void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
+  // A file of parameters can name these, too.
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
@@ -296,11 +296,11 @@ void checkFiles(Arguments& arguments) {
   plan.write(arguments.motion.path);
 }
 
-int matchBag(Arguments& arguments) {
+int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
-  checkFiles(arguments);
+  checkFiles(plan, arguments);
   if (!arguments.motion.path.empty() && kindOf(arguments.in) != InputKind::bag) {
     throw std::invalid_argument(arguments.in +
                                 ": --motion needs camera_info, which only a bag has");
@@ -412,7 +412,7 @@ int run(int argc, char** argv) {
     std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
     return tools::kExitDone;
   }
-  return matchBag(arguments);
+  return matchBag(tools::planOutputs(app, arguments.force), arguments);
 }
 
 }  // namespace
