@@ -6,6 +6,7 @@ import io
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -119,6 +120,31 @@ class VideoTest(RecordingCase):
         self.assertEqual(run.returncode, 1, run.err)
         self.assertIn('the video is damaged or cut off', run.err)
         self.assertNotIn('reindex', run.err)
+
+    def test_a_video_that_was_cut_without_encoding_it_again_is_not_damaged(self):
+        """An edit list hides the first 15 of 40 images, as after `ffmpeg -ss 0.6 -i in.mp4 -c copy`."""
+        self.write_video('in.mp4', count=40)
+        with open(self.path('in.mp4'), 'rb') as file:
+            content = bytearray(file.read())
+        place = content.index(b'elst') + 12
+        length, begin = struct.unpack('>ii', content[place:place + 8])
+        ticks = struct.unpack('>i', content[content.index(b'mdhd') + 16:][:4])[0]
+        content[place:place + 8] = struct.pack('>ii', length * 25 // 40, begin + ticks * 15 // 25)
+        with open(self.path('in.mp4'), 'wb') as file:
+            file.write(content)
+        run = self.run_program('in.mp4', 'out.bag')
+        self.assertIn('25 images of', run.err)
+        self.assertNotIn('damaged', run.err)
+        self.assertEqual(run.returncode, 0, run.err)
+        # The same, with the second half of the images destroyed.
+        cut = content.index(b'mdat') + 4
+        size = struct.unpack('>i', content[cut - 8:cut - 4])[0] - 8
+        content[cut + size // 2:cut + size] = bytes(size - size // 2)
+        with open(self.path('in.mp4'), 'wb') as file:
+            file.write(content)
+        run = self.run_program('in.mp4', 'out.bag', '--force')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('the video is damaged or cut off', run.err)
 
     def test_the_rate_and_a_part_of_a_video(self):
         self.write_video('in.mp4')
