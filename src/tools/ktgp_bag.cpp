@@ -11,6 +11,7 @@
 #include <iostream>
 #include <map>
 #include <opencv2/core/utility.hpp>
+#include <regex>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -21,6 +22,7 @@
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "cli/video_file.h"
+#include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
@@ -328,6 +330,18 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   return code;
 }
 
+/// For an option. ros::names::validate also takes names that nobody could subscribe to.
+CLI::Validator nameOfTopics() {
+  const auto check = [](const std::string& text) -> std::string {
+    static const std::regex name("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*");
+    if (std::regex_match(text, name)) return {};
+    return util::quoted(text) +
+           " is no name in ROS; expected letters, digits and _, first a letter, in parts between "
+           "single slashes: /robot1/matcher";
+  };
+  return CLI::Validator(check, "");
+}
+
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
@@ -342,7 +356,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
-                 "namespace of the output topics; without it: matcher beside the image topic");
+                 "namespace of the output topics; without it: matcher beside the image topic")
+      ->check(nameOfTopics());
   app.add_option(
          "--rate", arguments.rate,
          "images per second: of a pattern of images (30 without it), of a video in place of "

@@ -355,6 +355,13 @@ class BagOutput(OutputCase):
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
         self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
 
+    def test_topics_have_names_that_ros_takes(self):
+        for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):
+            self.refused("ktgp_bag", self.bag, "out.bag", f"--name={name}", words="expected letters, digits and _")
+        for name in ("/robot1/matcher", "robot", "a_b/2"):
+            run = self.run_with("ktgp_bag", self.bag, "out.bag", "--force", "--name", name)
+            self.assertEqual(run.returncode, 0, run.stderr)
+
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
                                         ("--stabilizer_lag", "31", "[0, 30]")):
