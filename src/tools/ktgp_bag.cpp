@@ -12,6 +12,7 @@
 #include <map>
 #include <opencv2/core/utility.hpp>
 #include <regex>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -423,7 +424,8 @@ int run(int argc, char** argv) {
   arguments.motion.force = arguments.force;
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  if (arguments.skip_finished && std::filesystem::exists(arguments.out)) {
+  std::error_code none;  // a name that cannot be used is refused later
+  if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none)) {
     std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
     return tools::kExitDone;
   }

@@ -291,6 +291,33 @@ class ManyRecordingsTest(RecordingCase):
         self.assertFalse(os.path.exists(self.path('evil')))
         self.assertEqual(sorted(os.listdir(self.path('results', 'good.bag'))), self.FILES)
 
+    def one(self, *arguments):
+        path = os.path.dirname(PROGRAM) + ':' + os.environ['PATH']
+        return subprocess.run([self.ONE] + list(arguments), cwd=self.folder, stderr=subprocess.PIPE,
+                              universal_newlines=True, env=dict(os.environ, PATH=path), check=False)
+
+    def test_the_script_says_what_it_needs(self):
+        for arguments, words in (([], 'expected RECORDING FOLDER'), (['in.bag'], 'expected RECORDING FOLDER'),
+                                 (['', 'results'], 'is there an empty row in the list?'),
+                                 (['\r', 'results'], 'is there an empty row in the list?')):
+            run = self.one(*arguments)
+            self.assertEqual((run.returncode, len(run.stderr.splitlines())), (2, 1), run.stderr)
+            self.assertIn(words, run.stderr)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_list_of_windows_is_read(self):
+        self.write_bag('in.bag')
+        run = self.one('in.bag\r', 'results', '--features', '300')
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertTrue(os.path.exists(self.path('results', 'in.bag', 'matched.bag')))
+
+    def test_a_folder_is_not_finished(self):
+        self.write_bag('in.bag')
+        os.mkdir(self.path('out.bag'))
+        run = self.run_program('--skip_finished', 'in.bag', 'out.bag')
+        self.assertEqual(run.returncode, 2, run.err)
+        self.assertIn('out.bag: is not a regular file', run.err)
+
     def test_an_interrupted_run_leaves_no_files(self):
         self.write_bag('in.bag', count=400)
         run = self.start('--skip_finished', 'in.bag', 'out.bag', '--csv', 'out.csv')
