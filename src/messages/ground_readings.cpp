@@ -82,11 +82,6 @@ std::string whyNone(const sensor_msgs::Range& range) {
 
 }  // namespace
 
-/// There is no reason where the newest reading was already used for an earlier frame.
-std::string noReading(const std::string& what, const std::string& why) {
-  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
-}
-
 void GroundReadings::configure(const GroundMotionConfig& config, const std::string& range_topic,
                                const std::string& imu_topic) {
   config_ = config;
@@ -250,14 +245,33 @@ std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
   return turnTrouble(estimate);
 }
 
+GroundEstimate GroundReadings::withPatience(GroundEstimate estimate) {
+  constexpr double kPatience = 1.0;  // s
+  if (estimate.height_used) last_height_ = last_image_;
+  if (estimate.down_used || !usesNormal()) last_normal_ = last_image_;
+  const auto is_old = [this](const ros::Time& last) {
+    return last > last_image_ || (last_image_ - last).toSec() > kPatience;
+  };
+  if (!estimate.hasPose()) return estimate;
+  if (is_old(last_height_)) {
+    estimate.status = GroundStatus::no_height;
+  } else if (is_old(last_normal_)) {
+    estimate.status = GroundStatus::no_normal;
+  }
+  return estimate;
+}
+
 std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
   switch (estimate.status) {
     case GroundStatus::no_homography:
       return "the matcher found no homography";
     case GroundStatus::no_covariance:
       return "the homography has no covariance, or one that is not positive definite";
-    case GroundStatus::no_height:
-      return noReading("height", heightTrouble(estimate));
+    case GroundStatus::no_height: {
+      // There is no trouble where the newest reading was used for an earlier frame.
+      const std::string trouble = heightTrouble(estimate);
+      return "no height: " + (trouble.empty() ? "no new reading yet" : trouble);
+    }
     case GroundStatus::no_normal: {
       const std::string trouble = normalTrouble(estimate);
       return "no normal: " + (trouble.empty() ? "the motion does not show it yet" : trouble);

@@ -52,6 +52,9 @@ class GroundReadings {
   const std::string& noHeight() const { return no_height_; }
   const std::string& noNormal() const { return no_normal_; }
   const std::string& noTurn() const { return no_turn_; }
+  /// The estimate for the newest frame, once for each frame. After a second without a height, or
+  /// without a normal, that counts, it has that status in place of a pose.
+  GroundEstimate withPatience(GroundEstimate estimate);
   /// Why the newest frame has no motion; empty: it has.
   std::string problemOf(const GroundEstimate& estimate) const;
   /// Why the newest frame has no height and no normal that count.
@@ -84,13 +87,13 @@ class GroundReadings {
   ros::Time used_range_;
   std::string range_frame_;
   ros::Time last_image_;
+  ros::Time last_height_;  // that counted
+  ros::Time last_normal_;
   std::string no_height_;
   std::string no_normal_;
   std::string no_turn_;
 };
 
-/// That a reading is missing, and why.
-std::string noReading(const std::string& what, const std::string& why);
 /// What the pictures show of a rolling shutter; empty: nothing that is certain.
 std::string shutterReport(const GroundEstimate& estimate);
 /// The estimate as messages; only where hasPose() and hasTwist().

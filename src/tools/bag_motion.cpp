@@ -162,7 +162,8 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   std::string reason;
   try {
     motion_.setOptions(readings_.optionsFor(homography.header));
-    estimate = motion_.add(readings_.frameOf(homography, image, info_, pixels_));
+    estimate =
+        readings_.withPatience(motion_.add(readings_.frameOf(homography, image, info_, pixels_)));
     if (homography.status != MatchStatus::STATUS_OK) {
       reason = toString(static_cast<Status>(homography.status));
     } else {
