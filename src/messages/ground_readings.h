@@ -103,8 +103,8 @@ geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate
                                                   const std_msgs::Header& image,
                                                   const GroundMotionConfig& config);
 /// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
-/// odom_frame that tf could not place above the base.
-GroundMotionConfig withUsableFrames(GroundMotionConfig config);
+/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
+GroundMotionConfig usable(GroundMotionConfig config);
 /// The base frame of the messages: `base_frame`, or that of the camera.
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
 

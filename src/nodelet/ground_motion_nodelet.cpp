@@ -230,7 +230,7 @@ std::string GroundMotionNodelet::greeting() const {
 }
 
 void GroundMotionNodelet::configure(GroundMotionConfig& config) {
-  config = withUsableFrames(config);
+  config = usable(config);
   const ros::NodeHandle names = getNodeHandle();
   const GroundSettings settings{config, names.resolveName("image"),
                                 names.resolveName("camera_info"), ranges_->topic(), imus_->topic()};

@@ -115,12 +115,12 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
                      const std::string& image_topic)
     : options_(options) {
   if (options_.path.empty()) return;
-  options_.config = withUsableFrames(options_.config);
+  options_.config = usable(options_.config);
   const std::string beside = cameraOf(image_topic);
   if (options_.range_topic.empty()) options_.range_topic = beside + "/range";
   if (options_.imu_topic.empty()) options_.imu_topic = beside + "/imu";
   pixels_ = pixelsFrom(options_.config.calibration, image_topic);
-  info_ = readCameraInfo(bag, image_topic);
+  info_ = readCameraInfo(bag, image_topic, "--motion");
   readings_.configure(options_.config, options_.range_topic, options_.imu_topic);
   readMessages(bag);
 }

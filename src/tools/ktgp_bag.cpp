@@ -97,6 +97,11 @@ std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
                                          arguments.force);
 }
 
+void sayNoMotion(const std::string& problem) {
+  std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
+               problem.c_str());
+}
+
 /// The sequential part of the work, frame by frame.
 class Run {
  public:
@@ -113,6 +118,7 @@ class Run {
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         drawing_(drawingFor(arguments)),
         progress_(source_->total()),
+        view_(configuration.view),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -177,6 +183,16 @@ class Run {
     return true;
   }
 
+  /// Said once: a camera_info that the images do not fit.
+  void explainNoMotion(const cv::Size& image) {
+    if (!view_.camera || std::exchange(said_no_motion_, true)) return;
+    try {
+      twoViewCamera(*view_.camera, view_.pixels, image);
+    } catch (const std::invalid_argument& error) {
+      sayNoMotion(error.what());
+    }
+  }
+
   void finishOldest() {
     const auto [recorded, skipped] = std::move(waiting_.front());
     waiting_.pop_front();
@@ -194,6 +210,7 @@ class Run {
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage(recorded.problem);
     FramePipeline::Prepared prepared = pipeline_.pop();
+    if (!prepared.frame->camera) explainNoMotion(prepared.frame->image.size());
     MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
                                             prepared.ahead ? &*prepared.ahead : nullptr);
     matched.refused = refused_;
@@ -227,6 +244,8 @@ class Run {
   std::optional<tools::VideoFile> drawing_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
+  CameraView view_;
+  bool said_no_motion_ = false;
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
@@ -252,7 +271,8 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
   std::string problem = "only a bag has camera_info";
   if (kindOf(bag) == InputKind::bag) {
     try {
-      const sensor_msgs::CameraInfo info = readCameraInfo(bag, topic);
+      const sensor_msgs::CameraInfo info =
+          readCameraInfo(bag, topic, "geometry " + parameters.geometry);
       configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
       twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
@@ -261,8 +281,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
       problem = error.what();
     }
   }
-  std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
-               problem.c_str());
+  sayNoMotion(problem);
 }
 
 Configuration configurationFor(Parameters parameters, const std::string& bag,
@@ -275,7 +294,7 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
     if (kindOf(bag) != InputKind::bag) {
       throw std::invalid_argument(bag + ": rectify needs camera_info, which only a bag has");
     }
-    configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
+    configuration.view.lens = lensFrom(readCameraInfo(bag, topic, "rectify"));
   }
   setCamera(parameters, bag, topic, configuration);
   return configuration;

@@ -46,7 +46,7 @@ std::string refusalOf(const std::function<void(GroundMotionConfig&)>& change) {
   const tf2::BufferCore tf;
   GroundReadings readings(tf);
   try {
-    readings.configure(withUsableFrames(config), "/range", "/imu");
+    readings.configure(usable(config), "/range", "/imu");
     readings.optionsFor(image);
   } catch (const std::invalid_argument& error) {
     return error.what();
@@ -73,7 +73,19 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
   }
   Config config = groundMotionDefaults();
   config.base_frame = "/base_link";
-  EXPECT_EQ(withUsableFrames(config).base_frame, "base_link");
+  EXPECT_EQ(usable(config).base_frame, "base_link");
+}
+
+TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
+  for (const double time : {-0.5, -0.001, -0.999}) {
+    EXPECT_NE(refusalOf([time](GroundMotionConfig& c) {
+                c.readout_time = time;
+              }).find("expected -1, not known, 0, a global shutter, or more"),
+              std::string::npos);
+  }
+  for (const double time : {-1.0, 0.0, 0.02}) {
+    EXPECT_EQ(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }), "");
+  }
 }
 
 TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
