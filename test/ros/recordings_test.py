@@ -201,6 +201,26 @@ class VideoTest(RecordingCase):
         self.assertIn('3 images of /camera/image_raw matched, 1 refused', run.err)
         self.assertIn('the first because: images/2.png: cannot be read as an image', run.err)
 
+    def test_a_picture_without_its_end_is_refused_and_one_with_more_is_read(self):
+        os.mkdir(self.path('images'))
+        for i, ending in enumerate(('.png', '.jpg', '.png', '.jpg', '.jpg')):
+            content = cv2.imencode(ending, pictures(5)[i],
+                                   [cv2.IMWRITE_JPEG_PROGRESSIVE, int(i == 4)] if ending == '.jpg' else [])[1].tobytes()
+            preview = b'\xff\xe1\x00\x06\xff\xd9\xff\xd9'  # a segment with an end of its own
+            if ending == '.jpg':
+                content = content[:2] + preview + content[2:]
+            content = content + b'more' if i in (0, 1, 4) else content[:len(content) * 2 // 3]
+            with open(self.path('images', '%d%s' % (i, ending)), 'wb') as file:
+                file.write(content)
+        run = self.run_program('images/*', 'out.bag', '--csv', 'out.csv')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('3 images of /camera/image_raw matched, 2 refused', run.err)
+        self.assertIn('the first because: images/2.png: is damaged or cut off', run.err)
+        self.assertNotIn('libpng', run.err)
+        self.assertNotIn('JPEG data', run.err)
+        with open(self.path('out.csv')) as file:
+            self.assertIn('images/3.jpg: is damaged or cut off', file.read())
+
     def test_what_cannot_be_read_is_said(self):
         with open(self.path('text.mp4'), 'w') as file:
             file.write('no video')
