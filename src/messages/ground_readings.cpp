@@ -400,20 +400,25 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   double count = 0.0;
   double deviation = kGyroDeviation;
   std::string frame;
-  bool has_none = false;
+  std::string why = "no angular velocity on " + imu_topic_ + " between two images";
   for (const sensor_msgs::Imu& imu : imus_) {
     if (imu.header.stamp <= last_image_ || imu.header.stamp > image.stamp) continue;
-    has_none = imu.angular_velocity_covariance[0] < 0.0;
-    if (has_none || !isFinite(imu.angular_velocity)) continue;
+    if (imu.angular_velocity_covariance[0] < 0.0) {
+      why = "the angular_velocity_covariance on " + imu_topic_ +
+            " begins with -1, so it has no angular velocity";
+      continue;
+    }
+    if (!isFinite(imu.angular_velocity)) {
+      why = "the angular velocity on " + imu_topic_ + " has a number that is not finite";
+      continue;
+    }
     sum += vector(imu.angular_velocity);
     count += 1.0;
     deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
-    no_turn_ = has_none ? "the angular_velocity_covariance on " + imu_topic_ +
-                              " begins with -1, so it has no angular velocity"
-                        : "no angular velocity on " + imu_topic_ + " between two images";
+    no_turn_ = why;
     return std::nullopt;
   }
   const auto found = transform(image.frame_id, frame, image.stamp, no_turn_);

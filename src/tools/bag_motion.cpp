@@ -125,9 +125,22 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
   readMessages(bag);
 }
 
+/// A topic of another type would look like one without messages.
+void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
+  const auto check = [&](const std::string& name, const std::string& type) {
+    for (const bag::Topic& topic : messages.topics()) {
+      if (topic.name != name || topic.type == type) continue;
+      throw UnusableBag(path + ": " + name + " is of type " + topic.type + "; expected " + type);
+    }
+  };
+  if (readings_.usesRange()) check(options_.range_topic, "sensor_msgs/Range");
+  if (readings_.usesImu()) check(options_.imu_topic, "sensor_msgs/Imu");
+}
+
 void BagMotion::readMessages(const std::string& path) {
   const std::set<std::string> wanted{options_.range_topic, options_.imu_topic, "/tf", "/tf_static"};
   BagMessages messages(path);
+  checkTypes(path, messages);
   messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
   while (const auto message = messages.next()) {
     if (const auto range = message->as<sensor_msgs::Range>()) {

@@ -402,7 +402,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
 }
 
 /// Throws std::invalid_argument for options that would be accepted without effect.
-void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
+void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
+  const Parameters& parameters = arguments.parameters;
+  const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") > 0;
   const struct {
@@ -412,6 +414,10 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   } options[] = {
       {"--reference_image", fixed, "--reference_mode fixed"},
       {"--calibration", posed, "--targets or --motion"},
+      {"--motion_height", motion.height_source == "parameter", "--motion_height_source parameter"},
+      {"--motion_range", motion.height_source == "range", "--motion_height_source range"},
+      {"--motion_imu", motion.normal_source == "imu" || motion.gyro,
+       "--motion_normal_source imu or --motion_gyro"},
       {"--overlay_style", app.count("--overlay") + app.count("--draw") > 0, "--overlay or --draw"}};
   for (const auto& [option, used, condition] : options) {
     if (used || app.count(option) == 0) continue;
@@ -438,7 +444,7 @@ int run(int argc, char** argv) {
                          "default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  refuseIdleOptions(app, arguments.parameters);
+  refuseIdleOptions(app, arguments);
   completeViewOptions(app, arguments.views, arguments.force);
   arguments.motion.force = arguments.force;
   arguments.motion.config.calibration = arguments.parameters.calibration;

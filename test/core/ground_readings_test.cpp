@@ -88,7 +88,8 @@ TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
   }
 }
 
-TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
+/// What is said about the rotation where all Imus are as this one.
+std::string noTurnWith(sensor_msgs::Imu imu) {
   const tf2::BufferCore tf;
   GroundReadings readings(tf);
   GroundMotionConfig config = groundMotionDefaults();
@@ -103,14 +104,21 @@ TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
   homography.header.frame_id = "cam";
   for (int i = 1; i <= 2; ++i) {
     homography.header.stamp = ros::Time(i);
-    sensor_msgs::Imu imu;
     imu.header = homography.header;
-    imu.angular_velocity_covariance[0] = -1.0;
     readings.add(imu);
     readings.frameOf(homography, {640, 480}, info, Pixels::raw);
   }
+  return readings.noTurn();
+}
+
+TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {
+  sensor_msgs::Imu imu;
+  EXPECT_EQ(noTurnWith(imu), "");
+  imu.angular_velocity.y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(noTurnWith(imu), "the angular velocity on /imu has a number that is not finite");
+  imu.angular_velocity_covariance[0] = -1.0;
   EXPECT_EQ(
-      readings.noTurn(),
+      noTurnWith(imu),
       "the angular_velocity_covariance on /imu begins with -1, so it has no angular velocity");
 }
 

@@ -105,6 +105,17 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertEqual({row['status'] for row in others}, {'ok'})
         self.assertTrue(all(row['vx'] for row in others))
 
+    def test_a_topic_of_another_type_is_named(self):
+        for options, words in ((['--motion_range', '/camera/imu'],
+                                '/camera/imu is of type sensor_msgs/Imu; expected sensor_msgs/Range'),
+                               (['--motion_gyro', 'true', '--motion_imu', '/camera/range'],
+                                '/camera/range is of type sensor_msgs/Range; expected sensor_msgs/Imu')):
+            run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), BAG, 'type.bag', '--motion',
+                                  'type.csv'] + options, cwd=self.folder.name, stderr=subprocess.PIPE,
+                                 universal_newlines=True)
+            self.assertEqual(run.returncode, 2, run.stderr)
+            self.assertIn(words, run.stderr)
+
     def test_a_missing_bag_is_named(self):
         run = self.evaluate('no_such.bag')
         self.assertNotEqual(run.returncode, 0)

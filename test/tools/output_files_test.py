@@ -347,6 +347,10 @@ class BagOutput(OutputCase):
                 (("--max_pair_megapixels", "9"), "earlier version"), (("--max_latency", "1"), "not expected"),
                 (("--reference_image", "a.pgm"), "fixed"),
                 (("--overlay_style", "flow"), "--overlay"),
+                (("--motion", "m", "--motion_height", "5"), "--motion_height_source parameter"),
+                (("--motion", "m", "--motion_height_source", "tf_height", "--motion_range", "/a"),
+                 "--motion_height_source range"),
+                (("--motion", "m", "--motion_imu", "/a"), "--motion_normal_source imu or --motion_gyro"),
                 (("--stabilizer_lag", "3"), "--stabilize"), (("--mosaic_poses", "x"), "--mosaic")):
             self.refused("ktgp_bag", self.bag, "out.bag", *arguments, words=reason)
         self.refused("ktgp_bag", self.bag, "out.bag", "--reference_mode", "fixed",
