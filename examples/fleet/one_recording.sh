@@ -7,7 +7,16 @@ if [ "${1:-}" = --help ]; then
   sed -n '2,4s/^# //p' "$0"
   exit
 fi
-recording=$(realpath -ms -- "$1") name=$(realpath -ms --relative-base="$PWD" -- "$1")
+if [ $# -lt 2 ]; then
+  echo 'one_recording.sh: expected RECORDING FOLDER [OPTIONS of ktgp_bag]; --help says more' >&2
+  exit 2
+fi
+row=${1%$'\r'}  # a list that was written on Windows
+if [ -z "$row" ]; then
+  echo 'one_recording.sh: the name of the recording is empty; expected one: is there an empty row in the list?' >&2
+  exit 2
+fi
+recording=$(realpath -ms -- "$row") name=$(realpath -ms --relative-base="$PWD" -- "$row")
 folder=$2/$name
 shift 2
 command -v ktgp_bag >/dev/null || ktgp_bag() { rosrun ktgp_orb ktgp_bag "$@"; }

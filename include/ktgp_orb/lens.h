@@ -32,7 +32,8 @@ struct LensCalibration {
 class Lens {
  public:
   /// Throws std::invalid_argument for focal lengths that no camera has, for a number of
-  /// coefficients that the model does not have, and for numbers that are not finite.
+  /// coefficients that the model does not have, for numbers that are not finite, and for a
+  /// distortion that cannot be undone near the middle of the image.
   explicit Lens(const LensCalibration& calibration);
 
   const LensCalibration& calibration() const { return calibration_; }

@@ -99,15 +99,15 @@ std::string cameraOf(const std::string& image_topic) {
   return raw.substr(0, raw.rfind('/'));
 }
 
-sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic) {
+sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
+                                       const std::string& user) {
   const std::string name = cameraOf(image_topic) + "/camera_info";
   BagMessages messages(path);
   messages.select([&name](const bag::Topic& topic) { return topic.name == name; });
   while (const auto message = messages.next()) {
     if (const auto info = message->as<sensor_msgs::CameraInfo>()) return *info;
   }
-  throw UnusableBag(path + ": it has no camera_info on '" + name +
-                    "', which rectify and --motion need");
+  throw UnusableBag(path + ": it has no camera_info on '" + name + "', which " + user + " needs");
 }
 
 std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection& selection) {

@@ -50,7 +50,9 @@ std::unique_ptr<ImageSource> openBag(const std::string& path, const BagSelection
 /// Namespace of the camera of the image topic, also for topics of the compressed transport.
 std::string cameraOf(const std::string& image_topic);
 
-/// The first camera_info beside the image topic. Throws UnusableBag if there is none.
-sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic);
+/// The first camera_info beside the image topic. Throws UnusableBag if there is none; `user`: what
+/// needs it.
+sensor_msgs::CameraInfo readCameraInfo(const std::string& path, const std::string& image_topic,
+                                       const std::string& user);
 
 }  // namespace ktgp_orb

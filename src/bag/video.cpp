@@ -62,6 +62,22 @@ bool opened(const std::string& path, cv::VideoCapture& video) {
   return done;
 }
 
+/// Also those that the container hides: who cuts a video without encoding it again leaves images in
+/// the file, which MP4 and MOV then do not show. FFmpeg gives them with an option that OpenCV takes
+/// only from the environment.
+std::size_t imagesIn(const std::string& path) {
+  constexpr char kOptions[] = "OPENCV_FFMPEG_CAPTURE_OPTIONS";
+  const char* const given = std::getenv(kOptions);
+  const std::string before = given == nullptr ? "" : given;
+  setenv(kOptions, "ignore_editlist;1", 1);
+  cv::VideoCapture video;
+  opened(path, video);
+  before.empty() ? unsetenv(kOptions) : setenv(kOptions, before.c_str(), 1);
+  std::size_t count = 0;
+  while (video.grab()) ++count;
+  return count;
+}
+
 class Video : public ImageSource {
  public:
   Video(const std::string& path, const BagSelection& selection, double rate)
@@ -97,18 +113,21 @@ class Video : public ImageSource {
 
   const std::string& topic() const override { return topic_; }
 
-  /// Containers that only estimate the number of images are a little wrong, and far too high where
-  /// the first image is late.
   std::string damage() const override {
-    constexpr std::size_t kTolerance = 50;  // one in this many
-    constexpr std::size_t kMost = 100;      // times the images that are there
-    if (!at_end_ || read_ + 1 + in_file_ / kTolerance >= in_file_) return {};
-    if (in_file_ / kMost > read_) return {};
+    if (!is_damaged_) return {};
     return "the video is damaged or cut off: " + std::to_string(read_) + " of " +
            std::to_string(in_file_) + " images could be read";
   }
 
  private:
+  /// Containers that only estimate the number of images are a little wrong, and far too high where
+  /// the first image is late.
+  bool isTooFew(std::size_t images) const {
+    constexpr std::size_t kTolerance = 50;  // one in this many
+    constexpr std::size_t kMost = 100;      // times the images that are there
+    return images + 1 + in_file_ / kTolerance < in_file_ && in_file_ / kMost <= images;
+  }
+
   std::optional<RecordedImage> read() {
     while (video_.grab()) {
       const double seconds = nextTime();
@@ -118,7 +137,7 @@ class Video : public ImageSource {
       if (!video_.retrieve(image) || image.empty()) continue;
       return recorded(image, stampOf(seconds));
     }
-    at_end_ = true;
+    is_damaged_ = isTooFew(read_) && isTooFew(imagesIn(path_));
     return std::nullopt;
   }
 
@@ -155,7 +174,7 @@ class Video : public ImageSource {
   double last_ = 0.0;  // s, time of the image grabbed last
   std::size_t in_file_ = 0;
   std::size_t read_ = 0;
-  bool at_end_ = false;
+  bool is_damaged_ = false;
 };
 
 /// "img2" before "img10".

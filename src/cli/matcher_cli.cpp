@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <utility>
 
 #include "cli/parameter_file.h"
 #include "cli/program.h"
@@ -224,6 +225,17 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : 2;
   }
   return std::nullopt;
+}
+
+files::OutputPlan planOutputs(const CLI::App& app, bool force) {
+  std::vector<files::GivenValue> given;
+  for (const CLI::Option* const option : app.get_options()) {
+    // get_name() is empty for what --help does not show.
+    const std::vector<std::string>& names = option->get_lnames();
+    const std::string name = names.empty() ? option->get_name() : "--" + names.front();
+    for (const std::string& value : option->results()) given.push_back({name, value});
+  }
+  return {force, std::move(given)};
 }
 
 }  // namespace ktgp_orb::tools

@@ -5,6 +5,7 @@
 #include <optional>
 #include <string>
 
+#include "files/output_file.h"
 #include "parameters/options.h"
 
 namespace ktgp_orb::tools {
@@ -37,5 +38,8 @@ CLI::Validator numberIn(const Limits& range);
 /// Parses the command line. Returns the exit code, or empty to continue: 0 after --help or
 /// --version, 2 for anything unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);
+
+/// To be called after parse(): the plan knows every value of the command line.
+files::OutputPlan planOutputs(const CLI::App& app, bool force);
 
 }  // namespace ktgp_orb::tools

@@ -174,7 +174,7 @@ int run(int argc, char** argv) {
   tools::addCommonOptions(app, force);
   app.footer(tools::kExitCodes);
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  files::OutputPlan plan(force);
+  files::OutputPlan plan = tools::planOutputs(app, force);
   plan.write(path);
   if (!targets.empty()) {
     scene.signs = drawSigns();

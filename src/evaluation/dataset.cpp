@@ -67,8 +67,10 @@ constexpr const char* kPointsEnding = ".points";
 /// Adds the pair, or reports a missing or broken file.
 void addPair(ImagePair pair, const std::string& truth, Dataset& dataset) {
   try {
-    for (const std::string& file : {pair.reference, pair.target, truth})
+    for (const std::string& file : {pair.reference, pair.target, truth}) {
       files::requireRegularFile(file);
+      dataset.files.push_back(file);
+    }
     if (endsIn(truth, kPointsEnding)) {
       pair.points = readPoints(truth);
       pair.homography = homographyThrough(pair.points);
@@ -243,6 +245,7 @@ void addWarps(const std::string& name, const std::vector<std::string>& paths, in
     for (std::string& file : pictures(path, dataset)) files.push_back(std::move(file));
   }
   if (files.empty()) return;
+  dataset.files.insert(dataset.files.end(), files.begin(), files.end());
   const auto n = static_cast<int>(files.size());
   for (int i = 0; i < count; ++i) {
     // Every second warp is degraded. With an even number of pictures each round starts one further,

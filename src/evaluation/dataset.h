@@ -33,6 +33,7 @@ struct ImagePair {
 struct Dataset {
   std::vector<ImagePair> pairs;
   std::vector<std::string> problems;  ///< one line each, beginning with the file's name
+  std::vector<std::string> files;     ///< all that are read
 };
 
 /// Adds the pairs found at `path`:

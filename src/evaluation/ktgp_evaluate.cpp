@@ -246,10 +246,19 @@ std::string tableOf(const Arguments& arguments, const std::vector<PairScore>& sc
   return arguments.hpatches ? hpatches::toTable(summaries) : toTable(summaries);
 }
 
-int evaluateImageSets(const Arguments& arguments) {
+/// `read`: files that DATA leads to.
+void checkFiles(files::OutputPlan& plan, const std::vector<std::string>& read,
+                const Arguments& arguments) {
+  for (const std::string& file : read) plan.read(file);
+  plan.write(arguments.json);
+  plan.write(arguments.csv);
+}
+
+int evaluateImageSets(files::OutputPlan& plan, const Arguments& arguments) {
   wantedMethods(arguments);  // refuses an unknown name or a bad threshold before any work
   warnOfMissingMethods(arguments);
   Dataset dataset = findPairs(arguments);
+  checkFiles(plan, dataset.files, arguments);
   const std::vector<PairScore> scores = evaluatePairs(arguments, dataset.pairs);
   for (const PairScore& score : scores) {
     if (!score.problem.empty()) dataset.problems.push_back(score.problem);
@@ -281,8 +290,9 @@ int evaluateImageSets(const Arguments& arguments) {
   return dataset.problems.empty() ? kExitDone : kExitUnusedData;
 }
 
-int evaluateTwoViews(const Arguments& arguments) {
+int evaluateTwoViews(files::OutputPlan& plan, const Arguments& arguments) {
   std::vector<std::string> problems;
+  std::vector<std::string> read;
   std::vector<two_view::PosePair> pairs;
   std::vector<std::vector<two_view::PoseScore>> scores;
   two_view::PoseEvaluator evaluator(arguments.pipeline, arguments.methods);
@@ -290,11 +300,13 @@ int evaluateTwoViews(const Arguments& arguments) {
     try {
       for (const auto& pair : two_view::findPosePairs(folder, arguments.apart)) {
         pairs.push_back(pair);
+        read.insert(read.end(), {pair.cameras, pair.reference, pair.target});
       }
     } catch (const files::FileError& error) {
       problems.emplace_back(error.what());
     }
   }
+  checkFiles(plan, read, arguments);
   ProgressBar progress(pairs.size());
   for (const auto& pair : pairs) {
     try {
@@ -341,12 +353,10 @@ int evaluate(int argc, char** argv) {
                                 arguments.bag);
   }
   if (arguments.data.empty()) throw std::invalid_argument("DATA is required; see --help");
-  files::OutputPlan plan(arguments.force);
-  for (const std::string& path : arguments.data) plan.read(path);
-  plan.write(arguments.json);
-  plan.write(arguments.csv);
+  files::OutputPlan plan = planOutputs(app, arguments.force);
   exitWhenInterrupted();
-  return arguments.two_view ? evaluateTwoViews(arguments) : evaluateImageSets(arguments);
+  return arguments.two_view ? evaluateTwoViews(plan, arguments)
+                            : evaluateImageSets(plan, arguments);
 }
 
 }  // namespace

@@ -109,9 +109,7 @@ int run(int argc, char** argv) {
   app.footer(kExitCodes);
   addArguments(app, arguments);
   if (const auto code = parse(app, argc, argv)) return *code;
-  files::OutputPlan plan(arguments.force);
-  plan.read(arguments.bag);
-  plan.write(arguments.json);
+  planOutputs(app, arguments.force).write(arguments.json);
   exitWhenInterrupted();
   cv::setNumThreads(1);
   return evaluateBag(arguments);

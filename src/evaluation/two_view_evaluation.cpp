@@ -374,7 +374,8 @@ std::string row(const std::string& set, const std::string& method,
 
 std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector<int>& apart) {
   namespace fs = std::filesystem;
-  const std::vector<CameraRow> rows = readCameras(folder + "/cameras.txt");
+  const std::string cameras = folder + "/cameras.txt";
+  const std::vector<CameraRow> rows = readCameras(cameras);
   const std::string set = fs::canonical(folder).filename().string();
   std::vector<PosePair> pairs;
   for (const int distance : apart) {
@@ -384,6 +385,7 @@ std::vector<PosePair> findPosePairs(const std::string& folder, const std::vector
       PosePair pair;
       pair.set = set + ", " + std::to_string(distance) + " apart";
       pair.name = a.file + " " + b.file;
+      pair.cameras = cameras;
       pair.reference = folder + "/" + a.file;
       pair.target = folder + "/" + b.file;
       pair.reference_camera = a.k;

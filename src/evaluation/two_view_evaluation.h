@@ -22,6 +22,7 @@ constexpr double kRightWithin = 1.5;
 struct PosePair {
   std::string set;        ///< folder and distance, e.g. "kitti_2, 3 apart"
   std::string name;       ///< the two files
+  std::string cameras;    ///< file with the truth
   std::string reference;  ///< image file
   std::string target;
   Eigen::Matrix3d reference_camera;  ///< K, px

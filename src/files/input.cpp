@@ -9,6 +9,7 @@
 
 #include "core/util/grey_levels.h"
 #include "core/util/printable.h"
+#include "files/picture_end.h"
 
 namespace ktgp_orb::files {
 
@@ -34,6 +35,9 @@ bool isUsual(const cv::Mat& picture) {
 cv::Mat readPicture(const std::string& file, int flags) {
   requireRegularFile(file);
   if (!std::ifstream(file)) throw FileError(file, "cannot be opened");
+  if (isCutOff(file)) {
+    throw FileError(file, "is damaged or cut off: the picture has no end; expected a whole file");
+  }
   cv::Mat picture;
   try {
     picture = cv::imread(file, flags);

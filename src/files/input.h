@@ -25,8 +25,8 @@ class FullDisk : public FileError {
 void requireRegularFile(const std::string& file);
 
 /// The picture in a file, decoded with OpenCV's `flags`: 8 or 16 bits a channel. Every picture that
-/// this package reads passes through here. Throws FileError, also for other depths (float, 32
-/// bits), whose black and white nobody knows.
+/// this package reads passes through here. Throws FileError, also for a JPEG or PNG without its
+/// end, and for other depths (float, 32 bits), whose black and white nobody knows.
 cv::Mat readPicture(const std::string& file, int flags);
 
 /// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.

@@ -86,6 +86,23 @@ void OutputPlan::read(const std::string& input) {
   if (!input.empty()) inputs_.push_back(input);
 }
 
+void OutputPlan::refuseInputs(const std::string& output) const {
+  std::string options;
+  std::size_t own = 0;
+  std::size_t same = 0;
+  for (const GivenValue& given : given_) {
+    if (given.value == output) own = 1;  // a name that the program made has none
+    if (!isSameFile(output, given.value)) continue;
+    options += (same++ == 0 ? "" : " and ") + given.option;
+  }
+  if (same > own) throw FileError(output, "is the file of " + options + "; expected another file");
+  for (const std::string& input : inputs_) {
+    if (isSameFile(output, input)) {
+      throw FileError(output, "is the input " + input + "; expected another file");
+    }
+  }
+}
+
 void OutputPlan::write(const std::string& output) {
   if (output.empty()) return;
   if (isStandardOutput(output)) {
@@ -95,16 +112,12 @@ void OutputPlan::write(const std::string& output) {
     outputs_.push_back(output);
     return;
   }
-  for (const std::string& input : inputs_) {
-    if (isSameFile(output, input)) {
-      throw FileError(output, "is the input " + input + "; expected another file");
-    }
-  }
   for (const std::string& other : outputs_) {
     if (!isStandardOutput(other) && isSameFile(output, other)) {
       throw FileError(output, "is an output already (" + other + "); expected another file");
     }
   }
+  refuseInputs(output);
   std::error_code error;
   const fs::path target = resolved(output);
   const fs::file_status status = fs::status(target, error);

@@ -2,17 +2,27 @@
 
 #include <opencv2/core.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace ktgp_orb::files {
 
+/// A value of the command line, and the option that it was given to.
+struct GivenValue {
+  std::string option;
+  std::string value;
+};
+
 /// The files that a program reads and writes, checked before any work. An output is refused if it
-/// exists (unless `force`), is not a regular file, is one of the inputs or another output (links
-/// followed), or cannot be created.
+/// exists (unless `force`), is not a regular file, is named by another option, is one of the inputs
+/// or another output (links followed), or cannot be created.
 class OutputPlan {
  public:
-  explicit OutputPlan(bool force) : force_(force) {}
+  /// `given`: all values of the command line, so that no option that reads a file is forgotten. A
+  /// value that is no file does no harm.
+  OutputPlan(bool force, std::vector<GivenValue> given) : force_(force), given_(std::move(given)) {}
 
+  /// A file that the command line does not name itself: one of a list, or that fits a pattern.
   void read(const std::string& input);
   /// Throws FileError. An empty path means no output, "-" the standard output.
   void write(const std::string& output);
@@ -21,7 +31,10 @@ class OutputPlan {
   void writeVideo(const std::string& output);
 
  private:
+  void refuseInputs(const std::string& output) const;
+
   bool force_;
+  std::vector<GivenValue> given_;
   std::vector<std::string> inputs_;
   std::vector<std::string> outputs_;  ///< links resolved
 };

@@ -79,11 +79,6 @@ std::string whyNone(const sensor_msgs::Range& range) {
 
 }  // namespace
 
-/// There is no reason where the newest reading was already used for an earlier frame.
-std::string noReading(const std::string& what, const std::string& why) {
-  return "no " + what + ": " + (why.empty() ? "no new reading yet" : why);
-}
-
 void GroundReadings::configure(const GroundMotionConfig& config, const std::string& range_topic,
                                const std::string& imu_topic) {
   config_ = config;
@@ -247,14 +242,33 @@ std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
   return turnTrouble(estimate);
 }
 
+GroundEstimate GroundReadings::withPatience(GroundEstimate estimate) {
+  constexpr double kPatience = 1.0;  // s
+  if (estimate.height_used) last_height_ = last_image_;
+  if (estimate.down_used || !usesNormal()) last_normal_ = last_image_;
+  const auto is_old = [this](const ros::Time& last) {
+    return last > last_image_ || (last_image_ - last).toSec() > kPatience;
+  };
+  if (!estimate.hasPose()) return estimate;
+  if (is_old(last_height_)) {
+    estimate.status = GroundStatus::no_height;
+  } else if (is_old(last_normal_)) {
+    estimate.status = GroundStatus::no_normal;
+  }
+  return estimate;
+}
+
 std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
   switch (estimate.status) {
     case GroundStatus::no_homography:
       return "the matcher found no homography";
     case GroundStatus::no_covariance:
       return "the homography has no covariance, or one that is not positive definite";
-    case GroundStatus::no_height:
-      return noReading("height", heightTrouble(estimate));
+    case GroundStatus::no_height: {
+      // There is no trouble where the newest reading was used for an earlier frame.
+      const std::string trouble = heightTrouble(estimate);
+      return "no height: " + (trouble.empty() ? "no new reading yet" : trouble);
+    }
     case GroundStatus::no_normal: {
       const std::string trouble = normalTrouble(estimate);
       return "no normal: " + (trouble.empty() ? "the motion does not show it yet" : trouble);
@@ -383,20 +397,25 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   double count = 0.0;
   double deviation = kGyroDeviation;
   std::string frame;
-  bool has_none = false;
+  std::string why = "no angular velocity on " + imu_topic_ + " between two images";
   for (const sensor_msgs::Imu& imu : imus_) {
     if (imu.header.stamp <= last_image_ || imu.header.stamp > image.stamp) continue;
-    has_none = imu.angular_velocity_covariance[0] < 0.0;
-    if (has_none || !isFinite(imu.angular_velocity)) continue;
+    if (imu.angular_velocity_covariance[0] < 0.0) {
+      why = "the angular_velocity_covariance on " + imu_topic_ +
+            " begins with -1, so it has no angular velocity";
+      continue;
+    }
+    if (!isFinite(imu.angular_velocity)) {
+      why = "the angular velocity on " + imu_topic_ + " has a number that is not finite";
+      continue;
+    }
     sum += vector(imu.angular_velocity);
     count += 1.0;
     deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
   if (count == 0.0) {
-    no_turn_ = has_none ? "the angular_velocity_covariance on " + imu_topic_ +
-                              " begins with -1, so it has no angular velocity"
-                        : "no angular velocity on " + imu_topic_ + " between two images";
+    no_turn_ = why;
     return std::nullopt;
   }
   const auto found = transform(image.frame_id, frame, image.stamp, no_turn_);
@@ -420,7 +439,11 @@ std::string shutterReport(const GroundEstimate& estimate) {
   return text;
 }
 
-GroundMotionConfig withUsableFrames(GroundMotionConfig config) {
+GroundMotionConfig usable(GroundMotionConfig config) {
+  if (config.readout_time < 0.0 && config.readout_time != -1.0) {
+    throw std::invalid_argument("readout_time is " + std::to_string(config.readout_time) +
+                                "; expected -1, not known, 0, a global shutter, or more");
+  }
   for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
     *frame = withoutSlash(*frame);
   }

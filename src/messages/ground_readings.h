@@ -52,6 +52,9 @@ class GroundReadings {
   const std::string& noHeight() const { return no_height_; }
   const std::string& noNormal() const { return no_normal_; }
   const std::string& noTurn() const { return no_turn_; }
+  /// The estimate for the newest frame, once for each frame. After a second without a height, or
+  /// without a normal, that counts, it has that status in place of a pose.
+  GroundEstimate withPatience(GroundEstimate estimate);
   /// Why the newest frame has no motion; empty: it has.
   std::string problemOf(const GroundEstimate& estimate) const;
   /// Why the newest frame has no height and no normal that count.
@@ -84,13 +87,13 @@ class GroundReadings {
   ros::Time used_range_;
   std::string range_frame_;
   ros::Time last_image_;
+  ros::Time last_height_;  // that counted
+  ros::Time last_normal_;
   std::string no_height_;
   std::string no_normal_;
   std::string no_turn_;
 };
 
-/// That a reading is missing, and why.
-std::string noReading(const std::string& what, const std::string& why);
 /// What the pictures show of a rolling shutter; empty: nothing that is certain.
 std::string shutterReport(const GroundEstimate& estimate);
 /// The estimate as messages; only where hasPose() and hasTwist().
@@ -100,8 +103,8 @@ geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate
                                                   const std_msgs::Header& image,
                                                   const GroundMotionConfig& config);
 /// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
-/// odom_frame that tf could not place above the base.
-GroundMotionConfig withUsableFrames(GroundMotionConfig config);
+/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
+GroundMotionConfig usable(GroundMotionConfig config);
 /// The base frame of the messages: `base_frame`, or that of the camera.
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
 

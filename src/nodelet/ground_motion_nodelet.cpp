@@ -22,8 +22,6 @@ namespace {
 
 using std_srvs::Trigger;
 
-constexpr double kPatience = 1.0;  // s without a usable height or normal
-
 std::string number(double value) {
   char text[32];
   std::snprintf(text, sizeof text, "%.6g", value);
@@ -65,7 +63,7 @@ class GroundWork {
 
  private:
   void process(const MatchConstPtr& match);
-  std::string problemOf(const GroundEstimate& estimate, const ros::Time& stamp);
+  void reportUnused(const GroundEstimate& estimate);
   void report(const GroundEstimate& estimate, double plane_deviation);
   void publish(const GroundEstimate& estimate, const std_msgs::Header& image);
 
@@ -74,8 +72,6 @@ class GroundWork {
   GroundMotion motion_;
   sensor_msgs::CameraInfoConstPtr info_;
   std::deque<std::pair<MatchConstPtr, ros::WallTime>> waiting_;
-  ros::Time last_height_;  // that was used
-  ros::Time last_normal_;
   Diagnosis& diagnosis_;
   ros::Publisher twists_;
   ros::Publisher odometry_;
@@ -122,9 +118,10 @@ void GroundWork::process(const MatchConstPtr& match) {
     const cv::Size size(static_cast<int>(match->correspondences.image_width),
                         static_cast<int>(match->correspondences.image_height));
     motion_.setOptions(readings_.optionsFor(match->header));
-    const GroundEstimate& estimate =
-        motion_.add(readings_.frameOf(match->homography, size, *info_, pixels));
-    problem = problemOf(estimate, match->header.stamp);
+    const GroundEstimate estimate = readings_.withPatience(
+        motion_.add(readings_.frameOf(match->homography, size, *info_, pixels)));
+    problem = readings_.problemOf(estimate);
+    reportUnused(estimate);
     if (problem.empty()) publish(estimate, match->header);
     report(estimate, match->homography.plane_deviation);
   } catch (const std::invalid_argument& error) {
@@ -136,20 +133,10 @@ void GroundWork::process(const MatchConstPtr& match) {
   diagnosis_.done(match->header.stamp, start);
 }
 
-/// Why nothing is published for a frame; empty: it is.
-std::string GroundWork::problemOf(const GroundEstimate& estimate, const ros::Time& stamp) {
+void GroundWork::reportUnused(const GroundEstimate& estimate) {
   const std::string not_used = readings_.notUsed(estimate);
   diagnosis_.setProblem("not used", not_used, false);
   diagnosis_.setValue("not used", util::printable(not_used, 600));
-  if (estimate.height_used) last_height_ = stamp;
-  if (estimate.down_used || !readings_.usesNormal()) last_normal_ = stamp;
-  const auto is_old = [&](const ros::Time& last) {
-    return last > stamp || (stamp - last).toSec() > kPatience;
-  };
-  if (!estimate.hasPose()) return readings_.problemOf(estimate);
-  if (is_old(last_height_)) return noReading("height", readings_.heightTrouble(estimate));
-  if (is_old(last_normal_)) return noReading("normal", readings_.normalTrouble(estimate));
-  return "";
 }
 
 void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) {
@@ -243,7 +230,7 @@ std::string GroundMotionNodelet::greeting() const {
 }
 
 void GroundMotionNodelet::configure(GroundMotionConfig& config) {
-  config = withUsableFrames(config);
+  config = usable(config);
   const ros::NodeHandle names = getNodeHandle();
   const GroundSettings settings{config, names.resolveName("image"),
                                 names.resolveName("camera_info"), ranges_->topic(), imus_->topic()};

@@ -115,19 +115,32 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
                      const std::string& image_topic)
     : options_(options) {
   if (options_.path.empty()) return;
-  options_.config = withUsableFrames(options_.config);
+  options_.config = usable(options_.config);
   const std::string beside = cameraOf(image_topic);
   if (options_.range_topic.empty()) options_.range_topic = beside + "/range";
   if (options_.imu_topic.empty()) options_.imu_topic = beside + "/imu";
   pixels_ = pixelsFrom(options_.config.calibration, image_topic);
-  info_ = readCameraInfo(bag, image_topic);
+  info_ = readCameraInfo(bag, image_topic, "--motion");
   readings_.configure(options_.config, options_.range_topic, options_.imu_topic);
   readMessages(bag);
+}
+
+/// A topic of another type would look like one without messages.
+void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
+  const auto check = [&](const std::string& name, const std::string& type) {
+    for (const bag::Topic& topic : messages.topics()) {
+      if (topic.name != name || topic.type == type) continue;
+      throw UnusableBag(path + ": " + name + " is of type " + topic.type + "; expected " + type);
+    }
+  };
+  if (readings_.usesRange()) check(options_.range_topic, "sensor_msgs/Range");
+  if (readings_.usesImu()) check(options_.imu_topic, "sensor_msgs/Imu");
 }
 
 void BagMotion::readMessages(const std::string& path) {
   const std::set<std::string> wanted{options_.range_topic, options_.imu_topic, "/tf", "/tf_static"};
   BagMessages messages(path);
+  checkTypes(path, messages);
   messages.select([&wanted](const bag::Topic& topic) { return wanted.count(topic.name) > 0; });
   while (const auto message = messages.next()) {
     if (const auto range = message->as<sensor_msgs::Range>()) {
@@ -162,7 +175,8 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
   std::string reason;
   try {
     motion_.setOptions(readings_.optionsFor(homography.header));
-    estimate = motion_.add(readings_.frameOf(homography, image, info_, pixels_));
+    estimate =
+        readings_.withPatience(motion_.add(readings_.frameOf(homography, image, info_, pixels_)));
     if (homography.status != MatchStatus::STATUS_OK) {
       reason = toString(static_cast<Status>(homography.status));
     } else {

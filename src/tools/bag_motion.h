@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include "bag/messages.h"
 #include "cli/matcher_cli.h"
 #include "messages/ground_readings.h"
 #include "messages/message_conversion.h"
@@ -39,6 +40,7 @@ class BagMotion {
   std::string report() const;
 
  private:
+  void checkTypes(const std::string& bag, const BagMessages& messages) const;
   void readMessages(const std::string& bag);
   /// Hands over what was recorded until a little after `time`.
   void passOn(const ros::Time& time);

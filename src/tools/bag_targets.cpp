@@ -21,7 +21,7 @@ std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording
                                                     const std::string& image_topic) {
   if (kindOf(recording) != InputKind::bag) return std::nullopt;
   try {
-    return readCameraInfo(recording, image_topic);
+    return readCameraInfo(recording, image_topic, "--targets");
   } catch (const UnusableBag&) {
     return std::nullopt;
   }

@@ -11,6 +11,8 @@
 #include <iostream>
 #include <map>
 #include <opencv2/core/utility.hpp>
+#include <regex>
+#include <system_error>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -21,6 +23,7 @@
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "cli/video_file.h"
+#include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
@@ -94,6 +97,11 @@ std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
                                          arguments.force);
 }
 
+void sayNoMotion(const std::string& problem) {
+  std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
+               problem.c_str());
+}
+
 /// The sequential part of the work, frame by frame.
 class Run {
  public:
@@ -110,6 +118,7 @@ class Run {
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
         drawing_(drawingFor(arguments)),
         progress_(source_->total()),
+        view_(configuration.view),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
     rate_limiter_.setRate(configuration.max_rate);
@@ -174,6 +183,16 @@ class Run {
     return true;
   }
 
+  /// Said once: a camera_info that the images do not fit.
+  void explainNoMotion(const cv::Size& image) {
+    if (!view_.camera || std::exchange(said_no_motion_, true)) return;
+    try {
+      twoViewCamera(*view_.camera, view_.pixels, image);
+    } catch (const std::invalid_argument& error) {
+      sayNoMotion(error.what());
+    }
+  }
+
   void finishOldest() {
     const auto [recorded, skipped] = std::move(waiting_.front());
     waiting_.pop_front();
@@ -191,6 +210,7 @@ class Run {
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage(recorded.problem);
     FramePipeline::Prepared prepared = pipeline_.pop();
+    if (!prepared.frame->camera) explainNoMotion(prepared.frame->image.size());
     MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
                                             prepared.ahead ? &*prepared.ahead : nullptr);
     matched.refused = refused_;
@@ -224,6 +244,8 @@ class Run {
   std::optional<tools::VideoFile> drawing_;
   tools::ProgressBar progress_;
   RateLimiter rate_limiter_;
+  CameraView view_;
+  bool said_no_motion_ = false;
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
@@ -249,7 +271,8 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
   std::string problem = "only a bag has camera_info";
   if (kindOf(bag) == InputKind::bag) {
     try {
-      const sensor_msgs::CameraInfo info = readCameraInfo(bag, topic);
+      const sensor_msgs::CameraInfo info =
+          readCameraInfo(bag, topic, "geometry " + parameters.geometry);
       configuration.view.pixels = pixelsFrom(parameters.calibration, topic);
       twoViewCamera(info, configuration.view.pixels, imageSize(info));  // refuses what is of no use
       configuration.view.camera = boost::make_shared<sensor_msgs::CameraInfo>(info);
@@ -258,8 +281,7 @@ void setCamera(const Parameters& parameters, const std::string& bag, const std::
       problem = error.what();
     }
   }
-  std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
-               problem.c_str());
+  sayNoMotion(problem);
 }
 
 Configuration configurationFor(Parameters parameters, const std::string& bag,
@@ -272,15 +294,15 @@ Configuration configurationFor(Parameters parameters, const std::string& bag,
     if (kindOf(bag) != InputKind::bag) {
       throw std::invalid_argument(bag + ": rectify needs camera_info, which only a bag has");
     }
-    configuration.view.lens = lensFrom(readCameraInfo(bag, topic));
+    configuration.view.lens = lensFrom(readCameraInfo(bag, topic, "rectify"));
   }
   setCamera(parameters, bag, topic, configuration);
   return configuration;
 }
 
-void checkFiles(Arguments& arguments) {
-  files::OutputPlan plan(arguments.force);
+void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   for (const std::string& file : filesOfInput(arguments.in)) plan.read(file);
+  // A file of parameters can name these, too.
   plan.read(arguments.parameters.reference_image);
   plan.read(arguments.parameters.mask_image);
   for (const std::string& file : filesOfTargets(arguments.targets.path)) plan.read(file);
@@ -296,11 +318,11 @@ void checkFiles(Arguments& arguments) {
   plan.write(arguments.motion.path);
 }
 
-int matchBag(Arguments& arguments) {
+int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   std::string& topic = arguments.selection.topic;
   if (!topic.empty() && topic[0] != '/') topic.insert(0, "/");
   tools::stopWhenInterrupted();
-  checkFiles(arguments);
+  checkFiles(plan, arguments);
   if (!arguments.motion.path.empty() && kindOf(arguments.in) != InputKind::bag) {
     throw std::invalid_argument(arguments.in +
                                 ": --motion needs camera_info, which only a bag has");
@@ -328,6 +350,18 @@ int matchBag(Arguments& arguments) {
   return code;
 }
 
+/// For an option. ros::names::validate also takes names that nobody could subscribe to.
+CLI::Validator nameOfTopics() {
+  const auto check = [](const std::string& text) -> std::string {
+    static const std::regex name("/?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*");
+    if (std::regex_match(text, name)) return {};
+    return util::quoted(text) +
+           " is no name in ROS; expected letters, digits and _, first a letter, in parts between "
+           "single slashes: /robot1/matcher";
+  };
+  return CLI::Validator(check, "");
+}
+
 void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("IN", arguments.in,
                  "recording to read: a bag, a video, or a pattern of images ('folder/*.png')")
@@ -342,7 +376,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   app.add_option("--duration", arguments.selection.duration, "length of the part to use [s]")
       ->check(tools::numberIn({0.0, 1e9}));
   app.add_option("--name", arguments.name,
-                 "namespace of the output topics; without it: matcher beside the image topic");
+                 "namespace of the output topics; without it: matcher beside the image topic")
+      ->check(nameOfTopics());
   app.add_option(
          "--rate", arguments.rate,
          "images per second: of a pattern of images (30 without it), of a video in place of "
@@ -367,7 +402,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
 }
 
 /// Throws std::invalid_argument for options that would be accepted without effect.
-void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
+void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
+  const Parameters& parameters = arguments.parameters;
+  const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") > 0;
   const struct {
@@ -377,6 +414,10 @@ void refuseIdleOptions(const CLI::App& app, const Parameters& parameters) {
   } options[] = {
       {"--reference_image", fixed, "--reference_mode fixed"},
       {"--calibration", posed, "--targets or --motion"},
+      {"--motion_height", motion.height_source == "parameter", "--motion_height_source parameter"},
+      {"--motion_range", motion.height_source == "range", "--motion_height_source range"},
+      {"--motion_imu", motion.normal_source == "imu" || motion.gyro,
+       "--motion_normal_source imu or --motion_gyro"},
       {"--overlay_style", app.count("--overlay") + app.count("--draw") > 0, "--overlay or --draw"}};
   for (const auto& [option, used, condition] : options) {
     if (used || app.count(option) == 0) continue;
@@ -403,16 +444,17 @@ int run(int argc, char** argv) {
                          "default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");
   if (const auto code = tools::parse(app, argc, argv)) return *code;
-  refuseIdleOptions(app, arguments.parameters);
+  refuseIdleOptions(app, arguments);
   completeViewOptions(app, arguments.views, arguments.force);
   arguments.motion.force = arguments.force;
   arguments.motion.config.calibration = arguments.parameters.calibration;
   arguments.targets.calibration = arguments.parameters.calibration;
-  if (arguments.skip_finished && std::filesystem::exists(arguments.out)) {
+  std::error_code none;  // a name that cannot be used is refused later
+  if (arguments.skip_finished && std::filesystem::is_regular_file(arguments.out, none)) {
     std::cerr << arguments.out + " is finished\n";  // in one piece: others write there, too
     return tools::kExitDone;
   }
-  return matchBag(arguments);
+  return matchBag(tools::planOutputs(app, arguments.force), arguments);
 }
 
 }  // namespace

@@ -144,8 +144,7 @@ int findTargets(int argc, char** argv) {
   if (const auto code = parse(app, argc, argv)) return *code;
 
   const std::vector<TargetEntry> entries = readTargetList(arguments.targets);
-  files::OutputPlan plan(arguments.force);
-  plan.read(arguments.image);
+  files::OutputPlan plan = planOutputs(app, arguments.force);
   for (const TargetEntry& entry : entries) {
     for (const std::string& file : entry.files) plan.read(file);
   }

@@ -482,11 +482,8 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addPipelineOptions(app, arguments.pipeline, "photo");
 }
 
-void checkFiles(const Arguments& arguments) {
-  files::OutputPlan plan(arguments.force);
-  for (const auto& file : {arguments.reference, arguments.target, arguments.ground_truth}) {
-    plan.read(file);
-  }
+void checkFiles(const CLI::App& app, const Arguments& arguments) {
+  files::OutputPlan plan = planOutputs(app, arguments.force);
   plan.write(arguments.json);
   plan.write(arguments.csv);
   for (const auto& file : {arguments.draw, arguments.draw_stages, arguments.draw_final}) {
@@ -509,7 +506,7 @@ int matchTwoImages(int argc, char** argv) {
         "--camera is of use with --geometry auto or epipolar, or --preset slam; expected one of "
         "them");
   }
-  checkFiles(arguments);
+  checkFiles(app, arguments);
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
   const bool to_output =

@@ -46,7 +46,7 @@ std::string refusalOf(const std::function<void(GroundMotionConfig&)>& change) {
   const tf2::BufferCore tf;
   GroundReadings readings(tf);
   try {
-    readings.configure(withUsableFrames(config), "/range", "/imu");
+    readings.configure(usable(config), "/range", "/imu");
     readings.optionsFor(image);
   } catch (const std::invalid_argument& error) {
     return error.what();
@@ -73,10 +73,23 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
   }
   Config config = groundMotionDefaults();
   config.base_frame = "/base_link";
-  EXPECT_EQ(withUsableFrames(config).base_frame, "base_link");
+  EXPECT_EQ(usable(config).base_frame, "base_link");
 }
 
-TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
+TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
+  for (const double time : {-0.5, -0.001, -0.999}) {
+    EXPECT_NE(refusalOf([time](GroundMotionConfig& c) {
+                c.readout_time = time;
+              }).find("expected -1, not known, 0, a global shutter, or more"),
+              std::string::npos);
+  }
+  for (const double time : {-1.0, 0.0, 0.02}) {
+    EXPECT_EQ(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }), "");
+  }
+}
+
+/// What is said about the rotation where all Imus are as this one.
+std::string noTurnWith(sensor_msgs::Imu imu) {
   const tf2::BufferCore tf;
   GroundReadings readings(tf);
   GroundMotionConfig config = groundMotionDefaults();
@@ -91,14 +104,21 @@ TEST(GroundReadings, AnImuThatSaysThatItHasNoAngularVelocityIsNamed) {
   homography.header.frame_id = "cam";
   for (int i = 1; i <= 2; ++i) {
     homography.header.stamp = ros::Time(i);
-    sensor_msgs::Imu imu;
     imu.header = homography.header;
-    imu.angular_velocity_covariance[0] = -1.0;
     readings.add(imu);
     readings.frameOf(homography, {640, 480}, info, Pixels::raw);
   }
+  return readings.noTurn();
+}
+
+TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {
+  sensor_msgs::Imu imu;
+  EXPECT_EQ(noTurnWith(imu), "");
+  imu.angular_velocity.y = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(noTurnWith(imu), "the angular velocity on /imu has a number that is not finite");
+  imu.angular_velocity_covariance[0] = -1.0;
   EXPECT_EQ(
-      readings.noTurn(),
+      noTurnWith(imu),
       "the angular_velocity_covariance on /imu begins with -1, so it has no angular velocity");
 }
 

@@ -92,6 +92,14 @@ TEST(Lens, RefusesWhatIsNoCalibration) {
   EXPECT_THROW(Lens{bad}, std::invalid_argument);
 }
 
+TEST(Lens, RefusesADistortionThatCannotBeUndone) {
+  for (const LensModel model : {LensModel::radial_tangential, LensModel::equidistant}) {
+    for (const double huge : {1e9, -1e9, 1e200}) {
+      EXPECT_THROW(Lens{wide(model, {huge, huge, huge, huge})}, std::invalid_argument) << huge;
+    }
+  }
+}
+
 /// Blocks of several sizes: corners that look alike from different distances.
 cv::Mat blocks(const cv::Size& size) {
   cv::Mat sum = cv::Mat::zeros(size, CV_32F);

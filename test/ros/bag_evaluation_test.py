@@ -82,6 +82,40 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertEqual({row['status'] for row in rows}, {'refused'})
         self.assertTrue(all('no_frame' in row['reason'] for row in rows))
 
+    def test_after_a_second_without_a_height_there_is_no_motion(self):
+        with rosbag.Bag(BAG) as bag, rosbag.Bag(os.path.join(self.folder.name, 'gap.bag'), 'w') as gap:
+            begin = bag.get_start_time()
+            for topic, message, stamp in bag.read_messages():
+                seconds = stamp.to_sec() - begin
+                if seconds < 3.5 and not (topic == '/camera/range' and 0.5 < seconds < 2.5):
+                    gap.write(topic, message, stamp)
+        run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), 'gap.bag', 'gap_matched.bag', '--motion',
+                              'gap.csv', '--motion_normal_source', 'imu', '--motion_base_frame='],
+                             cwd=self.folder.name, stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        with open(os.path.join(self.folder.name, 'gap.csv')) as file:
+            rows = list(csv.DictReader(file))
+        for row in rows:
+            row['s'] = float(row['stamp']) - float(rows[0]['stamp'])
+        old = [row for row in rows if 1.6 < row['s'] < 2.4]
+        self.assertGreater(len(old), 20)
+        self.assertEqual({(row['status'], row['x'], row['vx']) for row in old}, {('no_height', '', '')})
+        self.assertTrue(all('range' in row['reason'] for row in old))
+        others = [row for row in rows if 0.1 < row['s'] < 1.4 or row['s'] > 2.6]
+        self.assertEqual({row['status'] for row in others}, {'ok'})
+        self.assertTrue(all(row['vx'] for row in others))
+
+    def test_a_topic_of_another_type_is_named(self):
+        for options, words in ((['--motion_range', '/camera/imu'],
+                                '/camera/imu is of type sensor_msgs/Imu; expected sensor_msgs/Range'),
+                               (['--motion_gyro', 'true', '--motion_imu', '/camera/range'],
+                                '/camera/range is of type sensor_msgs/Range; expected sensor_msgs/Imu')):
+            run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), BAG, 'type.bag', '--motion',
+                                  'type.csv'] + options, cwd=self.folder.name, stderr=subprocess.PIPE,
+                                 universal_newlines=True)
+            self.assertEqual(run.returncode, 2, run.stderr)
+            self.assertIn(words, run.stderr)
+
     def test_a_missing_bag_is_named(self):
         run = self.evaluate('no_such.bag')
         self.assertNotEqual(run.returncode, 0)

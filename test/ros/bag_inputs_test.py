@@ -52,7 +52,8 @@ class BagInputsTest(unittest.TestCase):
                 image = image_message(view(100 + 5 * i, 100, *SIZE), stamp)
                 bag.write(topic, convert(image), stamp)
                 if calibrated:
-                    bag.write('/front/camera_info', calibration(stamp), stamp)
+                    info = calibration if calibrated is True else calibrated
+                    bag.write('/front/camera_info', info(stamp), stamp)
         return path
 
     def run_bag(self, path, *arguments):
@@ -121,13 +122,33 @@ class BagInputsTest(unittest.TestCase):
     def test_rectify_needs_camera_info(self):
         code, _, text = self.run_bag(self.write_bag('/front/image'), '--rectify')
         self.assertEqual(code, 2)
-        self.assertIn("no camera_info on '/front/camera_info', which rectify", text)
+        self.assertIn("no camera_info on '/front/camera_info', which rectify needs", text)
         code, topics, text = self.run_bag(self.write_bag('/front/image', calibrated=True),
                                           '--rectify', '--topic', '/front/image')
         self.assertEqual(code, 0, text)
         self.assertEqual({m.rectified for m in topics['/front/matcher/homography']}, {True})
         self.assertEqual([m.reason for m in topics['/front/matcher/statistics']],
                          [1] + (FRAMES - 1) * [0])
+
+    def test_why_there_is_no_motion_of_the_camera_is_said(self):
+        def huge(stamp):
+            info = calibration(stamp)
+            info.D = 5 * [1e9]
+            return info
+
+        def wide(stamp):
+            info = calibration(stamp)
+            info.width = 2 * SIZE[0]
+            return info
+
+        for calibrated, words in ((False, "no camera_info on '/front/camera_info', which geometry auto needs"),
+                                  (huge, 'the distortion of the lens cannot be undone'),
+                                  (wide, 'the camera_info is of 640x240 images')):
+            bag = self.write_bag('/front/image', calibrated=calibrated)
+            code, _, text = self.run_bag(bag, '--preset', 'slam', '--topic', '/front/image')
+            self.assertEqual(code, 0, text)
+            self.assertEqual(text.count('no motion of the camera, only the geometry: '), 1, text)
+            self.assertIn(words, text)
 
     def write_images(self, images):
         path = os.path.join(self.folder, 'in.bag')

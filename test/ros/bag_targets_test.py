@@ -159,7 +159,7 @@ class BagTargetsTest(unittest.TestCase):
 
     def test_refuses_with_the_reason(self):
         self.write_bag()
-        self.refused('is the input', '--csv', 'targets.yaml', '--force')
+        self.refused('is the file of --csv and --targets', '--csv', 'targets.yaml', '--force')
         self.refused('is the input', '--csv', 'poster.png', '--force')
         self.write('targets.yaml', '- {image: missing.png}\n')
         self.refused('holds no target that can be used')

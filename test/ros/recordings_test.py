@@ -6,6 +6,7 @@ import io
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -120,6 +121,31 @@ class VideoTest(RecordingCase):
         self.assertIn('the video is damaged or cut off', run.err)
         self.assertNotIn('reindex', run.err)
 
+    def test_a_video_that_was_cut_without_encoding_it_again_is_not_damaged(self):
+        """An edit list hides the first 15 of 40 images, as after `ffmpeg -ss 0.6 -i in.mp4 -c copy`."""
+        self.write_video('in.mp4', count=40)
+        with open(self.path('in.mp4'), 'rb') as file:
+            content = bytearray(file.read())
+        place = content.index(b'elst') + 12
+        length, begin = struct.unpack('>ii', content[place:place + 8])
+        ticks = struct.unpack('>i', content[content.index(b'mdhd') + 16:][:4])[0]
+        content[place:place + 8] = struct.pack('>ii', length * 25 // 40, begin + ticks * 15 // 25)
+        with open(self.path('in.mp4'), 'wb') as file:
+            file.write(content)
+        run = self.run_program('in.mp4', 'out.bag')
+        self.assertIn('25 images of', run.err)
+        self.assertNotIn('damaged', run.err)
+        self.assertEqual(run.returncode, 0, run.err)
+        # The same, with the second half of the images destroyed.
+        cut = content.index(b'mdat') + 4
+        size = struct.unpack('>i', content[cut - 8:cut - 4])[0] - 8
+        content[cut + size // 2:cut + size] = bytes(size - size // 2)
+        with open(self.path('in.mp4'), 'wb') as file:
+            file.write(content)
+        run = self.run_program('in.mp4', 'out.bag', '--force')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('the video is damaged or cut off', run.err)
+
     def test_the_rate_and_a_part_of_a_video(self):
         self.write_video('in.mp4')
         run = self.run_program('in.mp4', 'out.bag', '--rate', '10', '--start', '0.2', '--duration', '0.5')
@@ -174,6 +200,26 @@ class VideoTest(RecordingCase):
         self.assertEqual(run.returncode, 1, run.err)
         self.assertIn('3 images of /camera/image_raw matched, 1 refused', run.err)
         self.assertIn('the first because: images/2.png: cannot be read as an image', run.err)
+
+    def test_a_picture_without_its_end_is_refused_and_one_with_more_is_read(self):
+        os.mkdir(self.path('images'))
+        for i, ending in enumerate(('.png', '.jpg', '.png', '.jpg', '.jpg')):
+            content = cv2.imencode(ending, pictures(5)[i],
+                                   [cv2.IMWRITE_JPEG_PROGRESSIVE, int(i == 4)] if ending == '.jpg' else [])[1].tobytes()
+            preview = b'\xff\xe1\x00\x06\xff\xd9\xff\xd9'  # a segment with an end of its own
+            if ending == '.jpg':
+                content = content[:2] + preview + content[2:]
+            content = content + b'more' if i in (0, 1, 4) else content[:len(content) * 2 // 3]
+            with open(self.path('images', '%d%s' % (i, ending)), 'wb') as file:
+                file.write(content)
+        run = self.run_program('images/*', 'out.bag', '--csv', 'out.csv')
+        self.assertEqual(run.returncode, 1, run.err)
+        self.assertIn('3 images of /camera/image_raw matched, 2 refused', run.err)
+        self.assertIn('the first because: images/2.png: is damaged or cut off', run.err)
+        self.assertNotIn('libpng', run.err)
+        self.assertNotIn('JPEG data', run.err)
+        with open(self.path('out.csv')) as file:
+            self.assertIn('images/3.jpg: is damaged or cut off', file.read())
 
     def test_what_cannot_be_read_is_said(self):
         with open(self.path('text.mp4'), 'w') as file:
@@ -264,6 +310,33 @@ class ManyRecordingsTest(RecordingCase):
         self.assertIn('no.bag: is missing', err)
         self.assertFalse(os.path.exists(self.path('evil')))
         self.assertEqual(sorted(os.listdir(self.path('results', 'good.bag'))), self.FILES)
+
+    def one(self, *arguments):
+        path = os.path.dirname(PROGRAM) + ':' + os.environ['PATH']
+        return subprocess.run([self.ONE] + list(arguments), cwd=self.folder, stderr=subprocess.PIPE,
+                              universal_newlines=True, env=dict(os.environ, PATH=path), check=False)
+
+    def test_the_script_says_what_it_needs(self):
+        for arguments, words in (([], 'expected RECORDING FOLDER'), (['in.bag'], 'expected RECORDING FOLDER'),
+                                 (['', 'results'], 'is there an empty row in the list?'),
+                                 (['\r', 'results'], 'is there an empty row in the list?')):
+            run = self.one(*arguments)
+            self.assertEqual((run.returncode, len(run.stderr.splitlines())), (2, 1), run.stderr)
+            self.assertIn(words, run.stderr)
+        self.assertEqual(os.listdir(self.folder), [])
+
+    def test_a_list_of_windows_is_read(self):
+        self.write_bag('in.bag')
+        run = self.one('in.bag\r', 'results', '--features', '300')
+        self.assertEqual(run.returncode, 0, run.stderr)
+        self.assertTrue(os.path.exists(self.path('results', 'in.bag', 'matched.bag')))
+
+    def test_a_folder_is_not_finished(self):
+        self.write_bag('in.bag')
+        os.mkdir(self.path('out.bag'))
+        run = self.run_program('--skip_finished', 'in.bag', 'out.bag')
+        self.assertEqual(run.returncode, 2, run.err)
+        self.assertIn('out.bag: is not a regular file', run.err)
 
     def test_an_interrupted_run_leaves_no_files(self):
         self.write_bag('in.bag', count=400)

@@ -42,6 +42,16 @@ class KtgpFind(ToolCase):
         self.assertEqual([found[name] for name in ("id", "image", "width", "frame")],
                          ["map", 1, 0.8, "wall"])
 
+    def test_no_file_that_is_read_is_written(self):
+        (self.folder / "list.yaml").write_text("- {image: posters/poster1.pgm}\n")
+        files = ("list.yaml", "scene.pgm", "posters/poster1.pgm")
+        before = [(self.folder / name).read_bytes() for name in files]
+        for name, words in zip(files, ("file of TARGETS and --json", "file of IMAGE and --json", "input")):
+            run = self.find("scene.pgm", "list.yaml", "--json", name)
+            self.assertEqual(run.returncode, 2, run.stderr)
+            self.assertIn(f"{name}: is the {words}", run.stderr)
+        self.assertEqual([(self.folder / name).read_bytes() for name in files], before)
+
     def test_strange_ids_forge_nothing_and_long_ones_are_refused(self):
         (self.folder / "list.yaml").write_text(
             '- {id: "a\\n[FATAL] battery\\e[31m", image: posters/poster1.pgm}\n'

@@ -87,12 +87,15 @@ class MatchOutput(OutputCase):
         for name in ("a.pgm", "./a.pgm", "soft.pgm", "hard.pgm"):
             for option in ("--draw", "--csv", "--json"):
                 self.refused("ktgp_match", "a.pgm", "b.pgm", option, name, "--force",
-                             words="is the input")
+                             words="is the file of")
         self.refused("ktgp_match", "a.pgm", "b.pgm", "--ground-truth", "H.txt", "--json", "H.txt",
-                     "--force", words="is the input")
+                     "--force", words="is the file of")
         (self.folder / "dangling").symlink_to("new.csv")
         self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "new.csv", "--json", "dangling",
-                     words="is an output already")
+                     words="is the file of --json and --csv")
+        (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
+        self.refused("ktgp_match", "a.pgm", "b.pgm", "--params", "tuned.yaml", "--csv", "./tuned.yaml",
+                     "--force", words="is the file of --csv and --params")
 
     def test_a_link_stays_a_link(self):
         (self.folder / "target.csv").write_text("old")
@@ -178,11 +181,24 @@ class EvaluateOutput(OutputCase):
     def test_outputs_are_checked_as_everywhere(self):
         for option in ("--json", "--csv"):
             self.refused("ktgp_evaluate", "pairs.txt", option, "pairs.txt", "--force",
-                         words="is the input")
+                         words="is the file of")
             (self.folder / "out").write_text("mine")
             self.refused("ktgp_evaluate", "pairs.txt", option, "out", words="--force")
+            (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
+            self.refused("ktgp_evaluate", "pairs.txt", "--params", "tuned.yaml", option, "tuned.yaml",
+                         "--force", words="and --params")
         self.refused("ktgp_evaluate", "pairs.txt", "--csv", "x", "--json", "x",
-                     words="is an output already")
+                     words="--csv")
+
+    def test_what_a_data_set_consists_of_is_not_overwritten(self):
+        for name in ("a.pgm", "H.txt"):
+            self.refused("ktgp_evaluate", "pairs.txt", "--csv", name, "--force", words="is the input")
+        self.refused("ktgp_evaluate", "--warps", "small", "--warp-pairs", "1", ".", "--json", "b.pgm",
+                     "--force", words="is the input")
+        camera = "300 300 160 120 1 0 0 0 1 0 0 0 1"
+        (self.folder / "cameras.txt").write_text(f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
+        for name in ("cameras.txt", "b.pgm"):
+            self.refused("ktgp_evaluate", "--two-view", ".", "--csv", name, "--force", words="is the input")
 
     def test_too_little_memory_for_the_jobs_is_said(self):
         run = self.run_with("ktgp_evaluate", "pairs.txt", "--jobs", 256,
@@ -331,6 +347,10 @@ class BagOutput(OutputCase):
                 (("--max_pair_megapixels", "9"), "earlier version"), (("--max_latency", "1"), "not expected"),
                 (("--reference_image", "a.pgm"), "fixed"),
                 (("--overlay_style", "flow"), "--overlay"),
+                (("--motion", "m", "--motion_height", "5"), "--motion_height_source parameter"),
+                (("--motion", "m", "--motion_height_source", "tf_height", "--motion_range", "/a"),
+                 "--motion_height_source range"),
+                (("--motion", "m", "--motion_imu", "/a"), "--motion_normal_source imu or --motion_gyro"),
                 (("--stabilizer_lag", "3"), "--stabilize"), (("--mosaic_poses", "x"), "--mosaic")):
             self.refused("ktgp_bag", self.bag, "out.bag", *arguments, words=reason)
         self.refused("ktgp_bag", self.bag, "out.bag", "--reference_mode", "fixed",
@@ -338,6 +358,17 @@ class BagOutput(OutputCase):
         (self.folder / "node.yaml").write_text("lazy: false\nmax_latency: 1.0\n")
         run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
         self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
+
+    def test_topics_have_names_that_ros_takes(self):
+        for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):
+            self.refused("ktgp_bag", self.bag, "out.bag", f"--name={name}", words="expected letters, digits and _")
+        for name in ("/robot1/matcher", "robot", "a_b/2"):
+            run = self.run_with("ktgp_bag", self.bag, "out.bag", "--force", "--name", name)
+            self.assertEqual(run.returncode, 0, run.stderr)
+
+    def test_a_readout_time_has_a_meaning(self):
+        self.refused("ktgp_bag", self.bag, "out.bag", "--motion", "m.csv", "--motion_readout_time=-0.5",
+                     words="expected -1, not known, 0, a global shutter, or more")
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
@@ -358,10 +389,22 @@ class BagOutput(OutputCase):
         os.link(self.bag, self.folder / "hard.bag")
         for name in (self.bag, "soft.bag", "hard.bag"):
             self.refused("ktgp_bag", self.bag, "out.bag", "--csv", name, "--force",
-                         words="is the input")
-            self.refused("ktgp_bag", self.bag, name, "--force", words="is the input")
+                         words="is the file of")
+            self.refused("ktgp_bag", self.bag, name, "--force", words="is the file of")
         self.refused("ktgp_bag", self.bag, "out.bag", "--csv", "out.bag",
-                     words="is an output already")
+                     words="--csv")
+
+    def test_no_file_that_is_read_is_written(self):
+        (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
+        (self.folder / "fixed.yaml").write_text("reference_mode: fixed\nreference_image: a.pgm\n")
+        for option, name in (("--params", "tuned.yaml"), ("--mask_image", "a.pgm")):
+            for output in ("--csv", "--motion"):
+                self.refused("ktgp_bag", self.bag, "out.bag", option, name, output, name, "--force",
+                             words="is the file of ")
+        self.refused("ktgp_bag", self.bag, "out.bag", "--params", "fixed.yaml", "--csv", "a.pgm", "--force",
+                     words="is the input a.pgm")  # named by the parameters
+        self.refused("ktgp_evaluate_bag", self.bag, "--params", "tuned.yaml", "--json", "tuned.yaml",
+                     "--force", words="and --params")
 
     def test_an_earlier_result_outlives_every_failure(self):
         (self.folder / "out.bag").write_text("mine")

@@ -59,6 +59,32 @@ void requireCoefficients(const LensCalibration& calibration) {
   }
 }
 
+// OpenCV's default of five iterations leaves errors of whole pixels near the corners of a wide
+// lens.
+const cv::TermCriteria kUntil(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
+
+/// Near the middle, any lens that was calibrated can be undone.
+void requireInverse(const LensCalibration& c) {
+  constexpr double kShare = 0.125;  // of the image, away from the principal point
+  constexpr double kNear = 1.0;     // px
+  const std::vector<cv::Point2d> pixels{{c.camera(0, 2) + kShare * c.image_size.width,
+                                         c.camera(1, 2) + kShare * c.image_size.height}};
+  std::vector<cv::Point2d> rays;
+  std::vector<cv::Point2d> back;
+  if (c.model == LensModel::equidistant) {
+    cv::fisheye::undistortPoints(pixels, rays, c.camera, c.distortion);
+    cv::fisheye::distortPoints(rays, back, c.camera, c.distortion);
+  } else {
+    cv::undistortPoints(pixels, rays, c.camera, c.distortion, cv::noArray(), cv::noArray(), kUntil);
+    const std::vector<cv::Point3d> points{{rays[0].x, rays[0].y, 1.0}};
+    cv::projectPoints(points, cv::Vec3d(), cv::Vec3d(), c.camera, c.distortion, back);
+  }
+  if (cv::norm(back[0] - pixels[0]) < kNear) return;
+  throw std::invalid_argument(
+      "the distortion of the lens cannot be undone even near the middle of the image; expected the "
+      "coefficients (D) of a calibration");
+}
+
 }  // namespace
 
 bool LensCalibration::operator==(const LensCalibration& other) const {
@@ -73,6 +99,7 @@ Lens::Lens(const LensCalibration& calibration) : calibration_(calibration) {
                     calibration.image_size);
   requireCoefficients(calibration);
   requireRotation(calibration.rotation);
+  requireInverse(calibration);
 }
 
 void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
@@ -86,11 +113,8 @@ void Lens::rectify(std::vector<cv::KeyPoint>& keypoints) const {
     cv::fisheye::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation,
                                  c.rectified_camera);
   } else {
-    // OpenCV's default of five iterations leaves errors of whole pixels near the corners of a wide
-    // lens.
-    const cv::TermCriteria until(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 50, 1e-4);
     cv::undistortPoints(points, rectified, c.camera, c.distortion, c.rotation, c.rectified_camera,
-                        until);
+                        kUntil);
   }
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const cv::Point2d& point = rectified[i];
