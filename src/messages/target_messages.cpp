@@ -124,7 +124,7 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
   for (const DetectedTarget& target : frame.detections) {
     message->detections.push_back(messageOf(target));
     std::string& name = message->detections.back().frame;
-    if (!name.empty()) name = util::withoutSlash(frame_prefix + name);
+    if (!name.empty()) name = util::withoutSlash(name.insert(0, frame_prefix));
   }
   message->known = static_cast<std::uint32_t>(frame.search.known);
   message->candidates = static_cast<std::uint32_t>(frame.search.candidates);

@@ -128,10 +128,12 @@ BagMotion::BagMotion(const MotionFile& options, const std::string& bag,
 /// A topic of another type would look like one without messages.
 void BagMotion::checkTypes(const std::string& path, const BagMessages& messages) const {
   const auto check = [&](const std::string& name, const std::string& type) {
-    for (const bag::Topic& topic : messages.topics()) {
-      if (topic.name != name || topic.type == type) continue;
-      throw UnusableBag(path + ": " + name + " is of type " + topic.type + "; expected " + type);
-    }
+    const std::set<bag::Topic> topics = messages.topics();
+    const auto other = std::find_if(topics.begin(), topics.end(), [&](const bag::Topic& topic) {
+      return topic.name == name && topic.type != type;
+    });
+    if (other == topics.end()) return;
+    throw UnusableBag(path + ": " + name + " is of type " + other->type + "; expected " + type);
   };
   if (readings_.usesRange()) check(options_.range_topic, "sensor_msgs/Range");
   if (readings_.usesImu()) check(options_.imu_topic, "sensor_msgs/Imu");
