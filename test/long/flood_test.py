@@ -81,6 +81,8 @@ class Loader:
     services."""
 
     def __init__(self, name):
+        if name == 'ground_motion':
+            rospy.set_param('/camera/ground_motion/base_frame', '')  # there is no tf
         self.program = subprocess.Popen(
             ['rosrun', 'nodelet', 'nodelet', 'load', 'ktgp_orb/' + KINDS[name], '/manager', '--no-bond', '__name:=' + name,
              '__ns:=/camera', 'image:=image_raw', 'match:=matcher/match', 'homography:=matcher/homography'],
