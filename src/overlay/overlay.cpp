@@ -60,7 +60,9 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
       drawDifference(reference, target, result, canvas);
       break;
   }
-  drawPanel(result, reference.image.size(), canvas);
+  // A smaller reference leaves room below it.
+  const int top = style == OverlayStyle::side_by_side ? reference.image.rows : 0;
+  drawPanel(result, reference.image.size(), top, canvas);
 }
 
 void drawUnmatched(const cv::Mat& target, const std::string& reason, cv::Mat& canvas) {

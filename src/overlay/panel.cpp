@@ -52,7 +52,8 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
 
 }  // namespace
 
-void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Mat& canvas) {
+void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
+               cv::Mat& canvas) {
   const Typeface face(canvas.size());
   const int line = face.lineHeight();
   const int margin = line / 3;
@@ -64,9 +65,11 @@ void drawPanel(const MatchResult& result, const cv::Size& reference_size, cv::Ma
   const int count_width = face.width("0000000");
   const int bar_start = 2 * margin + label_width + count_width;
   const int width = std::max(face.width(title) + 2 * margin, bar_start + 3 * line);
-  darken(canvas, {0, 0, width, 5 * line + 2 * margin});
-  face.draw(canvas, title, {margin, margin});
-  int y = margin + line;
+  const int height = 5 * line + 2 * margin;
+  if (top + height > canvas.rows) top = 0;
+  darken(canvas, {0, top, width, height});
+  face.draw(canvas, title, {margin, top + margin});
+  int y = top + margin + line;
   for (const Level level : kLevels) {
     const std::size_t count = counts[static_cast<std::size_t>(level)];
     const std::string number = std::to_string(count);

@@ -262,6 +262,16 @@ TEST(Overlay, StagesShowEachLevelInAQuarter) {
   }
 }
 
+TEST(Overlay, ThePanelIsBelowASmallReference) {
+  const cv::Mat reference(150, 200, CV_8UC1, cv::Scalar(200));
+  const cv::Mat target(480, 640, CV_8UC1, cv::Scalar(100));
+  const Features none;
+  cv::Mat canvas;
+  drawOverlay({reference, none}, {target, none}, {}, OverlayStyle::side_by_side, canvas);
+  EXPECT_EQ(countColour(canvas(cv::Rect(0, 0, 200, 150)), {200, 200, 200}), 200 * 150);
+  EXPECT_GT(countColour(canvas(cv::Rect(0, 150, 200, 200)), {255, 255, 255}), 50);
+}
+
 TEST(Overlay, AnyImageAndResultCanBeDrawn) {
   const Features none;
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(3, 200), cv::Size(641, 7)}) {
