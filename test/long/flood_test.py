@@ -198,7 +198,11 @@ class FloodTest(unittest.TestCase):
     def load_anew(self):
         name = self.random.choice(list(KINDS))
         self.loaded[name].unload()
-        rospy.delete_param('/camera/' + name)
+        self.load(name)
+
+    def load(self, name):
+        if rospy.has_param('/camera/' + name):  # not where it was unloaded before it had set them
+            rospy.delete_param('/camera/' + name)
         self.loaded[name] = Loader(name)
 
     def at_rest(self, memory):
@@ -211,9 +215,7 @@ class FloodTest(unittest.TestCase):
 
     def load_all(self):
         for name in KINDS:
-            if rospy.has_param('/camera/' + name):
-                rospy.delete_param('/camera/' + name)
-            self.loaded[name] = Loader(name)
+            self.load(name)
 
     def test_five_nodelets_live_and_do_not_grow(self):
         self.load_all()
