@@ -39,8 +39,7 @@ bool looksTheSame(const TargetPicture& picture, const Eigen::Matrix3d& map) {
   PointPairs pairs;
   PictureAligner().align(picture, image, exact, pairs);
   if (homography::overlap(exact.homography, picture.image.size()) < kLeastOverlap) return false;
-  return Appearance().compare(picture, exact.homography, {image, 2.0}, 1.0).agreement >=
-         kLeastAgreement;
+  return Appearance().compare(picture, exact.homography, {image}, 1.0).agreement >= kLeastAgreement;
 }
 
 std::string nameOf(int quarters, const Eigen::Vector2d& moved) {

@@ -26,7 +26,7 @@ double logTail(double hits, double count, double chance) {
   return -count * divergence / std::log(10.0);
 }
 
-/// Where the frame was enlarged, neighbouring px tell the same: a block has some of the camera's.
+/// Neighbouring px of an enlarged frame say the same, so a block is as long as 4 px of the camera.
 int blocksAlong(double length, double enlargement) {
   constexpr double kLeastTaken = 4.0;  // px of the camera
   const double side = std::max<double>(kSide, kLeastTaken * enlargement);

@@ -96,8 +96,7 @@ bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& 
   constexpr double kLeastShare = 0.035;
   if (found.found.agreement > kMostAgreement) return false;
   Appearance appearance;
-  appearance.compare(store.picture(found.picture), found.found.estimate.homography, {{image}, 2.0},
-                     1.0);
+  appearance.compare(store.picture(found.picture), found.found.estimate.homography, {{image}}, 1.0);
   return appearance.shareThatDiffers() > kLeastShare;
 }
 

@@ -45,6 +45,7 @@ struct Score {
 };
 
 constexpr double kRight = 15.0;  // px
+constexpr double kNotMeasured = std::numeric_limits<double>::quiet_NaN();
 
 double errorOf(const World& world, const Truth& truth, const Answer& answer) {
   return test::errorInView(truth.homography, answer.homography,
@@ -139,7 +140,7 @@ void measureSmall(World& world, std::size_t frames, double size) {
     count(world, view, answers, score);
   }
   const std::string name = "TargetFinder, " + std::to_string(cvRound(size * kFrame.width)) + " px";
-  print(name.c_str(), world.targets.size(), score, 1.0, 0.0);
+  print(name.c_str(), world.targets.size(), score, kNotMeasured, kNotMeasured);
 }
 
 void measure(World& world, std::size_t frames) {

@@ -21,8 +21,9 @@ Eigen::Matrix3d nearestRotation(const Eigen::Matrix3d& m) {
 }  // namespace
 
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
-  constexpr int kRounds = 4;
+  constexpr int kRounds = 5;  // the first two weigh all pairs alike
   constexpr std::size_t kMost = 200;
+  constexpr double kLeastScale2 = 1e-18;  // rad²; pairs that do not move have none
   const std::size_t n = std::min(pairs.size(), kMost);
   Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
   double scale2 = std::numeric_limits<double>::infinity();
@@ -36,18 +37,11 @@ Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
       const double e2 = (turn * from - to).squaredNorm();
       const double w = 1.0 / (1.0 + e2 / scale2);
       sum.noalias() += w * to * from.transpose();
-      if (round > 0) {
-        weights += w;
-        squares += w * e2;
-      }
+      weights += w;
+      squares += w * e2;
     }
     turn = nearestRotation(sum);
-    double total = 0.0;
-    for (std::size_t i = 0; i < n; ++i) {
-      total += (turn * pairs.referenceRay(i).normalized() - pairs.targetRay(i).normalized())
-                   .squaredNorm();
-    }
-    scale2 = round > 0 ? squares / weights : total / static_cast<double>(n);
+    scale2 = std::max(squares / weights, kLeastScale2);
   }
   return turn;
 }

@@ -19,7 +19,8 @@ struct UncertainRotation {
 bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::Matrix3d& homography,
                  std::size_t inliers, double max_error, UncertainRotation& result);
 
-/// The turn that explains the pairs best without a translation, robustly.
+/// The turn that explains the best pairs without a translation: least squares with the weights of
+/// Cauchy's distribution.
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 /// Whether most of the first pairs are in front of both cameras.

@@ -219,7 +219,7 @@ bool TwoViewEstimator::Impl::startElsewhere() {
     for (int step = 0; step < kSteps && five.refine(1.0, start); ++step) {
     }
     const float cost = five.cost(start, least);
-    if (cost >= least) continue;
+    if (!(cost < least)) continue;
     least = cost;
     epipolar = start;
     is_better = true;
