@@ -48,9 +48,9 @@ struct TargetFinderOptions {
   /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. Below 80 px
   /// the frame is made twice as large before the extraction, if it then has at most 2500 px: about
   /// half of the targets of this size are found by default. A frame below 480 px is made up to four
-  /// times as large: in one of 160 px half of those of 18 px are found. This takes a multiple of the time, so it is
-  /// done while nothing is followed, or something small, or something was lost, and in each eighth
-  /// frame.
+  /// times as large: in one of 160 px half of those of 18 px are found. This takes a multiple of
+  /// the time, so it is done while nothing is followed, or something small, or something was lost,
+  /// and in each eighth frame.
   double smallest_side = 45.0;
   /// Time for the targets that were not seen in the last frame, ms per frame; a tenth of it while
   /// other targets are followed. Infinite: all that have a chance are tried on every frame. A part

@@ -62,6 +62,11 @@ cv::Mat readGrey(const std::string& file) {
   return picture.depth() == CV_16U ? util::stretchTo8Bit(picture) : picture;
 }
 
+cv::Mat readForView(const std::string& file) {
+  const cv::Mat picture = readPicture(file, cv::IMREAD_ANYCOLOR | cv::IMREAD_ANYDEPTH);
+  return picture.depth() == CV_16U ? readGrey(file) : picture;
+}
+
 Eigen::Matrix3d readHomography(const std::string& file) {
   std::ifstream in(file);
   if (!in) throw FileError(file, "cannot be opened");

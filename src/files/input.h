@@ -32,6 +32,9 @@ cv::Mat readPicture(const std::string& file, int flags);
 /// The same as 8-bit grey; 16-bit pictures are stretched as in the nodelet.
 cv::Mat readGrey(const std::string& file);
 
+/// The same to be drawn on: 8-bit grey, or blue, green, red where it has colours of 8 bits.
+cv::Mat readForView(const std::string& file);
+
 /// A homography as text: nine numbers, row by row, separated by white space (the format of the
 /// Oxford and HPatches data). Throws FileError unless there are exactly nine finite numbers that
 /// form an invertible matrix. The file may be a pipe.

@@ -166,7 +166,7 @@ int findTargets(int argc, char** argv) {
   }
   if (!arguments.draw.empty()) {
     cv::Mat canvas;
-    drawTargets(image, frame.detections, canvas);
+    drawTargets(files::readForView(arguments.image), frame.detections, canvas);
     files::writeImage(arguments.draw, canvas, arguments.force);
   }
   return isFound(frame) ? kExitDone : kExitUnusedData;

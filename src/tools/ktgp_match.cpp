@@ -434,13 +434,18 @@ std::string toCsv(const Outcome& outcome) {
 }
 
 void writeFiles(const Arguments& arguments, const Outcome& outcome) {
-  const FrameView reference{outcome.reference.image, outcome.reference.features};
-  const FrameView target{outcome.target.image, outcome.target.features};
   if (!arguments.json.empty()) {
     files::writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2),
                      arguments.force);
   }
   if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(outcome), arguments.force);
+  if (arguments.draw.empty() && arguments.draw_stages.empty() && arguments.draw_final.empty()) {
+    return;
+  }
+  const cv::Mat reference_image = files::readForView(outcome.reference.file);
+  const cv::Mat target_image = files::readForView(outcome.target.file);
+  const FrameView reference{reference_image, outcome.reference.features};
+  const FrameView target{target_image, outcome.target.features};
   cv::Mat canvas;
   if (!arguments.draw.empty()) {
     drawOverlay(reference, target, outcome.result, OverlayStyle::side_by_side, canvas);

@@ -106,6 +106,17 @@ class KtgpMatch(ToolCase):
         self.assertRegex(plane.stdout, r"geometry: (plane|rotation), ")
         self.assertIn("homography A -> B", plane.stdout)
 
+    def test_pictures_of_colours_are_drawn_in_colour(self):
+        for name in ("a", "b"):
+            grey = cv2.imread(str(self.folder / (name + ".pgm")), cv2.IMREAD_GRAYSCALE)
+            self.write(name + ".png", cv2.merge([grey // 2, grey, 255 - grey]))
+        for option in ("--draw", "--draw-stages", "--draw-final"):
+            run = self.match("a.png", "b.png", option, "drawn.png", "--force")
+            self.assertEqual(run.returncode, 0, run.stderr)
+            drawn = cv2.imread(str(self.folder / "drawn.png")).astype(int)
+            # The median: lines and texts, which have colours of their own, cover less than half.
+            self.assertGreater(np.median(abs(drawn[:, :, 0] - drawn[:, :, 2])), 30)
+
     def test_a_camera_that_cannot_be_used_is_refused(self):
         for words, reason in ((("--camera", "1,2,3", "--preset", "slam"), "--camera"),
                               (("--camera", "500,500,200,150"), "--camera is of use with --geometry auto"),
