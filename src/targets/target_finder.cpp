@@ -344,18 +344,25 @@ bool TargetFinder::Impl::wantsSmall() const {
          sequence.tracks.needsLargerFrame(SearchedFrame::kSmallSide);
 }
 
-/// Corrects the homography by the pixels of the frame itself, where these are finer than those that
-/// were searched, and coarser than the picture's.
+/// Corrects the homography by the pixels of the frame itself. Where the searched frame is smaller,
+/// they show more, if the picture is fine enough. Where it is larger, its blur is wider, so that a
+/// patch shows less; but small targets have too few patches in the frame itself.
 void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
-  if (frame->own().empty() || !(frame->scale() < 1.0)) return;
+  if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
   UncertainHomography estimate = homography::chained({frame->toFrame()}, one.found.estimate);
-  const Eigen::Vector2d middle(0.5 * picture.image.cols, 0.5 * picture.image.rows);
-  const Eigen::Matrix2d stretch = homography::jacobianByPoint(estimate.homography, middle);
-  if (stretch.determinant() > kMostStretch * kMostStretch) return;
+  const cv::Size size = picture.image.size();
+  const Eigen::Vector2d middle(0.5 * size.width, 0.5 * size.height);
+  const double stretch =
+      std::sqrt(homography::jacobianByPoint(estimate.homography, middle).determinant());
+  const double side = stretch * std::min(size.width, size.height);
+  const bool is_finer = frame->scale() < 1.0 && stretch <= kMostStretch;
+  const bool is_sharper = frame->scale() > 1.0 && side >= SearchedFrame::kSmallSide;
+  if (!is_finer && !is_sharper) return;
   PointPairs pairs;
   if (!aligner.align(picture, frame->own(), estimate, pairs)) return;
+  one.found.aligned = true;
   const Eigen::Matrix3d to_searched = frame->toFrame().inverse();
   one.found.estimate = homography::chained({to_searched}, estimate);
   for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);

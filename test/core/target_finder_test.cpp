@@ -148,6 +148,31 @@ TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfTheFrame) {
   EXPECT_LT(found_without, found);
 }
 
+/// A copy that is twice as large is twice as blurred, so its patches show less.
+TEST(TargetFinder, BlurredTargetsAreAsExactAsWithoutALargerCopyOfTheFrame) {
+  TargetFinderOptions options;
+  options.smallest_side = 80.0;
+  TargetFinder finder = finderOf(6);
+  TargetFinder without = finderOf(6, options);
+  int found = 0, found_without = 0;
+  for (const double blur : {1.5, 2.0, 2.5, 3.0}) {
+    for (int i = 0; i < 6; ++i) {
+      const Shown truth = shown(i, 250.0 + 20 * i, 240.0, 0.1 * i, i % 2 == 0 ? 0.6 : 1.3, i);
+      cv::Mat image = frameOf({truth});
+      cv::GaussianBlur(image, image, {}, blur);
+      const DetectedTarget* one = detectionOf(finder.findAlone(image), i);
+      const DetectedTarget* usual = detectionOf(without.findAlone(image), i);
+      found += one != nullptr ? 1 : 0;
+      found_without += usual != nullptr ? 1 : 0;
+      if (one == nullptr || usual == nullptr) continue;
+      EXPECT_TRUE(one->aligned);
+      EXPECT_LT(errorOf(*one, truth), 0.3 + errorOf(*usual, truth)) << blur << ' ' << i;  // px
+    }
+  }
+  EXPECT_GE(found, 18);
+  EXPECT_GE(found, found_without - 2);
+}
+
 /// A quarter of the usual camera: 14 px high, and the covariance of what was enlarged is right.
 TEST(TargetFinder, FindsSmallTargetsInSmallFrames) {
   TargetFinder finder = finderOf(3);
