@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 """ktgp_bag with videos, images of a folder, and many recordings."""
 
+import contextlib
 import csv
+import glob
 import io
 import os
 import shutil
@@ -272,6 +274,28 @@ class ManyRecordingsTest(RecordingCase):
         return [os.stat(self.path('results', name, 'matched.bag')).st_ino for name in self.names
                 if os.path.exists(self.path('results', name, 'matched.bag'))]
 
+    @staticmethod
+    def running_in_session(session):
+        running = []
+        for path in glob.glob('/proc/[0-9]*/stat'):
+            try:
+                with open(path) as file:
+                    state, _, _, its_session = file.read().rpartition(')')[2].split()[:4]
+            except OSError:
+                continue  # it has ended
+            if int(its_session) == session and state != 'Z':
+                running.append(int(path.split('/')[2]))
+        return running
+
+    def kill_session(self, run):
+        """GNU parallel gives each job a process group of its own, but all are in one session."""
+        while self.running_in_session(run.pid):
+            for pid in self.running_in_session(run.pid):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+            time.sleep(0.01)
+        run.communicate()
+
     def check_that_a_rerun_completes_what_was_killed(self, *command):
         self.names = ['robot%d/my run.bag' % i for i in range(4)]
         for i, name in enumerate(self.names):
@@ -279,8 +303,7 @@ class ManyRecordingsTest(RecordingCase):
         run = self.start_all(*command)
         while len(self.finished()) < 2 and run.poll() is None:
             time.sleep(0.01)
-        os.killpg(run.pid, signal.SIGKILL)
-        run.communicate()
+        self.kill_session(run)
         before = self.finished()
         run = self.start_all(*command)
         _, err = run.communicate(timeout=300)

@@ -3,6 +3,8 @@ import json
 import os
 import unittest
 
+import cv2
+import numpy as np
 from tool_case import HEIGHT, WIDTH, ToolCase, picture, write_pgm
 
 
@@ -31,6 +33,14 @@ class KtgpFind(ToolCase):
             self.assertAlmostEqual(x, right_x, delta=0.3)
             self.assertAlmostEqual(y, right_y, delta=0.3)
         self.assertGreater((self.folder / "out.png").stat().st_size, 1000)
+
+    def test_pictures_of_colours_are_drawn_in_colour(self):
+        grey = cv2.imread(str(self.folder / "scene.pgm"), cv2.IMREAD_GRAYSCALE)
+        self.assertTrue(cv2.imwrite(str(self.folder / "scene.png"), cv2.merge([grey, grey, grey // 2])))
+        run = self.find("scene.png", "posters", "--draw", "drawn.png")
+        self.assertEqual(run.returncode, 0, run.stderr)
+        drawn = cv2.imread(str(self.folder / "drawn.png")).astype(int)
+        self.assertGreater(np.median(abs(drawn[:, :, 0] - drawn[:, :, 2])), 30)
 
     def test_reads_a_list(self):
         (self.folder / "list.yaml").write_text(

@@ -111,7 +111,7 @@ class KtgpMatch(ToolCase):
             grey = cv2.imread(str(self.folder / (name + ".pgm")), cv2.IMREAD_GRAYSCALE)
             self.write(name + ".png", cv2.merge([grey // 2, grey, 255 - grey]))
         for option in ("--draw", "--draw-stages", "--draw-final"):
-            run = self.match("a.png", "b.png", option, "drawn.png", "--force")
+            run = self.match("a.png", "b.png", option, "drawn.png")
             self.assertEqual(run.returncode, 0, run.stderr)
             drawn = cv2.imread(str(self.folder / "drawn.png")).astype(int)
             # The median: lines and texts, which have colours of their own, cover less than half.
