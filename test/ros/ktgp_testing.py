@@ -167,7 +167,17 @@ class Recorder:
         return self.with_stamp(stamp)
 
     def publishers(self):
-        return self._subscriber.get_num_connections()
+        """How many know this subscriber: on a busy machine that is a moment after the connection stands."""
+        def knows(connection):
+            try:
+                publisher = xmlrpc.client.ServerProxy(connection.endpoint_id)
+                connections = publisher.getBusInfo(rospy.get_name())[2]
+            except OSError:
+                return False  # it has ended
+            return any(c[1] == rospy.get_name() and c[2] == 'o' and c[4] == self._subscriber.resolved_name
+                       for c in connections)
+
+        return sum(map(knows, list(self._subscriber.impl.connections)))
 
     def names_of_publishers(self):
         return {connection.callerid_pub for connection in self._subscriber.impl.connections}
