@@ -15,11 +15,6 @@ using util::whiteningOf;
 
 namespace {
 
-/// The shares of the covariance of a homography that belong to the image of the keyframe, the same
-/// for all frames after it, and to the other image. Measured on exact flights.
-constexpr double kOfKeyframe = 0.6;
-constexpr double kOfFrame = 0.4;
-
 /// How many times its variance the noise of a measurement has that differs from what was expected
 /// by `misfit` standard deviations: the weight of Student's t distribution with `kFreedom` degrees
 /// of freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.

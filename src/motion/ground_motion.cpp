@@ -189,7 +189,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
   image.covariance *= of_homography.factor();
   image.by_readout =
-      shutter.add(image.homography, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
+      shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   const bool from_last = frame.reference_stamp == last_stamp;
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {

@@ -20,6 +20,11 @@ struct ImageMotion {
   Vector8 by_readout = Vector8::Zero();
 };
 
+/// The shares of that covariance that belong to the image of the keyframe, the same for all frames
+/// after it, and to the other image. Measured on exact flights.
+inline constexpr double kOfKeyframe = 0.6;
+inline constexpr double kOfFrame = 0.4;
+
 /// From pixels, `camera`: K. A deviation of 1e-6 is added to that of each entry, so that none is 0
 /// for pictures without noise.
 ImageMotion inImageUnits(const Eigen::Matrix3d& homography, const Covariance8& covariance,

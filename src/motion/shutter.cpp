@@ -1,6 +1,9 @@
 #include "motion/shutter.h"
 
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 
 #include "core/homography/transform.h"
@@ -8,31 +11,54 @@
 namespace ktgp_orb::motion {
 namespace {
 
+/// Entries of a matrix up to multiples of I, which move no point.
+Vector8 flowOf(const Eigen::Matrix3d& m) {
+  const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows =
+      m - m(2, 2) * Eigen::Matrix3d::Identity();
+  return Eigen::Map<const Vector8>(rows.data());
+}
+
+/// Derivative of flowOf(H m) by the entries of H.
+Matrix8 flowByEntries(const Eigen::Matrix3d& m) {
+  Matrix8 slope;
+  for (int i = 0; i < 8; ++i) {
+    Eigen::Matrix3d unit = Eigen::Matrix3d::Zero();
+    unit(i / 3, i % 3) = 1.0;
+    slope.col(i) = flowOf(unit * m);
+  }
+  return slope;
+}
+
 /// Velocity of the picture at a point.
-Eigen::Vector2d velocityAt(const Eigen::Matrix3d& flow, const Eigen::Vector2d& point) {
-  const Eigen::Vector3d change = flow * point.homogeneous();
-  return change.head<2>() - change.z() * point;
+Eigen::Vector2d velocityAt(const Vector8& flow, const Eigen::Vector2d& point) {
+  return homography::jacobianByEntries(Eigen::Matrix3d::Identity(), point) * flow;
 }
 
 }  // namespace
 
-Vector8 Shutter::add(const Eigen::Matrix3d& homography, std::int64_t stamp,
-                     std::int64_t reference_stamp, const cv::Size& size,
-                     const Eigen::Matrix3d& camera) {
+Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t reference_stamp,
+                     const cv::Size& size, const Eigen::Matrix3d& camera) {
+  const Eigen::Matrix3d& homography = motion.homography;
   const bool same_reference = reference_stamp == reference_stamp_ && stamp_ != 0;
   const bool follows = reference_stamp == stamp_;
   const std::int64_t since = same_reference ? stamp_ : reference_stamp;
-  const Eigen::Matrix3d motion =
-      same_reference ? Eigen::Matrix3d(homography * homography_.inverse()) : homography;
-  const Eigen::Matrix3d step = motion / std::cbrt(motion.determinant());
+  const Eigen::Matrix3d back =
+      same_reference ? Eigen::Matrix3d(motion_.homography.inverse()) : Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d both = homography * back;
+  const Eigen::Matrix3d step = both / std::cbrt(both.determinant());
   const double seconds = 1e-9 * static_cast<double>(stamp - since);
-  const Eigen::Matrix3d flow = (step - step.inverse()) / (2.0 * seconds);
-  if (!same_reference) reference_flow_ = follows && !flow_.isZero() ? flow_ : flow;
-  flow_ = flow;
+  const Vector8 seen = flowOf((step - step.inverse()) / (2.0 * seconds));
+  Matrix8 covariance = motion.covariance;
+  if (same_reference) covariance = kOfFrame * (covariance + motion_.covariance);
+  const Matrix8 slope = flowByEntries(back) / seconds;
+  if (!same_reference && !follows) changes_ = 0.0;
+  if (!same_reference && follows) reference_flow_ = flow_;
+  follow(seen, slope * covariance * slope.transpose());
+  if (!same_reference && !follows) reference_flow_ = flow_;
   stamp_ = stamp;
   reference_stamp_ = reference_stamp;
-  homography_ = homography;
-  if (size.empty() || !flow.allFinite()) return Vector8::Zero();
+  motion_ = motion;
+  if (size.empty() || !flow_.allFinite()) return Vector8::Zero();
 
   // Least squares over a grid of points of the reference that the frame shows.
   constexpr int kGrid = 7;
@@ -48,9 +74,10 @@ Vector8 Shutter::add(const Eigen::Matrix3d& homography, std::int64_t stamp,
     const Eigen::Vector2d from((pixel.x() - camera(0, 2)) / camera(0, 0),
                                (pixel.y() - camera(1, 2)) / camera(1, 1));
     const Eigen::Vector2d to = homography::project(homography, from);
-    const Eigen::Vector2d seen(to.x() * camera(0, 0) + camera(0, 2),
-                               to.y() * camera(1, 1) + camera(1, 2));
-    if (!(seen.x() > 0.0 && seen.x() < size.width && seen.y() > 0.0 && seen.y() < size.height)) {
+    const Eigen::Vector2d shown(to.x() * camera(0, 0) + camera(0, 2),
+                                to.y() * camera(1, 1) + camera(1, 2));
+    if (!(shown.x() > 0.0 && shown.x() < size.width && shown.y() > 0.0 &&
+          shown.y() < size.height)) {
       continue;
     }
     const double late_to = share_of_row * (to.y() - middle);
@@ -58,14 +85,37 @@ Vector8 Shutter::add(const Eigen::Matrix3d& homography, std::int64_t stamp,
     const Eigen::Vector2d wanted = homography::jacobianByPoint(homography, from) *
                                        (late_from * velocityAt(reference_flow_, from)) -
                                    late_to * velocityAt(flow_, to);
-    const Eigen::Matrix<double, 2, 8> slope = homography::jacobianByEntries(homography, from);
-    information += slope.transpose() * slope;
-    sum += slope.transpose() * wanted;
+    const Eigen::Matrix<double, 2, 8> by_entries = homography::jacobianByEntries(homography, from);
+    information += by_entries.transpose() * by_entries;
+    sum += by_entries.transpose() * wanted;
     ++count;
   }
   if (count < 8) return Vector8::Zero();
   const Vector8 change = information.ldlt().solve(sum);
   return change.allFinite() ? change : Vector8::Zero();
+}
+
+/// The flow goes on as before but for what has changed by more than noise: Kalman's gain for each
+/// direction in which flows differ, from how much they did so far.
+void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
+  constexpr double kMemory = 64.0;
+  const Eigen::LLT<Matrix8> root(noise);
+  if (changes_ == 0.0 || root.info() != Eigen::Success) {
+    flow_ = seen;
+    change_.setZero();
+    changes_ = 1.0;
+    return;
+  }
+  const Vector8 change = root.matrixL().solve(seen - flow_);
+  change_ += (change * change.transpose() - change_) / changes_;
+  // Of noise alone the largest eigenvalue of such a mean is about this (Marchenko and Pastur).
+  const double of_noise = std::pow(1.0 + std::sqrt(8.0 / changes_), 2);
+  changes_ = std::min(changes_ + 1.0, kMemory);
+  const Eigen::SelfAdjointEigenSolver<Matrix8> axes(change_);
+  const Vector8 gain = axes.eigenvalues().unaryExpr(
+      [=](double square) { return square > of_noise ? 1.0 - 1.0 / square : 0.0; });
+  flow_ += root.matrixL() *
+           (axes.eigenvectors() * gain.cwiseProduct(axes.eigenvectors().transpose() * change));
 }
 
 }  // namespace ktgp_orb::motion

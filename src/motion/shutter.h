@@ -13,21 +13,29 @@ namespace ktgp_orb::motion {
 /// picture has moved on by its flow, which successive homographies tell. Points of both pictures
 /// moved back to the time of their middle row give the homography of a global shutter; to first
 /// order it differs from the seen one by the readout time times a vector, which this finds.
+///
+/// The flow is filtered: its noise is that of the homography which it explains, so the flow as it
+/// is seen finds a shutter that is not there wherever the camera moves steadily.
 class Shutter {
  public:
-  /// The next homography, from the frame at `reference_stamp` (ns) to that at `stamp`, between
-  /// images of focal length 1. Returns what is to be added to its entries per second of the readout
-  /// time. 0 for an empty `size`, px.
-  Vector8 add(const Eigen::Matrix3d& homography, std::int64_t stamp, std::int64_t reference_stamp,
+  /// The next homography, from the frame at `reference_stamp` (ns) to that at `stamp`. Returns what
+  /// is to be added to its entries per second of the readout time. 0 for an empty `size`, px.
+  Vector8 add(const ImageMotion& motion, std::int64_t stamp, std::int64_t reference_stamp,
               const cv::Size& size, const Eigen::Matrix3d& camera);
 
  private:
+  void follow(const Vector8& seen, const Matrix8& noise);
+
   std::int64_t stamp_ = 0;
   std::int64_t reference_stamp_ = 0;
-  Eigen::Matrix3d homography_ = Eigen::Matrix3d::Identity();
-  // Of the points x of a picture: dx/dt is that of the projection of (x, 1) + dt flow (x, 1).
-  Eigen::Matrix3d flow_ = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d reference_flow_ = Eigen::Matrix3d::Zero();
+  ImageMotion motion_;
+  // Of the points x of a picture: dx/dt is that of the projection of (x, 1) + dt F (x, 1), where F
+  // has these entries row by row, and F(2,2) = 0.
+  Vector8 flow_ = Vector8::Zero();
+  Vector8 reference_flow_ = Vector8::Zero();
+  // Of the changes of the flow in units of its noise: running mean, of so many.
+  Matrix8 change_ = Matrix8::Zero();
+  double changes_ = 0.0;
 };
 
 }  // namespace ktgp_orb::motion
