@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <deque>
 #include <fstream>
 #include <opencv2/core/utils/logger.hpp>
@@ -24,6 +23,12 @@ constexpr char kTopic[] = "/camera/image_raw";
 
 bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
+}
+
+bool beginsWith(const std::string& path, const std::string& start) {
+  std::string first(start.size(), '\0');
+  std::ifstream(path).read(&first[0], static_cast<std::streamsize>(first.size()));
+  return first == start;
 }
 
 /// Zero is no time for ROS, and cannot be in a bag.
@@ -81,7 +86,10 @@ std::size_t imagesIn(const std::string& path) {
 class Video : public ImageSource {
  public:
   Video(const std::string& path, const BagSelection& selection, double rate)
-      : path_(path), selection_(selection), rate_(rate) {
+      : path_(path),
+        selection_(selection),
+        rate_(rate),
+        is_matroska_(beginsWith(path, "\x1A\x45\xDF\xA3")) {
     refuseTopic(path, selection);
     if (!std::ifstream(path)) throw UnusableBag(path + " cannot be opened");
     if (!opened(path, video_)) {
@@ -120,6 +128,14 @@ class Video : public ImageSource {
   }
 
  private:
+  /// Matroska has no number of images: OpenCV estimates it from the length and the usual rate, so
+  /// it is wrong where the rate varies. What is cut off ends too early.
+  bool endsEarly() const {
+    constexpr double kTolerance = 0.02;
+    const double length = static_cast<double>(in_file_) / video_.get(cv::CAP_PROP_FPS);
+    return !is_matroska_ || (1.0 + kTolerance) * last_ + 2.0 * usualStep() < length;
+  }
+
   /// Containers that only estimate the number of images are a little wrong, and far too high where
   /// the first image is late.
   bool isTooFew(std::size_t images) const {
@@ -137,18 +153,22 @@ class Video : public ImageSource {
       if (!video_.retrieve(image) || image.empty()) continue;
       return recorded(image, stampOf(seconds));
     }
-    is_damaged_ = isTooFew(read_) && isTooFew(imagesIn(path_));
+    is_damaged_ = isTooFew(read_) && endsEarly() && isTooFew(imagesIn(path_));
     return std::nullopt;
   }
 
-  /// Of the image grabbed last. OpenCV has no time for the last images of a video with B-frames,
-  /// and a repeated time would be taken for the same image: these follow the one before by a usual
-  /// step.
+  /// Of the image grabbed last.
   double nextTime() {
     const auto number = static_cast<double>(read_++);
-    if (rate_ > 0.0) return number / rate_;
+    const double in_file = timeInFile();
+    return rate_ > 0.0 ? number / rate_ : in_file;
+  }
+
+  /// OpenCV has no time for the last images of a video with B-frames, and a repeated time would be
+  /// taken for the same image: these follow the one before by a usual step.
+  double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
-    if (number == 0.0) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
+    if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;
     const bool is_known = seconds > last_ && seconds < 1e9;
     if (!is_known) return last_ += usualStep();
     constexpr std::size_t kSteps = 9;
@@ -174,6 +194,7 @@ class Video : public ImageSource {
   double last_ = 0.0;  // s, time of the image grabbed last
   std::size_t in_file_ = 0;
   std::size_t read_ = 0;
+  bool is_matroska_;
   bool is_damaged_ = false;
 };
 
@@ -234,11 +255,9 @@ InputKind kindOf(const std::string& path) {
   struct stat status {};
   const bool exists = stat(path.c_str(), &status) == 0;
   if (!exists && path.find_first_of("*?[") != std::string::npos) return InputKind::images;
-  constexpr char kFirst[] = "#ROSBAG";
-  char first[sizeof kFirst - 1] = {};
   // A pipe would block.
-  if (exists && S_ISREG(status.st_mode)) std::ifstream(path).read(first, sizeof first);
-  const bool bag = std::memcmp(first, kFirst, sizeof first) == 0 || endsWith(path, ".bag");
+  const bool begins = exists && S_ISREG(status.st_mode) && beginsWith(path, "#ROSBAG");
+  const bool bag = begins || endsWith(path, ".bag");
   return bag ? InputKind::bag : InputKind::video;
 }
 

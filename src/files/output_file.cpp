@@ -1,6 +1,8 @@
 #include "files/output_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -45,6 +47,28 @@ std::string endingOf(const std::string& path) {
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return ending;
+}
+
+/// Creates a file, or empties one that no program has locked, and locks it. -1 where neither can be
+/// done; errno is EEXIST where the name is in use, also by what is not a file of ours, as a link.
+int lockedFile(const std::string& name) {
+  int file = open(name.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
+  const bool is_new = file >= 0;
+  if (!is_new && errno != EEXIST) return -1;
+  if (!is_new) file = open(name.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  // On a file system without locks only a new file is ours.
+  const bool is_locked =
+      file >= 0 && (flock(file, LOCK_EX | LOCK_NB) == 0 || (is_new && errno != EWOULDBLOCK));
+  // Who had locked it may have renamed or removed it meanwhile.
+  struct stat opened {};
+  struct stat named {};
+  const bool is_ours = is_locked && fstat(file, &opened) == 0 && lstat(name.c_str(), &named) == 0 &&
+                       opened.st_dev == named.st_dev && opened.st_ino == named.st_ino &&
+                       S_ISREG(opened.st_mode) && opened.st_nlink == 1 && ftruncate(file, 0) == 0;
+  if (is_ours) return file;
+  if (file >= 0) close(file);
+  errno = EEXIST;
+  return -1;
 }
 
 /// Renames atomically, only if the new name does not exist. Sets errno otherwise.
@@ -155,18 +179,17 @@ OutputFile::OutputFile(const std::string& path, bool force)
     const std::string name =
         target.stem().string() + ".unfinished" + std::to_string(i) + target.extension().string();
     unfinished_ = (target.parent_path() / name).string();
-    const int file = open(unfinished_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
-    if (file >= 0) {
-      close(file);
-      return;
-    }
+    lock_ = lockedFile(unfinished_);
+    if (lock_ >= 0) return;
     if (errno != EEXIST) break;
   }
+  unfinished_.clear();
   fail(path);
 }
 
 OutputFile::~OutputFile() {
   if (!unfinished_.empty()) unlink(unfinished_.c_str());
+  if (lock_ >= 0) close(lock_);
 }
 
 // Without the first fsync, the name could survive a power cut and the contents not.

@@ -40,7 +40,8 @@ class OutputPlan {
 };
 
 /// A file that gets its name only when it is complete and on the disk: it is written under a
-/// temporary name beside it, and renamed.
+/// temporary name beside it, and renamed. What a program that was killed has left of that name is
+/// taken over; a lock shows that a program still writes it.
 class OutputFile {
  public:
   /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.
@@ -61,6 +62,7 @@ class OutputFile {
   bool force_;
   std::string target_;  ///< links resolved
   std::string unfinished_;
+  int lock_ = -1;  ///< open file
 };
 
 /// "-", the name of the standard output among outputs.

@@ -84,6 +84,10 @@ void requireValid(const GroundFrame& frame) {
                                 std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
   }
   requireAtLeastZero("plane_deviation", frame.plane_deviation);
+  if (frame.homography && frame.reference_stamp == frame.stamp) {
+    throw std::invalid_argument(
+        "the frame is its own reference; expected the stamp of an earlier one");
+  }
   if (frame.homography) requireOfTwoImages(*frame.homography, frame.size);
 }
 

@@ -8,6 +8,8 @@
 #include <boost/make_shared.hpp>
 #include <cerrno>
 #include <filesystem>
+#include <regex>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -85,6 +87,7 @@ void TargetBook::open(const std::string& targets, const std::string& file) {
   if (was_kept) {
     // Its lines change with each target that is added or removed.
     for (TargetEntry& entry : entries) entry.place.clear();
+    deleteAllBut(entries);
   }
   lists_.waiting.assign(entries.begin(), entries.end());
 }
@@ -209,6 +212,21 @@ std::unique_ptr<files::OutputFile> TargetBook::writtenBeside(const Lists& lists)
   auto list = std::make_unique<files::OutputFile>(file_, true);
   files::write(*list, textOfTargetList(entries));
   return list;
+}
+
+/// What a node that was killed had written for a target, or had not yet deleted. Only names that
+/// writeImages() gives: 12.png, 12.unfinished0.png.
+void TargetBook::deleteAllBut(const std::vector<TargetEntry>& entries) const {
+  std::set<std::string> named;
+  for (const TargetEntry& entry : entries) {
+    for (const std::string& file : entry.files) named.insert(fs::path(file).filename().string());
+  }
+  static const std::regex ours("[0-9]+(\\.unfinished[0-9]+)?\\.png");
+  std::error_code none;
+  for (const fs::path& file : fs::directory_iterator(folderOf(file_), none)) {
+    const std::string name = file.filename().string();
+    if (named.count(name) == 0 && std::regex_match(name, ours)) fs::remove(file, none);
+  }
 }
 
 /// Only those in the folder of the list: the others are the user's.

@@ -72,6 +72,7 @@ class TargetBook {
   /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
   std::unique_ptr<files::OutputFile> writtenBeside(const Lists& lists) const;
   void deleteImages(const std::vector<TargetEntry>& of) const;
+  void deleteAllBut(const std::vector<TargetEntry>& entries) const;
 
   TargetUser user_;
   std::string file_;

@@ -992,6 +992,8 @@ TEST(GroundMotion, RefusesUnusableReadings) {
             "the height is 0.000000 m; expected a number above 0");
   EXPECT_EQ(refusalOf([](GroundFrame& f) { f.height->metres = kNan; }),
             "the height is nan m; expected a number above 0");
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.reference_stamp = f.stamp; }),
+            "the frame is its own reference; expected the stamp of an earlier one");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->deviation = -1.0; }), "");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.height->age = kNan; }), "");
   EXPECT_EQ(

@@ -100,7 +100,10 @@ class VideoTest(RecordingCase):
         self.film('gap.mp4', *h264, *gap)
         self.film('late.mkv', *h264, '-output_ts_offset', '100000')
         self.film('late.ts', *h264, '-output_ts_offset', '10')
-        for name in ('b.mp4', 'b.mkv', 'plain.mp4', 'three.mp4', 'two.mp4', 'gap.mp4', 'late.mkv', 'late.ts'):
+        # As of a recorder of the screen: 30/s, then 5/s.
+        self.film('slower.mkv', *h264, '-vf', "select='lt(n,60)+not(mod(n,6))'", '-vsync', 'vfr', seconds='10')
+        for name in ('b.mp4', 'b.mkv', 'plain.mp4', 'three.mp4', 'two.mp4', 'gap.mp4', 'late.mkv', 'late.ts',
+                     'slower.mkv'):
             expected = self.probed(name)
             run = self.run_program(name, 'out.bag', '--force')
             self.assertEqual(run.returncode, 0, name + run.err)

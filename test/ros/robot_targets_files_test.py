@@ -144,9 +144,16 @@ class TargetsFilesTest(FolderCase):
             self.assertEqual((answer.known, [d.id for d in answer.detections]), (2, ['poster']))
         with open(victim) as file:
             self.assertEqual(file.read(), 'mine')
+        # As left by SIGKILL: of an image, and of one that was not yet in the list.
+        left = ['7.unfinished0.png', '8.png']
+        for name in left + ['mine.png']:
+            cv2.imwrite(self.path('kept.yaml_images', name), SMALL)
         with node('/owner', file=kept):  # free again
             wait_until(lambda: call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections.known == 2,
                        'both are kept')
+        images = os.listdir(self.path('kept.yaml_images'))
+        self.assertIn('mine.png', images)
+        self.assertFalse(set(left) & set(images), images)
 
     def test_a_link_is_the_list_that_it_leads_to(self):
         """Two nodes that know one list by two names would lose each other's targets."""

@@ -309,6 +309,22 @@ class BagOutput(OutputCase):
             run.communicate(timeout=120)
         self.assertEqual(sorted(run.returncode for run in runs), [0, 2])
 
+    def test_a_rerun_takes_over_what_a_killed_one_left(self):
+        run = subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag", "--csv", "out.csv"], cwd=self.folder,
+                               stderr=subprocess.DEVNULL)
+        self.wait_for(lambda: list(self.folder.glob("out.unfinished*.csv")) or run.poll() is not None)
+        run.kill()
+        run.wait(60)
+        self.assertTrue(list(self.folder.glob("out.unfinished*")))
+        (self.folder / "mine").write_text("mine")
+        (self.folder / "out.unfinished1.bag").symlink_to("mine")
+        again = subprocess.run([TOOLS / "ktgp_bag", self.bag, "out.bag", "--csv", "out.csv", "--force"],
+                               cwd=self.folder, stderr=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(again.returncode, 0, again.stderr)
+        self.assertEqual(sorted(p.name for p in self.folder.glob("out*")),
+                         ["out.bag", "out.csv", "out.unfinished1.bag"])
+        self.assertEqual((self.folder / "mine").read_text(), "mine")
+
     def test_a_closed_terminal_leaves_what_was_done(self):
         run = subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag", "--threads", "1"],
                                cwd=self.folder, stderr=subprocess.PIPE)
