@@ -15,11 +15,11 @@ double valueAt(const double* c, std::size_t degree, double z) {
   return value;
 }
 
-/// The root between two places of opposite sign: Newton's steps, and bisection where they leave the
-/// bracket.
-double rootBetween(const double* c, std::size_t degree, double low, double high, double at_low) {
+/// The root between two places of opposite sign: Newton's steps, the last one below `small`, and
+/// bisection where they leave the bracket.
+double rootBetween(const double* c, std::size_t degree, double low, double high, double at_low,
+                   double small) {
   constexpr int kMaxSteps = 40;
-  constexpr double kSmall = 1e-14;
   double z = 0.5 * (low + high);
   for (int step = 0; step < kMaxSteps; ++step) {
     double value = c[degree];
@@ -33,13 +33,14 @@ double rootBetween(const double* c, std::size_t degree, double low, double high,
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     const double move = std::abs(next - z);
     z = next;
-    if (move < kSmall) break;
+    if (move < small) break;
   }
   return z;
 }
 
 /// Real roots in [-1, 1] of a polynomial, ascending: between two neighbouring roots of the
-/// derivative there is at most one.
+/// derivative there is at most one. Extrema need not be exact to part the roots; after a step of
+/// 1e-8 Newton's error is that of rounding.
 template <std::size_t Degree>
 std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
                         std::array<double, Degree>& roots) {
@@ -53,6 +54,7 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
   std::array<double, Degree> found{};
   std::size_t count = 0;
   for (std::size_t degree = 1; degree <= Degree; ++degree) {
+    const double small = degree < Degree ? 1e-4 : 1e-8;
     const double* c = derivative[degree - 1].data();
     std::array<double, Degree> next{};
     std::size_t next_count = 0;
@@ -62,7 +64,7 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
       const double high = i < count ? found[i] : 1.0;
       const double at_high = valueAt(c, degree, high);
       if ((at_low > 0.0) != (at_high > 0.0)) {
-        next[next_count++] = rootBetween(c, degree, low, high, at_low);
+        next[next_count++] = rootBetween(c, degree, low, high, at_low, small);
       }
       low = high;
       at_low = at_high;

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+
 #include "core/homography/verdict.h"
 
 namespace ktgp_orb::two_view {
@@ -40,9 +40,16 @@ void Support::load(const PointPairs& pairs, double apart) {
 
 double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sample,
                                double models) {
-  order_.resize(chance.size());
-  std::iota(order_.begin(), order_.end(), 0U);
-  std::sort(order_.begin(), order_.end(), [&](std::uint32_t a, std::uint32_t b) {
+  const auto count = static_cast<std::uint32_t>(chance.size());
+  order_.clear();
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (chance[i] < 1.0) order_.push_back(i);
+  }
+  const auto agreeing = static_cast<std::ptrdiff_t>(order_.size());
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (!(chance[i] < 1.0)) order_.push_back(i);
+  }
+  std::sort(order_.begin(), order_.begin() + agreeing, [&](std::uint32_t a, std::uint32_t b) {
     return chance[a] != chance[b] ? chance[a] < chance[b] : a < b;
   });
   std::fill(reference_taken_.begin(), reference_taken_.end(), std::uint8_t(0));
