@@ -125,6 +125,7 @@ std::string whyUnusable(const DownReading& reading) {
     return "has a standard deviation of " + std::to_string(reading.deviation) +
            " rad; expected a number of at least 0";
   }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
   return "";
 }
 
@@ -136,6 +137,7 @@ std::string whyUnusable(const TurnReading& reading) {
     return "has a standard deviation of " + std::to_string(reading.deviation) +
            " rad; expected a number of at least 0";
   }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
   return "";
 }
 
