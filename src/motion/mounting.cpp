@@ -14,7 +14,6 @@ namespace {
 
 using util::inverseOf;
 using util::propagated;
-using util::SmallMatrix;
 
 constexpr double kBlock = 0.5;     // s
 constexpr double kMemory = 300.0;  // s
@@ -74,8 +73,11 @@ void Mounting::endFrame() {
 
 void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
                    const std::optional<TurnReading>& turn, const std::optional<DownReading>& down) {
-  was_added_ = true;
+  constexpr int kPatience = 100;  // frames
   const bool gives_turns = turn.has_value();
+  without_turn_ = gives_turns ? 0 : without_turn_ + 1;
+  if (gives_turns_ && !gives_turns && without_turn_ < kPatience) return;
+  was_added_ = true;
   if (!is_running_ || gives_turns != gives_turns_) {
     begin(seen, reference_stamp, gives_turns);
     return;

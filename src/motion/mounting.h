@@ -56,6 +56,7 @@ class Mounting {
   bool was_added_ = false;    // this frame
   bool is_running_ = false;   // the last frame was added
   bool gives_turns_ = false;  // else directions
+  int without_turn_ = 0;      // frames, one after the other
   SeenTurn last_;             // of the last frame
   std::int64_t reference_stamp_ = 0;
   Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s

@@ -319,6 +319,30 @@ TEST(Mounting, LearnsAcrossGaps) {
   }
 }
 
+TEST(Mounting, LearnsThoughSomeTurnsAreMissing) {
+  Flight flight(Gives::turns);
+  flight.rig = {degrees(0.0, 0.0, 1.5), 0.02, degrees(0.0, 1.0, 0.0)};
+  for (int i = 0; i < 3600; ++i) {
+    GroundFrame frame = flight.next();
+    if (i % 100 == 0) frame.turn.reset();
+    flight.add(frame);
+  }
+  const auto imu = flight.step().imu;
+  ASSERT_TRUE(imu);
+  EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
+  EXPECT_LT((imu->bias - flight.rig.bias).norm(), 0.15 * kDegree) << describe(*imu);
+  // A gyroscope that is gone for good leaves the orientation.
+  std::optional<ImuMounting> by_orientation;
+  for (int i = 0; i < 1800; ++i) {
+    GroundFrame frame = flight.next();
+    frame.turn.reset();
+    by_orientation = flight.add(frame).imu;
+  }
+  ASSERT_TRUE(by_orientation);
+  EXPECT_NEAR(by_orientation->delay, flight.rig.delay, 0.003) << describe(*by_orientation);
+  EXPECT_TRUE(std::isinf(by_orientation->bias_deviation.y())) << describe(*by_orientation);
+}
+
 TEST(Mounting, IsNotFoundForADirectionOfSomethingElse) {
   Flight flight(Gives::directions);
   flight.is_of_imu = false;

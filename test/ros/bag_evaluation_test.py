@@ -5,11 +5,13 @@ import csv
 import json
 import math
 import os
+import re
 import subprocess
 import tempfile
 import unittest
 
 import rosbag
+import rospy
 
 TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
 
@@ -56,6 +58,28 @@ class BagEvaluationTest(unittest.TestCase):
                             truth[row['stamp']] - 1) for row in rows)
         self.assertLess(errors[len(errors) // 2], 0.02)
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
+
+    def said_about_imu(self, *options):
+        """What ktgp_bag says about the Imu of the demo bag whose stamps are 40 ms late."""
+        path = os.path.join(self.folder.name, 'late.bag')
+        with rosbag.Bag(BAG) as bag, rosbag.Bag(path, 'w') as late:
+            for topic, message, stamp in bag:
+                if topic == '/camera/imu':
+                    message.header.stamp += rospy.Duration(0.04)
+                late.write(topic, message, stamp)
+        run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), 'late.bag', 'late_matched.bag', '--motion',
+                              'late.csv', '--reference_mode', 'keyframe', '--motion_base_frame=', '--force', *options],
+                             cwd=self.folder.name, stderr=subprocess.STDOUT, stdout=subprocess.PIPE,
+                             universal_newlines=True, check=True)
+        return run.stdout
+
+    def test_an_imu_with_late_stamps_is_named(self):
+        for options in (['--motion_gyro', 'true'], ['--motion_normal_source', 'imu']):
+            said = self.said_about_imu(*options)
+            print(said)
+            late = re.search(r"the Imu's stamps seem ([0-9.]+) \+- ([0-9.]+) ms late", said)
+            self.assertTrue(late, said)
+            self.assertAlmostEqual(float(late.group(1)), 40, delta=4 * float(late.group(2)))
 
     def test_a_recording_that_was_cut_off_has_the_motion_up_to_there(self):
         with open(BAG, 'rb') as file:
