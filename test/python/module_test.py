@@ -416,7 +416,7 @@ class ModuleTest(unittest.TestCase):
                                down=(np.array([0, 0, 1.0]), 0.01), turn=(said, 1e-4) if i else None, of_imu=True)
         self.assertAlmostEqual(found.imu.delay, 0.03, delta=0.003)
         self.assertLess(found.imu.delay_deviation, 0.003)
-        self.assertIn("the Imu's stamps seem 3", found.imu.trouble)
+        self.assertIn("the Imu's stamps seem ", found.imu.trouble)
         self.assertIn('ms late', str(found.imu))
 
     def test_the_version_is_that_of_the_programs(self):
