@@ -28,12 +28,15 @@ struct HeightReading {
 struct DownReading {
   Eigen::Vector3d direction = Eigen::Vector3d::UnitZ();  ///< in the camera's frame, length 1
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
+  bool of_imu = false;     ///< measured by an Imu; then see GroundEstimate::imu
+  double age = 0.0;        ///< s before the image, for GroundEstimate::imu alone
 };
 
 /// The rotation since the previous frame, for example from a gyroscope.
 struct TurnReading {
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();  ///< camera now -> camera then
   double deviation = 0.0;  ///< standard deviation about each axis, rad, >= 0
+  double age = 0.0;        ///< s before the time between the frames, for GroundEstimate::imu alone
 };
 
 /// What is wrong with a reading, and what would be right; empty: nothing.
@@ -95,6 +98,27 @@ enum class GroundStatus : std::uint8_t {
 /// The enumerator's own name, e.g. "no_height".
 const char* toString(GroundStatus status);
 
+/// How an Imu is mounted and stamped, as far as its readings differ from the rotation that the
+/// pictures show. Deviations are standard deviations; what the motion does not show has the value 0
+/// and an infinite one.
+struct ImuMounting {
+  /// From where the Imu is said to be mounted to where it is: a turn about the axes of the base by
+  /// its length, rad. Beyond a third it is not found.
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rotation_deviation = Eigen::Vector3d::Zero();
+  /// How much later its stamps are than those of images of the same time, s.
+  double delay = 0.0;
+  double delay_deviation = 0.0;
+  /// Of the angular velocity, in the base frame, rad/s: what is to be subtracted from it.
+  Eigen::Vector3d bias = Eigen::Vector3d::Zero();
+  Eigen::Vector3d bias_deviation = Eigen::Vector3d::Zero();
+};
+
+/// All that is known, e.g. "mounting x 0.1 +- 0.2 degrees, stamps 1 +- 3 ms late".
+std::string describe(const ImuMounting& imu);
+/// What is certainly wrong, and large enough to matter, in words; empty: nothing.
+std::string troubleOf(const ImuMounting& imu);
+
 /// Position and velocity of the vehicle's base.
 struct GroundEstimate {
   GroundStatus status = GroundStatus::no_homography;
@@ -130,6 +154,9 @@ struct GroundEstimate {
   /// deviation, s.
   double readout_time = 0.0;
   double readout_deviation = 0.0;
+  /// Of the Imu that gives turns or directions; nothing is corrected by it. Learned over minutes,
+  /// empty before the motion shows anything.
+  std::optional<ImuMounting> imu;
 
   bool hasPose() const { return status <= GroundStatus::resumed; }
   bool hasTwist() const { return hasPose() && has_twist; }

@@ -386,6 +386,8 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   const bool has_rate =
       imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
   if (has_rate) down -= age * vector(imu->angular_velocity).cross(down);
+  reading.of_imu = true;
+  reading.age = has_rate ? 0.0 : age;
   reading.direction = (found->linear() * down).normalized();
   return reading;
 }
@@ -395,6 +397,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   if (!config_.gyro || last_image_.isZero() || image.stamp <= last_image_) return std::nullopt;
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double count = 0.0;
+  double ages = 0.0;  // sum, before the later image
   double deviation = kGyroDeviation;
   std::string frame;
   std::string why = "no angular velocity on " + imu_topic_ + " between two images";
@@ -411,6 +414,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     }
     sum += vector(imu.angular_velocity);
     count += 1.0;
+    ages += (image.stamp - imu.header.stamp).toSec();
     deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
@@ -426,6 +430,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
   const double angle = angles.norm();
   if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
   reading.deviation = deviation * length;
+  reading.age = ages / count - 0.5 * length;
   return reading;
 }
 

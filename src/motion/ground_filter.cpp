@@ -15,12 +15,23 @@ using util::whiteningOf;
 
 namespace {
 
-/// How many times its variance the noise of a measurement has that differs from what was expected
-/// by `misfit` standard deviations: the weight of Student's t distribution with `kFreedom` degrees
-/// of freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
-double studentNoise(double misfit, int dimensions) {
-  constexpr double kFreedom = 4.0;
-  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+/// The most likely pose whose homography from `map` is `seen`.
+std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix& whitening,
+                                 const Eigen::Matrix3d& map) {
+  const auto start = poseFrom(seen * map.inverse());
+  if (!start) return std::nullopt;
+  CameraPose pose = *start;
+  for (int iteration = 0; iteration < 5; ++iteration) {
+    const Eigen::Matrix3d h = imageFromGround(pose) * map;
+    const Vector8 residual = entriesOf(seen) - entriesOf(h);
+    const Vector6 step =
+        leastSquares(times(whitening, byPose(h, map, pose)), times(whitening, residual)).solution;
+    if (!step.allFinite() || step.tail<3>().norm() > 0.5) return std::nullopt;
+    pose = moved(pose, step);
+    if (step.norm() < 1e-9 * pose.position.z()) break;
+  }
+  if (!(pose.position.z() > 0.0)) return std::nullopt;
+  return pose;
 }
 
 }  // namespace
@@ -141,21 +152,11 @@ std::optional<Innovation> GroundFilter::advance(const ImageMotion& motion) {
 /// The most likely pose for the homography with `noise` times its variances.
 bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const auto whitening = whiteningOf(noise * kOfFrame * motion.covariance);
+  if (!whitening) return false;
   const Eigen::Matrix3d seen = straightened(motion);
-  const auto start = poseFrom(seen * map_.inverse());
-  if (!start || !whitening) return false;
-  CameraPose pose = *start;
-  for (int iteration = 0; iteration < 5; ++iteration) {
-    const Eigen::Matrix3d h = imageFromGround(pose) * map_;
-    const Vector8 residual = entriesOf(seen) - entriesOf(h);
-    const Vector6 step =
-        leastSquares(times(*whitening, byPose(h, map_, pose)), times(*whitening, residual))
-            .solution;
-    if (!step.allFinite() || step.tail<3>().norm() > 0.5) return false;
-    pose = moved(pose, step);
-    if (step.norm() < 1e-9 * pose.position.z()) break;
-  }
-  if (!(pose.position.z() > 0.0)) return false;
+  const auto found = fitted(seen, *whitening, map_);
+  if (!found) return false;
+  const CameraPose pose = *found;
 
   // The new pose follows the readout time, the map and the noise.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
@@ -177,6 +178,26 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   covariance_.block<6, 6>(kNow, kNow) = times(slope, covariance_.middleCols<6>(kNow)) +
                                         inverseOf(times(by_pose.transpose(), by_pose));
   return true;
+}
+
+std::optional<SeenTurn> GroundFilter::turnSinceKeyframe(const ImageMotion& motion) const {
+  const auto keyframe = poseFrom(map_.inverse());
+  const auto whitening = whiteningOf(motion.covariance);
+  if (!keyframe || !whitening) return std::nullopt;
+  const Eigen::Matrix3d map = imageFromGround(*keyframe).inverse();
+  const auto pose = fitted(straightened(motion), *whitening, map);
+  if (!pose) return std::nullopt;
+  const Eigen::Matrix3d h = imageFromGround(*pose) * map;
+  const SmallMatrix by_pose = times(*whitening, byPose(h, map, *pose));
+  const Matrix6 covariance = inverseOf(times(by_pose.transpose(), by_pose));
+  const Eigen::Matrix3d same = Eigen::Matrix3d::Identity();
+  const Matrix86 by_keyframe =
+      -byMap(h) * (mapFromEntries(same) * byPose(same, map, *keyframe));  // entries
+  const Matrix6 follows =
+      -leastSquares(by_pose, times(*whitening, by_keyframe)).solution;  // the pose
+  SeenTurn seen{keyframe->axes.transpose() * pose->axes, covariance.bottomRightCorner<3, 3>()};
+  seen.by_tilt = follows.bottomRightCorner<3, 3>() - seen.rotation.transpose();
+  return seen;
 }
 
 Innovation GroundFilter::innovationOf(const SmallRef& residual, const SmallRef& slope,

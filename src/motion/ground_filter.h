@@ -19,6 +19,15 @@ struct Innovation {
       0.0;  ///< mean square of its noise as this one shows it: 1 if its variance is right
 };
 
+/// A rotation that pictures show: camera now -> camera then. The covariance is that of small
+/// rotations about the axes of the camera now, rad².
+struct SeenTurn {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  /// Of the same small rotations by those of the camera then: what a wrong normal does.
+  Eigen::Matrix3d by_tilt = Eigen::Matrix3d::Zero();
+};
+
 /// The map of a keyframe, and the poses of the two newest frames, with their joint covariance: an
 /// extended Kalman filter whose new pose is a weighted least-squares fit to the homography.
 ///
@@ -49,6 +58,10 @@ class GroundFilter {
   /// expected; such a homography counts with as much more noise. Empty, without any change: no pose
   /// fits.
   std::optional<Innovation> advance(const ImageMotion& motion);
+
+  /// The rotation since the keyframe by this homography alone: no reading of a turn is in it, only
+  /// the plane that is known. Empty: none fits.
+  std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
   /// Corrects everything by a reading of the newest pose. What differs from the expectation by more
   /// than noise does is weighed down: see update().

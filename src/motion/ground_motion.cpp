@@ -9,6 +9,7 @@
 
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
+#include "motion/mounting.h"
 #include "motion/relief.h"
 #include "motion/shutter.h"
 #include "motion/twist_noise.h"
@@ -89,6 +90,7 @@ struct GroundMotion::Impl {
   GroundStatus placed(const GroundFrame& frame, const ImageMotion& image, GroundStatus status);
   bool isTiltKnown() const { return estimate.tilt_deviation <= options.max_tilt_deviation; }
   GroundStatus connect(const GroundFrame& frame, const ImageMotion& image);
+  void compareImu(const GroundFrame& frame, const ImageMotion& image);
   CameraPose firstPose(const GroundFrame& frame) const;
   CameraPose onGround(const GroundFrame& frame, const CameraPose& pose) const;
   void predict(double seconds);
@@ -126,6 +128,7 @@ struct GroundMotion::Impl {
   motion::TwistNoise twist_noise;
   motion::Relief relief;
   motion::Shutter shutter;
+  motion::Mounting mounting;
   Innovations of_homography;
   Innovations of_height;
   Innovations of_down;
@@ -151,6 +154,8 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   if (went_back) has_pose = is_connected = false;
   estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
   if (!filter.isFinite()) forget();
+  mounting.endFrame();
+  estimate.imu = mounting.estimate(options.camera_to_base.linear());
   estimate.readout_time = filter.readout();
   estimate.readout_deviation = filter.readoutDeviation();
   if (estimate.hasPose()) {
@@ -172,6 +177,7 @@ void GroundMotion::Impl::forget() {
   setReadout();
   twist_noise = {};
   relief = {};
+  mounting = {};
   has_pose = is_connected = false;
 }
 
@@ -300,6 +306,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   const Eigen::Vector3d& position = filter.now().position;
   relief.add(frame.plane_deviation / frame.camera(0, 0), position.head<2>().norm() / position.z());
   contradictions = 0;
+  compareImu(frame, image);
   if (frame.turn) useTurn(*frame.turn);
   useReadings(frame);
   measureTwist(sinceLast(frame));
@@ -308,6 +315,13 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     beginMap(frame, image);
   }
   return isTiltKnown() ? GroundStatus::ok : GroundStatus::no_normal;
+}
+
+/// With the pictures as they are before they follow the readings.
+void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
+  if (!frame.turn && !(frame.down && frame.down->of_imu)) return;
+  const auto seen = filter.turnSinceKeyframe(image);
+  if (seen) mounting.add(*seen, frame.reference_stamp, sinceLast(frame), frame.turn, frame.down);
 }
 
 /// The pose with the given height and normal, and the base where it was: it turns as little as

@@ -85,6 +85,11 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
   return slope;
 }
 
+double studentNoise(double misfit, int dimensions) {
+  constexpr double kFreedom = 4.0;
+  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+}
+
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down) {
   return reading.beam_direction.isZero() || reading.beam_direction.dot(down) >= kLeastSink;
 }

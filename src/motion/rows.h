@@ -51,6 +51,11 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
+/// How many times its variance the noise of a measurement has that differs from what was expected
+/// by `misfit` standard deviations: the weight of Student's t distribution with four degrees of
+/// freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
+double studentNoise(double misfit, int dimensions);
+
 /// Whether the beam of a range sensor, if there is one, meets the ground. `down`: to the ground, in
 /// the camera's frame.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);

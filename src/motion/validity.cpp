@@ -129,6 +129,7 @@ std::string whyUnusable(const DownReading& reading) {
     return "has a standard deviation of " + std::to_string(reading.deviation) +
            " rad; expected a number of at least 0";
   }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
   return "";
 }
 
@@ -140,6 +141,7 @@ std::string whyUnusable(const TurnReading& reading) {
     return "has a standard deviation of " + std::to_string(reading.deviation) +
            " rad; expected a number of at least 0";
   }
+  if (!std::isfinite(reading.age)) return "has an age that is not finite";
   return "";
 }
 

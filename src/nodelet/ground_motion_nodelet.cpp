@@ -153,6 +153,8 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
   diagnosis_.setValue("homography, deviations off", number(estimate.homography_misfit));
   diagnosis_.setValue("readout time of the shutter (s)", number(estimate.readout_time));
   diagnosis_.setValue("readout time, deviation (s)", number(estimate.readout_deviation));
+  diagnosis_.setValue("Imu, as the pictures show it", estimate.imu ? describe(*estimate.imu) : "");
+  diagnosis_.setProblem("Imu", estimate.imu ? troubleOf(*estimate.imu) : "");
   diagnosis_.setValue("deviation from a plane (px)", number(plane_deviation));
   if (estimate.gap > 0.0) diagnosis_.setValue("last gap (s)", number(estimate.gap));
 }

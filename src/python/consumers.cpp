@@ -245,7 +245,8 @@ class PyGroundMotion {
 
   GroundEstimate add(const FrameMatch& frame, const Eigen::Matrix3d& camera,
                      const std::optional<std::pair<double, double>>& height,
-                     const std::optional<std::pair<Eigen::Vector3d, double>>& down) {
+                     const std::optional<std::pair<Eigen::Vector3d, double>>& down,
+                     const std::optional<std::pair<Eigen::Matrix3d, double>>& turn, bool of_imu) {
     GroundFrame given;
     given.stamp = frame.stamp;
     given.reference_stamp = frame.reference_stamp;
@@ -261,6 +262,11 @@ class PyGroundMotion {
     if (down) {
       given.down.emplace();
       std::tie(given.down->direction, given.down->deviation) = *down;
+      given.down->of_imu = of_imu;
+    }
+    if (turn) {
+      given.turn.emplace();
+      std::tie(given.turn->rotation, given.turn->deviation) = *turn;
     }
     const Shared::Use use(shared_);
     return motion_.add(given);
@@ -272,6 +278,20 @@ class PyGroundMotion {
 };
 
 void defineGroundMotion(py::module_& module) {
+  py::class_<ImuMounting>(module, "ImuMounting",
+                          "How an Imu is mounted and stamped, as the images show it. What the "
+                          "motion does not show is 0 with an infinite standard deviation.")
+      .def_readonly("rotation", &ImuMounting::rotation,
+                    "(3,) float64: from where it is said to be mounted to where it is, about the "
+                    "axes of the base, rad.")
+      .def_readonly("rotation_deviation", &ImuMounting::rotation_deviation)
+      .def_readonly("delay", &ImuMounting::delay, "How late its stamps are, s.")
+      .def_readonly("delay_deviation", &ImuMounting::delay_deviation)
+      .def_readonly("bias", &ImuMounting::bias,
+                    "(3,) float64: of the angular velocity, in the base frame, rad/s.")
+      .def_readonly("bias_deviation", &ImuMounting::bias_deviation)
+      .def_property_readonly("trouble", &troubleOf, "What is certainly wrong; empty: nothing.")
+      .def("__str__", &describe);
   py::class_<GroundEstimate>(module, "GroundEstimate", "Position and velocity of the base.")
       .def_property_readonly(
           "status", [](const GroundEstimate& e) { return toString(e.status); },
@@ -298,7 +318,10 @@ void defineGroundMotion(py::module_& module) {
       .def_readonly("readout_time", &GroundEstimate::readout_time,
                     "Of a rolling shutter, as far as the images show it, s.")
       .def_readonly("readout_deviation", &GroundEstimate::readout_deviation,
-                    "Standard deviation of readout_time, s.");
+                    "Standard deviation of readout_time, s.")
+      .def_readonly("imu", &GroundEstimate::imu,
+                    "ImuMounting; None: the motion has shown nothing yet. Nothing is corrected by "
+                    "it.");
   const GroundMotionOptions usual;
   py::class_<PyGroundMotion>(module, "GroundMotion",
                              "Motion in metres of a calibrated camera that looks at flat ground. "
@@ -314,9 +337,13 @@ void defineGroundMotion(py::module_& module) {
       .def(
           "add", &PyGroundMotion::add, py::arg("frame"), py::arg("camera"),
           py::arg("height") = py::none(), py::arg("down") = py::none(),
+          py::arg("turn") = py::none(), py::arg("of_imu") = false,
           "The next FrameMatch of a Sequence; camera: (3, 3), K in px; height: (m, deviation in m) "
           "above the ground;\ndown: (direction to the ground in the camera's frame, length 1; "
-          "deviation in rad). Returns GroundEstimate.\nRaises ValueError.");
+          "deviation in rad); turn: (rotation since the frame before, (3, 3), from the camera now "
+          "to "
+          "the camera then;\ndeviation in rad), of a gyroscope; of_imu: down is measured by an "
+          "Imu. Returns GroundEstimate.\nRaises ValueError.");
 }
 
 }  // namespace

@@ -185,6 +185,7 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
       reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
     }
     shutter_ = shutterReport(*estimate);
+    if (estimate->imu) imu_ = estimate->imu;
   } catch (const std::invalid_argument& error) {
     reason = error.what();
   }
@@ -204,6 +205,11 @@ std::string BagMotion::report() const {
                      std::to_string(frames_) + " frames, height from " + readings_.heightSource() +
                      ", normal from " + readings_.normalSource() + '\n';
   if (!shutter_.empty()) text += "  " + shutter_ + '\n';
+  if (imu_) {
+    text += "  the Imu, as the pictures show it: " + describe(*imu_) + '\n';
+    const std::string trouble = troubleOf(*imu_);
+    if (!trouble.empty()) text += "  " + trouble + '\n';
+  }
   std::vector<std::pair<std::size_t, std::string>> most;
   for (const auto& [reason, count] : reasons_) most.emplace_back(count, reason);
   std::sort(most.rbegin(), most.rend());

@@ -4,6 +4,7 @@
 
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "bag/messages.h"
@@ -57,6 +58,7 @@ class BagMotion {
   std::string rows_;
   std::map<std::string, std::size_t> reasons_;  // of frames without motion, up to a number in it
   std::string shutter_;
+  std::optional<ImuMounting> imu_;  // the last one that was known
   std::size_t frames_ = 0;
   std::size_t known_ = 0;
 };

@@ -5,6 +5,7 @@ import ast
 import concurrent.futures
 import gc
 import json
+import math
 import os
 import pickle
 import signal
@@ -396,6 +397,27 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual(found.twist_covariance.shape, (6, 6))
         with self.assertRaises(ValueError):
             motion.add(sequence.match(image, 9.0), camera, height=(-1.0, 0.01))
+
+    def test_an_imu_whose_stamps_are_late(self):
+        def angle(seconds):
+            return 0.3 * math.sin(2 * seconds)
+
+        sequence = ktgp.Sequence('video', reference_mode='keyframe')
+        motion = ktgp.GroundMotion()
+        camera = np.array([[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1.0]])
+        large = picture(5, (900, 1200))
+        for i in range(300):
+            seconds = i / 30
+            turn = cv2.getRotationMatrix2D((600, 450), math.degrees(angle(seconds)), 1)
+            image = np.ascontiguousarray(cv2.warpAffine(large, turn, (1200, 900))[210:690, 280:920])
+            step = angle(seconds - 0.03) - angle(seconds - 0.03 - 1 / 30)
+            said = np.array([[math.cos(step), -math.sin(step), 0], [math.sin(step), math.cos(step), 0], [0, 0, 1]])
+            found = motion.add(sequence.match(image, seconds), camera, height=(2.0, 0.01),
+                               down=(np.array([0, 0, 1.0]), 0.01), turn=(said, 1e-4) if i else None, of_imu=True)
+        self.assertAlmostEqual(found.imu.delay, 0.03, delta=0.003)
+        self.assertLess(found.imu.delay_deviation, 0.003)
+        self.assertIn("the Imu's stamps seem ", found.imu.trouble)
+        self.assertIn('ms late', str(found.imu))
 
     def test_the_version_is_that_of_the_programs(self):
         version = subprocess.check_output([os.path.join(TOOLS, 'ktgp_match'), '--version'], universal_newlines=True)

@@ -5,11 +5,15 @@ import csv
 import json
 import math
 import os
+import re
 import subprocess
 import tempfile
 import unittest
 
 import rosbag
+import rospy
+from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
 
 TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
 
@@ -56,6 +60,46 @@ class BagEvaluationTest(unittest.TestCase):
                             truth[row['stamp']] - 1) for row in rows)
         self.assertLess(errors[len(errors) // 2], 0.02)
         self.assertLess(errors[int(0.95 * len(errors))], 0.1)
+
+    def said_about_imu(self, late, degrees):
+        """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, and tf has it turned by that
+        angle about the optical axis."""
+        path = os.path.join(self.folder.name, 'rig.bag')
+        with rosbag.Bag(BAG) as bag, rosbag.Bag(path, 'w') as rig:
+            first = True
+            for topic, message, stamp in bag:
+                if topic == '/camera/imu':
+                    place = TransformStamped()
+                    place.header.frame_id, place.child_frame_id = message.header.frame_id, 'imu'
+                    place.transform.rotation.z = math.sin(math.radians(degrees) / 2)
+                    place.transform.rotation.w = math.cos(math.radians(degrees) / 2)
+                    if first:
+                        rig.write('/tf_static', TFMessage([place]), stamp)
+                    first = False
+                    message.header.stamp += rospy.Duration(late)
+                    message.header.frame_id = 'imu'
+                rig.write(topic, message, stamp)
+        run = subprocess.run([os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), 'rig.bag', 'matched_rig.bag', '--motion',
+                              'rig.csv', '--reference_mode', 'keyframe', '--motion_base_frame=', '--motion_gyro', 'true',
+                              '--motion_normal_source', 'imu', '--force'],
+                             cwd=self.folder.name, stderr=subprocess.STDOUT, stdout=subprocess.PIPE,
+                             universal_newlines=True, check=True)
+        return run.stdout
+
+    def test_an_imu_with_late_stamps_in_another_place_than_tf_says_is_named(self):
+        said = self.said_about_imu(0.04, 2.0)
+        late = re.search(r"the Imu's stamps seem ([0-9.]+) \+- ([0-9.]+) ms late", said)
+        self.assertTrue(late, said)
+        self.assertAlmostEqual(float(late.group(1)), 40, delta=4 * float(late.group(2)))
+        # The base's z points to the camera.
+        turned = re.search(r'the Imu seems to be mounted ([0-9.]+) \+- ([0-9.]+) degrees off about z', said)
+        self.assertTrue(turned, said)
+        self.assertAlmostEqual(float(turned.group(1)), 2.0, delta=4 * float(turned.group(2)))
+
+    def test_an_imu_that_is_where_tf_says_is_not_blamed(self):
+        said = self.said_about_imu(0.0, 0.0)
+        self.assertIn('the Imu, as the pictures show it: mounted', said)
+        self.assertNotIn('seem', said)
 
     def test_a_recording_that_was_cut_off_has_the_motion_up_to_there(self):
         with open(BAG, 'rb') as file:

@@ -1,0 +1,220 @@
+#include "motion/mounting.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/util/small_matrix.h"
+#include "motion/camera_pose.h"
+#include "motion/rows.h"
+
+namespace ktgp_orb::motion {
+namespace {
+
+using util::inverseOf;
+using util::propagated;
+
+constexpr double kBlock = 0.5;     // s
+constexpr double kMemory = 300.0;  // s
+// Standard deviations before anything is known: rad, s, rad/s, rad.
+constexpr double kPrior[] = {0.35, 0.2, 0.1, 0.05};
+// Deviations above these are not known.
+constexpr double kKnown[] = {0.0125, 0.02, 0.02};
+// A larger mounting is too far from the first order that is computed with.
+constexpr double kLargest = 0.35;  // rad
+// Successive differences share a block, so their errors are not independent. Measured on flights.
+constexpr double kShared = 1.5;
+// In a block, at least: of the noise, and of turns and changes of the rate that show something.
+constexpr double kLeastNoise = 2e-4;  // rad
+constexpr double kLeastTurn = 0.02;   // rad
+constexpr double kLeastRate = 0.02;   // rad/s
+
+}  // namespace
+
+void Mounting::Said::turn(const Eigen::Matrix3d& by) {
+  value = by * value;
+  slope = by * slope;
+  covariance = by * covariance * by.transpose();
+}
+
+void Mounting::Said::add(const Said& other) {
+  value += other.value;
+  slope += other.slope;
+  covariance += other.covariance;
+}
+
+Mounting::Said Mounting::Said::mean(int count) const {
+  return {value / count, slope / count, covariance / count};
+}
+
+void Mounting::begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns) {
+  is_running_ = true;
+  if (gives_turns != gives_turns_) {  // another bias
+    information_.setZero();
+    weighted_.setZero();
+    square_ = rows_ = 0.0;
+    solve();
+  }
+  gives_turns_ = gives_turns;
+  last_ = seen;
+  reference_stamp_ = reference_stamp;
+  rate_.setZero();
+  turned_ = block_ = {};
+  count_ = 0;
+  seconds_ = 0.0;
+  before_.reset();
+}
+
+void Mounting::endFrame() {
+  if (!was_added_) is_running_ = false;
+  was_added_ = false;
+}
+
+void Mounting::add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
+                   const std::optional<TurnReading>& turn, const std::optional<DownReading>& down) {
+  constexpr int kPatience = 100;  // frames
+  const bool gives_turns = turn.has_value();
+  without_turn_ = gives_turns ? 0 : without_turn_ + 1;
+  if (gives_turns_ && !gives_turns && without_turn_ < kPatience) return;
+  was_added_ = true;
+  if (!is_running_ || gives_turns != gives_turns_) {
+    begin(seen, reference_stamp, gives_turns);
+    return;
+  }
+  // Camera before -> camera now, by the pictures.
+  if (reference_stamp != reference_stamp_) last_ = {};
+  const Eigen::Matrix3d step = seen.rotation.transpose() * last_.rotation;
+  const Eigen::Matrix3d by_tilt = seen.by_tilt - step * last_.by_tilt;
+  last_ = seen;
+  reference_stamp_ = reference_stamp;
+  for (Said* each : {&turned_, &block_}) each->turn(step);
+  if (before_) before_->turn(step);
+  const Eigen::Vector3d rate_before = step * rate_;
+  turned_.slope.middleCols<3>(kBias) += seconds * Eigen::Matrix3d::Identity();
+  turned_.slope.middleCols<3>(kTilt) -= by_tilt;
+
+  Said now;
+  if (turn) {
+    rate_ = turnOf(turn->rotation) / seconds;
+    turned_.value += turnOf(step * turn->rotation) + turn->age * (rate_ - rate_before);
+    turned_.slope.middleCols<3>(kMounting).setIdentity();
+    turned_.slope.col(kDelay) = -rate_;
+    now = turned_;
+    now.covariance = seen.covariance;
+    now.covariance.diagonal().array() += kBlock / seconds * std::pow(turn->deviation, 2);
+  } else {
+    rate_ = turnOf(step.transpose()) / seconds;
+    const Eigen::Vector3d change = rate_.cross(down->direction);
+    const Eigen::Matrix3d by_turn = cross(down->direction);
+    now.value = down->direction - down->age * change;
+    now.slope = -by_turn * turned_.slope;
+    now.slope.leftCols<4>() << by_turn, change;
+    now.covariance = by_turn * seen.covariance * by_turn.transpose();
+    now.covariance.diagonal().array() += std::pow(down->deviation, 2) * seconds / kBlock;
+  }
+  block_.add(now);
+  ++count_;
+  seconds_ += seconds;
+  if (seconds_ >= kBlock) endBlock();
+}
+
+void Mounting::endBlock() {
+  const Said mean = block_.mean(count_);
+  if (before_) {
+    Said difference = mean;
+    difference.value -= before_->value;
+    difference.slope -= before_->slope;
+    learn(difference);
+  }
+  before_ = mean;
+  block_ = {};
+  count_ = 0;
+  seconds_ = 0.0;
+}
+
+/// Slopes that are nothing but noise, of this variance, or of second order would look like
+/// knowledge, in time.
+void Mounting::dropNoise(double variance, Slope& slope) {
+  const Eigen::Matrix3d by_mounting = slope.middleCols<3>(kMounting);
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts(by_mounting.transpose() * by_mounting);
+  for (int i = 0; i < 3; ++i) {
+    if (parts.eigenvalues()(i) > variance + kLeastTurn * kLeastTurn) continue;
+    const Eigen::Vector3d axis = parts.eigenvectors().col(i);
+    slope.middleCols<3>(kMounting) -= by_mounting * axis * axis.transpose();
+  }
+  const double change = slope.col(kDelay).squaredNorm();
+  if (change < variance / (kBlock * kBlock) + kLeastRate * kLeastRate) slope.col(kDelay).setZero();
+}
+
+void Mounting::learn(Said difference) {
+  Eigen::Matrix3d given = difference.covariance;
+  given.diagonal().array() += kLeastNoise * kLeastNoise;
+  dropNoise(4.0 * noise_ * given.trace(), difference.slope);
+  const int rows = gives_turns_ ? 3 : 2;  // a direction has two
+  const Eigen::Matrix3d expected = noise_ * given + propagated(difference.slope, covariance_);
+  const Eigen::Vector3d residual = difference.value - difference.slope * unknowns_;
+  const double misfit = std::sqrt(propagated(residual.transpose(), inverseOf(expected))(0, 0));
+  const double kept = std::exp(-seconds_ / kMemory);
+  information_ *= kept;
+  weighted_ *= kept;
+  square_ *= kept;
+  rows_ *= kept;
+  if (!std::isfinite(misfit)) return;
+  const Eigen::Matrix3d weight = inverseOf(studentNoise(misfit, rows) * given);
+  information_ += propagated(difference.slope.transpose(), weight);
+  weighted_ += difference.slope.transpose() * (weight * difference.value);
+  square_ += difference.value.dot(weight * difference.value);
+  rows_ += rows;
+  solve();
+}
+
+/// The noise and the unknowns depend on each other, but weakly.
+void Mounting::solve() {
+  constexpr double kRows = 10.0;  // that noise as given counts for
+  Unknowns prior;
+  prior << Eigen::Vector3d::Constant(kPrior[0]), kPrior[1], Eigen::Vector3d::Constant(kPrior[2]),
+      Eigen::Vector3d::Constant(kPrior[3]);
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    Information information = information_ / noise_;
+    const Information seen = information;
+    information.diagonal().array() += prior.array().square().inverse();
+    covariance_ = inverseOf(information);
+    unknowns_ = covariance_ * weighted_ / noise_;
+    const double used = (covariance_ * seen).trace();  // rows that the unknowns take
+    const double rest =
+        square_ - 2.0 * unknowns_.dot(weighted_) + unknowns_.dot(information_ * unknowns_);
+    noise_ = (std::max(rest, 0.0) + kRows) / (std::max(rows_ - used, 0.0) + kRows);
+  }
+}
+
+std::optional<ImuMounting> Mounting::estimate(const Eigen::Matrix3d& to_base) const {
+  constexpr double kInfinite = std::numeric_limits<double>::infinity();
+  const auto deviation_of = [](double variance, double largest) {
+    const double deviation = std::sqrt(kShared * variance);
+    return deviation < largest ? deviation : kInfinite;
+  };
+  ImuMounting imu;
+  imu.rotation = to_base * unknowns_.segment<3>(kMounting);
+  imu.delay = unknowns_(kDelay);
+  imu.bias = to_base * unknowns_.segment<3>(kBias);
+  const Eigen::Matrix3d of_rotation =
+      propagated(to_base, covariance_.block<3, 3>(kMounting, kMounting));
+  const Eigen::Matrix3d of_bias = propagated(to_base, covariance_.block<3, 3>(kBias, kBias));
+  const bool is_near = imu.rotation.norm() < kLargest;
+  bool is_known = false;
+  const auto report = [&](double& value, double& deviation, double variance, double largest) {
+    deviation = is_near ? deviation_of(variance, largest) : kInfinite;
+    if (!std::isfinite(deviation)) value = 0.0;
+    is_known = is_known || std::isfinite(deviation);
+  };
+  report(imu.delay, imu.delay_deviation, covariance_(kDelay, kDelay), kKnown[1]);
+  for (int i = 0; i < 3; ++i) {
+    report(imu.rotation(i), imu.rotation_deviation(i), of_rotation(i, i), kKnown[0]);
+    report(imu.bias(i), imu.bias_deviation(i), of_bias(i, i), gives_turns_ ? kKnown[2] : 0.0);
+  }
+  if (!is_known) return std::nullopt;
+  return imu;
+}
+
+}  // namespace ktgp_orb::motion

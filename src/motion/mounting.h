@@ -1,0 +1,78 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+
+#include "ktgp_orb/ground_motion.h"
+#include "motion/ground_filter.h"
+
+namespace ktgp_orb::motion {
+
+/// Finds how an Imu is mounted and stamped, from the difference between its readings and the
+/// rotation that the pictures show.
+///
+/// The pictures carry what the Imu says from frame to frame. Its turns, added up, or its direction
+/// to the ground then stay where they are, but for the mounting m, the delay d and the bias b: to
+/// first order by m - w d + b t for turns, and by n x (m - b t) + (w x n) d for the direction n,
+/// where w is the angular velocity; there b is a drift of the pictures, as a wrong normal gives
+/// them. A constant drops out of the difference of the means of successive blocks of half a second,
+/// and what is left are seven unknowns for weighted least squares that forget within five minutes.
+/// How large the noise is follows from the residuals.
+class Mounting {
+ public:
+  /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
+  /// `reference_stamp`, ns; that is the reference of the last frame, or the last frame. Without
+  /// `turn`, the direction counts.
+  void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
+           const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
+  /// A frame without add() before this ends what is carried, and keeps what is learned.
+  void endFrame();
+  /// In the base frame; `to_base`: camera -> base.
+  std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
+
+ private:
+  static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kTilt = 7, kSize = 10;
+  using Unknowns = Eigen::Matrix<double, kSize, 1>;
+  using Information = Eigen::Matrix<double, kSize, kSize>;
+  using Slope = Eigen::Matrix<double, 3, kSize>;
+  /// What the Imu says, and its derivatives by the unknowns.
+  struct Said {
+    Eigen::Vector3d value = Eigen::Vector3d::Zero();
+    Slope slope = Slope::Zero();
+    Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the noise
+
+    void turn(const Eigen::Matrix3d& by);
+    void add(const Said& other);
+    Said mean(int count) const;
+  };
+
+  void begin(const SeenTurn& seen, std::int64_t reference_stamp, bool gives_turns);
+  void endBlock();
+  static void dropNoise(double variance, Slope& slope);
+  void learn(Said difference);
+  void solve();
+
+  bool was_added_ = false;    // this frame
+  bool is_running_ = false;   // the last frame was added
+  bool gives_turns_ = false;  // else directions
+  int without_turn_ = 0;      // frames, one after the other
+  SeenTurn last_;             // of the last frame
+  std::int64_t reference_stamp_ = 0;
+  Eigen::Vector3d rate_ = Eigen::Vector3d::Zero();  // rad/s
+  Said turned_;                 // the turns of the Imu since the start, less those of the pictures
+  Said block_;                  // sum
+  int count_ = 0;               // of frames in it
+  double seconds_ = 0.0;        // of it
+  std::optional<Said> before_;  // mean of the block before
+
+  Information information_ = Information::Zero();
+  Unknowns weighted_ = Unknowns::Zero();
+  double square_ = 0.0;  // of what was measured, in units of its noise
+  double rows_ = 0.0;    // that it has
+  double noise_ = 1.0;   // variance of the residuals, as a multiple of the one that was given
+  Unknowns unknowns_ = Unknowns::Zero();
+  Information covariance_ = Information::Identity();
+};
+
+}  // namespace ktgp_orb::motion

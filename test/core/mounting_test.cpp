@@ -1,0 +1,408 @@
+// What the motion finds out about the Imu's mounting, stamps and bias, on flights with known ones.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "allocation_counter.h"
+#include "ktgp_orb/ground_motion.h"
+#include "motion/rows.h"
+
+namespace ktgp_orb {
+namespace {
+
+using motion::CameraPose;
+using motion::rotationAbout;
+
+constexpr double kRate = 30.0;  // frames/s
+constexpr double kDegree = 3.14159265358979323846 / 180.0;
+constexpr int kKeyframe = 10;  // frames
+
+Eigen::Vector3d degrees(double x, double y, double z) {
+  return kDegree * Eigen::Vector3d(x, y, z);
+}
+
+/// Looks forward and down from a vehicle.
+Pose3 mounted() {
+  Pose3 pose = Pose3::Identity();
+  pose.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal() *
+                  Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.5, 0.8, 0.2).normalized());
+  pose.translation() << 0.4, -0.1, -0.2;
+  return pose;
+}
+
+/// Yaw, pitch and roll of the base, rad, after t seconds.
+using Turns = std::function<Eigen::Vector3d(double)>;
+
+Eigen::Vector3d lively(double t) {
+  return {0.5 * std::sin(0.9 * t), 0.12 * std::sin(1.3 * t), 0.1 * std::sin(1.1 * t)};
+}
+
+/// What is wrong with the Imu, in the base frame.
+struct Rig {
+  Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
+  double delay = 0.0;
+  Eigen::Vector3d bias = Eigen::Vector3d::Zero();
+};
+
+enum class Gives { turns, directions };
+
+/// A camera at four metres with an Imu. The noise of each image is a homography near the identity.
+class Flight {
+ public:
+  explicit Flight(Gives gives, unsigned seed = 1) : gives_(gives), random_(seed) {}
+
+  Rig rig;
+  Turns turns = lively;
+  double speed = 2.5;         // m/s
+  double image_noise = 1e-4;  // of the entries of a homography at focal length 1
+  double gyro_noise = 3e-4;   // rad per frame
+  double tilt_noise = 0.1 * kDegree;
+  bool is_of_imu = true;
+  double age = 0.0;         // of the readings, s
+  int gap_every = 1 << 30;  // frames: then one has no homography
+
+  GroundFrame next() {
+    const int frame = frame_++;
+    const double t = frame / kRate;
+    GroundFrame result;
+    result.stamp = stampOf(frame);
+    result.camera << 525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0;
+    const CameraPose pose = poseAt(t);
+    const Eigen::Matrix3d image = disturbed() * motion::imageFromGround(pose);
+    if (frame > 0 && frame % gap_every != 5) {
+      result.reference_stamp = stampOf(keyframe_);
+      const Eigen::Matrix3d h =
+          result.camera * image * keyframe_image_.inverse() * result.camera.inverse();
+      result.homography = h / h(2, 2);
+      result.covariance = covarianceOf(*result.homography, result.camera);
+    }
+    if (frame % kKeyframe == 0) {
+      keyframe_ = frame;
+      keyframe_image_ = image;
+    }
+    result.height = HeightReading{pose.position.z(), 0.01 * pose.position.z()};
+    // The frame in which the Imu is said to be, seen from the one in which it is.
+    const Eigen::Matrix3d to_base = mounted().linear();
+    const Eigen::Matrix3d said = rotationAbout(-(to_base.transpose() * rig.rotation));
+    const double late = rig.delay + age;
+    DownReading down;
+    const Eigen::Vector3d direction = said * -poseAt(t - late).axes.row(2).transpose();
+    down.direction = (rotationAbout(tilt_noise * shake()) * direction).normalized();
+    down.deviation = tilt_noise;
+    down.of_imu = is_of_imu;
+    down.age = age;
+    if (gives_ == Gives::turns && frame > 0) {
+      const Eigen::Matrix3d turn =
+          poseAt(t - 1.0 / kRate - late).axes.transpose() * poseAt(t - late).axes;
+      const Eigen::Vector3d wrong = to_base.transpose() * rig.bias / kRate + gyro_noise * shake();
+      result.turn.emplace();
+      result.turn->rotation = said * turn * said.transpose() * rotationAbout(wrong);
+      result.turn->deviation = gyro_noise;
+      result.turn->age = age;
+    }
+    result.down = down;
+    return result;
+  }
+
+  const GroundEstimate& add(const GroundFrame& frame) { return ground_.add(frame); }
+  const GroundEstimate& step() { return add(next()); }
+  /// What is known after that time.
+  std::optional<ImuMounting> after(double seconds) {
+    for (int i = 1; i < seconds * kRate; ++i) step();
+    return step().imu;
+  }
+
+ private:
+  static std::int64_t stampOf(int frame) { return std::llround(1e9 * (1000.0 + frame / kRate)); }
+  static GroundMotionOptions options() {
+    GroundMotionOptions options;
+    options.camera_to_base = mounted();
+    return options;
+  }
+
+  CameraPose poseAt(double t) const {
+    const Eigen::Vector3d angles = turns(t);
+    const Eigen::Matrix3d base = (Eigen::AngleAxisd(angles(0), Eigen::Vector3d::UnitZ()) *
+                                  Eigen::AngleAxisd(angles(1), Eigen::Vector3d::UnitY()) *
+                                  Eigen::AngleAxisd(angles(2), Eigen::Vector3d::UnitX()))
+                                     .toRotationMatrix();
+    const Eigen::Vector3d position(speed * t, 1.5 * std::sin(0.3 * speed * t), 4.0);
+    return {base * mounted().linear(), position + base * mounted().translation()};
+  }
+
+  double normal() { return normal_(random_); }
+  Eigen::Vector3d shake() { return {normal(), normal(), normal()}; }
+
+  Eigen::Matrix3d disturbed() {
+    Eigen::Matrix3d d = Eigen::Matrix3d::Identity();
+    for (int i = 0; i < 8; ++i) d(i / 3, i % 3) += image_noise * normal();
+    return d;
+  }
+
+  /// Of the noise of both images, by numeric derivatives.
+  Covariance8 covarianceOf(const Eigen::Matrix3d& h, const Eigen::Matrix3d& camera) const {
+    Eigen::Matrix<double, 8, 16> slope;
+    for (int i = 0; i < 16; ++i) {
+      Eigen::Matrix3d change = Eigen::Matrix3d::Zero();
+      change((i % 8) / 3, (i % 8) % 3) = 1e-7;
+      change = camera * change * camera.inverse();
+      const Eigen::Matrix3d moved =
+          i < 8 ? Eigen::Matrix3d(h + change * h) : Eigen::Matrix3d(h - h * change);
+      slope.col(i) = (motion::entriesOf(moved) - motion::entriesOf(h)) / 1e-7;
+    }
+    return image_noise * image_noise * slope * slope.transpose();
+  }
+
+  Gives gives_;
+  std::mt19937 random_;
+  std::normal_distribution<double> normal_;
+  GroundMotion ground_{options()};
+  int frame_ = 0;
+  int keyframe_ = 0;
+  Eigen::Matrix3d keyframe_image_ = Eigen::Matrix3d::Identity();
+};
+
+struct Case {
+  Gives gives;
+  Rig rig;
+};
+
+/// A degree about each axis, 20 ms late and early, and a gyroscope with a bias.
+std::vector<Case> rigs() {
+  std::vector<Case> cases;
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    for (int i = 0; i < 3; ++i) {
+      cases.push_back({gives, {kDegree * Eigen::Vector3d::Unit(i)}});
+      cases.push_back({gives, {-kDegree * Eigen::Vector3d::Unit(i), 0.01}});
+    }
+    for (const double delay : {0.02, -0.02}) cases.push_back({gives, {{}, delay}});
+  }
+  cases.push_back({Gives::turns, {degrees(0.5, 0.0, -0.5), 0.01, degrees(0.3, -1.0, 0.7)}});
+  return cases;
+}
+
+TEST(Mounting, ADegreeAnd20MillisecondsAreFoundWithinAMinute) {
+  for (const Case& each : rigs()) {
+    Flight flight(each.gives);
+    flight.rig = each.rig;
+    const auto imu = flight.after(60.0);
+    ASSERT_TRUE(imu);
+    const std::string text = describe(*imu);
+    EXPECT_LT((imu->rotation - each.rig.rotation).norm(), 0.25 * kDegree) << text;
+    EXPECT_NEAR(imu->delay, each.rig.delay, 0.003) << text;
+    EXPECT_LT(imu->rotation_deviation.norm(), 0.25 * kDegree) << text;
+    EXPECT_LT(imu->delay_deviation, 0.003) << text;
+    if (each.gives == Gives::turns) {
+      EXPECT_LT((imu->bias - each.rig.bias).norm(), 0.15 * kDegree) << text;
+      EXPECT_LT(imu->bias_deviation.norm(), 0.15 * kDegree) << text;
+    } else {
+      EXPECT_EQ(imu->bias, Eigen::Vector3d::Zero());
+      EXPECT_TRUE(std::isinf(imu->bias_deviation.minCoeff()));
+    }
+  }
+}
+
+TEST(Mounting, ErrorsAreAsLargeAsTheirDeviations) {
+  constexpr int kFlights = 16;
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    for (const double image_noise : {3e-5, 4e-4}) {
+      Eigen::Matrix<double, 7, 1> squares = Eigen::Matrix<double, 7, 1>::Zero();
+      for (int i = 0; i < kFlights; ++i) {
+        Flight flight(gives, 100 + static_cast<unsigned>(i));
+        flight.image_noise = image_noise;
+        flight.rig = {degrees(0.5, -0.3, 0.8), 0.01};
+        const auto imu = flight.after(30.0);
+        ASSERT_TRUE(imu);
+        Eigen::Matrix<double, 7, 1> error;
+        Eigen::Matrix<double, 7, 1> deviation;
+        error << imu->rotation - flight.rig.rotation, imu->delay - flight.rig.delay, imu->bias;
+        deviation << imu->rotation_deviation, imu->delay_deviation, imu->bias_deviation;
+        squares += error.cwiseQuotient(deviation).cwiseAbs2() / kFlights;
+      }
+      EXPECT_LT(squares.maxCoeff(), 2.0) << squares.transpose();
+      EXPECT_GT(squares.head<4>().minCoeff(), 0.03) << squares.transpose();
+    }
+  }
+}
+
+TEST(Mounting, WhatTheMotionDoesNotShowIsNotReported) {
+  const Turns still = [](double) { return Eigen::Vector3d::Zero(); };
+  const Turns steady = [](double t) { return Eigen::Vector3d(0.5 * t, 0.0, 0.0); };
+  const Turns rolls = [](double t) { return Eigen::Vector3d(0.0, 0.0, 0.15 * std::sin(t)); };
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    for (const double speed : {0.0, 2.5}) {
+      Flight flight(gives);
+      flight.turns = still;
+      flight.speed = speed;
+      const auto imu = flight.after(120.0);
+      if (!imu) continue;
+      EXPECT_TRUE(std::isinf(imu->rotation_deviation.minCoeff())) << describe(*imu);
+      EXPECT_TRUE(std::isinf(imu->delay_deviation)) << describe(*imu);
+      EXPECT_EQ(troubleOf(*imu), "");
+    }
+    Flight turning(gives);
+    turning.turns = steady;
+    turning.rig = {degrees(2.0, 2.0, 2.0), 0.05};
+    const auto imu = turning.after(120.0);
+    ASSERT_TRUE(imu);
+    EXPECT_TRUE(std::isinf(imu->rotation_deviation.z())) << describe(*imu);
+    EXPECT_TRUE(std::isinf(imu->delay_deviation)) << describe(*imu);
+    Flight rolling(gives);
+    rolling.turns = rolls;
+    rolling.rig.rotation = degrees(2.0, 0.0, 0.0);
+    const auto about_x = rolling.after(120.0);
+    ASSERT_TRUE(about_x);
+    EXPECT_TRUE(std::isinf(about_x->rotation_deviation.x())) << describe(*about_x);
+    EXPECT_EQ(about_x->rotation.x(), 0.0);
+    EXPECT_TRUE(std::isfinite(about_x->delay_deviation)) << describe(*about_x);
+  }
+}
+
+TEST(Mounting, ARigThatIsRightIsNotBlamed) {
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+      Flight flight(gives, seed);
+      flight.image_noise = 1e-4 * seed;
+      flight.tilt_noise = 0.5 * kDegree;
+      for (int i = 0; i < 60; ++i) {
+        const auto imu = flight.after(3.0);
+        if (imu) {
+          EXPECT_EQ(troubleOf(*imu), "") << "after " << 3 * (i + 1) << " s";
+        }
+      }
+    }
+  }
+}
+
+TEST(Mounting, FollowsAnImuThatIsMountedAnew) {
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    Flight flight(gives);
+    flight.after(60.0);
+    flight.rig = {degrees(0.0, 2.0, 0.0), -0.015};
+    const auto imu = flight.after(600.0);
+    ASSERT_TRUE(imu);
+    EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
+    EXPECT_NEAR(imu->delay, flight.rig.delay, 0.002) << describe(*imu);
+    EXPECT_LT(imu->rotation_deviation.norm(), 0.3 * kDegree);
+  }
+}
+
+TEST(Mounting, TheAgeOfAReadingIsNoDelay) {
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    Flight flight(gives);
+    flight.age = 0.008;
+    flight.rig.delay = -0.015;
+    const auto imu = flight.after(60.0);
+    ASSERT_TRUE(imu);
+    EXPECT_NEAR(imu->delay, -0.015, 0.003) << describe(*imu);
+  }
+}
+
+// A frame has no homography now and then: what is learned before stays.
+TEST(Mounting, LearnsAcrossGaps) {
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    Flight flight(gives);
+    flight.rig = {degrees(0.0, 0.0, 1.5), 0.02};
+    flight.gap_every = 100;
+    const auto imu = flight.after(120.0);
+    ASSERT_TRUE(imu);
+    EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
+    EXPECT_NEAR(imu->delay, flight.rig.delay, 0.003) << describe(*imu);
+  }
+}
+
+TEST(Mounting, LearnsThoughSomeTurnsAreMissing) {
+  Flight flight(Gives::turns);
+  flight.rig = {degrees(0.0, 0.0, 1.5), 0.02, degrees(0.0, 1.0, 0.0)};
+  for (int i = 0; i < 3600; ++i) {
+    GroundFrame frame = flight.next();
+    if (i % 100 == 0) frame.turn.reset();
+    flight.add(frame);
+  }
+  const auto imu = flight.step().imu;
+  ASSERT_TRUE(imu);
+  EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
+  EXPECT_LT((imu->bias - flight.rig.bias).norm(), 0.15 * kDegree) << describe(*imu);
+  // A gyroscope that is gone for good leaves the orientation.
+  std::optional<ImuMounting> by_orientation;
+  for (int i = 0; i < 1800; ++i) {
+    GroundFrame frame = flight.next();
+    frame.turn.reset();
+    by_orientation = flight.add(frame).imu;
+  }
+  ASSERT_TRUE(by_orientation);
+  EXPECT_NEAR(by_orientation->delay, flight.rig.delay, 0.003) << describe(*by_orientation);
+  EXPECT_TRUE(std::isinf(by_orientation->bias_deviation.y())) << describe(*by_orientation);
+}
+
+TEST(Mounting, IsNotFoundForADirectionOfSomethingElse) {
+  Flight flight(Gives::directions);
+  flight.is_of_imu = false;
+  EXPECT_FALSE(flight.after(60.0));
+}
+
+TEST(Mounting, AnImuInOtherAxesIsNotCalledALittleOff) {
+  Flight flight(Gives::turns);
+  flight.rig.rotation = degrees(0.0, 0.0, 90.0);
+  const auto imu = flight.after(60.0);
+  EXPECT_EQ(imu ? troubleOf(*imu) : "", "");
+}
+
+TEST(Mounting, ChangesNoEstimate) {
+  Flight with(Gives::directions);
+  Flight without(Gives::directions);
+  with.rig = without.rig = {degrees(2.0, 0.0, 0.0), 0.03};
+  without.is_of_imu = false;
+  for (int i = 0; i < 600; ++i) {
+    const GroundEstimate a = with.step();
+    const GroundEstimate b = without.step();
+    ASSERT_EQ(a.base_to_odometry.matrix(), b.base_to_odometry.matrix()) << i;
+    ASSERT_EQ(a.twist, b.twist) << i;
+    ASSERT_EQ(a.twist_covariance, b.twist_covariance) << i;
+  }
+}
+
+TEST(Mounting, AllocatesNothingInTheSteadyState) {
+  for (const Gives gives : {Gives::turns, Gives::directions}) {
+    Flight flight(gives);
+    flight.after(10.0);
+    std::vector<GroundFrame> frames;
+    for (int i = 0; i < 60; ++i) frames.push_back(flight.next());
+    const test::AllocationCounter counter;
+    for (const GroundFrame& frame : frames) flight.add(frame);
+    EXPECT_EQ(counter.count(), 0U);
+  }
+}
+
+TEST(Mounting, TextsHaveTheDigitsThatAreKnown) {
+  ImuMounting imu;
+  imu.rotation = degrees(0.96, 0.1, -2.0);
+  imu.rotation_deviation = degrees(0.1, 0.04, std::numeric_limits<double>::infinity());
+  imu.rotation.z() = 0.0;
+  imu.delay = -0.0204;
+  imu.delay_deviation = 0.0012;
+  imu.bias = degrees(0.0, 1.25, 0.0);
+  imu.bias_deviation = degrees(0.02, 0.02, 0.02);
+  EXPECT_EQ(describe(imu),
+            "mounted 1.0 +- 0.1 degrees off about x, 0.10 +- 0.04 degrees off about y; stamps 20 "
+            "+- 1 ms early; angular velocity 0.00 +- 0.02 degrees/s off about x, 1.25 +- 0.02 "
+            "degrees/s off about y, 0.00 +- 0.02 degrees/s off about z");
+  EXPECT_EQ(troubleOf(imu),
+            "the Imu seems to be mounted 1.0 +- 0.1 degrees off about x; the Imu's stamps seem 20 "
+            "+- 1 ms early; the Imu's angular velocity seems 1.25 +- 0.02 degrees/s off about y");
+  imu.rotation_deviation.x() = 0.3 * kDegree;  // not certain
+  imu.delay = 0.003;                           // does not matter
+  imu.bias.y() = 0.2 * kDegree;
+  EXPECT_EQ(troubleOf(imu), "");
+}
+
+}  // namespace
+}  // namespace ktgp_orb
