@@ -145,9 +145,6 @@ void append(const StageResult& stage, MatchStatistics& message) {
 
 void setStages(const MatchResult& result, MatchStatistics& message) {
   for (const StageResult& stage : result.stages) append(stage, message);
-  for (const StageResult& stage : result.refinements) {
-    if (*stage.name != '\0') append(stage, message);
-  }
   message.alignment_status = static_cast<std::uint8_t>(result.alignment.status);
   message.alignment_rmse_before = result.alignment.rmse_before;
   message.alignment_rmse_after = result.alignment.rmse_after;

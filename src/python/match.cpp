@@ -242,12 +242,9 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
       if (view.pose_covariance.allFinite()) pose_covariance = view.pose_covariance;
     }
   }
-  const auto keep = [this](const StageResult& stage) {
-    if (*stage.name == '\0') return;
+  for (const StageResult& stage : result.stages) {
     stages.push_back({stage.name, stage.input, stage.output, stage.milliseconds});
-  };
-  for (const StageResult& stage : result.stages) keep(stage);
-  for (const StageResult& stage : result.refinements) keep(stage);
+  }
   const auto place = [](const Features& features, std::int32_t index) {
     const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
     return Eigen::Vector2d(point.x, point.y);

@@ -179,6 +179,12 @@ void printFrame(const char* role, const Frame& frame) {
               frame.extraction_milliseconds);
 }
 
+/// What followed the four stages.
+std::vector<StageResult> refinementsOf(const Outcome& outcome) {
+  const std::vector<StageResult>& all = outcome.result.stages;
+  return {all.begin() + outcome.stages.size(), all.end()};
+}
+
 void printStages(const Outcome& outcome) {
   std::printf("\nstage    input  output   kept       ms  distance mean    rms");
   if (outcome.truth) std::printf("  within 3 px  error mean      rms");
@@ -196,8 +202,7 @@ void printStages(const Outcome& outcome) {
     }
     std::printf("\n");
   }
-  for (const StageResult& s : outcome.result.refinements) {
-    if (*s.name == '\0') continue;
+  for (const StageResult& s : refinementsOf(outcome)) {
     std::printf("%-7s %6zu  %6zu %6s %8.2f\n", s.name, s.input, s.output, "", s.milliseconds);
   }
 }
@@ -254,7 +259,7 @@ std::pair<double, double> poseDeviation(const TwoView& view) {
 
 void printTwoView(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
-  if (*result.refinements[3].name == '\0' || result.geometry == Geometry::none) return;
+  if (result.stage("two_view") == nullptr || result.geometry == Geometry::none) return;
   std::printf("\ngeometry: %s, %zu inliers, RMSE %.3f px", toString(result.geometry),
               result.inliers, result.rmse);
   if (std::isfinite(view.parallax)) std::printf(", parallax %.2f degrees", view.parallax);
@@ -378,8 +383,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
            {"homography", nullptr}};
   for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
   out["refinements"] = json::array();
-  for (const StageResult& s : result.refinements) {
-    if (*s.name == '\0') continue;
+  for (const StageResult& s : refinementsOf(outcome)) {
     out["refinements"].push_back({{"name", s.name},
                                   {"input", s.input},
                                   {"output", s.output},
@@ -388,7 +392,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["alignment"] = {{"status", toString(result.alignment.status)},
                       {"rmse_before", result.alignment.rmse_before},
                       {"rmse_after", result.alignment.rmse_after}};
-  if (*result.refinements[3].name != '\0') out["two_view"] = twoViewToJson(result);
+  if (result.stage("two_view") != nullptr) out["two_view"] = twoViewToJson(result);
   if (result.geometry == Geometry::epipolar) {
     out["inliers"] = result.inliers;
     out["rmse"] = result.rmse;
