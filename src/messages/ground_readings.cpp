@@ -11,6 +11,7 @@
 
 #include "core/util/constants.h"
 #include "core/util/frame_name.h"
+#include "messages/answer_message.h"
 #include "messages/pose_message.h"
 #include "motion/rows.h"
 
@@ -184,11 +185,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
     }
     frame.camera = camera.camera;
     frame.size = size;
-    frame.homography =
-        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
-    frame.covariance =
-        Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(h.covariance.data());
-    frame.plane_deviation = h.plane_deviation;
+    frame.answer = answerOf(h);
   }
   no_height_.clear();
   no_normal_.clear();

@@ -83,8 +83,9 @@ void requireValid(const GroundFrame& frame) {
     throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
                                 std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
   }
-  requireAtLeastZero("plane_deviation", frame.plane_deviation);
-  if (frame.homography) requireOfTwoImages(*frame.homography, frame.size);
+  if (!frame.answer) return;
+  requireAtLeastZero("plane_deviation", frame.answer->plane_deviation);
+  requireOfTwoImages(frame.answer->homography, frame.size);
 }
 
 bool isUsable(const Covariance8& covariance) {

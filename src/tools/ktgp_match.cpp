@@ -344,12 +344,8 @@ json toJson(const StageQuality& stage) {
   return out;
 }
 
-json toJson(const Eigen::Matrix3d& h) {
-  return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
-}
-
 json toJson(const RelativePose& pose) {
-  return {{"rotation", toJson(pose.rotation)},
+  return {{"rotation", tools::toJson(pose.rotation)},
           {"translation", {pose.translation.x(), pose.translation.y(), pose.translation.z()}}};
 }
 
@@ -358,7 +354,7 @@ json twoViewToJson(const MatchResult& result) {
   json out{{"log_false_alarms_homography", view.log_false_alarms_homography},
            {"log_false_alarms_epipolar", view.log_false_alarms_epipolar}};
   if (std::isfinite(view.parallax)) out["parallax"] = view.parallax;
-  if (!view.fundamental.isZero(0.0)) out["fundamental"] = toJson(view.fundamental);
+  if (!view.fundamental.isZero(0.0)) out["fundamental"] = tools::toJson(view.fundamental);
   if (!hasPose(view)) return out;
   out["pose"] = toJson(view.pose);
   if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
@@ -398,14 +394,10 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
     out["rmse"] = result.rmse;
   }
   if (outcome.result.status != Status::ok) return out;
-  out["homography"] = toJson(result.answer.homography);
+  out.update(tools::toJson(result.answer));
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
-  out["plane_deviation"] = result.answer.plane_deviation;
   out["corner_deviation"] = cornerDeviation(outcome);
-  out["covariance"] = json::array();
-  for (Eigen::Index i = 0; i < 64; ++i)
-    out["covariance"].push_back(result.answer.covariance(i / 8, i % 8));
   if (outcome.truth) {
     out["corner_error"] = evaluation::cornerError(result.answer.homography, *outcome.truth,
                                                   outcome.reference.image.size());
