@@ -89,12 +89,8 @@ void GroundReadings::configure(const GroundMotionConfig& config, const std::stri
 
 GroundMotionConfig groundMotionDefaults() {
   GroundMotionConfig config;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) config.name = value;
-#define KTGP_INT(name, value, low, high, unit, text) config.name = value;
-#define KTGP_DOUBLE(name, value, low, high, unit, text) config.name = value;
-#define KTGP_STRING(name, value, text) config.name = value;
-#define KTGP_CHOICE(name, value, text, choices) config.name = value;
+#define KTGP_ROW(name, value, ...) config.name = value;
+#include "parameters/each_row.def"
 #include "parameters/ground_motion.def"
 #include "parameters/table_end.def"
   return config;
