@@ -18,7 +18,7 @@ def rows(table):
     """(kind, name, arguments) of each row of the table."""
     with open(os.path.join(TABLES, table), encoding='utf-8') as file:
         for line in file:
-            row = re.match(r'KTGP_(\w+)\((\w+)(?:, (.*))?\)$', line.strip())
+            row = re.match(r'KTGP_(\w+)\((\w+)(?:, (.*"))?(?:, [\w., ]+)?\)$', line.strip())
             if row:
                 kind, name, arguments = row.groups()
                 yield kind, name, json.loads('[%s]' % (arguments or ''))

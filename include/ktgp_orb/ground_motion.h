@@ -47,11 +47,9 @@ std::string whyUnusable(const TurnReading& reading);
 /// A frame of the camera.
 struct GroundFrame {
   std::int64_t stamp = 0;            ///< ns since any epoch
-  std::int64_t reference_stamp = 0;  ///< of the frame that `homography` starts from
+  std::int64_t reference_stamp = 0;  ///< of the frame that the homography starts from
   /// Reference -> this frame, px without lens distortion; empty: none was found.
-  std::optional<Eigen::Matrix3d> homography;
-  Covariance8 covariance = Covariance8::Zero();          ///< see UncertainHomography
-  double plane_deviation = 0.0;                          ///< px, >= 0; the same
+  std::optional<UncertainHomography> answer;
   Eigen::Matrix3d camera = Eigen::Matrix3d::Identity();  ///< K, px
   cv::Size size;  ///< of the image, px; without it the shutter counts as a global one
   std::optional<HeightReading> height;

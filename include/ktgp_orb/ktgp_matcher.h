@@ -1,11 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <vector>
 
 #include "ktgp_orb/alignment.h"
@@ -59,7 +59,6 @@ struct MatcherOptions {
 /// Counts and time of one stage (message: StageStatistics). The output of a stage is the input of
 /// the next one.
 struct StageResult {
-  /// "knn", "tf", "gms", "prosac"; then "growth", "guided", "align", "two_view"; "": off.
   const char* name = "";
   std::size_t input = 0;  ///< knn: target features; others: correspondences
   /// Correspondences left; guided: including those it added; growth: its own; align: aligned;
@@ -115,14 +114,15 @@ struct MatchResult {
   std::vector<Correspondence> correspondences;
   GmsResult gms;
   ProsacResult prosac;  ///< its mask follows the correspondences of level ktg and above, in order
-  /// knn, tf, gms, prosac
-  std::array<StageResult, 4> stages{
-      {{"knn", 0, 0, 0.0}, {"tf", 0, 0, 0.0}, {"gms", 0, 0, 0.0}, {"prosac", 0, 0, 0.0}}};
+  /// knn, tf, gms, prosac: always these four. Then growth, guided, align, two_view: those that are
+  /// on.
+  std::vector<StageResult> stages{{"knn"}, {"tf"}, {"gms"}, {"prosac"}};
+  /// The one with this name; null: it is off.
+  const StageResult* stage(std::string_view name) const;
   GrowthResult growth;  ///< has no seeds where growth was not needed
   /// What guided matching or the growth added, in target order, all of Level::guided.
   std::vector<Correspondence> guided;
   AlignmentResult alignment;
-  std::array<StageResult, 4> refinements;  ///< growth, guided, align, two_view
 
   /// What explains the matches. Plane and rotation have `answer`, too. Epipolar: there is no
   /// homography for all (`status` is model_rejected, and `answer` zero), `two_view` has the

@@ -12,6 +12,7 @@
 
 #include "cli/parameter_file.h"
 #include "cli/program.h"
+#include "core/homography/answer_fields.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -25,6 +26,20 @@ bool decidesAPair(const ParameterRow& row) {
   return decidesARecording(row) && row.group != "stream_images" &&
          row.group != "stream_reference" && row.name.rfind("overlay", 0) != 0 &&
          row.name != "max_rate";
+}
+
+double valueOf(double number) {
+  return number;
+}
+
+nlohmann::json valueOf(const Eigen::Matrix3d& matrix) {
+  return toJson(matrix);
+}
+
+/// Row by row.
+std::vector<double> valueOf(const Covariance8& matrix) {
+  const Eigen::Matrix<double, 8, 8, Eigen::RowMajor> rows = matrix;
+  return {rows.data(), rows.data() + rows.size()};
 }
 
 bool isFlag(const ParameterRow& row) {
@@ -160,6 +175,17 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::stri
     const OrbExtractor checked_extractor(options.orb);
     const KtgpMatcher checked_matcher(options.matcher);
   });
+}
+
+nlohmann::json toJson(const Eigen::Matrix3d& m) {
+  return {{m(0, 0), m(0, 1), m(0, 2)}, {m(1, 0), m(1, 1), m(1, 2)}, {m(2, 0), m(2, 1), m(2, 2)}};
+}
+
+nlohmann::json toJson(const UncertainHomography& answer) {
+  nlohmann::json out;
+  homography::visitAnswer([&](const char* name, const auto& value) { out[name] = valueOf(value); },
+                          answer);
+  return out;
 }
 
 nlohmann::json toJson(const PipelineOptions& options) {

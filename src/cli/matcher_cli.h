@@ -26,6 +26,11 @@ void addPipelineOptions(CLI::App& app, PipelineOptions& options, const std::stri
 /// The parameters of addPipelineOptions by their names.
 nlohmann::json toJson(const PipelineOptions& options);
 
+/// Three rows.
+nlohmann::json toJson(const Eigen::Matrix3d& matrix);
+/// The fields of an answer by their names.
+nlohmann::json toJson(const UncertainHomography& answer);
+
 /// The text of a file name, for example; bytes that are not UTF-8 are replaced.
 std::string textOf(const nlohmann::json& json, int indentation);
 

@@ -16,27 +16,33 @@ namespace {
 
 using util::position;
 
-/// Fills the statistics of one stage from the return value of `run`, which it times.
+/// Fills the statistics of one stage from the return value of `run`, which it times and returns.
 template <typename Run>
-void timeStage(StageResult& stage, const char* name, std::size_t input, Run run) {
+std::size_t timeStage(MatchResult& result, std::string_view name, std::size_t input, Run run) {
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
-  stage.output = run();
-  stage.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  stage.name = name;
-  stage.input = input;
+  const std::size_t output = run();
+  const double time = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  for (StageResult& stage : result.stages) {
+    if (stage.name == name) stage = {stage.name, input, output, time};
+  }
+  return output;
 }
 
 bool hasTwoView(const MatcherOptions& options) {
   return options.geometry != GeometryModel::homography;
 }
 
-void nameRefinements(const MatcherOptions& options, MatchResult& result) {
-  auto& [growth, guided, aligned, two_view] = result.refinements;
-  growth = {options.growth.enabled ? "growth" : "", 0, 0, 0.0};
-  guided = {options.guided.enabled ? "guided" : "", 0, 0, 0.0};
-  aligned = {options.alignment.enabled ? "align" : "", 0, 0, 0.0};
-  two_view = {hasTwoView(options) ? "two_view" : "", 0, 0, 0.0};
+/// None of them has run.
+void nameStages(const MatcherOptions& options, MatchResult& result) {
+  result.stages = {{"knn"}, {"tf"}, {"gms"}, {"prosac"}};
+  const std::pair<const char*, bool> others[] = {{"growth", options.growth.enabled},
+                                                 {"guided", options.guided.enabled},
+                                                 {"align", options.alignment.enabled},
+                                                 {"two_view", hasTwoView(options)}};
+  for (const auto& [name, is_on] : others) {
+    if (is_on) result.stages.push_back({name});
+  }
 }
 
 AlignmentOptions alignmentOptions(const MatcherOptions& options) {
@@ -122,10 +128,16 @@ const char* toString(FoundBy found_by) {
   return "unknown";
 }
 
+const StageResult* MatchResult::stage(std::string_view name) const {
+  for (const StageResult& one : stages) {
+    if (one.name == name) return &one;
+  }
+  return nullptr;
+}
+
 double MatchResult::milliseconds() const {
   double sum = 0.0;
   for (const StageResult& stage : stages) sum += stage.milliseconds;
-  for (const StageResult& stage : refinements) sum += stage.milliseconds;
   return sum;
 }
 
@@ -140,9 +152,7 @@ void MatchResult::clear(const MatcherOptions& options) {
   prosac.mask = std::move(mask);
   found_by = FoundBy::none;
   growth.clear();
-  const char* const names[] = {"knn", "tf", "gms", "prosac"};
-  for (std::size_t i = 0; i < stages.size(); ++i) stages[i] = {names[i], 0, 0, 0.0};
-  nameRefinements(options, *this);
+  nameStages(options, *this);
   clearRefinement(*this);
   clearTwoView(*this);
 }
@@ -239,20 +249,20 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   result.descriptor = target.descriptor;
   Impl& impl = *impl_;
   const MatcherOptions& options = impl.options;
-  auto& [knn, tf, gms, prosac] = result.stages;
   auto& correspondences = result.correspondences;
 
-  timeStage(knn, "knn", target.size(),
-            [&] { return impl.findNeighbours(reference, target, hints, result); });
-  timeStage(tf, "tf", knn.output, [&] {
+  nameStages(options, result);
+  std::size_t left = timeStage(result, "knn", target.size(), [&] {
+    return impl.findNeighbours(reference, target, hints, result);
+  });
+  left = timeStage(result, "tf", left, [&] {
     const double usual = ratioThreshold(target.descriptor);
     return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
-  timeStage(gms, "gms", tf.output, [&] {
+  timeStage(result, "gms", left, [&] {
     impl.filterByMotion(reference, target, result);
     return result.gms.kept;
   });
-  nameRefinements(options, result);
   clearTwoView(result);
   if (impl.findEpipolar(reference, target, hints, result)) return;
   impl.findHomography(reference, target, hints, result);
@@ -264,7 +274,7 @@ bool KtgpMatcher::Impl::findEpipolar(const Features& reference, const Features& 
                                      const MatchHints& hints, MatchResult& result) {
   if (!hasTwoView(options)) return false;
   TwoViewMatches& found = result.two_view;
-  timeStage(result.refinements[3], "two_view", result.gms.kept, [&] {
+  timeStage(result, "two_view", result.gms.kept, [&] {
     TwoViewInput input;
     input.reference_camera = hints.reference_camera;
     input.target_camera = hints.target_camera;
@@ -293,11 +303,10 @@ bool KtgpMatcher::Impl::findEpipolar(const Features& reference, const Features& 
 /// PROSAC and what follows it.
 void KtgpMatcher::Impl::findHomography(const Features& reference, const Features& target,
                                        const MatchHints& hints, MatchResult& result) {
-  StageResult& prosac_stage = result.stages[3];
   std::optional<Eigen::Matrix3d> initial = hints.prediction;
   TwoView& view = result.two_view.view;
   if (view.geometry != Geometry::none) initial = view.homography;
-  timeStage(prosac_stage, "prosac", result.gms.kept, [&] {
+  timeStage(result, "prosac", result.gms.kept, [&] {
     estimateHomography(reference, target, initial, result);
     return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
   });
@@ -379,7 +388,7 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
   const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
   const auto mutual =
       std::count_if(result.correspondences.begin(), result.correspondences.end(), is_mutual);
-  timeStage(result.refinements[0], "growth", static_cast<std::size_t>(mutual), [&] {
+  timeStage(result, "growth", static_cast<std::size_t>(mutual), [&] {
     growth.find(reference, views, target, result.correspondences, start, result.growth);
     return result.growth.pairs.size();
   });
@@ -393,8 +402,6 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
 void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
                                MatchResult& result) {
   clearRefinement(result);
-  StageResult& guided_stage = result.refinements[1];
-  StageResult& align_stage = result.refinements[2];
   guided_matches.clear();
   if (result.status != Status::ok) return;
   const bool grown = result.found_by == FoundBy::growth;
@@ -409,7 +416,7 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
     return;
   }
   if (options.guided.enabled) {
-    timeStage(guided_stage, "guided", result.inliers, [&] {
+    timeStage(result, "guided", result.inliers, [&] {
       UncertainHomography candidate = answer;
       guided.refine(reference, target, options.prosac.max_error, candidate, guided_matches);
       if (adopt(candidate, reference, target, result)) answer = candidate;
@@ -419,7 +426,7 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   if (options.alignment.enabled) {
     result.surviving(Level::ktgp, matches);
     matches.insert(matches.end(), result.guided.begin(), result.guided.end());
-    timeStage(align_stage, "align", matches.size(), [&] {
+    timeStage(result, "align", matches.size(), [&] {
       align(answer, reference, target, result);
       return result.alignment.points.size();
     });

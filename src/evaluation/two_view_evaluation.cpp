@@ -237,7 +237,7 @@ Run ours(const MatcherOptions& options) {
     const auto start = Clock::now();
     matcher->match(images.reference_features, images.target_features, hints, *result);
     score.milliseconds = since(start);
-    score.estimation_milliseconds = result->refinements[3].milliseconds;
+    score.estimation_milliseconds = result->stage("two_view")->milliseconds;
     const TwoView& view = result->two_view.view;
     score.error = std::numeric_limits<double>::infinity();
     score.found = view.geometry != Geometry::none;

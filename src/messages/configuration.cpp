@@ -19,12 +19,8 @@ GreyStretch stretchFrom(const Parameters& parameters) {
 
 Parameters parametersFrom(const KtgpConfig& config) {
   Parameters p;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) p.name = config.name;
-#define KTGP_INT(name, value, low, high, unit, text) p.name = config.name;
-#define KTGP_DOUBLE(name, value, low, high, unit, text) p.name = config.name;
-#define KTGP_STRING(name, value, text) p.name = config.name;
-#define KTGP_CHOICE(name, value, text, choices) p.name = config.name;
+#define KTGP_ROW(name, value, ...) p.name = config.name;
+#include "parameters/each_row.def"
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   return p;

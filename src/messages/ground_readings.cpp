@@ -11,6 +11,7 @@
 
 #include "core/util/constants.h"
 #include "core/util/frame_name.h"
+#include "messages/answer_message.h"
 #include "messages/pose_message.h"
 #include "motion/rows.h"
 
@@ -88,12 +89,8 @@ void GroundReadings::configure(const GroundMotionConfig& config, const std::stri
 
 GroundMotionConfig groundMotionDefaults() {
   GroundMotionConfig config;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) config.name = value;
-#define KTGP_INT(name, value, low, high, unit, text) config.name = value;
-#define KTGP_DOUBLE(name, value, low, high, unit, text) config.name = value;
-#define KTGP_STRING(name, value, text) config.name = value;
-#define KTGP_CHOICE(name, value, text, choices) config.name = value;
+#define KTGP_ROW(name, value, ...) config.name = value;
+#include "parameters/each_row.def"
 #include "parameters/ground_motion.def"
 #include "parameters/table_end.def"
   return config;
@@ -184,11 +181,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
     }
     frame.camera = camera.camera;
     frame.size = size;
-    frame.homography =
-        Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.homography.data());
-    frame.covariance =
-        Eigen::Map<const Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(h.covariance.data());
-    frame.plane_deviation = h.plane_deviation;
+    frame.answer = answerOf(h);
   }
   no_height_.clear();
   no_normal_.clear();

@@ -1,7 +1,6 @@
 #include "messages/message_conversion.h"
 
 #include <cv_bridge/cv_bridge.h>
-#include <ktgp_orb/MatchStatus.h>
 #include <sensor_msgs/image_encodings.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include <utility>
 
 #include "core/util/keypoint_position.h"
+#include "messages/answer_message.h"
 #include "messages/colour_image.h"
 
 namespace ktgp_orb {
@@ -93,14 +93,6 @@ void setDistances(const MatchResult& result, MatchStatistics& message) {
   message.rms_distance = std::sqrt(squares / count);
 }
 
-void copyHomography(const Eigen::Matrix3d& homography, HomographyStamped& message) {
-  Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data()) = homography;
-}
-
-void copyCovariance(const Covariance8& covariance, HomographyStamped& message) {
-  Eigen::Map<Eigen::Matrix<double, 8, 8, Eigen::RowMajor>>(message.covariance.data()) = covariance;
-}
-
 /// Index in the message of an aligned point's correspondence; empty for a guided match that
 /// disagrees with the aligned homography. Guided matches begin at index `guided`. Both parts are in
 /// the order of the target's keypoints.
@@ -145,9 +137,6 @@ void append(const StageResult& stage, MatchStatistics& message) {
 
 void setStages(const MatchResult& result, MatchStatistics& message) {
   for (const StageResult& stage : result.stages) append(stage, message);
-  for (const StageResult& stage : result.refinements) {
-    if (*stage.name != '\0') append(stage, message);
-  }
   message.alignment_status = static_cast<std::uint8_t>(result.alignment.status);
   message.alignment_rmse_before = result.alignment.rmse_before;
   message.alignment_rmse_after = result.alignment.rmse_after;
@@ -209,11 +198,9 @@ HomographyStampedPtr toHomography(const MatchedFrame& frame) {
   message->reason = static_cast<std::uint8_t>(match.no_reference);
   message->rectified = match.frame->lens != nullptr;
   if (result.status != Status::ok) return message;
-  copyHomography(result.answer.homography, *message);
   message->inliers = static_cast<std::uint32_t>(result.inliers);
   message->reprojection_rmse = result.rmse;
-  copyCovariance(result.answer.covariance, *message);
-  message->plane_deviation = result.answer.plane_deviation;
+  copyAnswer(result.answer, *message);
   return message;
 }
 
@@ -227,9 +214,10 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   message->rectified = match.frame->lens != nullptr;
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
-  copyHomography(match.accumulated->homography, *message);
-  copyCovariance(match.accumulated->covariance, *message);
-  message->plane_deviation = match.match.answer.plane_deviation;
+  UncertainHomography answer = match.match.answer;
+  answer.homography = match.accumulated->homography;
+  answer.covariance = match.accumulated->covariance;
+  copyAnswer(answer, *message);
   return message;
 }
 
@@ -262,7 +250,7 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
   setDistances(match.match, *message);
   if (match.match.status == Status::ok) {
     message->reprojection_rmse = match.match.rmse;
-    message->plane_deviation = match.match.answer.plane_deviation;
+    homography::visitNumbers(CopyField(), match.match.answer, *message);
   }
   return message;
 }
@@ -296,14 +284,14 @@ HomographyStampedPtr toHomography(const std_msgs::Header& header, const ros::Tim
   message->reference_stamp = reference;
   message->status = homography ? MatchStatus::STATUS_OK : MatchStatus::STATUS_NO_MODEL;
   if (!homography) return message;
-  copyHomography(*homography, *message);
-  message->covariance.fill(std::numeric_limits<double>::quiet_NaN());
+  const double not_known = std::numeric_limits<double>::quiet_NaN();
+  copyAnswer({*homography, Covariance8::Constant(not_known)}, *message);
   return message;
 }
 
 std::optional<Eigen::Matrix3d> homographyOf(const HomographyStamped& message) {
-  if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
-  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
+  const std::optional<UncertainHomography> answer = answerOf(message);
+  return answer ? std::make_optional(answer->homography) : std::nullopt;
 }
 
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,

@@ -34,13 +34,11 @@ struct MatchedFrame {
 };
 
 /// The messages of the topics in topics.def; null where there is nothing to say.
-CorrespondencesPtr toCorrespondences(const MatchedFrame& frame);
-HomographyStampedPtr toHomography(const MatchedFrame& frame);
-HomographyStampedPtr toAccumulated(const MatchedFrame& frame);
-TwoViewGeometryPtr toTwoView(const MatchedFrame& frame);
-sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame);
-MatchPtr toMatch(const MatchedFrame& frame);
-MatchStatisticsPtr toStatistics(const MatchedFrame& frame);
+#define KTGP_TOPIC(name, Message, make, text) boost::shared_ptr<Message> make(const MatchedFrame&);
+#define KTGP_LIVE_TOPIC KTGP_TOPIC
+#include "messages/topics.def"
+#undef KTGP_TOPIC
+#undef KTGP_LIVE_TOPIC
 
 /// All messages of one frame, for a bag.
 struct FrameMessages {

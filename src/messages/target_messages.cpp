@@ -8,15 +8,13 @@
 
 #include "core/util/frame_name.h"
 #include "core/util/keypoint_position.h"
+#include "messages/answer_message.h"
 #include "messages/pose_message.h"
 
 namespace ktgp_orb {
 namespace {
 
 constexpr double kPatchSide = 15.0;  // px, about
-
-template <int Size>
-using RowMajor = Eigen::Matrix<double, Size, Size, Eigen::RowMajor>;
 
 TargetDetection messageOf(const DetectedTarget& target) {
   TargetDetection message;
@@ -29,12 +27,11 @@ TargetDetection messageOf(const DetectedTarget& target) {
   for (std::size_t i = 0; i < target.corners.size(); ++i) {
     message.corners[2 * i] = target.corners[i].x();
     message.corners[2 * i + 1] = target.corners[i].y();
-    Eigen::Map<RowMajor<2>>(&message.corner_covariances[4 * i]) = target.corner_covariances[i];
+    Eigen::Map<Eigen::Matrix<double, 2, 2, Eigen::RowMajor>>(&message.corner_covariances[4 * i]) =
+        target.corner_covariances[i];
   }
-  Eigen::Map<RowMajor<3>>(message.homography.data()) = target.homography.homography;
-  Eigen::Map<RowMajor<8>>(message.covariance.data()) = target.homography.covariance;
+  copyAnswer(target.homography, message);
   message.inliers = static_cast<std::uint32_t>(target.inliers);
-  message.plane_deviation = target.homography.plane_deviation;
   message.log_false_alarms = target.log_false_alarms;
   message.age = static_cast<std::uint32_t>(target.age);
   message.predicted = target.predicted;

@@ -19,11 +19,6 @@ static_assert(int(Geometry::plane) == TwoViewGeometry::GEOMETRY_PLANE, "");
 static_assert(int(Geometry::rotation) == TwoViewGeometry::GEOMETRY_ROTATION, "");
 static_assert(int(Geometry::epipolar) == TwoViewGeometry::GEOMETRY_EPIPOLAR, "");
 
-/// Whether the two-view geometry was looked for.
-bool isWanted(const MatchResult& result) {
-  return *result.refinements[3].name != '\0';
-}
-
 Pose3 toPose(const RelativePose& pose) {
   Pose3 out = Pose3::Identity();
   out.linear() = pose.rotation;
@@ -46,7 +41,7 @@ void setPose(const TwoView& view, TwoViewGeometry& message) {
 TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
-  if (!isWanted(result)) return nullptr;
+  if (result.stage("two_view") == nullptr) return nullptr;
   auto message = boost::make_shared<TwoViewGeometry>();
   message->header = frame.header;
   message->pose.pose.orientation.w = 1.0;
@@ -70,9 +65,9 @@ TwoViewGeometryPtr toTwoView(const MatchedFrame& frame) {
 sensor_msgs::PointCloud2Ptr toPoints(const MatchedFrame& frame) {
   const SequenceMatch& match = frame.match;
   const MatchResult& result = match.match;
-  if (!isWanted(result) || !match.reference || !match.reference->camera || !match.frame->camera) {
+  const bool is_on = result.stage("two_view") != nullptr;
+  if (!is_on || !match.reference || !match.reference->camera || !match.frame->camera)
     return nullptr;
-  }
   TwoViewInput input;
   input.reference_camera = match.reference->camera;
   input.target_camera = match.frame->camera;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/homography/transform.h"
+#include "core/util/options_check.h"
 #include "ktgp_orb/frame_path.h"
 #include "mosaic/keyframes.h"
 #include "mosaic/tile_map.h"
@@ -20,6 +21,7 @@ namespace {
 
 using mosaic::Keyframes;
 using mosaic::TileMap;
+using util::requireInRange;
 
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
 // Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
@@ -27,13 +29,6 @@ constexpr double kLargestZoom = 4.0;
 // px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
 // a patio.
 constexpr double kParallax = 0.5;
-
-void requireInRange(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return;
-  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                              "; expected a value in [" + std::to_string(low) + ", " +
-                              std::to_string(high) + "]");
-}
 
 void requireValid(const MosaicOptions& options) {
   requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);

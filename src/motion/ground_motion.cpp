@@ -190,9 +190,10 @@ void GroundMotion::Impl::setReadout() {
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (frame.down && !(frame.down->direction.z() > kHorizon)) return GroundStatus::looks_away;
-  if (!frame.homography) return GroundStatus::no_homography;
-  if (!motion::isUsable(frame.covariance)) return GroundStatus::no_covariance;
-  ImageMotion image = motion::inImageUnits(*frame.homography, frame.covariance, frame.camera);
+  if (!frame.answer) return GroundStatus::no_homography;
+  if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
+  ImageMotion image =
+      motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
   image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
@@ -304,7 +305,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     return GroundStatus::contradiction;
   }
   const Eigen::Vector3d& position = filter.now().position;
-  relief.add(frame.plane_deviation / frame.camera(0, 0), position.head<2>().norm() / position.z());
+  relief.add(frame.answer->plane_deviation / frame.camera(0, 0),
+             position.head<2>().norm() / position.z());
   contradictions = 0;
   compareImu(frame, image);
   if (frame.turn) useTurn(*frame.turn);

@@ -83,12 +83,13 @@ void requireValid(const GroundFrame& frame) {
     throw std::invalid_argument("focal length is " + std::to_string(frame.camera(0, 0)) + ", " +
                                 std::to_string(frame.camera(1, 1)) + "; expected more than 0 px");
   }
-  requireAtLeastZero("plane_deviation", frame.plane_deviation);
-  if (frame.homography && frame.reference_stamp == frame.stamp) {
+  if (!frame.answer) return;
+  if (frame.reference_stamp == frame.stamp) {
     throw std::invalid_argument(
         "the frame is its own reference; expected the stamp of an earlier one");
   }
-  if (frame.homography) requireOfTwoImages(*frame.homography, frame.size);
+  requireAtLeastZero("plane_deviation", frame.answer->plane_deviation);
+  requireOfTwoImages(frame.answer->homography, frame.size);
 }
 
 bool isUsable(const Covariance8& covariance) {

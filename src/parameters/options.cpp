@@ -10,43 +10,40 @@ DescriptorKind descriptorFrom(const std::string& name) {
   return name == "teblid" ? DescriptorKind::teblid : DescriptorKind::orb;
 }
 
-GeometryModel geometryFrom(const std::string& name) {
-  if (name == "auto") return GeometryModel::automatic;
-  return name == "epipolar" ? GeometryModel::epipolar : GeometryModel::homography;
+template <typename Option, typename Value>
+void set(Option& option, const Value& value) {
+  option = value;
+}
+void set(DescriptorKind& kind, const std::string& name) {
+  kind = descriptorFrom(name);
+}
+void set(GeometryModel& model, const std::string& name) {
+  model = name == "auto"       ? GeometryModel::automatic
+          : name == "epipolar" ? GeometryModel::epipolar
+                               : GeometryModel::homography;
+}
+void set(KeypointDistribution& distribution, const std::string& name) {
+  distribution = name == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
+}
+void set(ReferenceMode& mode, const std::string& name) {
+  mode = referenceModeFrom(name);
 }
 
-OrbOptions orbOptions(const Parameters& p) {
-  OrbOptions orb;
-  orb.max_features = p.features;
-  orb.scale_factor = p.scale_factor;
-  orb.levels = p.levels;
-  orb.fast_threshold = p.fast_threshold;
-  orb.descriptor = descriptorFrom(p.descriptor);
-  orb.distribution =
-      p.distribution == "uniform" ? KeypointDistribution::uniform : KeypointDistribution::ranked;
-  orb.threads = p.threads;
-  return orb;
+template <typename Value, typename... Options>
+void setAll(const Value& value, const std::tuple<Options&...>& options) {
+  std::apply([&](Options&... option) { (set(option, value), ...); }, options);
 }
 
-MatcherOptions matcherOptions(const Parameters& p) {
-  MatcherOptions matcher;
-  matcher.knn.threads = p.threads;
-  matcher.knn.search_radius = p.search_radius;
-  matcher.ratio_threshold = p.T_w;
-  matcher.mutual = p.mutual;
-  matcher.gms.enabled = p.gms;
-  matcher.gms.threshold = p.T_G;
-  matcher.gms.rotation = p.gms_rotation;
-  matcher.gms.scale = p.gms_scale;
-  matcher.gms.grid_columns = matcher.gms.grid_rows = p.gms_grid;
-  matcher.prosac.max_error = p.prosac_threshold;
-  matcher.growth.enabled = p.growth;
-  matcher.growth.views = p.views;
-  matcher.guided.enabled = p.guided;
-  matcher.alignment.enabled = p.alignment;
-  matcher.geometry = geometryFrom(p.geometry);
+/// The options that the table names.
+SequenceOptions optionsFrom(const Parameters& p) {
+  SequenceOptions options;
+  auto& [orb, matcher, reference] = options;
+#define KTGP_ROW(name, value, ...) setAll(p.name, std::tie(__VA_ARGS__));
+#include "parameters/each_row.def"
+#include "parameters/table.def"
+#include "parameters/table_end.def"
   matcher.two_view = TwoViewOptions::realCameras();
-  return matcher;
+  return options;
 }
 
 /// The methods that decide how far the views of a pair may differ.
@@ -71,7 +68,8 @@ PipelineOptions pipelineOptions(const Parameters& given) {
   requireValid(given);
   Parameters parameters = given;
   if (given.T_w == 0.0) parameters.T_w = ratioThreshold(descriptorFrom(given.descriptor));
-  return {orbOptions(parameters), matcherOptions(parameters), parameters};
+  const SequenceOptions options = optionsFrom(parameters);
+  return {options.orb, options.matcher, parameters};
 }
 
 SequenceOptions sequenceOptions(const Parameters& given) {
@@ -84,13 +82,7 @@ SequenceOptions sequenceOptions(const Parameters& given) {
     parameters.gms = false;
     parameters.views = 13;
   }
-  const PipelineOptions pipeline = pipelineOptions(parameters);
-  SequenceOptions sequence;
-  sequence.orb = pipeline.orb;
-  sequence.matcher = pipeline.matcher;
-  sequence.reference.mode = referenceModeFrom(parameters.reference_mode);
-  sequence.reference.max_age = parameters.max_reference_age;
-  return sequence;
+  return optionsFrom(pipelineOptions(parameters).parameters);
 }
 
 OverlayStyle overlayStyleFrom(const Parameters& parameters) {

@@ -22,13 +22,13 @@ std::vector<std::string> namesOfChoices(const std::string& choices) {
 }
 
 #define KTGP_GROUP(name) group = #name;
-#define KTGP_BOOL(name, value, about) rows.push_back({group, #name, Kind::boolean, about});
-#define KTGP_INT(name, value, low, high, unit, about) \
+#define KTGP_BOOL(name, value, about, ...) rows.push_back({group, #name, Kind::boolean, about});
+#define KTGP_INT(name, value, low, high, unit, about, ...) \
   rows.push_back({group, #name, Kind::whole, about, unit, Limits(low, high)});
-#define KTGP_DOUBLE(name, value, low, high, unit, about) \
+#define KTGP_DOUBLE(name, value, low, high, unit, about, ...) \
   rows.push_back({group, #name, Kind::number, about, unit, Limits(low, high)});
-#define KTGP_STRING(name, value, about) rows.push_back({group, #name, Kind::text, about});
-#define KTGP_CHOICE(name, value, about, choices) \
+#define KTGP_STRING(name, value, about, ...) rows.push_back({group, #name, Kind::text, about});
+#define KTGP_CHOICE(name, value, about, choices, ...) \
   rows.push_back({group, #name, Kind::text, about, "", {}, namesOfChoices(choices)});
 
 using Kind = ParameterInfo::Kind;
@@ -63,12 +63,8 @@ std::map<std::string, Table> readTables() {
 
 std::vector<ParameterRow> readRows() {
   std::vector<ParameterRow::Field> fields;
-#define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) fields.emplace_back(&Parameters::name);
-#define KTGP_INT(name, value, low, high, unit, text) fields.emplace_back(&Parameters::name);
-#define KTGP_DOUBLE(name, value, low, high, unit, text) fields.emplace_back(&Parameters::name);
-#define KTGP_STRING(name, value, text) fields.emplace_back(&Parameters::name);
-#define KTGP_CHOICE(name, value, text, choices) fields.emplace_back(&Parameters::name);
+#define KTGP_ROW(name, value, ...) fields.emplace_back(&Parameters::name);
+#include "parameters/each_row.def"
 #include "parameters/table.def"
 #include "parameters/table_end.def"
   std::vector<ParameterRow> rows;

@@ -10,11 +10,11 @@ namespace ktgp_orb {
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): the order is that of the documents
 struct Parameters {
 #define KTGP_GROUP(name)
-#define KTGP_BOOL(name, value, text) bool name = value;
-#define KTGP_INT(name, value, low, high, unit, text) int name = value;
-#define KTGP_DOUBLE(name, value, low, high, unit, text) double name = value;
-#define KTGP_STRING(name, value, text) std::string name = value;
-#define KTGP_CHOICE(name, value, text, choices) std::string name = value;
+#define KTGP_BOOL(name, value, text, ...) bool name = value;
+#define KTGP_INT(name, value, low, high, unit, text, ...) int name = value;
+#define KTGP_DOUBLE(name, value, low, high, unit, text, ...) double name = value;
+#define KTGP_STRING(name, value, text, ...) std::string name = value;
+#define KTGP_CHOICE(name, value, text, choices, ...) std::string name = value;
 #include "parameters/table.def"
 #include "parameters/table_end.def"
 };

@@ -20,7 +20,7 @@ namespace {
 using Homography = std::optional<Eigen::Matrix3d>;
 
 Homography homographyOf(const FrameMatch& frame) {
-  return frame.status == "ok" ? Homography(frame.homography) : std::nullopt;
+  return frame.status == "ok" ? Homography(frame.answer.homography) : std::nullopt;
 }
 
 class Targets {
@@ -250,9 +250,7 @@ class PyGroundMotion {
     GroundFrame given;
     given.stamp = frame.stamp;
     given.reference_stamp = frame.reference_stamp;
-    given.homography = homographyOf(frame);
-    given.covariance = frame.covariance;
-    given.plane_deviation = frame.plane_deviation;
+    if (frame.status == "ok") given.answer = frame.answer;
     given.camera = camera;
     given.size = frame.image_size;
     if (height) {

@@ -34,6 +34,11 @@ auto viewOf(std::vector<Value> Match::*member) {
   return [member](const py::object& self) { return view(self.cast<const Match&>().*member, self); };
 }
 
+template <typename Value>
+auto answerField(Value UncertainHomography::*field) {
+  return [field](const Match& match) -> const Value& { return match.answer.*field; };
+}
+
 py::list stagesOf(const Match& match) {
   py::list out;
   for (const Match::Stage& stage : match.stages) {
@@ -98,16 +103,17 @@ void defineMatch(py::module_& module) {
       "the order of the target's keypoints, then those that guided matching or the growth added.")
       .def_readonly("status", &Match::status, "\"ok\", or why there is no homography.")
       .def_readonly("found_by", &Match::found_by, "\"prosac\", \"growth\" or \"none\".")
-      .def_readonly("homography", &Match::homography,
-                    "(3, 3) float64: reference to target, px; zero unless status is ok.")
-      .def_readonly("covariance", &Match::covariance,
-                    "(8, 8) float64: of the first eight entries of the homography, row by row, "
-                    "with H[2, 2] = 1.")
-      .def_readonly(
-          "shared_covariance", &Match::shared_covariance,
+      .def_property_readonly("homography", answerField(&UncertainHomography::homography),
+                             "(3, 3) float64: reference to target, px; zero unless status is ok.")
+      .def_property_readonly(
+          "covariance", answerField(&UncertainHomography::covariance),
+          "(8, 8) float64: of the first eight entries of the homography, row by row, "
+          "with H[2, 2] = 1.")
+      .def_property_readonly(
+          "shared_covariance", answerField(&UncertainHomography::shared_covariance),
           "(8, 8) float64: the part of the covariance that many matches cannot average out.")
-      .def_readonly("plane_deviation", &Match::plane_deviation,
-                    "How far the scene is from a plane, px; 0: not detectably.")
+      .def_property_readonly("plane_deviation", answerField(&UncertainHomography::plane_deviation),
+                             "How far the scene is from a plane, px; 0: not detectably.")
       .def_readonly("inlier_count", &Match::inlier_count, "Number of inliers of the homography.")
       .def_readonly("rmse", &Match::rmse,
                     "Root mean square of the reprojection errors of the inliers, px.")
@@ -224,10 +230,7 @@ void defineFeatures(py::module_& module) {
 Match::Match(const MatchResult& result, const Features& reference, const Features& target)
     : status(toString(result.status)),
       found_by(toString(result.found_by)),
-      homography(result.answer.homography),
-      covariance(result.answer.covariance),
-      shared_covariance(result.answer.shared_covariance),
-      plane_deviation(result.answer.plane_deviation),
+      answer(result.answer),
       inlier_count(result.inliers),
       rmse(result.rmse),
       geometry(toString(result.geometry)),
@@ -242,12 +245,9 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
       if (view.pose_covariance.allFinite()) pose_covariance = view.pose_covariance;
     }
   }
-  const auto keep = [this](const StageResult& stage) {
-    if (*stage.name == '\0') return;
+  for (const StageResult& stage : result.stages) {
     stages.push_back({stage.name, stage.input, stage.output, stage.milliseconds});
-  };
-  for (const StageResult& stage : result.stages) keep(stage);
-  for (const StageResult& stage : result.refinements) keep(stage);
+  }
   const auto place = [](const Features& features, std::int32_t index) {
     const cv::Point2f& point = features.keypoints[static_cast<std::size_t>(index)].pt;
     return Eigen::Vector2d(point.x, point.y);
@@ -271,11 +271,12 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
 }
 
 py::tuple stateOf(const Match& m) {
-  return py::make_tuple(
-      m.status, m.found_by, m.homography, m.covariance, m.shared_covariance, m.plane_deviation,
-      m.inlier_count, m.rmse, m.geometry, m.rotation, m.translation, m.pose_covariance,
-      m.fundamental, m.parallax, stagesOf(m), copied(m.reference_points), copied(m.target_points),
-      copied(m.reference_indices), copied(m.target_indices), copied(m.distances), copied(m.levels));
+  return py::make_tuple(m.status, m.found_by, m.answer.homography, m.answer.covariance,
+                        m.answer.shared_covariance, m.answer.plane_deviation, m.inlier_count,
+                        m.rmse, m.geometry, m.rotation, m.translation, m.pose_covariance,
+                        m.fundamental, m.parallax, stagesOf(m), copied(m.reference_points),
+                        copied(m.target_points), copied(m.reference_indices),
+                        copied(m.target_indices), copied(m.distances), copied(m.levels));
 }
 
 void restore(const py::tuple& state, Match& m) {
@@ -285,10 +286,10 @@ void restore(const py::tuple& state, Match& m) {
   };
   take(m.status);
   take(m.found_by);
-  take(m.homography);
-  take(m.covariance);
-  take(m.shared_covariance);
-  take(m.plane_deviation);
+  take(m.answer.homography);
+  take(m.answer.covariance);
+  take(m.answer.shared_covariance);
+  take(m.answer.plane_deviation);
   take(m.inlier_count);
   take(m.rmse);
   take(m.geometry);

@@ -36,10 +36,7 @@ struct Match {
 
   std::string status;
   std::string found_by;
-  Eigen::Matrix3d homography;
-  Covariance8 covariance;
-  Covariance8 shared_covariance;
-  double plane_deviation = 0.0;
+  UncertainHomography answer;
   std::size_t inlier_count = 0;
   double rmse = 0.0;
   std::string geometry;

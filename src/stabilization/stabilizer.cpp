@@ -9,9 +9,12 @@
 
 #include "core/homography/model.h"
 #include "core/homography/transform.h"
+#include "core/util/options_check.h"
 
 namespace ktgp_orb {
 namespace {
+
+using util::requireInRange;
 
 constexpr double kReach = 3.0;         // standard deviations of the weights that are used
 constexpr std::size_t kMaxPath = 600;  // frames
@@ -22,13 +25,6 @@ constexpr double kLinearAtOnce = 0.75;
 // Without later frames: what a camera is expected to do before more is known is to stand still. At
 // 30 frames a second, where a whole history weighs 5, this delays an even motion by 0.01 s.
 constexpr double kStillness = 0.1;
-
-void requireInRange(const char* name, double value, double low, double high) {
-  if (value >= low && value <= high) return;
-  throw std::invalid_argument(std::string(name) + " is " + std::to_string(value) +
-                              "; expected a value in [" + std::to_string(low) + ", " +
-                              std::to_string(high) + "]");
-}
 
 double seconds(std::int64_t nanoseconds) {
   return 1e-9 * static_cast<double>(nanoseconds);

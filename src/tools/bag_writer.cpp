@@ -1,8 +1,10 @@
 #include "tools/bag_writer.h"
 
+#include <algorithm>
 #include <iostream>
 #include <stdexcept>
 
+#include "core/homography/answer_fields.h"
 #include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
@@ -12,16 +14,18 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr const char* kColumns =
-    "stamp,reference_stamp,status,found_by,reference_changed,reference_features,target_features,"
-    "descriptor,"
-    "knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,plane_deviation,"
-    "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
-    "h00,h01,h02,h10,h11,h12,h20,h21,h22,"
-    "geometry,x,y,z,qx,qy,qz,qw,parallax,error";
 constexpr int kStages = 4;
 constexpr std::size_t kColumnsOfTwoView = 9;
-constexpr std::size_t kColumnsAfterStatus = 29 + kColumnsOfTwoView;  // without the error
+
+std::string columns() {
+  std::string text =
+      "stamp,reference_stamp,status,found_by,reference_changed,reference_features,target_features,"
+      "descriptor,knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,";
+  homography::visitNumbers([&](const std::string& name) { text += name + ","; });
+  return text +
+         "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
+         "h00,h01,h02,h10,h11,h12,h20,h21,h22,geometry,x,y,z,qx,qy,qz,qw,parallax,error";
+}
 
 /// What is not known stays empty.
 void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
@@ -56,7 +60,7 @@ MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const s
   if (csv.empty()) return;
   if (to_file) csv_text_.open(csv_file_->unfinished());
   csv_ = to_file ? static_cast<std::ostream*>(&csv_text_) : &std::cout;
-  *csv_ << kColumns << '\n';
+  *csv_ << columns() << '\n';
 }
 
 MatchWriter::~MatchWriter() {
@@ -119,7 +123,8 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
   row.add(s.descriptor);
   for (int i = 0; i < kStages; ++i) row.add(s.stages[i].output);
   row.add(s.retention).add(s.mean_distance).add(s.rms_distance).add(s.reprojection_rmse);
-  row.add(s.plane_deviation).add(s.extraction_milliseconds, kTime);
+  homography::visitNumbers([&](const char* /*name*/, double value) { row.add(value); }, s);
+  row.add(s.extraction_milliseconds, kTime);
   for (int i = 0; i < kStages; ++i) row.add(s.stages[i].milliseconds, kTime);
   row.add(s.total_milliseconds, kTime);
   for (const double h : messages.homography->homography) row.add(h, kExact);
@@ -130,13 +135,12 @@ void MatchWriter::writeLine(const FrameMessages& messages) {
 
 void MatchWriter::writeRefused(const std_msgs::Header& header, const std::string& reason) {
   if (csv_ == nullptr) return;
+  const std::string names = columns();
+  const auto after_status =
+      static_cast<std::size_t>(std::count(names.begin(), names.end(), ',')) - 3;
   files::CsvRow row;
-  *csv_ << row.add(textOf(header.stamp))
-               .skip(1)
-               .add("refused")
-               .skip(kColumnsAfterStatus)
-               .add(reason)
-               .line();
+  *csv_
+      << row.add(textOf(header.stamp)).skip(1).add("refused").skip(after_status).add(reason).line();
 }
 
 }  // namespace ktgp_orb

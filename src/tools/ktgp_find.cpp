@@ -41,10 +41,6 @@ struct Arguments {
   TargetFinderOptions options;
 };
 
-json toJson(const Eigen::Matrix3d& h) {
-  return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
-}
-
 json toJson(const DetectedTarget& detection) {
   json corners = json::array();
   json covariances = json::array();
@@ -53,20 +49,21 @@ json toJson(const DetectedTarget& detection) {
     corners.push_back({detection.corners[i].x(), detection.corners[i].y()});
     covariances.push_back({{c(0, 0), c(0, 1)}, {c(1, 0), c(1, 1)}});
   }
-  return {{"id", detection.id},
-          {"instance", detection.instance},
-          {"status", toString(detection.status)},
-          {"image", detection.image},
-          {"corners", corners},
-          {"corner_covariances", covariances},
-          {"homography", toJson(detection.homography.homography)},
-          {"inliers", detection.inliers},
-          {"aligned", detection.aligned},
-          {"plane_deviation", detection.homography.plane_deviation},
-          {"log_false_alarms", detection.log_false_alarms},
-          {"width", detection.width},
-          {"frame", detection.frame},
-          {"ambiguity", detection.ambiguity}};
+  json out{{"id", detection.id},
+           {"instance", detection.instance},
+           {"status", toString(detection.status)},
+           {"image", detection.image},
+           {"corners", corners},
+           {"corner_covariances", covariances},
+           {"inliers", detection.inliers},
+           {"aligned", detection.aligned},
+           {"log_false_alarms", detection.log_false_alarms},
+           {"width", detection.width},
+           {"frame", detection.frame},
+           {"ambiguity", detection.ambiguity}};
+  out.update(tools::toJson(detection.homography));
+  out.erase("covariance");  // the corners have theirs
+  return out;
 }
 
 json toJson(const Arguments& arguments, const TargetFrame& frame,

@@ -179,6 +179,12 @@ void printFrame(const char* role, const Frame& frame) {
               frame.extraction_milliseconds);
 }
 
+/// What followed the four stages.
+std::vector<StageResult> refinementsOf(const Outcome& outcome) {
+  const std::vector<StageResult>& all = outcome.result.stages;
+  return {all.begin() + outcome.stages.size(), all.end()};
+}
+
 void printStages(const Outcome& outcome) {
   std::printf("\nstage    input  output   kept       ms  distance mean    rms");
   if (outcome.truth) std::printf("  within 3 px  error mean      rms");
@@ -196,8 +202,7 @@ void printStages(const Outcome& outcome) {
     }
     std::printf("\n");
   }
-  for (const StageResult& s : outcome.result.refinements) {
-    if (*s.name == '\0') continue;
+  for (const StageResult& s : refinementsOf(outcome)) {
     std::printf("%-7s %6zu  %6zu %6s %8.2f\n", s.name, s.input, s.output, "", s.milliseconds);
   }
 }
@@ -254,7 +259,7 @@ std::pair<double, double> poseDeviation(const TwoView& view) {
 
 void printTwoView(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
-  if (*result.refinements[3].name == '\0' || result.geometry == Geometry::none) return;
+  if (result.stage("two_view") == nullptr || result.geometry == Geometry::none) return;
   std::printf("\ngeometry: %s, %zu inliers, RMSE %.3f px", toString(result.geometry),
               result.inliers, result.rmse);
   if (std::isfinite(view.parallax)) std::printf(", parallax %.2f degrees", view.parallax);
@@ -339,12 +344,8 @@ json toJson(const StageQuality& stage) {
   return out;
 }
 
-json toJson(const Eigen::Matrix3d& h) {
-  return {{h(0, 0), h(0, 1), h(0, 2)}, {h(1, 0), h(1, 1), h(1, 2)}, {h(2, 0), h(2, 1), h(2, 2)}};
-}
-
 json toJson(const RelativePose& pose) {
-  return {{"rotation", toJson(pose.rotation)},
+  return {{"rotation", tools::toJson(pose.rotation)},
           {"translation", {pose.translation.x(), pose.translation.y(), pose.translation.z()}}};
 }
 
@@ -353,7 +354,7 @@ json twoViewToJson(const MatchResult& result) {
   json out{{"log_false_alarms_homography", view.log_false_alarms_homography},
            {"log_false_alarms_epipolar", view.log_false_alarms_epipolar}};
   if (std::isfinite(view.parallax)) out["parallax"] = view.parallax;
-  if (!view.fundamental.isZero(0.0)) out["fundamental"] = toJson(view.fundamental);
+  if (!view.fundamental.isZero(0.0)) out["fundamental"] = tools::toJson(view.fundamental);
   if (!hasPose(view)) return out;
   out["pose"] = toJson(view.pose);
   if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
@@ -378,8 +379,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
            {"homography", nullptr}};
   for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
   out["refinements"] = json::array();
-  for (const StageResult& s : result.refinements) {
-    if (*s.name == '\0') continue;
+  for (const StageResult& s : refinementsOf(outcome)) {
     out["refinements"].push_back({{"name", s.name},
                                   {"input", s.input},
                                   {"output", s.output},
@@ -388,20 +388,16 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
   out["alignment"] = {{"status", toString(result.alignment.status)},
                       {"rmse_before", result.alignment.rmse_before},
                       {"rmse_after", result.alignment.rmse_after}};
-  if (*result.refinements[3].name != '\0') out["two_view"] = twoViewToJson(result);
+  if (result.stage("two_view") != nullptr) out["two_view"] = twoViewToJson(result);
   if (result.geometry == Geometry::epipolar) {
     out["inliers"] = result.inliers;
     out["rmse"] = result.rmse;
   }
   if (outcome.result.status != Status::ok) return out;
-  out["homography"] = toJson(result.answer.homography);
+  out.update(tools::toJson(result.answer));
   out["inliers"] = result.inliers;
   out["rmse"] = result.rmse;
-  out["plane_deviation"] = result.answer.plane_deviation;
   out["corner_deviation"] = cornerDeviation(outcome);
-  out["covariance"] = json::array();
-  for (Eigen::Index i = 0; i < 64; ++i)
-    out["covariance"].push_back(result.answer.covariance(i / 8, i % 8));
   if (outcome.truth) {
     out["corner_error"] = evaluation::cornerError(result.answer.homography, *outcome.truth,
                                                   outcome.reference.image.size());

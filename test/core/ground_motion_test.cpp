@@ -112,9 +112,9 @@ class Flight {
     if (frame > 0) {
       result.reference_stamp = stampOf(keyframe_);
       const Eigen::Matrix3d h = camera() * image * keyframe_image_.inverse() * camera().inverse();
-      result.homography = h / h(2, 2);
-      result.covariance = claimed * covarianceOf(*result.homography);
-      result.plane_deviation = plane_deviation;
+      const Eigen::Matrix3d normalised = h / h(2, 2);
+      result.answer = UncertainHomography{normalised, claimed * covarianceOf(normalised),
+                                          Covariance8::Zero(), plane_deviation};
     }
     if (frame % keyframe_every == 0) {
       keyframe_ = frame;
@@ -312,13 +312,13 @@ TEST(GroundMotion, PixelsAndImageUnitsHaveTheSameCovariance) {
   GroundFrame frame;
   for (int i = 0; i < 7; ++i) frame = flight.next();
   const motion::ImageMotion image =
-      motion::inImageUnits(*frame.homography, frame.covariance, camera());
+      motion::inImageUnits(frame.answer->homography, frame.answer->covariance, camera());
   const Eigen::MatrixXd slope = numericSlope<8>([&](const Vector8& e) {
-    Eigen::Matrix3d h = *frame.homography;
+    Eigen::Matrix3d h = frame.answer->homography;
     for (int i = 0; i < 8; ++i) h(i / 3, i % 3) += e(i);
     return motion::entriesOf(camera().inverse() * h * camera());
   });
-  Matrix8 expected = slope * frame.covariance * slope.transpose();
+  Matrix8 expected = slope * frame.answer->covariance * slope.transpose();
   expected.diagonal().array() += 1e-12;  // at least
   EXPECT_LT((image.covariance - expected).norm(), 1e-6 * expected.norm());
 }
@@ -489,7 +489,7 @@ TEST(GroundMotion, BeginsAnewAfterNumbersThatAreTooLarge) {
   int losses = 0;
   for (int i = 0; i < 100; ++i) {
     GroundFrame frame = flight.next();
-    if (i == 41) frame.covariance *= 1e306;
+    if (i == 41) frame.answer->covariance *= 1e306;
     const GroundEstimate& estimate = ground.add(frame);
     if (estimate.status == GroundStatus::not_finite) ++losses;
     if (last == GroundStatus::not_finite) {
@@ -525,15 +525,17 @@ TEST(GroundMotion, ASecondWithoutHomographyGrowsTheCovariance) {
   for (int i = 0; i < 200; ++i) {
     GroundFrame frame = flight.next();
     const bool missing = i >= 80 && i < 110;
-    if (missing) frame.homography.reset();
+    if (missing) frame.answer.reset();
     if (i == 110) frame.reference_stamp = stampOf(109);  // as the matcher, which begins anew there
     if (i == 110)
-      frame.homography = camera() * motion::imageFromGround(flight.truth(110)) *
-                         motion::imageFromGround(flight.truth(109)).inverse() * camera().inverse();
+      frame.answer->homography = camera() * motion::imageFromGround(flight.truth(110)) *
+                                 motion::imageFromGround(flight.truth(109)).inverse() *
+                                 camera().inverse();
     if (i > 110 && i <= 120) {
       frame.reference_stamp = stampOf(110);
-      frame.homography = camera() * motion::imageFromGround(flight.truth(i)) *
-                         motion::imageFromGround(flight.truth(110)).inverse() * camera().inverse();
+      frame.answer->homography = camera() * motion::imageFromGround(flight.truth(i)) *
+                                 motion::imageFromGround(flight.truth(110)).inverse() *
+                                 camera().inverse();
     }
     const GroundEstimate& estimate = ground.add(frame);
     if (i == 79) before = estimate.pose_covariance;
@@ -696,8 +698,9 @@ TEST(GroundMotion, AHomographyThatIsOffByAPeriodIsAJump) {
     GroundFrame frame = flight.next();
     CameraPose moved = flight.truth(53);
     moved.position.x() += 0.1;  // 3 m/s
-    *frame.homography = camera() * motion::imageFromGround(moved) *
-                        motion::imageFromGround(flight.truth(50)).inverse() * camera().inverse();
+    frame.answer->homography = camera() * motion::imageFromGround(moved) *
+                               motion::imageFromGround(flight.truth(50)).inverse() *
+                               camera().inverse();
     EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction) << scale;
     EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::ok) << scale;
   }
@@ -792,13 +795,14 @@ struct RollingFlight {
     frame.reference_stamp = stampOf(keyframe);
     frame.camera = camera();
     frame.size = size;
-    frame.homography = h / h(2, 2);
+    frame.answer.emplace().homography = h / h(2, 2);
     const auto to_pixels = numericSlope<8>([&](const Vector8& e) {
       Eigen::Matrix<double, 3, 3, Eigen::RowMajor> m = unit;
       Eigen::Map<Vector8>(m.data()) += e;
       return motion::entriesOf(camera() * m * camera().inverse());
     });
-    frame.covariance = noise * noise * to_pixels * information.inverse() * to_pixels.transpose();
+    frame.answer->covariance =
+        noise * noise * to_pixels * information.inverse() * to_pixels.transpose();
     HeightReading height;
     height.metres = pose.position.z();
     height.deviation = 0.01 * height.metres;
@@ -885,13 +889,13 @@ TEST(GroundMotion, RefusesAHomographyThatContradictsTheGround) {
   GroundMotion ground(optionsWith(mounted()));
   for (int i = 0; i < 53; ++i) ground.add(flight.next());
   GroundFrame frame = flight.next();
-  (*frame.homography)(0, 0) *= 1.2;
+  frame.answer->homography(0, 0) *= 1.2;
   EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction);
   EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::ok);  // by the same keyframe
   for (int i = 55; i < 65; ++i) {
     frame = flight.next();
     frame.reference_stamp = stampOf(50);
-    (*frame.homography)(0, 0) *= 1.2;
+    frame.answer->homography(0, 0) *= 1.2;
     EXPECT_EQ(ground.add(frame).status, GroundStatus::contradiction);
   }
   EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::resumed);
@@ -1007,7 +1011,7 @@ TEST(GroundMotion, RefusesUnusableReadings) {
             }),
             "");
   EXPECT_NE(refusalOf([](GroundFrame& f) { f.camera.setZero(); }), "");
-  EXPECT_NE(refusalOf([](GroundFrame& f) { (*f.homography)(1, 1) = kNan; }), "");
+  EXPECT_NE(refusalOf([](GroundFrame& f) { f.answer->homography(1, 1) = kNan; }), "");
   EXPECT_EQ(refusalOf([](GroundFrame&) {}), "");
 }
 
@@ -1015,8 +1019,8 @@ TEST(GroundMotion, RefusesHomographiesThatNoPairOfImagesHas) {
   const auto moved = [](double x, double y) {
     return [=](GroundFrame& f) {
       f.size = {640, 480};
-      f.homography = Eigen::Matrix3d::Identity();
-      f.homography->topRightCorner<2, 1>() << x, y;
+      f.answer->homography = Eigen::Matrix3d::Identity();
+      f.answer->homography.topRightCorner<2, 1>() << x, y;
     };
   };
   const std::string apart =
@@ -1027,11 +1031,12 @@ TEST(GroundMotion, RefusesHomographiesThatNoPairOfImagesHas) {
   }
   EXPECT_EQ(refusalOf(moved(600.0, 400.0)), "");
   const std::string flat = "the homography mirrors the image, or makes it a line";
-  EXPECT_EQ(
-      refusalOf([](GroundFrame& f) { f.homography = Eigen::Vector3d(-1, 1, 1).asDiagonal(); }),
-      flat);
-  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.homography->setZero(); }), flat);
-  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.homography->row(1).setZero(); }), flat);
+  EXPECT_EQ(refusalOf([](GroundFrame& f) {
+              f.answer->homography = Eigen::Vector3d(-1, 1, 1).asDiagonal();
+            }),
+            flat);
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.answer->homography.setZero(); }), flat);
+  EXPECT_EQ(refusalOf([](GroundFrame& f) { f.answer->homography.row(1).setZero(); }), flat);
 }
 
 TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
@@ -1042,7 +1047,7 @@ TEST(GroundMotion, WithoutHeightOrCovarianceNothingIsKnown) {
   EXPECT_EQ(ground.add(flight.next()).status, GroundStatus::no_height);
   flight.gives_height = true;
   GroundFrame frame = flight.next();
-  frame.covariance(3, 3) = std::numeric_limits<double>::quiet_NaN();
+  frame.answer->covariance(3, 3) = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(ground.add(frame).status, GroundStatus::no_covariance);
   GroundMotionOptions options;
   options.ground_slope = -1.0;

@@ -243,13 +243,11 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
-  const StageResult& stage = result.refinements[0];
-  EXPECT_STREQ(stage.name, "growth");
+  const StageResult& stage = *result.stage("growth");
   EXPECT_EQ(stage.output, result.growth.pairs.size());
   EXPECT_GT(stage.milliseconds, 0.0);
   double others = -stage.milliseconds;  // its time is part of the total
   for (const StageResult& s : result.stages) others += s.milliseconds;
-  for (const StageResult& s : result.refinements) others += s.milliseconds;
   EXPECT_NEAR(result.milliseconds(), others + stage.milliseconds, 1e-9);
   EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,

@@ -82,10 +82,10 @@ TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlon
     EXPECT_EQ(std::min(after, Level::ktg), std::min(before, Level::ktg))
         << "the first three stages";
   }
-  EXPECT_STREQ(plain.refinements[2].name, "");
-  EXPECT_STREQ(aligned.refinements[2].name, "align");
-  EXPECT_EQ(aligned.refinements[2].input, aligned.stages[3].output);
-  EXPECT_EQ(aligned.refinements[2].output, aligned.alignment.points.size());
+  EXPECT_EQ(plain.stage("align"), nullptr);
+  ASSERT_NE(aligned.stage("align"), nullptr);
+  EXPECT_EQ(aligned.stage("align")->input, aligned.stages[3].output);
+  EXPECT_EQ(aligned.stage("align")->output, aligned.alignment.points.size());
 }
 
 TEST(MatcherRefinement, LeavingGmsOutLeavesTheLevelsNested) {
@@ -108,7 +108,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_GT(result.guided.size(), 50u);
   EXPECT_EQ(result.inliers, result.stages[3].output + result.guided.size());
-  EXPECT_EQ(result.refinements[1].output, result.inliers);
+  EXPECT_EQ(result.stage("guided")->output, result.inliers);
   std::vector<bool> final_already(pair.target.size());
   for (const Correspondence& c : result.correspondences) {
     final_already[static_cast<std::size_t>(c.target_index)] = c.level >= Level::ktgp;

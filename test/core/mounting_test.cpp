@@ -81,8 +81,9 @@ class Flight {
       result.reference_stamp = stampOf(keyframe_);
       const Eigen::Matrix3d h =
           result.camera * image * keyframe_image_.inverse() * result.camera.inverse();
-      result.homography = h / h(2, 2);
-      result.covariance = covarianceOf(*result.homography, result.camera);
+      UncertainHomography& answer = result.answer.emplace();
+      answer.homography = h / h(2, 2);
+      answer.covariance = covarianceOf(answer.homography, result.camera);
     }
     if (frame % kKeyframe == 0) {
       keyframe_ = frame;

@@ -370,11 +370,7 @@ class SlowFlight {
     frame.reference_stamp = stamp(i - 1);
     frame.camera << kFocalLength, 0.0, 319.5, 0.0, kFocalLength, 239.5, 0.0, 0.0, 1.0;
     frame.size = {640, 480};
-    if (found.match.status == Status::ok) {
-      frame.homography = found.match.answer.homography;
-      frame.covariance = found.match.answer.covariance;
-      frame.plane_deviation = found.match.answer.plane_deviation;
-    }
+    if (found.match.status == Status::ok) frame.answer = found.match.answer;
     frame.height = HeightReading{kHeight * (1.0 + 0.01 * normal_(random_)), 0.01 * kHeight};
     DownReading down;
     down.direction += 0.005 * Eigen::Vector3d(normal_(random_), normal_(random_), 0.0);

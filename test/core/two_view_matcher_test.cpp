@@ -120,7 +120,7 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
     inliers += result.correspondences[i].level == Level::ktgp;
   }
   EXPECT_EQ(inliers, result.inliers);
-  EXPECT_EQ(result.refinements[3].output, result.inliers);
+  EXPECT_EQ(result.stage("two_view")->output, result.inliers);
   EXPECT_GT(inliers, 300u);
 
   matcher.match(frames.reference, frames.target, result);  // without K
@@ -178,7 +178,7 @@ TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
   KtgpMatcher matcher;
   MatchResult result;
   matcher.match(frames.reference, frames.target, withCamera(), result);  // K is not used
-  EXPECT_STREQ(result.refinements[3].name, "");
+  EXPECT_EQ(result.stage("two_view"), nullptr);
   EXPECT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::plane);
   EXPECT_TRUE(result.two_view.pairs.reference.empty());

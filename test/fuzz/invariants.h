@@ -53,7 +53,7 @@ inline void requireSound(const MatchResult& result, const Features& reference,
   }
   const auto& stages = result.stages;
   require(stages[0].output == neighbours, "knn keeps all that have a neighbour");
-  for (std::size_t s = 1; s < stages.size(); ++s) {
+  for (std::size_t s = 1; s < 4; ++s) {
     require(stages[s].input == stages[s - 1].output, "a stage begins where the one before ended");
     require(stages[s].output <= stages[s].input, "levels are nested");
     require(stages[s].output == countAtLeast(all, static_cast<Level>(s)), "levels are the counts");

@@ -291,9 +291,9 @@ Score score(std::uint64_t seed, const Links& links, const Noise& noise) {
     if (links[i].reference >= 0) {
       frame.reference_stamp =
           static_cast<std::int64_t>(std::llround(1e9 * links[i].reference / kRate));
-      frame.homography = Eigen::Map<const RowMajor3>(links[i].homography);
-      frame.covariance = Eigen::Map<const RowMajor8>(links[i].covariance);
-      frame.plane_deviation = links[i].plane_deviation;
+      frame.answer = UncertainHomography{Eigen::Map<const RowMajor3>(links[i].homography),
+                                         Eigen::Map<const RowMajor8>(links[i].covariance),
+                                         Covariance8::Zero(), links[i].plane_deviation};
       deviations.push_back(links[i].plane_deviation);
     }
     HeightReading height;

@@ -7,25 +7,17 @@
 #include <cmath>
 #include <cstddef>
 
+#include "core/homography/point_pairs.h"
+
 namespace ktgp_orb::growth {
 namespace {
 
-/// Shifts to the centroid and scales to a mean distance of 1.
-struct Scaling {
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-  double scale = 1.0;
+using homography::Normalisation;
 
-  Eigen::Vector2d apply(const Eigen::Vector2d& p) const { return scale * (p - centre); }
-  Eigen::Matrix3d matrix() const {
-    Eigen::Matrix3d m;
-    m << scale, 0.0, -scale * centre.x(), 0.0, scale, -scale * centre.y(), 0.0, 0.0, 1.0;
-    return m;
-  }
-};
-
+/// To the centroid, and to a mean distance of 1.
 template <typename Place>
-Scaling scalingOf(const std::vector<PlacePair>& pairs, const Place& place) {
-  Scaling s;
+Normalisation scalingOf(const std::vector<PlacePair>& pairs, const Place& place) {
+  Normalisation s;
   const auto count = static_cast<double>(pairs.size());
   for (const PlacePair& pair : pairs) s.centre += place(pair);
   s.centre /= count;
@@ -55,7 +47,7 @@ bool keepsSides(const Eigen::Matrix3d& map, const std::vector<PlacePair>& pairs)
 
 bool fitAffine(const std::vector<PlacePair>& pairs, double scale, Eigen::Matrix3d& map) {
   constexpr double kTooFlat = 1e-3;  // smallest pivot of the points' second moments
-  const Scaling from = scalingOf(pairs, [](const PlacePair& p) { return p.reference; });
+  const Normalisation from = scalingOf(pairs, [](const PlacePair& p) { return p.reference; });
   Eigen::Matrix3d sums = Eigen::Matrix3d::Zero();
   Eigen::Matrix<double, 3, 2> products = Eigen::Matrix<double, 3, 2>::Zero();
   for (const PlacePair& pair : pairs) {
@@ -77,8 +69,8 @@ bool fitAffine(const std::vector<PlacePair>& pairs, double scale, Eigen::Matrix3
 bool fitHomography(const std::vector<PlacePair>& pairs, double scale, Eigen::Matrix3d& map) {
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  const Scaling from = scalingOf(pairs, [](const PlacePair& p) { return p.reference; });
-  const Scaling to = scalingOf(pairs, [](const PlacePair& p) { return p.target; });
+  const Normalisation from = scalingOf(pairs, [](const PlacePair& p) { return p.reference; });
+  const Normalisation to = scalingOf(pairs, [](const PlacePair& p) { return p.target; });
   Matrix8 sums = Matrix8::Zero();
   Vector8 products = Vector8::Zero();
   for (const PlacePair& pair : pairs) {

@@ -36,25 +36,6 @@ void requireNoise(const std::vector<double>& noise, std::size_t pairs) {
   }
 }
 
-void requireValid(const PointPairs& pairs) {
-  const std::size_t n = pairs.reference.size();
-  if (pairs.target.size() != n || pairs.quality.size() != n) {
-    throw std::invalid_argument("point pairs have " + std::to_string(n) + " reference points, " +
-                                std::to_string(pairs.target.size()) + " target points and " +
-                                std::to_string(pairs.quality.size()) +
-                                " qualities; expected three equal numbers");
-  }
-  if (!pairs.noise.empty()) requireNoise(pairs.noise, n);
-  for (std::size_t i = 0; i < n; ++i) {
-    if (pairs.reference[i].allFinite() && pairs.target[i].allFinite() &&
-        std::isfinite(pairs.quality[i])) {
-      continue;
-    }
-    throw std::invalid_argument("point pair " + std::to_string(i) +
-                                " is not finite; expected finite coordinates and quality");
-  }
-}
-
 void requireValid(const std::optional<Eigen::Matrix3d>& initial) {
   if (!initial || initial->allFinite()) return;
   throw std::invalid_argument(
@@ -100,7 +81,8 @@ void ProsacHomography::Impl::estimate(const PointPairs& pairs, const cv::Size& r
                                       const std::optional<Eigen::Matrix3d>& initial,
                                       ProsacResult& result) {
   constexpr double kMinScale = 1e-4;  // px
-  requireValid(pairs);
+  homography::requireFinite(pairs);
+  if (!pairs.noise.empty()) requireNoise(pairs.noise, pairs.size());
   requireValid(initial);
   reset(pairs.size(), result);
   if (pairs.size() < homography::HomographyProblem::kSample) {

@@ -5,6 +5,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
+#include <string>
 
 #include "core/homography/model.h"
 #include "core/homography/transform.h"
@@ -121,6 +123,24 @@ bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<doubl
     if (false_alarms.next(chance) < kLogMaxFalseAlarms) return false;
   }
   return true;
+}
+
+void requireFinite(const PointPairs& pairs) {
+  const std::size_t n = pairs.size();
+  if (pairs.target.size() != n || pairs.quality.size() != n) {
+    throw std::invalid_argument("point pairs have " + std::to_string(n) + " reference points, " +
+                                std::to_string(pairs.target.size()) + " target points and " +
+                                std::to_string(pairs.quality.size()) +
+                                " qualities; expected three equal numbers");
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (pairs.reference[i].allFinite() && pairs.target[i].allFinite() &&
+        std::isfinite(pairs.quality[i])) {
+      continue;
+    }
+    throw std::invalid_argument("point pair " + std::to_string(i) +
+                                " is not finite; expected finite coordinates and quality");
+  }
 }
 
 void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,

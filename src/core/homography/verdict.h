@@ -65,6 +65,9 @@ class ContrarioTest {
   std::vector<std::size_t> counted_;  // inliers that count
 };
 
+/// Throws std::invalid_argument for arrays of different length and for values that are not finite.
+void requireFinite(const PointPairs& pairs);
+
 /// The results derived from a homography.
 struct FinalHomography {
   bool trusted =

@@ -31,24 +31,6 @@ using util::requireInRange;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-void requireValid(const PointPairs& pairs) {
-  const std::size_t n = pairs.size();
-  if (pairs.target.size() != n || pairs.quality.size() != n) {
-    throw std::invalid_argument("point pairs have " + std::to_string(n) + " reference points, " +
-                                std::to_string(pairs.target.size()) + " target points and " +
-                                std::to_string(pairs.quality.size()) +
-                                " qualities; expected three equal numbers");
-  }
-  for (std::size_t i = 0; i < n; ++i) {
-    if (pairs.reference[i].allFinite() && pairs.target[i].allFinite() &&
-        std::isfinite(pairs.quality[i])) {
-      continue;
-    }
-    throw std::invalid_argument("point pair " + std::to_string(i) +
-                                " is not finite; expected finite coordinates and quality");
-  }
-}
-
 void reset(std::size_t pairs, TwoView& result) {
   std::vector<std::uint8_t> mask = std::move(result.mask);  // keep the buffer
   mask.assign(pairs, 0);
@@ -127,7 +109,7 @@ struct TwoViewEstimator::Impl {
 void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInput& input,
                                       TwoView& result) {
   constexpr double kMostFalseAlarms = -6.0;  // log10
-  requireValid(pairs);
+  homography::requireFinite(pairs);
   cameras = two_view::camerasOf(input);
   reset(pairs.size(), result);
   const std::size_t fewest = cameras ? 5 : 7;

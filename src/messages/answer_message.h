@@ -1,0 +1,43 @@
+#pragma once
+
+#include <ktgp_orb/HomographyStamped.h>
+#include <ktgp_orb/MatchStatus.h>
+
+#include <boost/array.hpp>
+#include <optional>
+
+#include "core/homography/answer_fields.h"
+#include "ktgp_orb/prosac_homography.h"
+
+namespace ktgp_orb {
+
+/// Between a field of an answer and that of a message, where matrices are arrays, row by row.
+struct CopyField {
+  void operator()(const char* /*name*/, double from, double& to) const { to = from; }
+  template <int Size, int Options, std::size_t Entries>
+  void operator()(const char* /*name*/, const Eigen::Matrix<double, Size, Size, Options>& from,
+                  boost::array<double, Entries>& to) const {
+    Eigen::Map<Eigen::Matrix<double, Size, Size, Eigen::RowMajor>>(to.data()) = from;
+  }
+  template <int Size, int Options, std::size_t Entries>
+  void operator()(const char* /*name*/, const boost::array<double, Entries>& from,
+                  Eigen::Matrix<double, Size, Size, Options>& to) const {
+    to = Eigen::Map<const Eigen::Matrix<double, Size, Size, Eigen::RowMajor>>(from.data());
+  }
+};
+
+/// To a message with all fields: HomographyStamped, TargetDetection.
+template <typename Message>
+void copyAnswer(const UncertainHomography& answer, Message& message) {
+  homography::visitAnswer(CopyField(), answer, message);
+}
+
+/// The answer of the message; empty if none was found.
+inline std::optional<UncertainHomography> answerOf(const HomographyStamped& message) {
+  if (message.status != MatchStatus::STATUS_OK) return std::nullopt;
+  UncertainHomography answer;
+  homography::visitAnswer(CopyField(), message, answer);
+  return answer;
+}
+
+}  // namespace ktgp_orb
