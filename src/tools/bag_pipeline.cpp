@@ -51,7 +51,7 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference && canMatchAhead(options_.matcher)) {
-      prepared.ahead = MatchAhead{reference, {}};
+      prepared.ahead.emplace().reference = reference;
       worker.matcher.match(reference->features, prepared.frame->features, prepared.ahead->result);
     }
     return prepared;
