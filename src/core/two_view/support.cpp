@@ -38,6 +38,20 @@ void Support::load(const PointPairs& pairs, double apart) {
   numberCells(pairs.target, apart, target_cell_, target_taken_);
 }
 
+void Support::clear() {
+  std::fill(reference_taken_.begin(), reference_taken_.end(), std::uint8_t(0));
+  std::fill(target_taken_.begin(), target_taken_.end(), std::uint8_t(0));
+}
+
+/// Whether a pair since clear() was in the same place; remembers where this one is.
+bool Support::isRepeated(std::uint32_t pair) {
+  std::uint8_t& reference = reference_taken_[reference_cell_[pair]];
+  std::uint8_t& target = target_taken_[target_cell_[pair]];
+  if (reference != 0 || target != 0) return true;
+  reference = target = 1;
+  return false;
+}
+
 double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sample,
                                double models) {
   const auto count = static_cast<std::uint32_t>(chance.size());
@@ -52,15 +66,8 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   std::sort(order_.begin(), order_.begin() + agreeing, [&](std::uint32_t a, std::uint32_t b) {
     return chance[a] != chance[b] ? chance[a] < chance[b] : a < b;
   });
-  std::fill(reference_taken_.begin(), reference_taken_.end(), std::uint8_t(0));
-  std::fill(target_taken_.begin(), target_taken_.end(), std::uint8_t(0));
-  const auto repeated = [&](std::uint32_t i) {
-    std::uint8_t& reference = reference_taken_[reference_cell_[i]];
-    std::uint8_t& target = target_taken_[target_cell_[i]];
-    if (reference != 0 || target != 0) return true;
-    reference = target = 1;
-    return false;
-  };
+  clear();
+  const auto repeated = [&](std::uint32_t i) { return isRepeated(i); };
   order_.erase(std::remove_if(order_.begin(), order_.end(), repeated), order_.end());
   if (order_.size() <= sample) return 0.0;
   homography::FalseAlarms false_alarms(sample, order_.size());
@@ -78,6 +85,22 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
     least = std::min(least, log_models + log_subsets + log_others);
   }
   return least;
+}
+
+double Support::logParallax(const std::vector<Parallax>& pairs) {
+  clear();
+  double sum = 0.0;
+  double squares = 0.0;
+  double n = 0.0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const auto [error2, across2] = pairs[i];
+    if (!(error2 > 0.0) || isRepeated(static_cast<std::uint32_t>(i))) continue;
+    sum += error2 - 2.0 * std::min(across2, error2);
+    squares += error2 * error2;
+    n += 1.0;
+  }
+  if (!(sum > 0.0)) return 0.0;
+  return std::min(0.0, std::log10(0.5 * n * (n - 1.0)) - sum * sum / (squares * std::log(10.0)));
 }
 
 }  // namespace ktgp_orb::two_view

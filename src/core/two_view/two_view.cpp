@@ -101,6 +101,7 @@ struct TwoViewEstimator::Impl {
   Epipolar epipolar;
   two_view::Support support;
   std::vector<double> chance;  // of each pair; more than 1: it does not agree
+  std::vector<two_view::Support::Parallax> displaced;
   std::vector<double> angles;
   double target_area = 0.0;
   double chance_inlier = 0.0;
@@ -266,7 +267,18 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
     chance[i] = distance < error ? 2.0 / kPi * std::asin(distance / error) : 1.0;
   }
   const double parallax = support.logFalseAlarms(chance, 2, 1.0);
-  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
+  // Of a near plane, many have a little of it.
+  constexpr double kNear = 2.0;  // times the limit: wrong pairs are further away
+  displaced.assign(pairs.size(), {});
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
+    if (!(error < kNear * options.max_error)) continue;
+    const double distance =
+        std::max(distanceToLine(f, pairs.reference[i], pairs.target[i]), kLeastDistance);
+    displaced[i] = {error * error, distance * distance};
+  }
+  const double most = std::min(parallax, support.logParallax(displaced));
+  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + most);
 }
 
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
