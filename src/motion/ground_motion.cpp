@@ -97,6 +97,7 @@ struct GroundMotion::Impl {
   void useReadings(const GroundFrame& frame);
   template <int kRows>
   double use(motion::PoseRows<kRows> rows, Innovations& of_kind);
+  void addTurn(const GroundFrame& frame);
   void useTurn(const TurnReading& turn);
   Eigen::Vector3d newestVelocity(double seconds) const;
   bool isJump(double seconds, double since_last) const;
@@ -117,8 +118,9 @@ struct GroundMotion::Impl {
   bool has_pose = false;      // of the frame at last_stamp
   bool is_connected = false;  // the map of the keyframe is valid
   std::int64_t last_stamp = 0;
-  std::int64_t newest_stamp = 0;  // also of frames without a homography
-  std::int64_t before_stamp = 0;  // of the frame before that
+  std::optional<TurnReading> turned;  // since that frame; empty: a reading was missing
+  std::int64_t newest_stamp = 0;      // also of frames without a homography
+  std::int64_t before_stamp = 0;      // of the frame before that
   bool has_frame = false;
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
@@ -152,6 +154,7 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   newest_stamp = frame.stamp;
   has_frame = true;
   if (went_back) has_pose = is_connected = false;
+  addTurn(frame);
   estimate.status = went_back ? GroundStatus::stamp_went_back : follow(frame);
   if (!filter.isFinite()) forget();
   mounting.endFrame();
@@ -160,11 +163,13 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   estimate.readout_deviation = filter.readoutDeviation();
   if (estimate.hasPose()) {
     last_stamp = frame.stamp;
+    turned = TurnReading();
     const motion::CameraMotion camera{filter.pose(), filter.covariance(), camera_twist,
                                       camera_twist_covariance};
     motion::reportBase(camera, origin, options, estimate);
   } else if (estimate.status == GroundStatus::no_normal) {
     last_stamp = frame.stamp;
+    turned = TurnReading();
   }
   return estimate;
 }
@@ -309,7 +314,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
              position.head<2>().norm() / position.z());
   contradictions = 0;
   compareImu(frame, image);
-  if (frame.turn) useTurn(*frame.turn);
+  if (turned) useTurn(*turned);
   useReadings(frame);
   measureTwist(sinceLast(frame));
   if (destination) {
@@ -423,6 +428,14 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   const Eigen::Matrix3d turn =
       axes * filter.covariance().bottomRightCorner<3, 3>() * axes.transpose();
   estimate.tilt_deviation = std::sqrt(std::max(turn(0, 0), turn(1, 1)));
+}
+
+/// Readings are from frame to frame, and poses may be further apart.
+void GroundMotion::Impl::addTurn(const GroundFrame& frame) {
+  if (!frame.turn) turned.reset();
+  if (!turned) return;
+  turned->rotation = turned->rotation * frame.turn->rotation;
+  turned->deviation = std::hypot(turned->deviation, frame.turn->deviation);
 }
 
 void GroundMotion::Impl::useTurn(const TurnReading& turn) {

@@ -921,6 +921,26 @@ TEST(GroundMotion, AGyroscopeStandsInForTheNormal) {
   EXPECT_LT(deviation(true), 0.7 * deviation(false));
 }
 
+TEST(GroundMotion, AGyroscopeCountsAcrossFramesWithoutAHomography) {
+  Flight flight(mounted(), 1e-5);
+  GroundMotion ground(optionsWith(mounted()));
+  for (int i = 0; i < 60; ++i) {
+    GroundFrame frame = flight.next();
+    if (i > 0) {
+      const Eigen::Matrix3d turn = flight.truth(i - 1).axes.transpose() * flight.truth(i).axes;
+      frame.turn = TurnReading{turn, 1e-4};
+    }
+    if (i % 10 == 4 || i % 10 == 5) frame.answer.reset();
+    if (i == 26) frame.turn.reset();
+    const GroundEstimate& estimate = ground.add(frame);
+    EXPECT_LT(estimate.turn_misfit, 3.0) << i;
+    if (i > 1 && frame.answer) {
+      EXPECT_EQ(estimate.status, GroundStatus::ok) << i;
+      EXPECT_EQ(estimate.turn_misfit > 0.0, i != 26) << i;
+    }
+  }
+}
+
 TEST(GroundMotion, ScaleErrorCountsForTheWholeWay) {
   Flight flight(mounted(), 1e-8);
   GroundMotionOptions options = optionsWith(mounted());
