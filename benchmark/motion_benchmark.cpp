@@ -40,11 +40,13 @@ std::vector<GroundFrame> flight() {
     frame.stamp = std::llround(1e9 * i / 30.0);
     frame.reference_stamp = std::llround(1e9 * reference / 30.0);
     frame.camera = camera;
-    frame.answer.emplace();
-    frame.answer->homography = camera * ktgp_orb::motion::imageFromGround(pose) *
-                               ktgp_orb::motion::imageFromGround(before).inverse() *
-                               camera.inverse();
-    frame.answer->covariance = covariance;
+    if (reference != i) {
+      frame.answer.emplace();
+      frame.answer->homography = camera * ktgp_orb::motion::imageFromGround(pose) *
+                                 ktgp_orb::motion::imageFromGround(before).inverse() *
+                                 camera.inverse();
+      frame.answer->covariance = covariance;
+    }
     frame.height = ktgp_orb::HeightReading{pose.position.z(), 0.01, 0.0};
     frame.down = ktgp_orb::DownReading{-pose.axes.row(2).transpose(), 0.01};
   }
