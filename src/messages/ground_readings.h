@@ -48,9 +48,7 @@ class GroundReadings {
   /// std::invalid_argument, with the reason, for a calibration that does not fit the image.
   GroundFrame frameOf(const HomographyStamped& homography, const cv::Size& size,
                       const sensor_msgs::CameraInfo& info, Pixels pixels);
-  /// Why the newest frame has no height, no normal, no rotation; empty: it has, or needs none.
-  const std::string& noHeight() const { return no_height_; }
-  const std::string& noNormal() const { return no_normal_; }
+  /// Why the newest frame has no rotation; empty: it has, or needs none.
   const std::string& noTurn() const { return no_turn_; }
   /// The estimate for the newest frame, once for each frame. After a second without a height, or
   /// without a normal, that counts, it has that status in place of a pose.

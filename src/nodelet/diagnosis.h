@@ -38,7 +38,6 @@ class Diagnosis {
   /// Since the start, and in the last ten seconds.
   std::uint64_t total(const char* name) const;
   std::uint64_t recent(const char* name) const;
-  std::uint64_t arrivals() const { return total("arrived"); }
   /// An image or message that cannot be used.
   void refuse(const std::string& reason);
   /// The work on the frame with this stamp, begun at `start`, is done. Returns its latency, s: from
