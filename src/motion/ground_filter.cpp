@@ -156,7 +156,7 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   const Eigen::Matrix3d seen = straightened(motion);
   const auto found = fitted(seen, *whitening, map_);
   if (!found) return false;
-  const CameraPose pose = *found;
+  const CameraPose& pose = *found;
 
   // The new pose follows the readout time, the map and the noise.
   const Eigen::Matrix3d h = imageFromGround(pose) * map_;
