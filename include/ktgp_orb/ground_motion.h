@@ -101,7 +101,7 @@ const char* toString(GroundStatus status);
 /// and an infinite one.
 struct ImuMounting {
   /// From where the Imu is said to be mounted to where it is: a turn about the axes of the base by
-  /// its length, rad. Beyond a third it is not found.
+  /// its length, rad. Not found beyond 0.35 rad.
   Eigen::Vector3d rotation = Eigen::Vector3d::Zero();
   Eigen::Vector3d rotation_deviation = Eigen::Vector3d::Zero();
   /// How much later its stamps are than those of images of the same time, s.

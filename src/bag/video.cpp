@@ -25,7 +25,10 @@ bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
 
+/// False for a pipe, which would block, and would lose what is read here.
 bool beginsWith(const std::string& path, const std::string& start) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return false;
   std::string first(start.size(), '\0');
   std::ifstream(path).read(&first[0], static_cast<std::streamsize>(first.size()));
   return first == start;
@@ -255,9 +258,7 @@ InputKind kindOf(const std::string& path) {
   struct stat status {};
   const bool exists = stat(path.c_str(), &status) == 0;
   if (!exists && path.find_first_of("*?[") != std::string::npos) return InputKind::images;
-  // A pipe would block.
-  const bool begins = exists && S_ISREG(status.st_mode) && beginsWith(path, "#ROSBAG");
-  const bool bag = begins || endsWith(path, ".bag");
+  const bool bag = beginsWith(path, "#ROSBAG") || endsWith(path, ".bag");
   return bag ? InputKind::bag : InputKind::video;
 }
 

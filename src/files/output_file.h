@@ -40,8 +40,8 @@ class OutputPlan {
 };
 
 /// A file that gets its name only when it is complete and on the disk: it is written under a
-/// temporary name beside it, and renamed. What a program that was killed has left of that name is
-/// taken over; a lock shows that a program still writes it.
+/// temporary name beside it, and renamed. What a killed program has left there is used
+/// again; a lock tells it from a file that is being written.
 class OutputFile {
  public:
   /// `force`: it may replace an existing file. Throws FileError if the file cannot be written.

@@ -25,7 +25,8 @@ constexpr double kKnown[] = {0.0125, 0.02, 0.02};
 constexpr double kLargest = 0.35;  // rad
 // Successive differences share a block, so their errors are not independent. Measured on flights.
 constexpr double kShared = 1.5;
-// In a block, at least: of the noise, and of turns and changes of the rate that show something.
+// Of a block: least deviation of the noise; least turn, and change of the rate, that show
+// something.
 constexpr double kLeastNoise = 2e-4;  // rad
 constexpr double kLeastTurn = 0.02;   // rad
 constexpr double kLeastRate = 0.02;   // rad/s

@@ -12,13 +12,13 @@ namespace ktgp_orb::motion {
 /// Finds how an Imu is mounted and stamped, from the difference between its readings and the
 /// rotation that the pictures show.
 ///
-/// The pictures carry what the Imu says from frame to frame. Its turns, added up, or its direction
-/// to the ground then stay where they are, but for the mounting m, the delay d and the bias b: to
-/// first order by m - w d + b t for turns, and by n x (m - b t) + (w x n) d for the direction n,
-/// where w is the angular velocity; there b is a drift of the pictures, as a wrong normal gives
-/// them. A constant drops out of the difference of the means of successive blocks of half a second,
-/// and what is left are seven unknowns for weighted least squares that forget within five minutes.
-/// How large the noise is follows from the residuals.
+/// What the Imu says is turned into each new frame by the rotation of the pictures. The sum of its
+/// turns, or its direction n to the ground, is constant then, but for the mounting m, the delay d
+/// and the bias b. To first order these change it by m - w d + b t for turns, and by
+/// n x (m - b t) + (w x n) d for directions, where w is the angular velocity. For directions, b is
+/// a drift of the pictures. A wrong normal adds three unknowns. The constant drops out of the
+/// difference of the means of successive blocks of half a second. The ten unknowns follow by
+/// weighted least squares that forget within five minutes, the noise from the residuals.
 class Mounting {
  public:
   /// A frame `seconds` after the last one. `seen`: the rotation since the frame at
@@ -26,7 +26,7 @@ class Mounting {
   /// `turn`, the direction counts.
   void add(const SeenTurn& seen, std::int64_t reference_stamp, double seconds,
            const std::optional<TurnReading>& turn, const std::optional<DownReading>& down);
-  /// A frame without add() before this ends what is carried, and keeps what is learned.
+  /// After each frame. One without add() begins a new sum; what was learned stays.
   void endFrame();
   /// In the base frame; `to_base`: camera -> base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;

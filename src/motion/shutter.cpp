@@ -95,12 +95,12 @@ Vector8 Shutter::add(const ImageMotion& motion, std::int64_t stamp, std::int64_t
   return change.allFinite() ? change : Vector8::Zero();
 }
 
-/// The flow goes on as before but for what has changed by more than noise: Kalman's gain for each
-/// direction in which flows differ, from how much they did so far.
+/// A Kalman filter of a constant flow. Its gain, for each direction of the flow, follows from how
+/// much more than noise the flow has changed so far.
 void Shutter::follow(const Vector8& seen, const Matrix8& noise) {
   constexpr double kMemory = 64.0;
   const Eigen::LLT<Matrix8> root(noise);
-  if (changes_ == 0.0 || root.info() != Eigen::Success) {
+  if (changes_ == 0.0 || root.info() != Eigen::Success || !flow_.allFinite()) {
     flow_ = seen;
     change_.setZero();
     changes_ = 1.0;

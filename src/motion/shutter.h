@@ -14,8 +14,8 @@ namespace ktgp_orb::motion {
 /// moved back to the time of their middle row give the homography of a global shutter; to first
 /// order it differs from the seen one by the readout time times a vector, which this finds.
 ///
-/// The flow is filtered: its noise is that of the homography which it explains, so the flow as it
-/// is seen finds a shutter that is not there wherever the camera moves steadily.
+/// The flow is filtered. It has its noise in common with the homography that it explains: without
+/// the filter, a steady motion shows a shutter that is not there.
 class Shutter {
  public:
   /// The next homography, from the frame at `reference_stamp` (ns) to that at `stamp`. Returns what
@@ -33,7 +33,7 @@ class Shutter {
   // has these entries row by row, and F(2,2) = 0.
   Vector8 flow_ = Vector8::Zero();
   Vector8 reference_flow_ = Vector8::Zero();
-  // Of the changes of the flow in units of its noise: running mean, of so many.
+  // Running mean of the squares of the changes of the flow, in units of its noise; and of how many.
   Matrix8 change_ = Matrix8::Zero();
   double changes_ = 0.0;
 };

@@ -21,6 +21,7 @@
 #include "core/prosac/sampling.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/solvers.h"
+#include "core/two_view/support.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::two_view {
@@ -341,6 +342,33 @@ TEST(TwoView, TheEpipoleMayBeInTheImage) {
   const Count counts = count(Shape::forward, kRuns, 16);
   EXPECT_GE(counts.epipolar, kRuns * 99 / 100);
   EXPECT_GE(counts.good, kRuns * 97 / 100);
+}
+
+/// An epipole always agrees with the two pairs that determine it; errors in random directions say
+/// nothing, and errors along the lines do.
+TEST(Support, ParallaxNeedsMoreThanTwoPairs) {
+  Numbers numbers(18);
+  const World world(Shape::depth, numbers, 400, 0);
+  Support support;
+  support.load(world.pairs, 1e-3);
+  const Support::Parallax along{4.0, 0.25};
+  std::vector<Support::Parallax> pairs(400);
+  for (std::size_t i = 0; i < 2; ++i) {
+    pairs[i] = along;
+    EXPECT_EQ(support.logParallax(pairs), 0.0) << i;
+  }
+  pairs.assign(400, along);
+  EXPECT_LT(support.logParallax(pairs), -50.0);
+  int found = 0;
+  for (int run = 0; run < 500; ++run) {
+    for (Support::Parallax& pair : pairs) {
+      const double angle = numbers.uniform(0.0, 6.283185307);
+      pair.error2 = std::pow(numbers.normal(), 2);
+      pair.across2 = pair.error2 * std::pow(std::sin(angle), 2);
+    }
+    found += support.logParallax(pairs) < 0.0 ? 1 : 0;
+  }
+  EXPECT_EQ(found, 0);
 }
 
 /// Relief of 5 % is a plane as long as nearly all points agree with it, and depth otherwise.

@@ -102,8 +102,8 @@ class RqtReconfigureTest(unittest.TestCase):
         before = self.match()
 
         self.assertAlmostEqual(do('slide', 'T_w', 0.5), 0.5, delta=0.005)
-        ratio = self.value('T_w', lambda value: value != 0.0)
-        self.assertAlmostEqual(ratio, 0.5, delta=0.005)
+        # A drag passes other values on its way.
+        ratio = self.value('T_w', lambda value: abs(value - 0.5) < 0.005)
         sharp = self.match()
         self.assertEqual(sharp.statistics.kt, sum(r < ratio for r in before.correspondences.ratio))
 

@@ -91,14 +91,19 @@ double Support::logParallax(const std::vector<Parallax>& pairs) {
   clear();
   double sum = 0.0;
   double squares = 0.0;
+  double largest = 0.0;
+  double second = 0.0;
   double n = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const auto [error2, across2] = pairs[i];
     if (!(error2 > 0.0) || isRepeated(static_cast<std::uint32_t>(i))) continue;
     sum += error2 - 2.0 * std::min(across2, error2);
     squares += error2 * error2;
+    second = std::max(second, std::min(largest, error2));
+    largest = std::max(largest, error2);
     n += 1.0;
   }
+  sum -= largest + second;  // two pairs always agree with the epipole that they determine
   if (!(sum > 0.0)) return 0.0;
   return std::min(0.0, std::log10(0.5 * n * (n - 1.0)) - sum * sum / (squares * std::log(10.0)));
 }

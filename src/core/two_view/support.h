@@ -27,9 +27,9 @@ class Support {
   };
   /// log10 of a bound for the number of false alarms of an epipole that two of n pairs determine; 0
   /// at most. Errors in random directions are as long along the line as across it: the sum T of
-  /// error² - 2 across² has the mean 0, and is T or more with a chance below exp(-T² / sum of
-  /// error⁴), since the mean of exp(s cos a) over all a is below exp(s² / 4). Pairs with an error
-  /// of 0 do not count.
+  /// error² - 2 across² over the other pairs has the mean 0, and is T or more with a chance below
+  /// exp(-T² / sum of error⁴), since the mean of exp(s cos a) over all a is below exp(s² / 4).
+  /// Pairs with an error of 0 do not count.
   double logParallax(const std::vector<Parallax>& pairs);
 
  private:

@@ -259,26 +259,25 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   const bool turned = cameras && log_rotation <= log_plane;
   const Eigen::Matrix3d h =
       turned ? cameras->homographyOf(rotation.rotation) : plane.answer.homography;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (chance[i] > 1.0) continue;
-    const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
-    const double distance =
-        std::max(distanceToLine(f, pairs.reference[i], pairs.target[i]), kLeastParallax);
-    chance[i] = distance < error ? 2.0 / kPi * std::asin(distance / error) : 1.0;
-  }
-  const double parallax = support.logFalseAlarms(chance, 2, 1.0);
-  // Of a near plane, many have a little of it.
-  constexpr double kNear = 2.0;  // times the limit: wrong pairs are further away
+  // On a near plane many pairs have a little parallax. Wrong pairs are farther away.
+  constexpr double kNear = 2.0;  // times the limit
   displaced.assign(pairs.size(), {});
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
-    if (!(error < kNear * options.max_error)) continue;
-    const double distance =
-        std::max(distanceToLine(f, pairs.reference[i], pairs.target[i]), kLeastDistance);
-    displaced[i] = {error * error, distance * distance};
+    const bool is_near = error < kNear * options.max_error;
+    if (!is_near && chance[i] > 1.0) continue;
+    const double across = distanceToLine(f, pairs.reference[i], pairs.target[i]);
+    if (is_near) {
+      const double least = std::max(across, kLeastDistance);
+      displaced[i] = {error * error, least * least};
+    }
+    if (chance[i] > 1.0) continue;
+    const double distance = std::max(across, kLeastParallax);
+    chance[i] = distance < error ? 2.0 / kPi * std::asin(distance / error) : 1.0;
   }
-  const double most = std::min(parallax, support.logParallax(displaced));
-  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + most);
+  const double parallax =
+      std::min(support.logFalseAlarms(chance, 2, 1.0), support.logParallax(displaced));
+  log_epipolar = std::min(log_epipolar, std::min(log_plane, log_rotation) + parallax);
 }
 
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
