@@ -18,8 +18,10 @@ struct GmsOptions {
   double threshold = 6.0;
   bool rotation = false;  ///< also try the other seven 45-degree rotations of the neighbourhood
   bool scale = false;     ///< also try reference grids scaled by 1/2, 1/sqrt 2, sqrt 2 and 2
-  int grid_columns = 20;  ///< cells across the target image, 1..200
-  int grid_rows = 20;     ///< cells down the target image, 1..200
+  /// Cells across the target image, 1..200. 0: 5 to 20, so that a cell has 2.5 matches, as many as
+  /// 1000 have on the paper's grid; where matches are few, these have no neighbours on a fine grid.
+  int grid_columns = 20;
+  int grid_rows = 20;  ///< the same down the target image
 };
 
 /// Counts of the filter's decisions, for the winning rotation and scale. Every correspondence that

@@ -23,6 +23,12 @@ using gms::Grid;
 // The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
+/// Cells across and down, so that a cell has as many matches as with 1000 on the paper's grid.
+int cellsFor(std::size_t matches) {
+  constexpr double kMatchesPerCell = 2.5;
+  return std::clamp(cvRound(std::sqrt(static_cast<double>(matches) / kMatchesPerCell)), 5, 20);
+}
+
 int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
 }
@@ -88,14 +94,12 @@ GmsResult passAll(std::vector<Correspondence>& correspondences) {
 }  // namespace
 
 struct GmsFilter::Impl {
-  explicit Impl(const GmsOptions& wanted)
-      : options(wanted), target_grid(wanted.grid_columns, wanted.grid_rows) {
-    for (std::size_t s = 0; s < (wanted.scale ? kScales.size() : 1); ++s) {
-      reference_grids.emplace_back(scaled(wanted.grid_columns, kScales[s]),
-                                   scaled(wanted.grid_rows, kScales[s]));
-    }
+  explicit Impl(const GmsOptions& wanted) : options(wanted) {
+    setGrid(wanted.grid_columns, wanted.grid_rows);
   }
 
+  void setGrid(int columns, int rows);
+  void fitGrid(const std::vector<Correspondence>& correspondences);
   void takeIn(const Features& reference, const Features& target,
               const std::vector<Correspondence>& correspondences);
   void tryScale(std::size_t scale);
@@ -103,7 +107,7 @@ struct GmsFilter::Impl {
   GmsResult apply(std::vector<Correspondence>& correspondences) const;
 
   GmsOptions options;
-  Grid target_grid;
+  Grid target_grid{0, 0};
   std::vector<Grid> reference_grids;  ///< in the order of kScales
 
   std::vector<Match> matches;
@@ -118,6 +122,24 @@ struct GmsFilter::Impl {
 
   Winner winner;
 };
+
+void GmsFilter::Impl::setGrid(int columns, int rows) {
+  target_grid = Grid(columns, rows);
+  reference_grids.clear();
+  for (std::size_t s = 0; s < (options.scale ? kScales.size() : 1); ++s) {
+    reference_grids.emplace_back(scaled(columns, kScales[s]), scaled(rows, kScales[s]));
+  }
+}
+
+/// Where the options leave the grid to the number of matches.
+void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
+  if (options.grid_columns != 0 && options.grid_rows != 0) return;
+  const int cells = cellsFor(static_cast<std::size_t>(
+      std::count_if(correspondences.begin(), correspondences.end(),
+                    [](const Correspondence& c) { return c.level == Level::kt; })));
+  setGrid(options.grid_columns != 0 ? options.grid_columns : cells,
+          options.grid_rows != 0 ? options.grid_rows : cells);
+}
 
 void GmsFilter::Impl::takeIn(const Features& reference, const Features& target,
                              const std::vector<Correspondence>& correspondences) {
@@ -201,8 +223,8 @@ GmsResult GmsFilter::Impl::apply(std::vector<Correspondence>& correspondences) c
 
 GmsFilter::GmsFilter(const GmsOptions& options) {
   requireInRange("gms threshold", options.threshold, 0.0, 1e6);
-  requireInRange("grid_columns", options.grid_columns, 1, 200);
-  requireInRange("grid_rows", options.grid_rows, 1, 200);
+  requireInRange("grid_columns", options.grid_columns, 0, 200);
+  requireInRange("grid_rows", options.grid_rows, 0, 200);
   impl_ = std::make_unique<Impl>(options);
 }
 
@@ -220,6 +242,7 @@ GmsResult GmsFilter::filter(const Features& reference, const Features& target,
   requireImageSize(reference, "reference");
   requireImageSize(target, "target");
   Impl& impl = *impl_;
+  impl.fitGrid(correspondences);
   impl.takeIn(reference, target, correspondences);
   impl.winner.kept = 0;
   impl.winner.rotation = 0;
