@@ -289,6 +289,9 @@ class MotionTest(unittest.TestCase):
             seen = self.twist_after('by_motion', 3, turn=rate).twist.twist.angular.z
             self.assertLess(abs(seen), 0.1)
 
+    def test_8_a_gyro_that_drifts_is_named(self):
+        self.diagnosed("the Imu's angular velocity seems ", 'by_motion', turn=np.radians(1.5))
+
     def test_9_nothing_is_subscribed_without_subscribers(self):
         for recorders in (self.odometry, self.twists):
             recorders['by_parameter'].close()
