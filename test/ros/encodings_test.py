@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""Every image encoding is matched; others are refused with a message, and counted."""
+"""Each kind of image encoding is matched; others are refused with a message, and counted."""
 
 import sys
 import unittest
@@ -13,42 +13,13 @@ from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait
 from rosgraph_msgs.msg import Log
 
 
-def colour(grey):
-    return np.dstack([grey, grey, grey])
-
-
-def with_alpha(grey):
-    return np.dstack([grey, grey, grey, np.full_like(grey, 255)])
-
-
-def uyvy(grey):
-    return np.dstack([np.full_like(grey, 128), grey])
-
-
-def twelve_bits(grey):
-    return grey.astype(np.uint16) * 16
-
-
-def sixteen_bits(grey):
-    return colour(grey).astype(np.uint16) * 257
-
-
+# One of each kind; image_conversion_test has all.
 ENCODINGS = {
     'mono8': lambda grey: grey,
-    '8UC1': lambda grey: grey,
-    'bgr8': colour,
-    'rgb8': colour,
-    'bgra8': with_alpha,
-    'rgba8': with_alpha,
-    'bayer_rggb8': lambda grey: grey,
+    'bgr8': lambda grey: np.dstack([grey, grey, grey]),
     'bayer_grbg8': lambda grey: grey,
-    'mono16': twelve_bits,
-    '16UC1': twelve_bits,
-    '8UC3': colour,
-    'yuv422': uyvy,
-    'bgr16': sixteen_bits,
-    'rgb16': sixteen_bits,
-    'bayer_rggb16': twelve_bits,
+    'yuv422': lambda grey: np.dstack([np.full_like(grey, 128), grey]),
+    '16UC1': lambda grey: grey.astype(np.uint16) * 16,  # twelve bits
 }
 
 
@@ -85,7 +56,7 @@ class EncodingsTest(unittest.TestCase):
         self.assertEqual(second.reference_stamp, first.header.stamp)
         self.assert_translation(second.header.stamp)
 
-    def test_every_encoding_gives_the_true_motion(self):
+    def test_each_kind_of_encoding_gives_the_true_motion(self):
         check_each(sorted(ENCODINGS), self.check_motion)
 
     def test_a_change_of_size_resets_the_reference(self):
@@ -127,28 +98,11 @@ class EncodingsTest(unittest.TestCase):
         def wrong_step(image):
             image.step = 100
 
-        def too_little_data(image):
-            image.data = image.data[:1000]
-
-        def empty(image):
-            image.width = image.height = image.step = 0
-            image.data = b''
-
         def depth(image):
             image.encoding = '32FC1'
 
-        def nonsense(image):
-            image.encoding = 'no such encoding'
-
-        def no_encoding(image):
-            image.encoding = ''
-
         words = {wrong_step: 'step is 100; expected at least 640',
-                 too_little_data: 'data has 1000 bytes; expected at least 307200',
-                 empty: 'image is empty (0x0)',
-                 depth: "encoding '32FC1'",
-                 nonsense: "encoding 'no such encoding'",
-                 no_encoding: "encoding ''"}
+                 depth: "encoding '32FC1'"}
         check_each(words, lambda change: self.refused(change, words[change]))
         errors = [m for m in self.log.messages()
                   if m.level == Log.ERROR and 'is refused' in m.msg]

@@ -2,6 +2,7 @@
 
 import os
 import socket
+import subprocess
 import tempfile
 import threading
 import time
@@ -139,6 +140,33 @@ class FolderCase(unittest.TestCase):
 
     def path(self, *names):
         return os.path.join(self.folder, *names)
+
+
+class Program:
+    """A running program and what it says on both outputs."""
+
+    def __init__(self, *command, **options):
+        self.lines = []
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                        universal_newlines=True, **options)
+        self.reader = threading.Thread(target=self._read)
+        self.reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.lines.append(line)
+
+    def output(self):
+        return ''.join(self.lines)
+
+    def says(self, *texts):
+        """Waits until it has said all of them, or ends: whether it has."""
+        def said():
+            return all(text in self.output() for text in texts)
+        wait_until(lambda: said() or self.process.poll() is not None, 'it says %s' % (texts,))
+        if not said():
+            self.reader.join(TIMEOUT)
+        return said()
 
 
 class Recorder:

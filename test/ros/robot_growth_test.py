@@ -90,10 +90,14 @@ class GrowthTest(unittest.TestCase):
         easy = self.send(self.reference)
         self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
 
-    def test_not_without_the_parameter(self):
-        self.start(reference_mode='fixed', growth=False)
-        self.send(self.reference)
-        self.check_none(self.send(self.target))
+    def test_not_without_the_parameter_and_never_for_the_frame_before(self):
+        for parameters in ({'reference_mode': 'fixed', 'growth': False}, {'reference_mode': 'previous'}):
+            self.start(**parameters)
+            self.send(self.reference)
+            statistics = self.send(self.target)
+            self.assertNotEqual(statistics.status, OK)
+            self.assertEqual((statistics.found_by, statistics.growth_seeds), (MatchStatistics.FOUND_BY_NONE, 0))
+            self.assertNotIn('growth', [s.name for s in statistics.stages])
 
     def test_match_pair(self):
         self.start(reference_mode='previous')
@@ -102,17 +106,6 @@ class GrowthTest(unittest.TestCase):
                        image_message(self.target, rospy.Time(6)))
         self.assertTrue(answer.success, answer.message)
         self.check_grown(answer.statistics, answer.homography)
-
-    def check_none(self, statistics):
-        self.assertNotEqual(statistics.status, OK)
-        self.assertEqual((statistics.found_by, statistics.growth_seeds),
-                         (MatchStatistics.FOUND_BY_NONE, 0))
-        self.assertNotIn('growth', [s.name for s in statistics.stages])
-
-    def test_never_for_the_frame_before(self):
-        self.start(reference_mode='previous')
-        self.send(self.reference)
-        self.check_none(self.send(self.target))
 
 
 if __name__ == '__main__':

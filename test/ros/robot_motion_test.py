@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCov
 from ktgp_orb.srv import SetPose
 from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
 from nav_msgs.msg import Odometry
+from poster import information
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Imu, Range
 from std_srvs.srv import Trigger
@@ -32,11 +33,8 @@ NAMES = ('ground_motion', 'by_tf', 'by_parameter', 'by_motion')
 
 
 def calibration(stamp, width=640):
-    info = CameraInfo(width=width, height=480, distortion_model='plumb_bob', D=[0.0] * 5)
+    info = information(np.array([[FOCAL, 0, 319.5], [0, FOCAL, 239.5], [0, 0, 1]]), size=(width, 480))
     info.header.stamp, info.header.frame_id = stamp, 'camera'
-    info.K = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
-    info.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    info.P = [FOCAL, 0, 319.5, 0, 0, FOCAL, 239.5, 0, 0, 0, 1, 0]
     return info
 
 

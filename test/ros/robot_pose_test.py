@@ -26,6 +26,7 @@ from tf2_msgs.msg import TFMessage
 RIGHT = {
     'pinhole': (lambda: rendered(K), information(), 'by_name'),
     'K counts for raw images, not P': (lambda: rendered(K), information(p=np.diag((3.0, 3.0, 1.0)) @ K), 'by_name'),
+    'K counts for raw images without P': (lambda: rendered(K), information(p=0 * K), 'by_name'),
     'distortion': (lambda: rendered(K, BARREL), information(distortion=BARREL), 'by_name'),
     'distortion, another P': (lambda: rendered(K, BARREL),
                               information(distortion=BARREL, p=WIDE_P), 'by_name'),
