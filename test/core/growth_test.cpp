@@ -18,6 +18,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "one_answer.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {
@@ -300,40 +301,6 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   }
 }
 
-/// Levels, inliers and RMSE are those of the published homography.
-void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
-  std::size_t inliers = 0;
-  double squares = 0.0;
-  const auto error = [&](const Correspondence& c) {
-    const cv::Point2f x = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
-    const cv::Point2f u = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-    return reprojectionError(result.answer.homography, {x.x, x.y}, {u.x, u.y});
-  };
-  const auto add = [&](const Correspondence& c) {
-    ++inliers;
-    squares += error(c) * error(c);
-  };
-  std::vector<bool> taken(pair.target.size());
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level < Level::ktg) continue;
-    EXPECT_EQ(c.level == Level::ktgp, error(c) < max_error);
-    if (c.level != Level::ktgp) continue;
-    taken[static_cast<std::size_t>(c.target_index)] = true;
-    add(c);
-  }
-  std::int32_t before = -1;
-  for (const Correspondence& c : result.guided) {
-    EXPECT_EQ(c.level, Level::guided);
-    EXPECT_LT(error(c), max_error);
-    EXPECT_FALSE(taken[static_cast<std::size_t>(c.target_index)]);
-    EXPECT_GT(c.target_index, before);
-    before = c.target_index;
-    add(c);
-  }
-  EXPECT_EQ(result.inliers, inliers);
-  EXPECT_NEAR(result.rmse, std::sqrt(squares / static_cast<double>(inliers)), 1e-9);
-}
-
 TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   const Pair pair = makePair(2000, 40, tilted(), 3, 100);
   for (const bool gms : {false, true}) {
@@ -350,7 +317,7 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
         EXPECT_EQ(result.status, Status::ok);
         EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
         EXPECT_GT(result.answer.covariance.diagonal().minCoeff(), 0.0);
-        expectOneAnswer(result, pair, max_error);
+        test::expectOneAnswer(result, pair.reference, pair.target, max_error);
         if (guided) continue;
         EXPECT_EQ(result.answer.homography, result.growth.answer.homography);
         EXPECT_EQ(result.answer.covariance, result.growth.answer.covariance);

@@ -42,11 +42,9 @@ class Covariance : public testing::TestWithParam<Case> {
     double sum = 0.0;
     int found = 0;
     for (int run = 0; run < 3000; ++run) {
-      test::Scene scene;
-      scene.inliers = inliers;
-      scene.pairs =
-          inliers + static_cast<std::size_t>(outliers_per_inlier * static_cast<double>(inliers));
-      scene.homography = test::randomHomography(kSize, 0.15, numbers);
+      test::Scene scene{
+          inliers + static_cast<std::size_t>(outliers_per_inlier * static_cast<double>(inliers)),
+          inliers, test::randomHomography(kSize, 0.15, numbers)};
       prosac.estimate(test::makePairs(scene, numbers), kSize, result);
       if (result.status != Status::ok) continue;
       sum += normalisedSquaredError(result, scene.homography);

@@ -5,12 +5,12 @@
 
 namespace ktgp_orb::test {
 
-/// What is said about the argument of the call; empty: it is not refused.
-template <typename Call>
+/// What is said of the call; empty: it is not refused.
+template <typename Error = std::invalid_argument, typename Call>
 std::string refusalOf(const Call& call) {
   try {
     call();
-  } catch (const std::invalid_argument& error) {
+  } catch (const Error& error) {
     return error.what();
   }
   return "";

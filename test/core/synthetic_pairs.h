@@ -23,10 +23,10 @@ enum class Order {
 struct Scene {
   std::size_t pairs = 100;
   std::size_t inliers = 50;
-  double sigma = 0.5;  ///< px, Gaussian, in the target
-  Order order = Order::good;
-  cv::Size size{640, 480};
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  Order order = Order::good;
+  double sigma = 0.5;  ///< px, Gaussian, in the target
+  cv::Size size{640, 480};
 };
 
 /// Uniform and normal numbers that are the same with every standard library.

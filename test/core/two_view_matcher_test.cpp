@@ -88,6 +88,19 @@ MatchHints withCamera() {
   return hints;
 }
 
+MatchResult matched(const Frames& frames, const MatchHints& hints,
+                    const MatcherOptions& options = MatcherOptions::slam()) {
+  MatchResult result;
+  KtgpMatcher(options).match(frames.reference, frames.target, hints, result);
+  return result;
+}
+
+/// `seed`: of the reference.
+Frames framesOf(int seed, const RelativePose& pose, double near, double far) {
+  const cv::Mat reference = texture(seed);
+  return {reference, seenFrom(reference, pose, near, far)};
+}
+
 double turnError(const RelativePose& a, const RelativePose& b) {
   return Eigen::AngleAxisd(a.rotation * b.rotation.transpose()).angle();
 }
@@ -97,11 +110,8 @@ double directionError(const RelativePose& a, const RelativePose& b) {
 }
 
 TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
-  const cv::Mat reference = texture(1);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 6.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const Frames frames = framesOf(1, motion(), 2.0, 6.0);
+  MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.found(), Status::ok);
   // Who knows only homographies is not misled.
@@ -123,18 +133,15 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
   EXPECT_EQ(result.stage("two_view")->output, result.inliers);
   EXPECT_GT(inliers, 300u);
 
-  matcher.match(frames.reference, frames.target, result);  // without K
+  result = matched(frames, {});  // without K
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_TRUE(result.two_view.view.pose.translation.isZero(0.0));
   EXPECT_NEAR(result.two_view.view.fundamental.norm(), 1.0, 1e-9);
 }
 
 TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
-  const cv::Mat reference = texture(2);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 2.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const Frames frames = framesOf(2, motion(), 2.0, 2.0);
+  const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
@@ -146,26 +153,20 @@ TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
 }
 
 TEST(TwoViewOfMatcher, ATurnIsARotationWithK) {
-  const cv::Mat reference = texture(3);
   RelativePose turn = motion();
   turn.translation.setZero();
-  const Frames frames(reference, seenFrom(reference, turn, 2.0, 6.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const Frames frames = framesOf(3, turn, 2.0, 6.0);
+  const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::rotation);
   EXPECT_EQ(result.status, Status::ok);
   EXPECT_LT(turnError(result.two_view.view.pose, turn), 0.002);
 }
 
 TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
-  const cv::Mat reference = texture(4);
-  const Frames depth(reference, seenFrom(reference, motion(), 2.0, 6.0));
+  const Frames depth = framesOf(4, motion(), 2.0, 6.0);
   MatcherOptions options = MatcherOptions::slam();
   options.geometry = GeometryModel::epipolar;
-  KtgpMatcher matcher(options);
-  MatchResult result;
-  matcher.match(depth.reference, depth.target, withCamera(), result);
+  const MatchResult result = matched(depth, withCamera(), options);
   EXPECT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.two_view.view.log_false_alarms_homography, 0.0);
   EXPECT_EQ(result.stages[3].output, 0u);
@@ -173,11 +174,8 @@ TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
 }
 
 TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
-  const cv::Mat reference = texture(5);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 2.0));
-  KtgpMatcher matcher;
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);  // K is not used
+  const Frames frames = framesOf(5, motion(), 2.0, 2.0);
+  const MatchResult result = matched(frames, withCamera(), {});  // K is not used
   EXPECT_EQ(result.stage("two_view"), nullptr);
   EXPECT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::plane);
@@ -186,29 +184,23 @@ TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
 
 TEST(TwoViewOfMatcher, NothingInCommonGivesNone) {
   const Frames frames(texture(6), texture(7));
-  MatchResult result;
-  KtgpMatcher(MatcherOptions::slam()).match(frames.reference, frames.target, withCamera(), result);
+  const MatchResult result = matched(frames, withCamera());
   EXPECT_EQ(result.geometry, Geometry::none);
   EXPECT_NE(result.found(), Status::ok);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::none);
   const Frames empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
-  KtgpMatcher(MatcherOptions::slam()).match(empty.reference, empty.target, withCamera(), result);
-  EXPECT_EQ(result.status, Status::too_few_features);
+  EXPECT_EQ(matched(empty, withCamera()).status, Status::too_few_features);
 }
 
 TEST(TwoViewOfMatcher, RefusesAKOfAnotherImage) {
   const Frames frames(texture(8), texture(8));
   MatchHints hints = withCamera();
   (*hints.reference_camera)(0, 2) = 900.0;
-  MatchResult result;
-  KtgpMatcher matcher(MatcherOptions::slam());
-  EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, result),
-               std::invalid_argument);
+  EXPECT_THROW(matched(frames, hints), std::invalid_argument);
   hints = withCamera();
   (*hints.reference_camera)(1, 1) = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, result),
-               std::invalid_argument);
+  EXPECT_THROW(matched(frames, hints), std::invalid_argument);
 }
 
 /// A raw image, whose points are moved by the lens, gives the motion, too.
@@ -239,9 +231,7 @@ TEST(TwoViewOfMatcher, ALensMovesThePoints) {
   const Frames frames(distorted(reference), distorted(seenFrom(reference, motion(), 2.0, 6.0)));
   MatchHints hints = withCamera();
   hints.reference_lens = hints.target_lens = &lens;
-  MatchResult result;
-  KtgpMatcher matcher(MatcherOptions::slam());
-  matcher.match(frames.reference, frames.target, hints, result);
+  const MatchResult result = matched(frames, hints);
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_LT(turnError(result.two_view.view.pose, motion()), 0.003);
   EXPECT_LT(directionError(result.two_view.view.pose, motion()), 0.03);
