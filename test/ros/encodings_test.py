@@ -7,9 +7,8 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, check_each, image_message, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, check_each, image_message, view, wait_until
 from rosgraph_msgs.msg import Log
 
 
@@ -29,7 +28,7 @@ class EncodingsTest(unittest.TestCase):
         cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         cls.log = Recorder('/rosout', Log)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.camera = Camera()
         cls.camera.wait_for_subscriber()
 
@@ -61,10 +60,8 @@ class EncodingsTest(unittest.TestCase):
 
     def test_a_change_of_size_resets_the_reference(self):
         self.send_and_wait()
-        stamp = self.camera.send(
-            image_message(view(100, 100, 320, 240), self.camera.next_stamp()))
-        self.assertEqual(self.statistics.wait_for(stamp).status,
-                         MatchStatus.STATUS_NO_REFERENCE)
+        stamp = self.camera.show(view(100, 100, 320, 240))
+        self.assertEqual(self.statistics.wait_for(stamp).status, MatchStatus.STATUS_NO_REFERENCE)
 
     def refused(self, change, expected_words):
         """Sends a broken image; it must be refused with a reason, and the next good one must work."""
@@ -79,20 +76,12 @@ class EncodingsTest(unittest.TestCase):
         self.assertEqual(after.status, MatchStatus.STATUS_OK)
         self.assertEqual(after.reference_stamp, before.header.stamp)
         self.assertIsNone(self.statistics.with_stamp(broken.header.stamp))
-        wait_until(lambda: expected_words in self.last_error(), 'diagnostics say ' + expected_words)
-
-    def input_status(self):
-        for array in reversed(self.diagnostics.messages()):
-            for status in array.status:
-                if status.name.endswith('input'):
-                    return {value.key: value.value for value in status.values}
-        return {}
+        wait_until(lambda: expected_words in self.diagnostics.values('input')[-1].get('last error', ''),
+                   'diagnostics say ' + expected_words)
 
     def refused_count(self):
-        return int(self.input_status().get('refused', -1))
-
-    def last_error(self):
-        return self.input_status().get('last error', '')
+        """As the last report has it."""
+        return int(([{}] + self.diagnostics.values('input'))[-1].get('refused', -1))
 
     def test_refused_images(self):
         def wrong_step(image):

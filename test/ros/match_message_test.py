@@ -12,7 +12,7 @@ import rosgraph
 import rospy
 import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, image_message, wait_until
+from ktgp_testing import Camera, Recorder, wait_until
 
 
 class MatchMessageTest(unittest.TestCase):
@@ -83,8 +83,7 @@ class MatchMessageTest(unittest.TestCase):
         self.matches.wait_for(self.camera.send_view())
         for size, status in (((480, 640), MatchStatus.STATUS_TOO_FEW_FEATURES),
                              ((240, 320), MatchStatus.STATUS_NO_REFERENCE)):
-            flat = image_message(np.full(size, 100, np.uint8), self.camera.next_stamp())
-            match = self.matches.wait_for(self.camera.send(flat))
+            match = self.matches.wait_for(self.camera.show(np.full(size, 100, np.uint8)))
             self.assertEqual((match.homography.status, match.statistics.status), (status, status))
             self.assertEqual(list(match.homography.homography), [0.0] * 9)
             self.assertEqual(len(match.correspondences.reference_x), 0)

@@ -65,8 +65,7 @@ class GrowthTest(unittest.TestCase):
         self.assertTrue(answer.success, answer.message)
 
     def send(self, picture):
-        stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))
-        return self.statistics.wait_for(stamp)
+        return self.statistics.wait_for(self.camera.show(picture))
 
     def check_grown(self, statistics, homography):
         self.assertEqual((statistics.status, statistics.found_by),

@@ -15,13 +15,12 @@ import poster
 import rosgraph
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, Camera, Recorder, check_each, image_message, no_delay, texture,
-                          translation, view, wait_for_diagnostics, wait_for_matcher, wait_until)
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, texture,
+                          translation, view, wait_for_matcher, wait_until)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -56,7 +55,7 @@ class InputsTest(unittest.TestCase):
         cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.log = Recorder('/rosout', Log)
         cls.camera = Camera()
         cls.mask = rospy.Publisher('/camera/matcher/mask', Image, queue_size=1, latch=True)
@@ -74,8 +73,7 @@ class InputsTest(unittest.TestCase):
 
     def send(self, pixels):
         """Statistics of an image."""
-        return self.statistics.wait_for(
-            self.camera.send(image_message(pixels, self.camera.next_stamp())))
+        return self.statistics.wait_for(self.camera.show(pixels))
 
     def send_view(self, text=False):
         """Of the next view, with text that does not move."""
@@ -167,15 +165,14 @@ class InputsTest(unittest.TestCase):
     def wait_for_diagnostics(self, words):
         def said():
             return any(words in status.message or any(words in v.value for v in status.values)
-                       for array in self.diagnostics.messages() for status in array.status)
+                       for status in self.diagnostics.of(''))
         wait_until(said, 'diagnostics say "%s"' % words)
 
     def test_frames_beyond_max_rate_are_skipped_evenly_and_counted(self):
         self.client.update_configuration({'max_rate': 10.0})
         first = before = self.send_view()  # of a 30 Hz camera; the first begins the slots
         for i in range(8):
-            stamps = [self.camera.send(image_message(view(100 + STEP * i, 100),
-                                                     self.camera.next_stamp())) for _ in range(3)]
+            stamps = [self.camera.show(view(100 + STEP * i, 100)) for _ in range(3)]
             # The middle one is the first of its slot of 0.1 s.
             statistics = self.statistics.wait_for(stamps[1])
             self.assertEqual(statistics.reference_stamp, before.header.stamp)
@@ -253,7 +250,7 @@ class InputsTest(unittest.TestCase):
                 self.info.publish(info)
                 stamp = self.camera.send(image_message(view(100, 100), info.header.stamp))
                 return self.homographies.wait_for(stamp).rectified
-            wait_for_diagnostics(self.diagnostics, words, send)
+            self.diagnostics.wait_for_words(words, send)
             self.assertFalse(send())
         check_each(poster.REFUSED, check)
 

@@ -10,11 +10,10 @@ import unittest
 import numpy as np
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, view, wait_until
 from nav_msgs.msg import Odometry
 from poster import information
 from rosgraph_msgs.msg import Log
@@ -61,7 +60,7 @@ class MotionTest(unittest.TestCase):
             transform('base_link', 'camera', LEVER, rospy.Time()),
             transform('base_link', 'imu', (0, 0, 0), rospy.Time(), STILL)]))
         cls.log = Recorder('/rosout', Log)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
         cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
                       for name in NAMES}
@@ -132,8 +131,7 @@ class MotionTest(unittest.TestCase):
         def found():
             self.send(**options)
             rospy.sleep(0.05)
-            return any(words in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
-                       if s.name.endswith(name + ': motion'))
+            return any(words in s.message for s in self.diagnostics.of(name + ': motion', -8))
         wait_until(found, '%s says: %s' % (name, words))
 
     def test_1_velocity_is_in_metres_from_every_source(self):
@@ -290,10 +288,8 @@ class MotionTest(unittest.TestCase):
     def test_9_nothing_is_subscribed_without_subscribers(self):
         for recorders in (self.odometry, self.twists):
             recorders['by_parameter'].close()
-        def idle():
-            return any('idle' in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
-                       if s.name.endswith('by_parameter: motion'))
-        wait_until(idle, 'by_parameter is idle')
+        wait_until(lambda: any('idle' in s.message for s in self.diagnostics.of('by_parameter: motion', -8)),
+                   'by_parameter is idle')
 
 
 if __name__ == '__main__':

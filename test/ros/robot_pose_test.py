@@ -10,12 +10,10 @@ import cv2
 import numpy as np
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import (TIMEOUT, Camera, Recorder, check_each, image_message, no_delay,
-                          wait_for_diagnostics, wait_until)
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, wait_until
 from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
                     information, pose_errors, rendered)
 from rosgraph_msgs.msg import Log
@@ -48,7 +46,7 @@ class PoseTest(unittest.TestCase):
     def setUpClass(cls):
         cls.client = Client('/camera/targets', timeout=TIMEOUT)
         cls.detections = Recorder('/camera/targets/detections', TargetDetections)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.log = Recorder('/rosout', Log)
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
         cls.camera = Camera()
@@ -116,7 +114,7 @@ class PoseTest(unittest.TestCase):
                 poster, reason = self.send(picture, info)
                 return not poster.has_pose and words in reason
             wait_until(refused, 'no pose comes')
-            wait_for_diagnostics(self.diagnostics, words, lambda: self.send(picture, info))
+            self.diagnostics.wait_for_words(words, lambda: self.send(picture, info))
             wait_until(lambda: len(self.said(words)) > before, 'the log says ' + words)
             self.assertFalse(self.send(picture, info)[0].has_pose)
         check_each(REFUSED, check)
@@ -124,17 +122,16 @@ class PoseTest(unittest.TestCase):
     def test_a_transform_alone_is_reason_enough_to_search(self):
         camera = Camera('/poster/image_raw')
         info = rospy.Publisher('/poster/camera_info', CameraInfo, queue_size=5, latch=True)
-        transforms = Recorder('/tf', TFMessage)
-        self.addCleanup(transforms.close)
+        transforms = Recorder('/tf', TFMessage, self)
         camera.wait_for_subscriber()
         picture = cv2.imread(os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..',
                                           'doc', 'mosaic.jpg'), cv2.IMREAD_GRAYSCALE)
         # The first subscriber: without camera_info there is no pose, with a message.
-        wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
+        wait_until(lambda: camera.show(picture) and
                    self.said('no camera_info on /poster/camera_info'), 'the log says what misses')
-        wait_for_diagnostics(self.diagnostics, 'no camera_info on /poster/camera_info')
+        self.diagnostics.wait_for_words('no camera_info on /poster/camera_info')
         info.publish(information(size=(picture.shape[1], picture.shape[0])))
-        wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
+        wait_until(lambda: camera.show(picture) and
                    [t for m in transforms.messages() for t in m.transforms
                     if t.child_frame_id == 'poster'], 'the transform is broadcast')
         self.assertEqual(len(self.said('no camera_info on /poster/camera_info')), 1)

@@ -11,11 +11,10 @@ import cv2
 import numpy as np
 import rospy
 import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, translation, view,
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, texture, translation, view,
                           wait_for_matcher, wait_until)
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
@@ -51,19 +50,13 @@ class ReferenceTest(unittest.TestCase):
 
     def send(self, x, y=100, size=(WIDTH, HEIGHT)):
         """Statistics of a frame that shows the picture from x, y."""
-        message = image_message(view(x, y, *size), self.camera.next_stamp())
-        return self.statistics.wait_for(self.camera.send(message))
+        return self.statistics.wait_for(self.camera.show(view(x, y, *size)))
 
     def images_arrived(self):
         """As the matcher's next report has it; the one after it, since the first may be on its way."""
-        reports = Recorder('/diagnostics', DiagnosticArray)
-        self.addCleanup(reports.close)
-        def counts():
-            return [int(value.value) for report in reports.messages() for status in report.status
-                    if status.name.endswith(': input') for value in status.values
-                    if value.key == 'images']
-        wait_until(lambda: len(counts()) > 1, 'the matcher reports')
-        return counts()[-1]
+        reports = Diagnostics(self)
+        wait_until(lambda: len(reports.of(': input')) > 1, 'the matcher reports')
+        return int(reports.values(': input')[-1]['images'])
 
     def pan(self, frames):
         return [self.send(100 + PAN * i) for i in range(frames)]
@@ -143,9 +136,7 @@ class ReferenceTest(unittest.TestCase):
         before = self.send(150)
         self.assertEqual(before.reason, MatchStatus.REASON_NOT_SET)
         self.call('set_reference')
-        depth = image_message(np.zeros((HEIGHT, WIDTH), np.float32), self.camera.next_stamp(),
-                              '32FC1')
-        self.camera.send(depth)
+        self.camera.show(np.zeros((HEIGHT, WIDTH), np.float32), '32FC1')
         # The depth image may be replaced by the next one before it is looked at, or before it arrives.
         fixed = self.send(200)
         self.assertEqual(fixed.refused_frames - before.refused_frames +
@@ -199,7 +190,7 @@ class ReferenceTest(unittest.TestCase):
         before = self.pan(2)[-1]
         self.call('pause')
         arrived = self.images_arrived()
-        unseen = self.camera.send(image_message(view(140, 100), self.camera.next_stamp()))
+        unseen = self.camera.show(view(140, 100))
         wait_until(lambda: self.images_arrived() == arrived + 1, 'it arrives while paused')
         # An image sent after `unseen` has gone through shows that `unseen` was ignored.
         self.call('resume')
@@ -234,8 +225,7 @@ class ReferenceTest(unittest.TestCase):
 
     def test_diagnostics_go_on_while_a_pair_is_matched(self):
         """Of a pair that takes seconds, one report a second."""
-        reports = Recorder('/diagnostics', DiagnosticArray)
-        self.addCleanup(reports.close)
+        reports = Diagnostics(self)
         wait_until(reports.messages, 'the matcher reports')
         large = image_message(np.tile(view(0, 0, 1600, 1200), (5, 5)), rospy.Time(5))
         self.client.update_configuration({'features': 20000, 'gms_rotation': True})

@@ -16,7 +16,7 @@ import rospy
 import rostest
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import Match
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import Camera, Recorder, view, wait_until
 
 SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_gui',
            'qt_gui_core/qt_gui_py_common', 'python_qt_binding', 'rqt_console', 'rqt/rqt_py_common')
@@ -87,9 +87,7 @@ class RqtReconfigureTest(unittest.TestCase):
     def match(self):
         """The result for the same two images with the current values of the node."""
         for shift in (0, 10):
-            stamp = self.camera.next_stamp()
-            self.camera.send(image_message(view(100 + shift, 100), stamp))
-            message = self.matches.wait_for(stamp)
+            message = self.matches.wait_for(self.camera.show(view(100 + shift, 100)))
         return message
 
     def test_what_is_set_in_the_window_is_computed_with(self):

@@ -9,8 +9,7 @@ import rospy
 import rostest
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import Camera, Recorder, image_message, view, wait_for_diagnostics, wait_until
-from diagnostic_msgs.msg import DiagnosticArray
+from ktgp_testing import Camera, Diagnostics, Recorder, image_message, view, wait_until
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -24,7 +23,7 @@ class TargetTest(unittest.TestCase):
         info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=10, latch=True)
         detections = Recorder('/camera/targets/detections', TargetDetections)
         transforms = Recorder('/tf', TFMessage)
-        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        diagnostics = Diagnostics()
         wait_until(lambda: detections.publishers() and transforms.publishers(), 'it runs')
         camera.wait_for_subscriber()
         calibration = CameraInfo(width=640, height=480)
@@ -38,14 +37,14 @@ class TargetTest(unittest.TestCase):
             self.assertTrue(answer.success, answer.message)
 
         def send(picture):
-            return detections.wait_for(camera.send(image_message(picture, camera.next_stamp())))
+            return detections.wait_for(camera.show(picture))
 
         # A frame for tf is of no use without a width.
         target('add', 0.0)
         message = send(view(430, 280))
         self.assertFalse(message.detections[0].has_pose)
         self.assertEqual(message.no_pose, 'the width of board, which has the frame target, is not known')
-        wait_for_diagnostics(diagnostics, 'a target has no pose: the width of board', lambda: send(view(430, 280)))
+        diagnostics.wait_for_words('a target has no pose: the width of board', lambda: send(view(430, 280)))
         target('replace', 0.64)
 
         def board():
