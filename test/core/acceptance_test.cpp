@@ -14,11 +14,9 @@
 #include <vector>
 
 #include "dense_gms.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
 #include "orb_test_images.h"
 #include "plain_search.h"
-#include "synthetic_pairs.h"
 #include "test_data.h"
 
 namespace ktgp_orb {
@@ -50,9 +48,7 @@ Pair viewsOf(const std::string& name, const cv::Mat& picture, const Eigen::Matri
   pair.name = name;
   pair.truth = truth;
   cv::GaussianBlur(picture, pair.reference, {}, 1.0);
-  cv::Mat h, moved, noise(kSize, CV_32F);
-  cv::eigen2cv(truth, h);
-  cv::warpPerspective(pair.reference, moved, h, kSize, cv::INTER_CUBIC);
+  cv::Mat moved = test::warped(pair.reference, truth, kSize), noise(kSize, CV_32F);
   cv::RNG(1).fill(noise, cv::RNG::NORMAL, 0.0, 2.0);
   moved.convertTo(moved, CV_32F, 0.8, 5.0);
   cv::Mat(moved + noise).convertTo(pair.target, CV_8U);
@@ -93,12 +89,6 @@ std::vector<Pair> viewsOfAll(const std::vector<cv::Mat>& pictures) {
   return pairs;
 }
 
-Features featuresOf(const cv::Mat& image) {
-  Features features;
-  OrbExtractor().extract(image, features);
-  return features;
-}
-
 /// The paper's chain, without what this package adds.
 MatcherOptions chainOfThePaper() {
   MatcherOptions options;
@@ -127,11 +117,10 @@ std::vector<Correspondence> naiveChain(const Features& reference, const Features
 /// homography explains.
 void expectChainOfThePaper(const Pair& pair) {
   SCOPED_TRACE(pair.name);
-  const Features reference = featuresOf(pair.reference);
-  const Features target = featuresOf(pair.target);
+  const test::FramePair frames(pair.reference, pair.target);
+  const auto& [reference, target] = frames;
   const MatcherOptions options = chainOfThePaper();
-  MatchResult result;
-  KtgpMatcher(options).match(reference, target, result);
+  const MatchResult result = test::matched(frames, options);
   ASSERT_EQ(result.status, Status::ok);
   const std::vector<Correspondence> expected = naiveChain(reference, target);
   ASSERT_EQ(result.correspondences.size(), expected.size());
@@ -154,8 +143,7 @@ void expectChainOfThePaper(const Pair& pair) {
 
 /// Mean corner error in px of the homography for these options; 1000 where there is none.
 double errorOf(const Pair& pair, const MatcherOptions& options) {
-  MatchResult result;
-  KtgpMatcher(options).match(featuresOf(pair.reference), featuresOf(pair.target), result);
+  const MatchResult result = test::matched({pair.reference, pair.target}, options);
   return result.status == Status::ok
              ? test::cornerError(result.answer.homography, pair.truth, kSize)
              : 1000.0;
@@ -213,7 +201,7 @@ void expectNothingBetween(const std::vector<cv::Mat>& pictures) {
   KtgpMatcher matcher(options);
   std::vector<Features> features;
   features.reserve(pictures.size());
-  for (const cv::Mat& picture : pictures) features.push_back(featuresOf(picture));
+  for (const cv::Mat& picture : pictures) features.push_back(test::featuresOf(picture));
   for (std::size_t i = 0; i < features.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       MatchResult result;

@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
@@ -14,9 +13,9 @@
 #include "core/growth/local_frame.h"
 #include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
+#include "frame_pair.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "one_answer.h"
 #include "synthetic_pairs.h"
@@ -24,68 +23,12 @@
 namespace ktgp_orb {
 namespace {
 
+using test::drawnPair;
+using test::FramePair;
+using test::matched;
 using test::Numbers;
 
 const cv::Size kSize(640, 480);
-
-void addKeypoint(const Eigen::Vector2d& at, double angle, double size, Features& features) {
-  const double degrees = angle * 180.0 / M_PI;
-  features.keypoints.emplace_back(
-      static_cast<float>(at.x()), static_cast<float>(at.y()), static_cast<float>(size),
-      static_cast<float>(degrees - 360.0 * std::floor(degrees / 360.0)));
-}
-
-void addDescriptor(const std::vector<std::uint8_t>& bits, Features& features) {
-  features.descriptors.push_back(
-      cv::Mat(1, kDescriptorBytes, CV_8U, const_cast<std::uint8_t*>(bits.data())));
-}
-
-std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
-  std::vector<std::uint8_t> bits(kDescriptorBytes);
-  for (std::uint8_t& b : bits) b = static_cast<std::uint8_t>(numbers.uniform(0.0, 256.0));
-  return bits;
-}
-
-/// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
-/// in some bits. `lures` have equal descriptors at random positions. The others are unrelated.
-struct Pair {
-  Features reference, target;
-};
-
-Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_t seed,
-              int lures = 0) {
-  Numbers numbers(seed);
-  Pair pair;
-  pair.reference.image_size = pair.target.image_size = kSize;
-  for (int i = 0; i < count; ++i) {
-    const double angle = numbers.uniform(0.0, 2.0 * M_PI);
-    const double size = 31.0 * std::pow(1.2, std::floor(numbers.uniform(0.0, 8.0)));
-    Eigen::Vector2d x = numbers.pointIn(kSize);
-    std::vector<std::uint8_t> bits = randomDescriptor(numbers);
-    Eigen::Vector2d u = (truth * x.homogeneous()).hnormalized();
-    while (i < inliers && !test::isInside(u, kSize)) {
-      x = numbers.pointIn(kSize);
-      u = (truth * x.homogeneous()).hnormalized();
-    }
-    addKeypoint(x, angle, size, pair.reference);
-    addDescriptor(bits, pair.reference);
-    if (i >= inliers) {
-      addKeypoint(numbers.pointIn(kSize), numbers.uniform(0.0, 2.0 * M_PI), size, pair.target);
-      addDescriptor(i < inliers + lures ? bits : randomDescriptor(numbers), pair.target);
-      continue;
-    }
-    const Eigen::Vector2d step(std::cos(angle), std::sin(angle));
-    const Eigen::Vector2d v = (truth * (x + step).homogeneous()).hnormalized() - u;
-    for (int flips = 0; flips < 25; ++flips) {
-      const auto bit = static_cast<std::size_t>(numbers.uniform(0.0, 256.0));
-      bits[bit / 8] ^= static_cast<std::uint8_t>(1U << (bit % 8));
-    }
-    addKeypoint(u + Eigen::Vector2d(0.5 * numbers.normal(), 0.5 * numbers.normal()),
-                std::atan2(v.y(), v.x()) + 0.1 * numbers.normal(), size * v.norm(), pair.target);
-    addDescriptor(bits, pair.target);
-  }
-  return pair;
-}
 
 Eigen::Matrix3d tilted() {
   return (Eigen::Matrix3d() << 0.9, -0.35, 120.0, 0.3, 0.75, 10.0, 2e-4, 3e-4, 1.0).finished();
@@ -95,7 +38,7 @@ MatcherOptions growing() {
   return MatcherOptions::robust();
 }
 
-GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
+GrowthResult grow(const FramePair& pair, const GrowthOptions& options = {}) {
   KnnMatcher knn;
   std::vector<Correspondence> matches;
   knn.matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
@@ -108,7 +51,7 @@ GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
 TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
   int found = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const GrowthResult result = grow(makePair(2000, 40, tilted(), seed));
+    const GrowthResult result = grow(drawnPair(2000, 40, tilted(), seed));
     if (!result.found) continue;
     ++found;
     EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0) << seed;
@@ -122,7 +65,7 @@ TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
 
 TEST(Growth, FindsNothingWhereThereIsNothing) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
-    const GrowthResult result = grow(makePair(1000, 0, tilted(), seed));
+    const GrowthResult result = grow(drawnPair(1000, 0, tilted(), seed));
     EXPECT_FALSE(result.found) << seed;
     EXPECT_TRUE(result.answer.homography.isZero());
     EXPECT_EQ(result.pairs.size(), 0U);
@@ -147,14 +90,11 @@ cv::Mat letters(std::uint64_t seed) {
 TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
   OrbOptions orb;
   orb.fast_threshold = 10;
-  OrbExtractor extractor(orb);
   MatchResult result;
   KtgpMatcher matcher(growing());
   int tried = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-    Pair pair;
-    extractor.extract(letters(seed), pair.reference);
-    extractor.extract(letters(seed + 100), pair.target);
+    const FramePair pair(letters(seed), letters(seed + 100), orb);
     matcher.match(pair.reference, pair.target, result);
     EXPECT_NE(result.status, Status::ok) << seed;
     EXPECT_EQ(result.found_by, FoundBy::none);
@@ -181,18 +121,15 @@ cv::Mat scene(std::uint64_t seed) {
 TEST(Growth, TriesNoMoreSeedsThanAllowed) {
   GrowthOptions options;
   options.seeds = 3;
-  OrbExtractor extractor;
-  Pair pair;
-  extractor.extract(letters(1), pair.reference);
-  extractor.extract(letters(2), pair.target);
+  const FramePair pair(letters(1), letters(2));
   EXPECT_EQ(grow(pair, options).seeds, 3);
   options.seeds = 5;
   EXPECT_EQ(grow(pair, options).seeds, 5);
 }
 
 TEST(Growth, GivesTheSameAnswerAgain) {
-  const Pair one = makePair(2000, 40, tilted(), 3);
-  const Pair other = makePair(900, 0, tilted(), 4);
+  const FramePair one = drawnPair(2000, 40, tilted(), 3);
+  const FramePair other = drawnPair(900, 0, tilted(), 4);
   KnnMatcher knn;
   HomographyGrowth growth;
   GrowthResult first, between, again;
@@ -209,7 +146,7 @@ TEST(Growth, GivesTheSameAnswerAgain) {
 }
 
 TEST(Growth, TakesKeypointsWithoutPlaceOrSizeAndFramesWithout) {
-  Pair pair = makePair(300, 0, tilted(), 5);
+  FramePair pair = drawnPair(300, 0, tilted(), 5);
   pair.reference.keypoints[3].pt.x = -1e6F;
   pair.target.keypoints[4].pt.y = 1e7F;
   pair.target.keypoints[5].size = 0.F;
@@ -230,17 +167,16 @@ TEST(Growth, RefusesOptionsOutOfRange) {
 }
 
 TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   MatcherOptions options = growing();
   options.alignment.enabled = false;
   options.prosac.max_iterations = 20;  // all spent on the lures
   options.growth.enabled = false;
-  MatchResult result;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  MatchResult result = matched(pair, options);
   ASSERT_NE(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::none);
   options.growth.enabled = true;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  result = matched(pair, options);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
@@ -253,17 +189,17 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
-  const Pair easy = makePair(500, 400, tilted(), 3);
+  const FramePair easy = drawnPair(500, 400, tilted(), 3);
   options.prosac.max_iterations = 2000;
-  KtgpMatcher(options).match(easy.reference, easy.target, result);
+  result = matched(easy, options);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
 /// 25 of 400 matches lie where one homography puts them, and have the nearest descriptors.
-Pair doubtfulPair(bool with_directions) {
+FramePair doubtfulPair(bool with_directions) {
   const Eigen::Matrix3d truth = tilted();
-  Pair pair = makePair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
+  FramePair pair = drawnPair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
   Numbers numbers(4);
   for (int i = 0; i < 400; ++i) {
     auto& target = pair.target.keypoints[static_cast<std::size_t>(i)].pt;
@@ -282,15 +218,14 @@ Pair doubtfulPair(bool with_directions) {
 TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   MatcherOptions options = growing();
   options.alignment.enabled = false;
-  MatchResult result;
   for (const bool with_directions : {false, true}) {
-    const Pair pair = doubtfulPair(with_directions);
+    const FramePair pair = doubtfulPair(with_directions);
     options.growth.enabled = false;
-    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    MatchResult result = matched(pair, options);
     ASSERT_EQ(result.found_by, FoundBy::prosac);
     ASSERT_LT(result.prosac.inliers, 50U);
     options.growth.enabled = true;
-    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    result = matched(pair, options);
     // The keypoints' directions and sizes do not agree with a homography that is due to chance.
     EXPECT_EQ(result.status, with_directions ? Status::ok : Status::model_rejected);
     EXPECT_EQ(result.found_by, with_directions ? FoundBy::growth : FoundBy::none);
@@ -302,7 +237,7 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
 }
 
 TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   for (const bool gms : {false, true}) {
     for (const bool guided : {false, true}) {
       for (const double max_error : {0.3, 3.0}) {
@@ -311,8 +246,7 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
         options.guided.enabled = guided;
         options.prosac.max_error = max_error;
         options.prosac.max_iterations = 20;  // all spent on the lures
-        MatchResult result;
-        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        const MatchResult result = matched(pair, options);
         ASSERT_EQ(result.found_by, FoundBy::growth);
         EXPECT_EQ(result.status, Status::ok);
         EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
@@ -333,7 +267,7 @@ TEST(Growth, IsInThePresetRobustAlone) {
 }
 
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
   options.matcher = growing();
   options.matcher.prosac.max_iterations = 20;  // all spent on the lures
@@ -439,11 +373,7 @@ TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
   cv::Mat shown;
   cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
                  cv::BORDER_CONSTANT, cv::Scalar(128));
-  Pair pair;
-  OrbExtractor extractor;
-  extractor.extract(window, pair.reference);
-  extractor.extract(shown, pair.target);
-  GrowthResult result = grow(pair);
+  const GrowthResult result = grow({window, shown});
   EXPECT_GT(result.judged, 1);
   EXPECT_LT(result.log_false_alarms, growth::Verdict::kLogMaxFalseAlarms);
   EXPECT_FALSE(result.found);
@@ -453,9 +383,7 @@ TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
   sign.copyTo(window(cv::Rect(100, 20, 200, 200)));
   cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
                  cv::BORDER_CONSTANT, cv::Scalar(128));
-  extractor.extract(window, pair.reference);
-  extractor.extract(shown, pair.target);
-  EXPECT_TRUE(grow(pair).found);
+  EXPECT_TRUE(grow({window, shown}).found);
 }
 
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
@@ -463,24 +391,14 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   cv::resize(scene(7), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
   const Eigen::Matrix3d truth =
       (Eigen::Matrix3d() << 0.28, 0.05, 180.0, 0.0, 0.95, 10.0, 1e-4, 0.0, 1.0).finished();
-  cv::Mat blurred, target_image;
+  cv::Mat blurred;
   cv::GaussianBlur(reference_image, blurred, cv::Size(0, 1), 1.8, 1e-6);
-  cv::Matx33d matrix;
-  for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = truth(k / 3, k % 3);
-  cv::warpPerspective(blurred, target_image, matrix, kSize, cv::INTER_LINEAR);
-  OrbOptions orb;
-  OrbExtractor extractor(orb);
-  Pair pair;
-  extractor.extract(reference_image, pair.reference);
-  extractor.extract(target_image, pair.target);
-  KtgpMatcher matcher(growing());
-  MatchResult result;
-  matcher.match(pair.reference, pair.target, result);
-  EXPECT_NE(result.status, Status::ok);
-  const ReferenceViews views = simulateViews(reference_image, orb, 13);
+  const FramePair pair(reference_image, test::warped(blurred, truth, kSize, cv::INTER_LINEAR));
+  EXPECT_NE(matched(pair, growing()).status, Status::ok);
+  const ReferenceViews views = simulateViews(reference_image, {}, 13);
   MatchHints hints;
   hints.views = &views;
-  matcher.match(pair.reference, pair.target, hints, result);
+  const MatchResult result = matched(pair, growing(), hints);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_LT(test::cornerError(result.answer.homography, truth, kSize), 5.0);

@@ -6,9 +6,10 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+
+#include "frame_pair.h"
 
 namespace ktgp_orb {
 namespace {
@@ -44,11 +45,7 @@ Eigen::Matrix3d viewAt(double x, double y, double angle = 0.0) {
 }
 
 cv::Mat see(const cv::Mat& world, const Eigen::Matrix3d& view) {
-  cv::Mat homography;
-  cv::eigen2cv(view, homography);
-  cv::Mat frame;
-  cv::warpPerspective(world, frame, homography, kSize, cv::INTER_LINEAR);
-  return frame;
+  return test::warped(world, view, kSize, cv::INTER_LINEAR);
 }
 
 /// A flight over a world, the first frame of which lies at (400, 300).

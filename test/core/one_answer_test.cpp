@@ -2,50 +2,40 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
 #include "one_answer.h"
 #include "orb_test_images.h"
-#include "synthetic_pairs.h"
 #include "test_data.h"
 
 namespace ktgp_orb {
 namespace {
 
+using test::FramePair;
+using test::matched;
 using test::Numbers;
 
-struct Pair {
-  Features reference, target;
-};
-
-Pair extract(const cv::Mat& reference, const cv::Mat& target, int features) {
+OrbOptions withFeatures(int features) {
   OrbOptions options;
   options.max_features = features;
-  Pair pair;
-  OrbExtractor extractor(options);
-  extractor.extract(reference, pair.reference);
-  extractor.extract(target, pair.target);
-  return pair;
+  return options;
 }
 
 /// A textured plane that moves, and a part that moves differently, so that the stages disagree.
-Pair drawnPair(Numbers& numbers, int seed) {
+FramePair texturedPair(Numbers& numbers, int seed) {
   const cv::Size size(320, 240);
   cv::Mat image;
   cv::GaussianBlur(test::textureImage(size, seed), image, cv::Size(), 1.0);
-  cv::Mat h, target;
-  cv::eigen2cv(test::randomHomography(size, 0.08, numbers), h);
-  cv::warpPerspective(image, target, h, size, cv::INTER_CUBIC);
+  cv::Mat target = test::warped(image, test::randomHomography(size, 0.08, numbers), size);
   const cv::Rect part(40, 40, 120, 90);
   cv::Mat moved;
   const cv::Mat shift = (cv::Mat_<double>(2, 3) << 1, 0, numbers.uniform(0.5, 6.0), 0, 1, 2.0);
   cv::warpAffine(target, moved, shift, size, cv::INTER_CUBIC);
   moved(part).copyTo(target(part));
-  return extract(image, target, 500);
+  return {image, target, withFeatures(500)};
 }
 
 MatcherOptions drawnOptions(Numbers& numbers) {
@@ -59,7 +49,7 @@ MatcherOptions drawnOptions(Numbers& numbers) {
 }
 
 /// Counts the labels that changed after PROSAC, so that the test is not void.
-std::size_t expectOneAnswer(const Pair& pair, const MatcherOptions& options,
+std::size_t expectOneAnswer(const FramePair& pair, const MatcherOptions& options,
                             const MatchResult& result) {
   test::expectOneAnswer(result, pair.reference, pair.target, options.prosac.max_error);
   std::size_t relabelled = 0;
@@ -78,12 +68,11 @@ TEST(OneAnswer, LabelsInliersAndRmseBelongToThePublishedHomography) {
   Numbers numbers(3);
   std::size_t found = 0;
   std::size_t relabelled = 0;
-  MatchResult result;
   for (int i = 0; i < kPairs; ++i) {
-    const Pair pair = drawnPair(numbers, i);
+    const FramePair pair = texturedPair(numbers, i);
     for (int k = 0; k < kSettings; ++k) {
       const MatcherOptions options = drawnOptions(numbers);
-      KtgpMatcher(options).match(pair.reference, pair.target, result);
+      const MatchResult result = matched(pair, options);
       if (result.status != Status::ok) continue;
       ++found;
       relabelled += expectOneAnswer(pair, options, result);
@@ -109,11 +98,10 @@ TEST(OneAnswer, OnRealPairs) {
       return cv::Mat();
     };
     for (int i = 2; i <= 6; ++i) {
-      const Pair pair = extract(read(1), read(i), 2000);
+      const FramePair pair(read(1), read(i), withFeatures(2000));
       for (int k = 0; k < 4; ++k) {
         const MatcherOptions options = drawnOptions(numbers);
-        MatchResult result;
-        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        const MatchResult result = matched(pair, options);
         if (result.status == Status::ok) relabelled += expectOneAnswer(pair, options, result);
       }
     }
@@ -125,9 +113,8 @@ TEST(OneAnswer, WithoutRefinementsAllIsProsacs) {
   Numbers numbers(5);
   MatcherOptions options;
   options.alignment.enabled = false;
-  const Pair pair = drawnPair(numbers, 7);
-  MatchResult result;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  const FramePair pair = texturedPair(numbers, 7);
+  const MatchResult result = matched(pair, options);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.answer.homography, result.prosac.answer.homography);
   EXPECT_EQ(result.answer.covariance, result.prosac.answer.covariance);

@@ -4,9 +4,8 @@
 #include <opencv2/imgcodecs.hpp>
 #include <string>
 
+#include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "paper_numbers.h"
 #include "test_data.h"
 
@@ -29,9 +28,7 @@ class Paper : public ::testing::TestWithParam<PaperSet> {
         *folder_ + "/oxford/" + GetParam().name + "/img" + std::to_string(image) + ".ppm";
     const cv::Mat grey = cv::imread(file, cv::IMREAD_GRAYSCALE);
     EXPECT_FALSE(grey.empty()) << file;
-    Features features;
-    OrbExtractor().extract(grey, features);
-    return features;
+    return test::featuresOf(grey);
   }
 
   std::vector<MatchResult> matchAll() {

@@ -17,9 +17,8 @@
 
 #include "core/orb/teblid_describer.h"
 #include "core/orb/teblid_table.h"
+#include "frame_pair.h"
 #include "instruction_sets.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "orb_test_images.h"
 #include "test_data.h"
 
@@ -253,12 +252,6 @@ TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
   }
 }
 
-Features extracted(const cv::Mat& image, const OrbOptions& options) {
-  Features features;
-  OrbExtractor(options).extract(image, features);
-  return features;
-}
-
 // The keypoints are ORB's; only the descriptors differ, and equal the definition's.
 TEST(TeblidExtraction, DescribesOrbsKeypoints) {
   for (const cv::Size& size :
@@ -270,9 +263,9 @@ TEST(TeblidExtraction, DescribesOrbsKeypoints) {
          {KeypointDistribution::ranked, KeypointDistribution::uniform}) {
       options.distribution = distribution;
       options.descriptor = DescriptorKind::orb;
-      const Features orb = extracted(image, options);
+      const Features orb = test::featuresOf(image, options);
       options.descriptor = DescriptorKind::teblid;
-      const Features teblid = extracted(image, options);
+      const Features teblid = test::featuresOf(image, options);
       EXPECT_EQ(orb.descriptor, DescriptorKind::orb);
       EXPECT_EQ(teblid.descriptor, DescriptorKind::teblid);
       ASSERT_EQ(teblid.size(), orb.size()) << size;
@@ -292,21 +285,22 @@ TEST(TeblidExtraction, IsTheSameWithAnyNumberOfThreads) {
   const cv::Mat image = test::textureImage({320, 240}, 22);
   OrbOptions options;
   options.descriptor = DescriptorKind::teblid;
-  const Features expected = extracted(image, options);
+  const Features expected = test::featuresOf(image, options);
   ASSERT_GT(expected.size(), 500U);
   for (int threads : {2, 3, 5}) {
     options.threads = threads;
-    EXPECT_EQ(cv::norm(extracted(image, options).descriptors, expected.descriptors, cv::NORM_INF),
-              0.0);
+    EXPECT_EQ(
+        cv::norm(test::featuresOf(image, options).descriptors, expected.descriptors, cv::NORM_INF),
+        0.0);
   }
 }
 
 TEST(TeblidExtraction, IsNeverMatchedWithOrb) {
   const cv::Mat image = test::textureImage({320, 240}, 23);
   OrbOptions options;
-  const Features orb = extracted(image, options);
+  const Features orb = test::featuresOf(image, options);
   options.descriptor = DescriptorKind::teblid;
-  const Features teblid = extracted(image, options);
+  const Features teblid = test::featuresOf(image, options);
   KtgpMatcher matcher;
   MatchResult result;
   EXPECT_THROW(matcher.match(orb, teblid, result), std::invalid_argument);

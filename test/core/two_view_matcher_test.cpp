@@ -11,12 +11,14 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
+
+using test::FramePair;
 
 const cv::Size kSize(640, 480);
 
@@ -27,14 +29,7 @@ Eigen::Matrix3d camera() {
 }
 
 cv::Mat texture(int seed) {
-  cv::Mat noise(kSize, CV_32FC1);
-  cv::RNG random(static_cast<std::uint64_t>(seed));
-  random.fill(noise, cv::RNG::UNIFORM, 0.F, 1.F);
-  cv::Mat smooth;
-  cv::GaussianBlur(noise, smooth, {}, 2.0);
-  cv::Mat picture;
-  cv::normalize(smooth, picture, 0.0, 255.0, cv::NORM_MINMAX, CV_8U);
-  return picture;
+  return test::textureImage(kSize, static_cast<std::uint64_t>(seed));
 }
 
 RelativePose motion() {
@@ -55,32 +50,14 @@ cv::Mat seenFrom(const cv::Mat& reference, const RelativePose& pose, double near
         camera() *
         (pose.rotation + kDistance / depth * pose.translation * Eigen::RowVector3d(0.0, 0.0, 1.0)) *
         camera().inverse();
-    cv::Mat map;
-    cv::eigen2cv(h, map);
     const cv::Rect half(depth == near ? 0 : kSize.width / 2, 0, kSize.width / 2, kSize.height);
     cv::Mat part = cv::Mat::zeros(kSize, CV_8UC1);
     part(near == far ? cv::Rect({}, kSize) : half).setTo(255);
-    cv::Mat mask;
-    cv::Mat warped;
-    cv::warpPerspective(part, mask, map, kSize, cv::INTER_NEAREST);
-    cv::warpPerspective(reference, warped, map, kSize, cv::INTER_CUBIC);
-    warped.copyTo(target, mask);
+    const cv::Mat mask = test::warped(part, h, kSize, cv::INTER_NEAREST);
+    test::warped(reference, h, kSize).copyTo(target, mask);
   }
   return target;
 }
-
-struct Frames {
-  Features reference;
-  Features target;
-
-  Frames(const cv::Mat& first, const cv::Mat& second) {
-    OrbOptions options;
-    options.images = ImageKeeping::share;
-    OrbExtractor extractor(options);
-    extractor.extract(first, reference);
-    extractor.extract(second, target);
-  }
-};
 
 MatchHints withCamera() {
   MatchHints hints;
@@ -88,15 +65,13 @@ MatchHints withCamera() {
   return hints;
 }
 
-MatchResult matched(const Frames& frames, const MatchHints& hints,
+MatchResult matched(const FramePair& frames, const MatchHints& hints,
                     const MatcherOptions& options = MatcherOptions::slam()) {
-  MatchResult result;
-  KtgpMatcher(options).match(frames.reference, frames.target, hints, result);
-  return result;
+  return test::matched(frames, options, hints);
 }
 
 /// `seed`: of the reference.
-Frames framesOf(int seed, const RelativePose& pose, double near, double far) {
+FramePair framesOf(int seed, const RelativePose& pose, double near, double far) {
   const cv::Mat reference = texture(seed);
   return {reference, seenFrom(reference, pose, near, far)};
 }
@@ -110,7 +85,7 @@ double directionError(const RelativePose& a, const RelativePose& b) {
 }
 
 TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
-  const Frames frames = framesOf(1, motion(), 2.0, 6.0);
+  const FramePair frames = framesOf(1, motion(), 2.0, 6.0);
   MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.found(), Status::ok);
@@ -133,14 +108,14 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
   EXPECT_EQ(result.stage("two_view")->output, result.inliers);
   EXPECT_GT(inliers, 300u);
 
-  result = matched(frames, {});  // without K
+  result = matched(frames, MatchHints());  // without K
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_TRUE(result.two_view.view.pose.translation.isZero(0.0));
   EXPECT_NEAR(result.two_view.view.fundamental.norm(), 1.0, 1e-9);
 }
 
 TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
-  const Frames frames = framesOf(2, motion(), 2.0, 2.0);
+  const FramePair frames = framesOf(2, motion(), 2.0, 2.0);
   const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.status, Status::ok);
@@ -155,7 +130,7 @@ TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
 TEST(TwoViewOfMatcher, ATurnIsARotationWithK) {
   RelativePose turn = motion();
   turn.translation.setZero();
-  const Frames frames = framesOf(3, turn, 2.0, 6.0);
+  const FramePair frames = framesOf(3, turn, 2.0, 6.0);
   const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::rotation);
   EXPECT_EQ(result.status, Status::ok);
@@ -163,7 +138,7 @@ TEST(TwoViewOfMatcher, ATurnIsARotationWithK) {
 }
 
 TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
-  const Frames depth = framesOf(4, motion(), 2.0, 6.0);
+  const FramePair depth = framesOf(4, motion(), 2.0, 6.0);
   MatcherOptions options = MatcherOptions::slam();
   options.geometry = GeometryModel::epipolar;
   const MatchResult result = matched(depth, withCamera(), options);
@@ -174,7 +149,7 @@ TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
 }
 
 TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
-  const Frames frames = framesOf(5, motion(), 2.0, 2.0);
+  const FramePair frames = framesOf(5, motion(), 2.0, 2.0);
   const MatchResult result = matched(frames, withCamera(), {});  // K is not used
   EXPECT_EQ(result.stage("two_view"), nullptr);
   EXPECT_EQ(result.geometry, Geometry::plane);
@@ -183,18 +158,18 @@ TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
 }
 
 TEST(TwoViewOfMatcher, NothingInCommonGivesNone) {
-  const Frames frames(texture(6), texture(7));
+  const FramePair frames(texture(6), texture(7));
   const MatchResult result = matched(frames, withCamera());
   EXPECT_EQ(result.geometry, Geometry::none);
   EXPECT_NE(result.found(), Status::ok);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::none);
-  const Frames empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
+  const FramePair empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
   EXPECT_EQ(matched(empty, withCamera()).status, Status::too_few_features);
 }
 
 TEST(TwoViewOfMatcher, RefusesAKOfAnotherImage) {
-  const Frames frames(texture(8), texture(8));
+  const FramePair frames(texture(8), texture(8));
   MatchHints hints = withCamera();
   (*hints.reference_camera)(0, 2) = 900.0;
   EXPECT_THROW(matched(frames, hints), std::invalid_argument);
@@ -228,7 +203,7 @@ TEST(TwoViewOfMatcher, ALensMovesThePoints) {
     return raw;
   };
   const cv::Mat reference = texture(9);
-  const Frames frames(distorted(reference), distorted(seenFrom(reference, motion(), 2.0, 6.0)));
+  const FramePair frames(distorted(reference), distorted(seenFrom(reference, motion(), 2.0, 6.0)));
   MatchHints hints = withCamera();
   hints.reference_lens = hints.target_lens = &lens;
   const MatchResult result = matched(frames, hints);
