@@ -13,8 +13,10 @@
 #include <string>
 #include <vector>
 
+#include "alignment_scene.h"
 #include "dense_gms.h"
 #include "frame_pair.h"
+#include "ktgp_orb/evaluation.h"
 #include "orb_test_images.h"
 #include "plain_search.h"
 #include "test_data.h"
@@ -31,17 +33,6 @@ struct Pair {
   Eigen::Matrix3d truth = Eigen::Matrix3d::Identity();  ///< reference to target
 };
 
-/// A motion about the middle of the picture.
-Eigen::Matrix3d motion(double degrees, double zoom, double tilt) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = zoom * Eigen::Rotation2Dd(degrees * M_PI / 180.0).matrix();
-  turn(2, 0) = tilt;
-  Eigen::Matrix3d middle = Eigen::Matrix3d::Identity();
-  middle(0, 2) = 0.5 * (kSize.width - 1);
-  middle(1, 2) = 0.5 * (kSize.height - 1);
-  return middle * turn * middle.inverse();
-}
-
 /// Two views of a picture, the second one moved, blurred, darker and with noise.
 Pair viewsOf(const std::string& name, const cv::Mat& picture, const Eigen::Matrix3d& truth) {
   Pair pair;
@@ -56,9 +47,9 @@ Pair viewsOf(const std::string& name, const cv::Mat& picture, const Eigen::Matri
 }
 
 std::vector<Pair> viewsOf(const std::string& name, const cv::Mat& picture) {
-  return {viewsOf(name + ", shifted", picture, motion(2.0, 1.0, 1e-5)),
-          viewsOf(name + ", turned and nearer", picture, motion(8.0, 1.15, -5e-5)),
-          viewsOf(name + ", oblique", picture, motion(-5.0, 0.9, 2e-4))};
+  return {viewsOf(name + ", shifted", picture, test::turn(2.0, 1.0, {1e-5, 0.0})),
+          viewsOf(name + ", turned and nearer", picture, test::turn(8.0, 1.15, {-5e-5, 0.0})),
+          viewsOf(name + ", oblique", picture, test::turn(-5.0, 0.9, {2e-4, 0.0}))};
 }
 
 std::vector<cv::Mat> drawnPictures() {
@@ -183,14 +174,10 @@ void expectAccurate(const std::vector<Pair>& pairs, double largest_allowed, doub
                 chain.back(), aligned.back(), opencv.back());
     EXPECT_LT(aligned.back(), largest_allowed) << pair.name;
   }
-  const auto median = [](std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
-  };
-  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", median(chain), median(aligned),
-              median(opencv));
-  EXPECT_LT(median(chain), median(opencv));
-  EXPECT_LT(median(aligned) * times_better, median(opencv));
+  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", evaluation::median(chain),
+              evaluation::median(aligned), evaluation::median(opencv));
+  EXPECT_LT(evaluation::median(chain), evaluation::median(opencv));
+  EXPECT_LT(evaluation::median(aligned) * times_better, evaluation::median(opencv));
 }
 
 /// Filters that let hundreds of wrong matches through must not lead to a homography.

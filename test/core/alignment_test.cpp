@@ -13,6 +13,7 @@
 #include "core/alignment/spread.h"
 #include "core/homography/transform.h"
 #include "ktgp_orb/evaluation.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
@@ -367,11 +368,7 @@ double normalisedError(double spacing) {
     disturb(1.2, scene);
     const AlignmentResult result = align(scene, truth);
     EXPECT_EQ(result.status, AlignmentStatus::ok);
-    Eigen::Matrix<double, 8, 1> error;
-    for (int i = 0; i < 8; ++i)
-      error[i] = result.answer.homography(i / 3, i % 3) - truth(i / 3, i % 3);
-    const Eigen::Matrix<double, 8, 8> covariance = result.answer.covariance;
-    sum += error.dot(covariance.ldlt().solve(error));
+    sum += test::squaredDeviation(result.answer, truth);
   }
   return sum / kTrials;
 }

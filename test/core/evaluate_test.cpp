@@ -160,31 +160,14 @@ TEST(GridStatistics, NeighbourhoodsHaveTheirNumberOfCells) {
   EXPECT_EQ(cross().size(), 5u);
 }
 
-PointPairs pairsOf(const Eigen::Matrix3d& h, int inliers, int outliers, unsigned seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> x(0.0, 640.0);
-  std::uniform_real_distribution<double> y(0.0, 480.0);
-  std::normal_distribution<double> noise(0.0, 0.5);
-  PointPairs pairs;
-  for (int i = 0; i < inliers + outliers; ++i) {
-    const Eigen::Vector2d from(x(random), y(random));
-    const Eigen::Vector2d to =
-        i < inliers ? evaluation::project(h, from) + Eigen::Vector2d(noise(random), noise(random))
-                    : Eigen::Vector2d(x(random), y(random));
-    pairs.reference.push_back(from);
-    pairs.target.push_back(to);
-    pairs.quality.push_back(i < inliers ? 0.3 : 0.6);
-  }
-  return pairs;
-}
-
 class Estimators : public ::testing::TestWithParam<std::pair<std::string, Estimator>> {};
 
 TEST_P(Estimators, FindTheHomographyAmongOutliers) {
   Eigen::Matrix3d h;
   h << 1.05, 0.08, -14.0, -0.06, 0.97, 21.0, 1e-4, -5e-5, 1.0;
   for (unsigned seed = 0; seed < 20; ++seed) {
-    const PointPairs pairs = pairsOf(h, 140, 60, seed);
+    test::Numbers numbers(seed);
+    const PointPairs pairs = test::makePairs({200, 140, h}, numbers);
     const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
     ASSERT_TRUE(e.found);
     EXPECT_LT(evaluation::cornerError(e.homography, h, {640, 480}), 1.5) << seed;
@@ -198,7 +181,8 @@ TEST_P(Estimators, FindTheHomographyAmongOutliers) {
 
 TEST_P(Estimators, SurviveEverySmallSet) {
   for (int n = 0; n <= 40; ++n) {
-    const PointPairs pairs = pairsOf(Eigen::Matrix3d::Identity(), 0, n, 5);
+    test::Numbers numbers(5);
+    const PointPairs pairs = test::makePairs({static_cast<std::size_t>(n), 0}, numbers);
     const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
     EXPECT_EQ(e.mask.size(), pairs.size());
     EXPECT_TRUE(n >= 4 || !e.found);

@@ -18,6 +18,7 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "one_answer.h"
+#include "orb_test_images.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {
@@ -105,16 +106,8 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
 
 /// A picture without repetition.
 cv::Mat scene(std::uint64_t seed) {
-  cv::Mat image(kSize * 2, CV_8U, cv::Scalar(128));
-  Numbers numbers(seed);
-  for (int i = 0; i < 1500; ++i) {
-    const cv::Point p(static_cast<int>(numbers.uniform(0.0, image.cols)),
-                      static_cast<int>(numbers.uniform(0.0, image.rows)));
-    const cv::Size size(static_cast<int>(numbers.uniform(8.0, 40.0)),
-                        static_cast<int>(numbers.uniform(8.0, 40.0)));
-    cv::rectangle(image, cv::Rect(p, size), cv::Scalar(numbers.uniform(0.0, 255.0)), cv::FILLED);
-  }
-  cv::GaussianBlur(image, image, {}, 1.0);
+  cv::Mat image;
+  cv::GaussianBlur(test::blockImage(kSize * 2, seed, 800), image, {}, 1.0);
   return image;
 }
 

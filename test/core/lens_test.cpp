@@ -11,8 +11,10 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
+#include "alignment_scene.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
@@ -139,17 +141,6 @@ cv::Mat rawView(const LensCalibration& c, double x, double y) {
   return image;
 }
 
-/// Mean distance of the mapped corners from a shift of (-x, -y).
-double cornerError(const Eigen::Matrix3d& h, double x, double y) {
-  double sum = 0.0;
-  for (int i = 0; i < 4; ++i) {
-    const Eigen::Vector2d corner(i % 2 * 319.0, i / 2 * 239.0);
-    const Eigen::Vector2d moved = (h * corner.homogeneous()).hnormalized();
-    sum += (moved - (corner - Eigen::Vector2d(x, y))).norm();
-  }
-  return sum / 4.0;
-}
-
 /// Of two views 40 px apart.
 SequenceMatch matched(const LensCalibration& calibration, const LensConstPtr& lens) {
   static SequenceMatcher matcher;
@@ -194,8 +185,12 @@ TEST(Lens, AHomographyThroughALensIsRightInRectifiedPixels) {
   const auto lens = std::make_shared<const Lens>(calibration);
   const SequenceMatch rectified = matched(calibration, lens);
   ASSERT_EQ(rectified.match.status, Status::ok);
-  const double error = cornerError(rectified.match.answer.homography, 40.0, 20.0);
-  const double raw_error = cornerError(raw.match.answer.homography, 40.0, 20.0);
+  const auto errorOf = [](const SequenceMatch& match) {
+    return test::cornerError(match.match.answer.homography, test::translation(-40.0, -20.0),
+                             {kWidth, kHeight});
+  };
+  const double error = errorOf(rectified);
+  const double raw_error = errorOf(raw);
   RecordProperty("error", std::to_string(error));
   std::printf("corner error %.3f px, %zu inliers; raw %.3f px, %zu inliers\n", error,
               rectified.match.inliers, raw_error, raw.match.inliers);

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -83,22 +82,13 @@ TEST(OneAnswer, LabelsInliersAndRmseBelongToThePublishedHomography) {
 }
 
 TEST(OneAnswer, OnRealPairs) {
-  const auto data = test::dataFolder();
-  KTGP_ORB_REQUIRE_FOLDER(data, "KTGP_ORB_DATA");
+  KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
   Numbers numbers(4);
   std::size_t relabelled = 0;
   for (const char* set : {"leuven", "bikes", "boat"}) {
-    const std::string folder = *data + "/oxford/" + set;
-    const auto read = [&](int i) {
-      for (const char* extension : {".ppm", ".pgm", ".png"}) {
-        cv::Mat image =
-            cv::imread(folder + "/img" + std::to_string(i) + extension, cv::IMREAD_GRAYSCALE);
-        if (!image.empty()) return image;
-      }
-      return cv::Mat();
-    };
     for (int i = 2; i <= 6; ++i) {
-      const FramePair pair(read(1), read(i), withFeatures(2000));
+      const FramePair pair(test::oxfordImage(set, 1), test::oxfordImage(set, i),
+                           withFeatures(2000));
       for (int k = 0; k < 4; ++k) {
         const MatcherOptions options = drawnOptions(numbers);
         const MatchResult result = matched(pair, options);

@@ -80,17 +80,12 @@ void expectOpencvsAnswer(const cv::Mat& image, const OrbOptions& options, const 
 }
 
 TEST_F(OrbBesideOpencv, AgreesOnTheOxfordImages) {
-  const auto folder = test::dataFolder();
-  KTGP_ORB_REQUIRE_FOLDER(folder, "KTGP_ORB_DATA");
-  const std::pair<const char*, const char*> sets[] = {
-      {"leuven", ".ppm"}, {"bikes", ".ppm"}, {"boat", ".pgm"}};
-  for (const auto& [set, suffix] : sets) {
+  KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
+  for (const std::string set : {"leuven", "bikes", "boat"}) {
     for (int i = 1; i <= 6; ++i) {
-      const std::string path =
-          *folder + "/oxford/" + set + "/img" + std::to_string(i) + std::string(suffix);
-      const cv::Mat image = cv::imread(path, cv::IMREAD_GRAYSCALE);
-      ASSERT_FALSE(image.empty()) << path;
-      expectOpencvsAnswer(image, OrbOptions(), path);
+      const cv::Mat image = test::oxfordImage(set, i);
+      ASSERT_FALSE(image.empty()) << set << i;
+      expectOpencvsAnswer(image, OrbOptions(), set + std::to_string(i));
     }
   }
 }

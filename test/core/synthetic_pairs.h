@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -88,6 +89,20 @@ inline double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b,
     sum += (p.hnormalized() - q.hnormalized()).norm() / 4.0;
   }
   return sum;
+}
+
+/// The error of the first eight entries against their covariance, squared. The entries differ by
+/// six orders of magnitude, so each is divided by its own deviation.
+inline double squaredDeviation(const UncertainHomography& found, const Eigen::Matrix3d& truth) {
+  using Vector8 = Eigen::Matrix<double, 8, 1>;
+  const Vector8 scale = found.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix<double, 8, 8> correlation =
+      scale.asDiagonal() * Eigen::Matrix<double, 8, 8>(found.covariance) * scale.asDiagonal();
+  Vector8 u;
+  for (int i = 0; i < 8; ++i) {
+    u[i] = scale[i] * (found.homography(i / 3, i % 3) - truth(i / 3, i % 3) / truth(2, 2));
+  }
+  return u.dot(correlation.ldlt().solve(u));
 }
 
 inline double qualityOf(bool inlier, Order order, Numbers& numbers) {

@@ -11,7 +11,6 @@
 #include <fstream>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
@@ -79,14 +78,11 @@ class TeblidOracle : public testing::TestWithParam<const char*> {};
 
 TEST_P(TeblidOracle, GivesTheAuthorsDescriptors) {
   const auto folder = test::oracleFolder();
-  const auto data = test::dataFolder();
   KTGP_ORB_REQUIRE_FOLDER(folder, "KTGP_ORB_ORACLE");
-  KTGP_ORB_REQUIRE_FOLDER(data, "KTGP_ORB_DATA");
+  KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
   const std::string name = GetParam();  // "<set>_<image>"
-  const std::string set = name.substr(0, name.find('_'));
-  const std::string file = *data + "/oxford/" + set + "/img" + name.substr(name.find('_') + 1);
-  cv::Mat image = cv::imread(file + ".ppm", cv::IMREAD_GRAYSCALE);
-  if (image.empty()) image = cv::imread(file + ".pgm", cv::IMREAD_GRAYSCALE);
+  const std::size_t mark = name.find('_');
+  const cv::Mat image = test::oxfordImage(name.substr(0, mark), std::stoi(name.substr(mark + 1)));
   const OracleFile oracle = readOracle(*folder + "/teblid/" + name + ".csv");
   ASSERT_EQ(image.size(), oracle.image_size);
   ASSERT_GE(oracle.keypoints.size(), 600U);
