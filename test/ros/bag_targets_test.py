@@ -14,7 +14,7 @@ import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import FolderCase, image_message, texture
+from ktgp_testing import FolderCase, image_message, messages_of, texture
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
 
 POSITIONS = [POSITION + (0.02 * i, 0.01 * i, 0.05 * i) for i in range(5)]
@@ -50,8 +50,7 @@ class BagTargetsTest(FolderCase):
                               universal_newlines=True)
 
     def detections(self, topic=DETECTIONS, bag='out.bag'):
-        with rosbag.Bag(self.path(bag)) as opened:
-            return [message for _, message, _ in opened.read_messages(topic)]
+        return messages_of(self.path(bag), topic)
 
     def test_finds_the_poster_in_every_image(self):
         self.write_bag()

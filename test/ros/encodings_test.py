@@ -1,14 +1,12 @@
 #!/usr/bin/python3
 """Each kind of image encoding is matched; others are refused with a message, and counted."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Diagnostics, Recorder, check_each, image_message, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, check_each, image_message, run_as_node, view, wait_until
 from rosgraph_msgs.msg import Log
 
 
@@ -113,5 +111,4 @@ class EncodingsTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('encodings_test')
-    rostest.rosrun('ktgp_orb', 'encodings', EncodingsTest, sys.argv)
+    run_as_node(EncodingsTest)

@@ -3,6 +3,7 @@
 import os
 import socket
 import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -10,8 +11,10 @@ import unittest
 import xmlrpc.client
 
 import numpy as np
+import rosbag
 import rosgraph
 import rospy
+import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
 
@@ -48,6 +51,12 @@ def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     return message
 
 
+def messages_of(bag, topic):
+    """All of a topic, in their order."""
+    with rosbag.Bag(bag) as file:
+        return [message for _, message, _ in file.read_messages(topic)]
+
+
 def wait_until(condition, what, timeout=TIMEOUT):
     """Waits for a condition of the live system, in wall time."""
     end = time.time() + timeout
@@ -55,6 +64,13 @@ def wait_until(condition, what, timeout=TIMEOUT):
         if time.time() > end or rospy.is_shutdown():
             raise AssertionError('timed out waiting until ' + what)
         time.sleep(0.01)
+
+
+def run_as_node(test):
+    """Runs a test case in a node with the name of its file."""
+    name = os.path.splitext(os.path.basename(sys.argv[0]))[0]
+    rospy.init_node(name)
+    rostest.rosrun('ktgp_orb', name, test, sys.argv)
 
 
 def check_each(cases, check):

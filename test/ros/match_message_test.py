@@ -4,15 +4,13 @@
 import os
 import re
 import subprocess
-import sys
 import unittest
 
 import numpy as np
 import rosgraph
 import rospy
-import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, wait_until
+from ktgp_testing import Camera, Recorder, run_as_node, wait_until
 
 
 class MatchMessageTest(unittest.TestCase):
@@ -91,5 +89,4 @@ class MatchMessageTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('match_message_test')
-    rostest.rosrun('ktgp_orb', 'match_message', MatchMessageTest, sys.argv)
+    run_as_node(MatchMessageTest)

@@ -2,18 +2,16 @@
 """Compares the mosaic with the picture that the camera is moved over."""
 
 import os
-import sys
 import tempfile
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, texture, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, texture, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -120,5 +118,4 @@ class MosaicTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('mosaic_test')
-    rostest.rosrun('ktgp_orb', 'mosaic_test', MosaicTest, sys.argv)
+    run_as_node(MosaicTest)

@@ -2,16 +2,14 @@
 """T_w changes the number of matches in the right direction, while images arrive."""
 
 import statistics
-import sys
 import threading
 import unittest
 
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, run_as_node, wait_until
 
 
 class ReconfigureTest(unittest.TestCase):
@@ -75,5 +73,4 @@ class ReconfigureTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('reconfigure_test')
-    rostest.rosrun('ktgp_orb', 'reconfigure', ReconfigureTest, sys.argv)
+    run_as_node(ReconfigureTest)

@@ -3,14 +3,12 @@
 misspelt parameter: the values and messages."""
 
 import subprocess
-import sys
 import unittest
 
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Diagnostics, Recorder, wait_for_matcher, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, run_as_node, wait_for_matcher, wait_until
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import Image
 
@@ -67,5 +65,4 @@ class ClockTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_clock_test')
-    rostest.rosrun('ktgp_orb', 'robot_clock', ClockTest, sys.argv)
+    run_as_node(ClockTest)

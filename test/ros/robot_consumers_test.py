@@ -2,14 +2,12 @@
 """Stabilizer and mosaic on a robot that is not ours: a homography topic of another name or type is named,
 memory stays within its bound, and what is small is not held back."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import Camera, Diagnostics, Recorder, check_each, no_delay, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, check_each, no_delay, run_as_node, view, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
@@ -129,5 +127,4 @@ class ConsumersTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_consumers_test')
-    rostest.rosrun('ktgp_orb', 'robot_consumers', ConsumersTest, sys.argv)
+    run_as_node(ConsumersTest)

@@ -2,17 +2,15 @@
 """Diagnostics: each problem is reported with its level, for the limits set by parameters."""
 
 import subprocess
-import sys
 import threading
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticStatus
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
 from std_srvs.srv import Trigger
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -162,5 +160,4 @@ class DiagnosticsTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_diagnostics_test')
-    rostest.rosrun('ktgp_orb', 'robot_diagnostics', DiagnosticsTest, sys.argv)
+    run_as_node(DiagnosticsTest)

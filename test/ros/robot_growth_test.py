@@ -1,17 +1,15 @@
 #!/usr/bin/python3
 """Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
 
-import sys
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, wait_for_matcher
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, run_as_node, wait_for_matcher
 from std_srvs.srv import Trigger
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
@@ -108,5 +106,4 @@ class GrowthTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_growth_test')
-    rostest.rosrun('ktgp_orb', 'robot_growth', GrowthTest, sys.argv)
+    run_as_node(GrowthTest)

@@ -4,7 +4,6 @@ that must not block the matcher."""
 
 import os
 import signal
-import sys
 import tempfile
 import threading
 import unittest
@@ -14,13 +13,12 @@ import numpy as np
 import poster
 import rosgraph
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, texture,
-                          translation, view, wait_for_matcher, wait_until)
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, run_as_node,
+                          texture, translation, view, wait_for_matcher, wait_until)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -329,5 +327,4 @@ def distorted(x, y):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_inputs_test')
-    rostest.rosrun('ktgp_orb', 'robot_inputs', InputsTest, sys.argv)
+    run_as_node(InputsTest)

@@ -4,16 +4,14 @@ source of height and normal, or refused with the reason."""
 
 import itertools
 import subprocess
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
 from nav_msgs.msg import Odometry
 from poster import information
 from rosgraph_msgs.msg import Log
@@ -293,5 +291,4 @@ class MotionTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_motion_test')
-    rostest.rosrun('ktgp_orb', 'robot_motion_test', MotionTest, sys.argv)
+    run_as_node(MotionTest)

@@ -1,14 +1,12 @@
 #!/usr/bin/python3
 """A bag with --clock, paused and resumed: no false alarm, and matching continues."""
 
-import sys
 import unittest
 
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Diagnostics, Recorder, wait_until
+from ktgp_testing import Diagnostics, Recorder, run_as_node, wait_until
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool
 
@@ -38,5 +36,4 @@ class PausedBagTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_paused_bag_test')
-    rostest.rosrun('ktgp_orb', 'robot_paused_bag', PausedBagTest, sys.argv)
+    run_as_node(PausedBagTest)

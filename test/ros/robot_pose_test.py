@@ -3,17 +3,16 @@
 or refused with the reason; and the messages when there is no pose."""
 
 import os
-import sys
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, wait_until
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, run_as_node,
+                          wait_until)
 from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
                     information, pose_errors, rendered)
 from rosgraph_msgs.msg import Log
@@ -138,5 +137,4 @@ class PoseTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_pose_test')
-    rostest.rosrun('ktgp_orb', 'robot_pose', PoseTest, sys.argv)
+    run_as_node(PoseTest)

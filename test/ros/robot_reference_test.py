@@ -2,7 +2,6 @@
 """Reference modes and services: the reference of each frame."""
 
 import os
-import sys
 import tempfile
 import time
 import unittest
@@ -10,12 +9,11 @@ import unittest
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, texture, translation, view,
-                          wait_for_matcher, wait_until)
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, texture, translation,
+                          view, wait_for_matcher, wait_until)
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -250,5 +248,4 @@ class ReferenceTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_reference_test')
-    rostest.rosrun('ktgp_orb', 'robot_reference', ReferenceTest, sys.argv)
+    run_as_node(ReferenceTest)

@@ -6,14 +6,12 @@ import contextlib
 import os
 import resource
 import subprocess
-import sys
 
 import cv2
 import rospy
-import rostest
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, FolderCase, Recorder, image_message, texture, wait_until
+from ktgp_testing import Camera, FolderCase, Recorder, image_message, run_as_node, texture, wait_until
 from poster import K, POSITION, POSTER, information, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
@@ -254,5 +252,4 @@ class TargetsFilesTest(FolderCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_targets_files_test')
-    rostest.rosrun('ktgp_orb', 'robot_targets_files', TargetsFilesTest, sys.argv)
+    run_as_node(TargetsFilesTest)

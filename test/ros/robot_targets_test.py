@@ -4,7 +4,6 @@ kept in a file, and refused with the reason."""
 
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 import unittest
@@ -12,10 +11,9 @@ import unittest
 import cv2
 import numpy as np
 import rospy
-import rostest
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Diagnostics, Memory, Recorder, image_message, texture, wait_until
+from ktgp_testing import Camera, Diagnostics, Memory, Recorder, image_message, run_as_node, texture, wait_until
 from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
@@ -335,5 +333,4 @@ class TargetsTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_targets_test')
-    rostest.rosrun('ktgp_orb', 'robot_targets', TargetsTest, sys.argv)
+    run_as_node(TargetsTest)

@@ -8,15 +8,13 @@ python_qt_binding and rqt_console). Photographs are left in ROS_HOME."""
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import unittest
 
 import rospy
-import rostest
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import Match
-from ktgp_testing import Camera, Recorder, view, wait_until
+from ktgp_testing import Camera, Recorder, run_as_node, view, wait_until
 
 SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_gui',
            'qt_gui_core/qt_gui_py_common', 'python_qt_binding', 'rqt_console', 'rqt/rqt_py_common')
@@ -135,5 +133,4 @@ class RqtReconfigureTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('rqt_reconfigure_test')
-    rostest.rosrun('ktgp_orb', 'rqt_reconfigure', RqtReconfigureTest, sys.argv)
+    run_as_node(RqtReconfigureTest)

@@ -1,17 +1,15 @@
 #!/usr/bin/python3
 """The stabilizer with a camera of known shake."""
 
-import sys
 import time
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 
 FRAMES = 70
@@ -193,5 +191,4 @@ class StabilizerTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('stabilizer_test')
-    rostest.rosrun('ktgp_orb', 'stabilizer_test', StabilizerTest, sys.argv)
+    run_as_node(StabilizerTest)

@@ -1,15 +1,13 @@
 #!/usr/bin/python3
 """A flat target in front of a camera that looks at it straight and moves sideways: corners, pose and transform."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import Camera, Diagnostics, Recorder, image_message, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -79,5 +77,4 @@ class TargetTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('target_test')
-    rostest.rosrun('ktgp_orb', 'target_test', TargetTest, sys.argv)
+    run_as_node(TargetTest)

@@ -4,7 +4,6 @@
 import csv
 import os
 import subprocess
-import sys
 import tempfile
 import unittest
 
@@ -12,10 +11,10 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatus, TwoViewGeometry
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, view, wait_for_matcher, wait_until
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_for_matcher,
+                          wait_until)
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo, PointCloud2
@@ -155,5 +154,4 @@ class TwoViewTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('two_view_test')
-    rostest.rosrun('ktgp_orb', 'two_view', TwoViewTest, sys.argv)
+    run_as_node(TwoViewTest)
