@@ -181,7 +181,8 @@ class InputsTest(unittest.TestCase):
         sent = {m.header.stamp for m in self.statistics.messages()}
         self.assertNotIn(stamps[0], sent)
         self.client.update_configuration({'max_rate': 0.0})
-        self.assertEqual(self.send_view().skipped_frames - first.skipped_frames, 16)
+        # The very last one may arrive after the change.
+        self.assertIn(self.send_view().skipped_frames - first.skipped_frames, (15, 16))
 
     def send_distorted(self):
         """The next view through a lens, with its camera_info."""
