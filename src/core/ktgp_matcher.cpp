@@ -10,6 +10,7 @@
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/names.h"
 
 namespace ktgp_orb {
 namespace {
@@ -117,15 +118,7 @@ void MatchResult::surviving(Level level, std::vector<Correspondence>& out) const
 }
 
 const char* toString(FoundBy found_by) {
-  switch (found_by) {
-    case FoundBy::none:
-      return "none";
-    case FoundBy::prosac:
-      return "prosac";
-    case FoundBy::growth:
-      return "growth";
-  }
-  return "unknown";
+  return util::nameOf<FoundBy::growth>(found_by, {"none", "prosac", "growth"});
 }
 
 const StageResult* MatchResult::stage(std::string_view name) const {

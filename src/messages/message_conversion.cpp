@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "core/util/keypoint_position.h"
+#include "core/util/names.h"
 #include "messages/answer_message.h"
 #include "messages/colour_image.h"
 
@@ -299,33 +300,18 @@ sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string&
   return cv_bridge::CvImage(header, encoding, pixels).toImageMsg();
 }
 
-std::string explanation(NoReference reason) {
-  switch (reason) {
-    case NoReference::none:
-      return "matched";
-    case NoReference::first_frame:
-      return "no reference: the first frame";
-    case NoReference::gap:
-      return "no reference: the previous frame is older than max_reference_age";
-    case NoReference::stamp_went_back:
-      return "no reference: the stamp went back";
-    case NoReference::size_changed:
-      return "no reference: the image size changed";
-    case NoReference::encoding_changed:
-      return "no reference: the encoding changed";
-    case NoReference::not_set:
-      return "no reference: fixed mode without reference_image or set_reference";
-    case NoReference::reset:
-      return "no reference: reset";
-    case NoReference::mode_changed:
-      return "no reference: reference_mode changed";
-    case NoReference::lens_changed:
-      return "no reference: another lens calibration";
-  }
-  return "no reference";
-}
-
 namespace {
+
+const char* explanation(NoReference reason) {
+  return util::nameOf<NoReference::lens_changed>(
+      reason,
+      {"matched", "no reference: the first frame",
+       "no reference: the previous frame is older than max_reference_age",
+       "no reference: the stamp went back", "no reference: the image size changed",
+       "no reference: the encoding changed",
+       "no reference: fixed mode without reference_image or set_reference", "no reference: reset",
+       "no reference: reference_mode changed", "no reference: another lens calibration"});
+}
 
 /// The image of the frame in the pixels of its keypoints.
 cv::Mat shown(const cv::Mat& image, const LensConstPtr& lens) {

@@ -66,9 +66,6 @@ ros::Time timeOf(std::int64_t nanoseconds);
 sensor_msgs::ImagePtr toImage(const std_msgs::Header& header, const std::string& encoding,
                               const cv::Mat& pixels);
 
-/// A sentence for users.
-std::string explanation(NoReference reason);
-
 /// The overlay picture (bgr8) with the header of the target; without a reference it shows the
 /// reason. `image`: the message of the target, for its colours.
 sensor_msgs::ImagePtr toOverlay(const sensor_msgs::ImageConstPtr& image, const SequenceMatch& match,

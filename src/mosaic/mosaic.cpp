@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "core/homography/transform.h"
+#include "core/util/names.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/frame_path.h"
 #include "mosaic/keyframes.h"
@@ -85,17 +86,7 @@ bool isDrawable(const cv::Size& size, const Eigen::Matrix3d& from_map) {
 }  // namespace
 
 const char* toString(Placement placement) {
-  switch (placement) {
-    case Placement::drawn:
-      return "drawn";
-    case Placement::seen:
-      return "seen";
-    case Placement::new_map:
-      return "new_map";
-    case Placement::lost:
-      return "lost";
-  }
-  return "unknown";
+  return util::nameOf<Placement::lost>(placement, {"drawn", "seen", "new_map", "lost"});
 }
 
 struct Mosaic::Impl {

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "core/util/names.h"
+
 namespace ktgp_orb {
 namespace motion {
 namespace {
@@ -147,31 +149,9 @@ std::string whyUnusable(const TurnReading& reading) {
 }
 
 const char* toString(GroundStatus status) {
-  switch (status) {
-    case GroundStatus::ok:
-      return "ok";
-    case GroundStatus::started:
-      return "started";
-    case GroundStatus::resumed:
-      return "resumed";
-    case GroundStatus::no_homography:
-      return "no_homography";
-    case GroundStatus::no_covariance:
-      return "no_covariance";
-    case GroundStatus::no_height:
-      return "no_height";
-    case GroundStatus::no_normal:
-      return "no_normal";
-    case GroundStatus::contradiction:
-      return "contradiction";
-    case GroundStatus::stamp_went_back:
-      return "stamp_went_back";
-    case GroundStatus::not_finite:
-      return "not_finite";
-    case GroundStatus::looks_away:
-      return "looks_away";
-  }
-  return "unknown";
+  return util::nameOf<GroundStatus::looks_away>(
+      status, {"ok", "started", "resumed", "no_homography", "no_covariance", "no_height",
+               "no_normal", "contradiction", "stamp_went_back", "not_finite", "looks_away"});
 }
 
 }  // namespace ktgp_orb

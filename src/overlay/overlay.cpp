@@ -1,5 +1,6 @@
 #include "ktgp_orb/overlay.h"
 
+#include "core/util/names.h"
 #include "overlay/canvas.h"
 #include "overlay/difference.h"
 #include "overlay/flow.h"
@@ -31,15 +32,7 @@ void drawTitle(const std::string& text, cv::Mat& canvas) {
 }  // namespace
 
 const char* toString(OverlayStyle style) {
-  switch (style) {
-    case OverlayStyle::flow:
-      return "flow";
-    case OverlayStyle::side_by_side:
-      return "side_by_side";
-    case OverlayStyle::difference:
-      return "difference";
-  }
-  return "unknown";
+  return util::nameOf<OverlayStyle::difference>(style, {"flow", "side_by_side", "difference"});
 }
 
 void drawOverlay(const FrameView& reference, const FrameView& target, const MatchResult& result,

@@ -332,12 +332,16 @@ json toJson(const Frame& frame) {
           {"milliseconds", frame.extraction_milliseconds}};
 }
 
+json toJson(const StageResult& stage) {
+  return {{"name", stage.name},
+          {"input", stage.input},
+          {"output", stage.output},
+          {"milliseconds", stage.milliseconds}};
+}
+
 json toJson(const StageQuality& stage) {
-  json out{{"name", stage.statistics.name},
-           {"input", stage.statistics.input},
-           {"output", stage.statistics.output},
-           {"milliseconds", stage.statistics.milliseconds},
-           {"descriptor_distance", toJson(stage.distance)}};
+  json out = toJson(stage.statistics);
+  out["descriptor_distance"] = toJson(stage.distance);
   if (stage.errors.empty()) return out;
   out["reprojection_error"] = toJson(evaluation::summarize(stage.errors));
   out["precision_3px"] = evaluation::precision(stage.errors, evaluation::kCorrectWithin);
@@ -379,12 +383,7 @@ json toJson(const Outcome& outcome, const PipelineOptions& options) {
            {"homography", nullptr}};
   for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
   out["refinements"] = json::array();
-  for (const StageResult& s : refinementsOf(outcome)) {
-    out["refinements"].push_back({{"name", s.name},
-                                  {"input", s.input},
-                                  {"output", s.output},
-                                  {"milliseconds", s.milliseconds}});
-  }
+  for (const StageResult& s : refinementsOf(outcome)) out["refinements"].push_back(toJson(s));
   out["alignment"] = {{"status", toString(result.alignment.status)},
                       {"rmse_before", result.alignment.rmse_before},
                       {"rmse_after", result.alignment.rmse_after}};

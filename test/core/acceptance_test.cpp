@@ -13,12 +13,12 @@
 #include <string>
 #include <vector>
 
+#include "alignment_scene.h"
 #include "dense_gms.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
+#include "ktgp_orb/evaluation.h"
 #include "orb_test_images.h"
 #include "plain_search.h"
-#include "synthetic_pairs.h"
 #include "test_data.h"
 
 namespace ktgp_orb {
@@ -33,26 +33,13 @@ struct Pair {
   Eigen::Matrix3d truth = Eigen::Matrix3d::Identity();  ///< reference to target
 };
 
-/// A motion about the middle of the picture.
-Eigen::Matrix3d motion(double degrees, double zoom, double tilt) {
-  Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-  turn.topLeftCorner<2, 2>() = zoom * Eigen::Rotation2Dd(degrees * M_PI / 180.0).matrix();
-  turn(2, 0) = tilt;
-  Eigen::Matrix3d middle = Eigen::Matrix3d::Identity();
-  middle(0, 2) = 0.5 * (kSize.width - 1);
-  middle(1, 2) = 0.5 * (kSize.height - 1);
-  return middle * turn * middle.inverse();
-}
-
 /// Two views of a picture, the second one moved, blurred, darker and with noise.
 Pair viewsOf(const std::string& name, const cv::Mat& picture, const Eigen::Matrix3d& truth) {
   Pair pair;
   pair.name = name;
   pair.truth = truth;
   cv::GaussianBlur(picture, pair.reference, {}, 1.0);
-  cv::Mat h, moved, noise(kSize, CV_32F);
-  cv::eigen2cv(truth, h);
-  cv::warpPerspective(pair.reference, moved, h, kSize, cv::INTER_CUBIC);
+  cv::Mat moved = test::warped(pair.reference, truth, kSize), noise(kSize, CV_32F);
   cv::RNG(1).fill(noise, cv::RNG::NORMAL, 0.0, 2.0);
   moved.convertTo(moved, CV_32F, 0.8, 5.0);
   cv::Mat(moved + noise).convertTo(pair.target, CV_8U);
@@ -60,9 +47,9 @@ Pair viewsOf(const std::string& name, const cv::Mat& picture, const Eigen::Matri
 }
 
 std::vector<Pair> viewsOf(const std::string& name, const cv::Mat& picture) {
-  return {viewsOf(name + ", shifted", picture, motion(2.0, 1.0, 1e-5)),
-          viewsOf(name + ", turned and nearer", picture, motion(8.0, 1.15, -5e-5)),
-          viewsOf(name + ", oblique", picture, motion(-5.0, 0.9, 2e-4))};
+  return {viewsOf(name + ", shifted", picture, test::turn(2.0, 1.0, {1e-5, 0.0})),
+          viewsOf(name + ", turned and nearer", picture, test::turn(8.0, 1.15, {-5e-5, 0.0})),
+          viewsOf(name + ", oblique", picture, test::turn(-5.0, 0.9, {2e-4, 0.0}))};
 }
 
 std::vector<cv::Mat> drawnPictures() {
@@ -93,12 +80,6 @@ std::vector<Pair> viewsOfAll(const std::vector<cv::Mat>& pictures) {
   return pairs;
 }
 
-Features featuresOf(const cv::Mat& image) {
-  Features features;
-  OrbExtractor().extract(image, features);
-  return features;
-}
-
 /// The paper's chain, without what this package adds.
 MatcherOptions chainOfThePaper() {
   MatcherOptions options;
@@ -127,11 +108,10 @@ std::vector<Correspondence> naiveChain(const Features& reference, const Features
 /// homography explains.
 void expectChainOfThePaper(const Pair& pair) {
   SCOPED_TRACE(pair.name);
-  const Features reference = featuresOf(pair.reference);
-  const Features target = featuresOf(pair.target);
+  const test::FramePair frames(pair.reference, pair.target);
+  const auto& [reference, target] = frames;
   const MatcherOptions options = chainOfThePaper();
-  MatchResult result;
-  KtgpMatcher(options).match(reference, target, result);
+  const MatchResult result = test::matched(frames, options);
   ASSERT_EQ(result.status, Status::ok);
   const std::vector<Correspondence> expected = naiveChain(reference, target);
   ASSERT_EQ(result.correspondences.size(), expected.size());
@@ -154,8 +134,7 @@ void expectChainOfThePaper(const Pair& pair) {
 
 /// Mean corner error in px of the homography for these options; 1000 where there is none.
 double errorOf(const Pair& pair, const MatcherOptions& options) {
-  MatchResult result;
-  KtgpMatcher(options).match(featuresOf(pair.reference), featuresOf(pair.target), result);
+  const MatchResult result = test::matched({pair.reference, pair.target}, options);
   return result.status == Status::ok
              ? test::cornerError(result.answer.homography, pair.truth, kSize)
              : 1000.0;
@@ -195,14 +174,10 @@ void expectAccurate(const std::vector<Pair>& pairs, double largest_allowed, doub
                 chain.back(), aligned.back(), opencv.back());
     EXPECT_LT(aligned.back(), largest_allowed) << pair.name;
   }
-  const auto median = [](std::vector<double> values) {
-    std::sort(values.begin(), values.end());
-    return values[values.size() / 2];
-  };
-  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", median(chain), median(aligned),
-              median(opencv));
-  EXPECT_LT(median(chain), median(opencv));
-  EXPECT_LT(median(aligned) * times_better, median(opencv));
+  std::printf("median: %.3f, aligned %.3f, OpenCV's %.3f\n", evaluation::median(chain),
+              evaluation::median(aligned), evaluation::median(opencv));
+  EXPECT_LT(evaluation::median(chain), evaluation::median(opencv));
+  EXPECT_LT(evaluation::median(aligned) * times_better, evaluation::median(opencv));
 }
 
 /// Filters that let hundreds of wrong matches through must not lead to a homography.
@@ -213,7 +188,7 @@ void expectNothingBetween(const std::vector<cv::Mat>& pictures) {
   KtgpMatcher matcher(options);
   std::vector<Features> features;
   features.reserve(pictures.size());
-  for (const cv::Mat& picture : pictures) features.push_back(featuresOf(picture));
+  for (const cv::Mat& picture : pictures) features.push_back(test::featuresOf(picture));
   for (std::size_t i = 0; i < features.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
       MatchResult result;

@@ -121,13 +121,18 @@ inline Eigen::Matrix3d translation(double x, double y) {
   return h;
 }
 
-/// Turn by `degrees` and zoom about the centre of a 640x480 image.
-inline Eigen::Matrix3d turn(double degrees, double zoom) {
+/// Turn by `degrees`, zoom and tilt about the centre of an image.
+inline Eigen::Matrix3d turn(double degrees, double zoom,
+                            const Eigen::RowVector2d& tilt = Eigen::RowVector2d::Zero(),
+                            const cv::Size& size = {640, 480}) {
   Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
   const double a = degrees * 0.017453292519943295;
   h.topLeftCorner<2, 2>() << zoom * std::cos(a), -zoom * std::sin(a), zoom * std::sin(a),
       zoom * std::cos(a);
-  return translation(319.5, 239.5) * h * translation(-319.5, -239.5);
+  h.bottomLeftCorner<1, 2>() = tilt;
+  const double x = 0.5 * (size.width - 1);
+  const double y = 0.5 * (size.height - 1);
+  return translation(x, y) * h * translation(-x, -y);
 }
 
 /// A covariance like that of a homography from keypoints: some tenths of a pixel at the corners.

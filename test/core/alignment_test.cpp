@@ -13,6 +13,7 @@
 #include "core/alignment/spread.h"
 #include "core/homography/transform.h"
 #include "ktgp_orb/evaluation.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
@@ -323,22 +324,19 @@ TEST(PointSpread, PointsLessThanFourPixelsApartCountOnce) {
   EXPECT_EQ(chosen, (std::vector<std::uint32_t>{0, 2, 3}));
 }
 
-TEST(Alignment, SaysWhereItHasNoImages) {
+TEST(Alignment, WithoutImagesOrSwitchedOffItHandsBackWhatItWasGiven) {
   AlignmentScene scene = planeScene(13, Eigen::Matrix3d::Identity());
-  scene.target.images.clear();
-  const AlignmentResult result = align(scene, translation(0.5, 0.0));
-  EXPECT_EQ(result.status, AlignmentStatus::no_images);
-  EXPECT_EQ(result.answer.homography, translation(0.5, 0.0));
-}
-
-TEST(Alignment, SwitchedOffItHandsBackWhatItWasGiven) {
   AlignmentOptions options;
   options.enabled = false;
-  const AlignmentScene scene = planeScene(14, Eigen::Matrix3d::Identity());
-  const AlignmentResult result = align(scene, translation(0.5, 0.0), options);
-  EXPECT_EQ(result.status, AlignmentStatus::not_run);
-  EXPECT_EQ(result.tried, 0u);
-  EXPECT_EQ(result.answer.homography, translation(0.5, 0.0));
+  const AlignmentResult off = align(scene, translation(0.5, 0.0), options);
+  EXPECT_EQ(off.status, AlignmentStatus::not_run);
+  EXPECT_EQ(off.tried, 0u);
+  scene.target.images.clear();
+  const AlignmentResult none = align(scene, translation(0.5, 0.0));
+  EXPECT_EQ(none.status, AlignmentStatus::no_images);
+  for (const AlignmentResult& result : {off, none}) {
+    EXPECT_EQ(result.answer.homography, translation(0.5, 0.0));
+  }
 }
 
 TEST(Alignment, RefusesBadOptionsAndIndices) {
@@ -370,27 +368,19 @@ double normalisedError(double spacing) {
     disturb(1.2, scene);
     const AlignmentResult result = align(scene, truth);
     EXPECT_EQ(result.status, AlignmentStatus::ok);
-    Eigen::Matrix<double, 8, 1> error;
-    for (int i = 0; i < 8; ++i)
-      error[i] = result.answer.homography(i / 3, i % 3) - truth(i / 3, i % 3);
-    const Eigen::Matrix<double, 8, 8> covariance = result.answer.covariance;
-    sum += error.dot(covariance.ldlt().solve(error));
+    sum += test::squaredDeviation(result.answer, truth);
   }
   return sum / kTrials;
 }
 
-// Eight on average, one for each entry, if the covariance is right.
+// Eight on average, one for each entry, if the covariance is right. Patches of 16 px at keypoints
+// 8 px apart contain the same noise four times, which counts once.
 TEST(Alignment, ItsCovarianceIsThatOfItsErrors) {
-  const double error = normalisedError(17.0);
-  EXPECT_GT(error, 5.0);
-  EXPECT_LT(error, 13.0);
-}
-
-// Patches of 16 px at keypoints 8 px apart contain the same noise four times.
-TEST(Alignment, ItsCovarianceCountsOverlappingPatchesOnce) {
-  const double error = normalisedError(8.0);
-  EXPECT_GT(error, 5.0);
-  EXPECT_LT(error, 13.0);
+  for (const double spacing : {17.0, 8.0}) {
+    const double error = normalisedError(spacing);
+    EXPECT_GT(error, 5.0) << spacing;
+    EXPECT_LT(error, 13.0) << spacing;
+  }
 }
 
 }  // namespace

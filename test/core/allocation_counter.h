@@ -12,6 +12,8 @@ namespace ktgp_orb::test {
 
 inline std::atomic<std::size_t> allocation_count{0};
 inline std::atomic<std::size_t> allocated_bytes{0};
+/// Whether an allocation succeeds; without a function, all do.
+inline std::atomic<bool (*)()> may_allocate{nullptr};
 
 /// Number of allocations since construction, freed or not.
 class AllocationCounter {
@@ -29,7 +31,10 @@ inline void* countedAllocation(std::size_t size, std::size_t alignment) {
   allocated_bytes += size;
   // aligned_alloc requires a multiple of the alignment; requests for zero bytes also get a pointer.
   const std::size_t rounded = (size + alignment) / alignment * alignment;
-  if (void* memory = std::aligned_alloc(alignment, rounded)) return memory;
+  bool (*const may)() = may_allocate;
+  if (may == nullptr || may()) {
+    if (void* memory = std::aligned_alloc(alignment, rounded)) return memory;
+  }
   throw std::bad_alloc();
 }
 

@@ -8,55 +8,26 @@
 #include <random>
 #include <set>
 
+#include "alignment_scene.h"
 #include "evaluation/methods.h"
 #include "evaluation/output.h"
+#include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
-#include "ktgp_orb/ktgp_matcher.h"
+#include "orb_test_images.h"
 
 namespace ktgp_orb::tools {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Random keypoints and descriptors; the target's are the reference's moved by (12, 5) with a few
-/// bits flipped, except the last third, which is random.
-class RandomScene {
- public:
-  explicit RandomScene(int n, unsigned seed = 1) : random_(seed), grey_(480, 640, CV_8U) {
-    cv::RNG(seed).fill(grey_, cv::RNG::UNIFORM, 0, 256);
-    reference_ = randomFeatures(n);
-    target_ = randomFeatures(n);
-    for (int i = 0; i < n - n / 3; ++i) {
-      target_.keypoints[i].pt = reference_.keypoints[i].pt + cv::Point2f(12.F, 5.F);
-      reference_.descriptors.row(i).copyTo(target_.descriptors.row(i));
-      for (int k = 0; k < 12; ++k) target_.descriptors.at<uchar>(i, random_() % 32) ^= 1;
-    }
-  }
+/// Two thirds of the keypoints move by (12, 5); the others are random.
+struct RandomScene : test::FramePair {
+  explicit RandomScene(int n, unsigned seed = 1)
+      : FramePair(test::drawnPair(n, n - n / 3, test::translation(12.0, 5.0), seed, 0, 12)),
+        grey(test::noiseImage({640, 480}, seed)) {}
+  Scene scene() const { return {grey, grey, reference, target}; }
 
-  Scene scene() const { return {grey_, grey_, reference_, target_}; }
-  const Features& reference() const { return reference_; }
-  const Features& target() const { return target_; }
-
- private:
-  Features randomFeatures(int n) {
-    std::uniform_real_distribution<float> x(20.F, 600.F);
-    std::uniform_real_distribution<float> y(20.F, 450.F);
-    Features features;
-    features.image_size = {640, 480};
-    features.descriptors.create(n, kDescriptorBytes, CV_8U);
-    for (int i = 0; i < n; ++i) {
-      features.keypoints.emplace_back(cv::Point2f(x(random_), y(random_)), 31.F);
-      for (int k = 0; k < kDescriptorBytes; ++k) {
-        features.descriptors.at<uchar>(i, k) = static_cast<uchar>(random_());
-      }
-    }
-    return features;
-  }
-
-  std::mt19937 random_;
-  cv::Mat grey_;
-  Features reference_;
-  Features target_;
+  cv::Mat grey;
 };
 
 /// Features with the given descriptors, all at one position.
@@ -189,31 +160,14 @@ TEST(GridStatistics, NeighbourhoodsHaveTheirNumberOfCells) {
   EXPECT_EQ(cross().size(), 5u);
 }
 
-PointPairs pairsOf(const Eigen::Matrix3d& h, int inliers, int outliers, unsigned seed) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> x(0.0, 640.0);
-  std::uniform_real_distribution<double> y(0.0, 480.0);
-  std::normal_distribution<double> noise(0.0, 0.5);
-  PointPairs pairs;
-  for (int i = 0; i < inliers + outliers; ++i) {
-    const Eigen::Vector2d from(x(random), y(random));
-    const Eigen::Vector2d to =
-        i < inliers ? evaluation::project(h, from) + Eigen::Vector2d(noise(random), noise(random))
-                    : Eigen::Vector2d(x(random), y(random));
-    pairs.reference.push_back(from);
-    pairs.target.push_back(to);
-    pairs.quality.push_back(i < inliers ? 0.3 : 0.6);
-  }
-  return pairs;
-}
-
 class Estimators : public ::testing::TestWithParam<std::pair<std::string, Estimator>> {};
 
 TEST_P(Estimators, FindTheHomographyAmongOutliers) {
   Eigen::Matrix3d h;
   h << 1.05, 0.08, -14.0, -0.06, 0.97, 21.0, 1e-4, -5e-5, 1.0;
   for (unsigned seed = 0; seed < 20; ++seed) {
-    const PointPairs pairs = pairsOf(h, 140, 60, seed);
+    test::Numbers numbers(seed);
+    const PointPairs pairs = test::makePairs({200, 140, h}, numbers);
     const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
     ASSERT_TRUE(e.found);
     EXPECT_LT(evaluation::cornerError(e.homography, h, {640, 480}), 1.5) << seed;
@@ -227,7 +181,8 @@ TEST_P(Estimators, FindTheHomographyAmongOutliers) {
 
 TEST_P(Estimators, SurviveEverySmallSet) {
   for (int n = 0; n <= 40; ++n) {
-    const PointPairs pairs = pairsOf(Eigen::Matrix3d::Identity(), 0, n, 5);
+    test::Numbers numbers(5);
+    const PointPairs pairs = test::makePairs({static_cast<std::size_t>(n), 0}, numbers);
     const HomographyEstimate e = estimateHomography(GetParam().second, pairs, {640, 480}, {});
     EXPECT_EQ(e.mask.size(), pairs.size());
     EXPECT_TRUE(n >= 4 || !e.found);
@@ -263,8 +218,7 @@ TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
 
 TEST(Methods, KtgpIsTheMatcher) {
   const RandomScene random(900);
-  MatchResult expected;
-  KtgpMatcher().match(random.reference(), random.target(), expected);
+  const MatchResult expected = test::matched(random);
   ASSERT_EQ(expected.status, Status::ok);
   std::vector<StepResult> steps;
   for (const Method& method : allMethods({})) {
@@ -299,21 +253,17 @@ TEST(Methods, OfTheAlignedChainsAreTheMatcher) {
   options.orb.max_features = 500;
   for (const DescriptorKind kind : {DescriptorKind::orb, DescriptorKind::teblid}) {
     options.orb.descriptor = kind;
-    Features reference, target;
-    OrbExtractor extractor(options.orb);
-    extractor.extract(images.reference, reference);
-    extractor.extract(images.target, target);
+    const test::FramePair pair(images.reference, images.target, options.orb);
     options.orb.descriptor = DescriptorKind::orb;
     const bool teblid = kind == DescriptorKind::teblid;
-    MatchResult ktgp, robust;
-    KtgpMatcher().match(reference, target, ktgp);
-    KtgpMatcher(MatcherOptions::robust()).match(reference, target, robust);
+    const MatchResult ktgp = test::matched(pair);
+    const MatchResult robust = test::matched(pair, MatcherOptions::robust());
     ASSERT_EQ(robust.alignment.status, AlignmentStatus::ok);
     std::vector<StepResult> steps;
     for (const Method& method : allMethods(options)) {
       const bool is_robust = method.name == (teblid ? "ROBUST-TEBLID" : "ROBUST");
       if (!is_robust && (teblid || method.name != "KTGP+ALIGN")) continue;
-      const Scene scene{images.reference, images.target, reference, target};
+      const Scene scene{images.reference, images.target, pair.reference, pair.target};
       const Matching m = runMethod(method, scene, steps);
       ASSERT_TRUE(m.homography.has_value()) << method.name;
       EXPECT_EQ(*m.homography, (is_robust ? robust : ktgp).answer.homography) << method.name;

@@ -9,6 +9,8 @@
 #include <limits>
 #include <random>
 
+#include "alignment_scene.h"
+
 namespace ktgp_orb::evaluation {
 namespace {
 
@@ -29,12 +31,7 @@ std::vector<Correspondence> oneToOne(int n) {
   return matches;
 }
 
-Eigen::Matrix3d translation(double x, double y) {
-  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
-  h(0, 2) = x;
-  h(1, 2) = y;
-  return h;
-}
+using test::translation;
 
 TEST(Summary, MeanAndRootMeanSquareByHand) {
   const ErrorSummary s = summarize({1.0, 2.0, 2.0});

@@ -19,9 +19,12 @@
 #include "messages/image_conversion.h"
 #include "messages/message_matcher.h"
 #include "messages/rate_limiter.h"
+#include "refusal.h"
 
 namespace ktgp_orb {
 namespace {
+
+using test::refusalOf;
 
 sensor_msgs::ImageConstPtr image(int width, int height) {
   auto message = boost::make_shared<sensor_msgs::Image>();
@@ -30,16 +33,6 @@ sensor_msgs::ImageConstPtr image(int width, int height) {
   message->encoding = "mono8";
   message->data.resize(static_cast<std::size_t>(width * height), 7);
   return message;
-}
-
-template <typename Error, typename Function>
-std::string errorOf(Function&& function) {
-  try {
-    function();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 TEST(Roi, IsReadFromFourNumbers) {
@@ -52,7 +45,7 @@ TEST(Roi, IsReadFromFourNumbers) {
 TEST(Roi, RefusesAnythingElse) {
   for (const char* text : {"10 20 30", "10 20 30 40 50", "a b c d", "-1 0 10 10", "0 0 0 10",
                            "0 0 10 -1", "0.5 0 10 10", "0 0 10 10px", "nan nan nan nan"}) {
-    const std::string error = errorOf<std::invalid_argument>([&] { roiFrom(text); });
+    const std::string error = refusalOf([&] { roiFrom(text); });
     EXPECT_NE(error.find("roi is '" + std::string(text) + "'; expected x y width height"),
               std::string::npos)
         << text << ": " << error;
@@ -92,7 +85,7 @@ TEST(FrameMaker, RefusesAMaskOfAnotherSizeAndARoiOutside) {
   view.file_mask = cv::Mat(40, 61, CV_8UC1, cv::Scalar(1));
   Frame frame;
   const auto refusal = [&] {
-    return errorOf<RefusedImage>([&] { FrameMaker({}, view).make(image(60, 40), frame); });
+    return refusalOf<RefusedImage>([&] { FrameMaker({}, view).make(image(60, 40), frame); });
   };
   EXPECT_EQ(refusal(), "mask_image is 61x40; expected 60x40 like the image");
   view.file_mask.release();
@@ -192,14 +185,11 @@ TEST(Lens, KnowsBinningAndThePartOfTheSensor) {
 }
 
 TEST(Lens, OfAnUncalibratedCameraIsRefused) {
-  EXPECT_NE(errorOf<std::invalid_argument>([] {
-              lensFrom(sensor_msgs::CameraInfo());
-            }).find("not calibrated"),
+  EXPECT_NE(refusalOf([] { lensFrom(sensor_msgs::CameraInfo()); }).find("not calibrated"),
             std::string::npos);
   sensor_msgs::CameraInfo info = calibrated();
   info.distortion_model = "mei";
-  EXPECT_NE(errorOf<std::invalid_argument>([&] { lensFrom(info); }).find("'mei'; expected"),
-            std::string::npos);
+  EXPECT_NE(refusalOf([&] { lensFrom(info); }).find("'mei'; expected"), std::string::npos);
 }
 
 TEST(Lens, WhatNoCameraHasIsRefused) {
@@ -217,7 +207,7 @@ TEST(Lens, WhatNoCameraHasIsRefused) {
   for (const auto& [words, change] : changes) {
     sensor_msgs::CameraInfo info = calibrated();
     change(info);
-    const std::string error = errorOf<std::invalid_argument>([&] { lensFrom(info); });
+    const std::string error = refusalOf([&] { lensFrom(info); });
     EXPECT_NE(error.find(words), std::string::npos) << words << ": " << error;
   }
 }

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
-#include "orb_test_images.h"
+#include "moving_view.h"
 
 namespace ktgp_orb {
 namespace {
@@ -20,8 +20,7 @@ namespace {
 constexpr int kFrames = 60;
 
 cv::Mat view(int i) {
-  static const cv::Mat world = test::textureImage(cv::Size(700, 500), 1);
-  return world(cv::Rect(3 * (i % 60), 2 * (i % 60), 320, 240)).clone();
+  return test::viewAt(3 * (i % 60), 2 * (i % 60));
 }
 
 std::uint64_t sumOf(const cv::Mat& matrix) {

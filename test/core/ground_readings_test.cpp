@@ -7,12 +7,12 @@
 #include <functional>
 #include <limits>
 #include <sstream>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "messages/pose_message.h"
+#include "refusal.h"
 
 namespace ktgp_orb {
 namespace {
@@ -45,13 +45,10 @@ std::string refusalOf(const std::function<void(GroundMotionConfig&)>& change) {
   image.frame_id = "/cam";
   const tf2::BufferCore tf;
   GroundReadings readings(tf);
-  try {
+  return test::refusalOf([&] {
     readings.configure(usable(config), "/range", "/imu");
     readings.optionsFor(image);
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "";
+  });
 }
 
 TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
@@ -148,13 +145,10 @@ TEST(PoseMessage, WhatIsNoPoseOrNoCovarianceIsRefused) {
     Pose pose;
     pose.pose.orientation.w = 1.0;
     change(pose);
-    std::string error;
-    try {
+    const std::string error = test::refusalOf([&] {
       poseOf(pose.pose);
       covarianceOf(pose);
-    } catch (const std::invalid_argument& refused) {
-      error = refused.what();
-    }
+    });
     EXPECT_EQ(error.find(words), 0U) << words << " | " << error;
     EXPECT_EQ(error.empty(), words.empty()) << error;
   }

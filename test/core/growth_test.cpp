@@ -6,7 +6,6 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <string>
@@ -14,77 +13,23 @@
 #include "core/growth/local_frame.h"
 #include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
+#include "frame_pair.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "one_answer.h"
+#include "orb_test_images.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
 
+using test::drawnPair;
+using test::FramePair;
+using test::matched;
 using test::Numbers;
 
 const cv::Size kSize(640, 480);
-
-void addKeypoint(const Eigen::Vector2d& at, double angle, double size, Features& features) {
-  const double degrees = angle * 180.0 / M_PI;
-  features.keypoints.emplace_back(
-      static_cast<float>(at.x()), static_cast<float>(at.y()), static_cast<float>(size),
-      static_cast<float>(degrees - 360.0 * std::floor(degrees / 360.0)));
-}
-
-void addDescriptor(const std::vector<std::uint8_t>& bits, Features& features) {
-  features.descriptors.push_back(
-      cv::Mat(1, kDescriptorBytes, CV_8U, const_cast<std::uint8_t*>(bits.data())));
-}
-
-std::vector<std::uint8_t> randomDescriptor(Numbers& numbers) {
-  std::vector<std::uint8_t> bits(kDescriptorBytes);
-  for (std::uint8_t& b : bits) b = static_cast<std::uint8_t>(numbers.uniform(0.0, 256.0));
-  return bits;
-}
-
-/// Two frames of `count` keypoints. `inliers` of them follow `truth`, with descriptors that differ
-/// in some bits. `lures` have equal descriptors at random positions. The others are unrelated.
-struct Pair {
-  Features reference, target;
-};
-
-Pair makePair(int count, int inliers, const Eigen::Matrix3d& truth, std::uint64_t seed,
-              int lures = 0) {
-  Numbers numbers(seed);
-  Pair pair;
-  pair.reference.image_size = pair.target.image_size = kSize;
-  for (int i = 0; i < count; ++i) {
-    const double angle = numbers.uniform(0.0, 2.0 * M_PI);
-    const double size = 31.0 * std::pow(1.2, std::floor(numbers.uniform(0.0, 8.0)));
-    Eigen::Vector2d x = numbers.pointIn(kSize);
-    std::vector<std::uint8_t> bits = randomDescriptor(numbers);
-    Eigen::Vector2d u = (truth * x.homogeneous()).hnormalized();
-    while (i < inliers && !test::isInside(u, kSize)) {
-      x = numbers.pointIn(kSize);
-      u = (truth * x.homogeneous()).hnormalized();
-    }
-    addKeypoint(x, angle, size, pair.reference);
-    addDescriptor(bits, pair.reference);
-    if (i >= inliers) {
-      addKeypoint(numbers.pointIn(kSize), numbers.uniform(0.0, 2.0 * M_PI), size, pair.target);
-      addDescriptor(i < inliers + lures ? bits : randomDescriptor(numbers), pair.target);
-      continue;
-    }
-    const Eigen::Vector2d step(std::cos(angle), std::sin(angle));
-    const Eigen::Vector2d v = (truth * (x + step).homogeneous()).hnormalized() - u;
-    for (int flips = 0; flips < 25; ++flips) {
-      const auto bit = static_cast<std::size_t>(numbers.uniform(0.0, 256.0));
-      bits[bit / 8] ^= static_cast<std::uint8_t>(1U << (bit % 8));
-    }
-    addKeypoint(u + Eigen::Vector2d(0.5 * numbers.normal(), 0.5 * numbers.normal()),
-                std::atan2(v.y(), v.x()) + 0.1 * numbers.normal(), size * v.norm(), pair.target);
-    addDescriptor(bits, pair.target);
-  }
-  return pair;
-}
 
 Eigen::Matrix3d tilted() {
   return (Eigen::Matrix3d() << 0.9, -0.35, 120.0, 0.3, 0.75, 10.0, 2e-4, 3e-4, 1.0).finished();
@@ -94,7 +39,7 @@ MatcherOptions growing() {
   return MatcherOptions::robust();
 }
 
-GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
+GrowthResult grow(const FramePair& pair, const GrowthOptions& options = {}) {
   KnnMatcher knn;
   std::vector<Correspondence> matches;
   knn.matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
@@ -107,7 +52,7 @@ GrowthResult grow(const Pair& pair, const GrowthOptions& options = {}) {
 TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
   int found = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
-    const GrowthResult result = grow(makePair(2000, 40, tilted(), seed));
+    const GrowthResult result = grow(drawnPair(2000, 40, tilted(), seed));
     if (!result.found) continue;
     ++found;
     EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0) << seed;
@@ -121,7 +66,7 @@ TEST(Growth, FindsWhatTwoPercentOfTheKeypointsAgreeWith) {
 
 TEST(Growth, FindsNothingWhereThereIsNothing) {
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
-    const GrowthResult result = grow(makePair(1000, 0, tilted(), seed));
+    const GrowthResult result = grow(drawnPair(1000, 0, tilted(), seed));
     EXPECT_FALSE(result.found) << seed;
     EXPECT_TRUE(result.answer.homography.isZero());
     EXPECT_EQ(result.pairs.size(), 0U);
@@ -146,14 +91,11 @@ cv::Mat letters(std::uint64_t seed) {
 TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
   OrbOptions orb;
   orb.fast_threshold = 10;
-  OrbExtractor extractor(orb);
   MatchResult result;
   KtgpMatcher matcher(growing());
   int tried = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
-    Pair pair;
-    extractor.extract(letters(seed), pair.reference);
-    extractor.extract(letters(seed + 100), pair.target);
+    const FramePair pair(letters(seed), letters(seed + 100), orb);
     matcher.match(pair.reference, pair.target, result);
     EXPECT_NE(result.status, Status::ok) << seed;
     EXPECT_EQ(result.found_by, FoundBy::none);
@@ -164,34 +106,23 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
 
 /// A picture without repetition.
 cv::Mat scene(std::uint64_t seed) {
-  cv::Mat image(kSize * 2, CV_8U, cv::Scalar(128));
-  Numbers numbers(seed);
-  for (int i = 0; i < 1500; ++i) {
-    const cv::Point p(static_cast<int>(numbers.uniform(0.0, image.cols)),
-                      static_cast<int>(numbers.uniform(0.0, image.rows)));
-    const cv::Size size(static_cast<int>(numbers.uniform(8.0, 40.0)),
-                        static_cast<int>(numbers.uniform(8.0, 40.0)));
-    cv::rectangle(image, cv::Rect(p, size), cv::Scalar(numbers.uniform(0.0, 255.0)), cv::FILLED);
-  }
-  cv::GaussianBlur(image, image, {}, 1.0);
+  cv::Mat image;
+  cv::GaussianBlur(test::blockImage(kSize * 2, seed, 800), image, {}, 1.0);
   return image;
 }
 
 TEST(Growth, TriesNoMoreSeedsThanAllowed) {
   GrowthOptions options;
   options.seeds = 3;
-  OrbExtractor extractor;
-  Pair pair;
-  extractor.extract(letters(1), pair.reference);
-  extractor.extract(letters(2), pair.target);
+  const FramePair pair(letters(1), letters(2));
   EXPECT_EQ(grow(pair, options).seeds, 3);
   options.seeds = 5;
   EXPECT_EQ(grow(pair, options).seeds, 5);
 }
 
 TEST(Growth, GivesTheSameAnswerAgain) {
-  const Pair one = makePair(2000, 40, tilted(), 3);
-  const Pair other = makePair(900, 0, tilted(), 4);
+  const FramePair one = drawnPair(2000, 40, tilted(), 3);
+  const FramePair other = drawnPair(900, 0, tilted(), 4);
   KnnMatcher knn;
   HomographyGrowth growth;
   GrowthResult first, between, again;
@@ -208,7 +139,7 @@ TEST(Growth, GivesTheSameAnswerAgain) {
 }
 
 TEST(Growth, TakesKeypointsWithoutPlaceOrSizeAndFramesWithout) {
-  Pair pair = makePair(300, 0, tilted(), 5);
+  FramePair pair = drawnPair(300, 0, tilted(), 5);
   pair.reference.keypoints[3].pt.x = -1e6F;
   pair.target.keypoints[4].pt.y = 1e7F;
   pair.target.keypoints[5].size = 0.F;
@@ -229,17 +160,16 @@ TEST(Growth, RefusesOptionsOutOfRange) {
 }
 
 TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   MatcherOptions options = growing();
   options.alignment.enabled = false;
   options.prosac.max_iterations = 20;  // all spent on the lures
   options.growth.enabled = false;
-  MatchResult result;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  MatchResult result = matched(pair, options);
   ASSERT_NE(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::none);
   options.growth.enabled = true;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
+  result = matched(pair, options);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_GT(result.growth.seeds, 0);
@@ -252,17 +182,17 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   EXPECT_LT(test::cornerError(result.answer.homography, tilted(), kSize), 6.0);
   EXPECT_EQ(result.inliers,
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
-  const Pair easy = makePair(500, 400, tilted(), 3);
+  const FramePair easy = drawnPair(500, 400, tilted(), 3);
   options.prosac.max_iterations = 2000;
-  KtgpMatcher(options).match(easy.reference, easy.target, result);
+  result = matched(easy, options);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
   EXPECT_EQ(result.growth.seeds, 0);
 }
 
 /// 25 of 400 matches lie where one homography puts them, and have the nearest descriptors.
-Pair doubtfulPair(bool with_directions) {
+FramePair doubtfulPair(bool with_directions) {
   const Eigen::Matrix3d truth = tilted();
-  Pair pair = makePair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
+  FramePair pair = drawnPair(1500, with_directions ? 25 : 0, truth, 3, with_directions ? 375 : 400);
   Numbers numbers(4);
   for (int i = 0; i < 400; ++i) {
     auto& target = pair.target.keypoints[static_cast<std::size_t>(i)].pt;
@@ -281,15 +211,14 @@ Pair doubtfulPair(bool with_directions) {
 TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   MatcherOptions options = growing();
   options.alignment.enabled = false;
-  MatchResult result;
   for (const bool with_directions : {false, true}) {
-    const Pair pair = doubtfulPair(with_directions);
+    const FramePair pair = doubtfulPair(with_directions);
     options.growth.enabled = false;
-    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    MatchResult result = matched(pair, options);
     ASSERT_EQ(result.found_by, FoundBy::prosac);
     ASSERT_LT(result.prosac.inliers, 50U);
     options.growth.enabled = true;
-    KtgpMatcher(options).match(pair.reference, pair.target, result);
+    result = matched(pair, options);
     // The keypoints' directions and sizes do not agree with a homography that is due to chance.
     EXPECT_EQ(result.status, with_directions ? Status::ok : Status::model_rejected);
     EXPECT_EQ(result.found_by, with_directions ? FoundBy::growth : FoundBy::none);
@@ -300,42 +229,8 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   }
 }
 
-/// Levels, inliers and RMSE are those of the published homography.
-void expectOneAnswer(const MatchResult& result, const Pair& pair, double max_error) {
-  std::size_t inliers = 0;
-  double squares = 0.0;
-  const auto error = [&](const Correspondence& c) {
-    const cv::Point2f x = pair.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
-    const cv::Point2f u = pair.target.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-    return reprojectionError(result.answer.homography, {x.x, x.y}, {u.x, u.y});
-  };
-  const auto add = [&](const Correspondence& c) {
-    ++inliers;
-    squares += error(c) * error(c);
-  };
-  std::vector<bool> taken(pair.target.size());
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level < Level::ktg) continue;
-    EXPECT_EQ(c.level == Level::ktgp, error(c) < max_error);
-    if (c.level != Level::ktgp) continue;
-    taken[static_cast<std::size_t>(c.target_index)] = true;
-    add(c);
-  }
-  std::int32_t before = -1;
-  for (const Correspondence& c : result.guided) {
-    EXPECT_EQ(c.level, Level::guided);
-    EXPECT_LT(error(c), max_error);
-    EXPECT_FALSE(taken[static_cast<std::size_t>(c.target_index)]);
-    EXPECT_GT(c.target_index, before);
-    before = c.target_index;
-    add(c);
-  }
-  EXPECT_EQ(result.inliers, inliers);
-  EXPECT_NEAR(result.rmse, std::sqrt(squares / static_cast<double>(inliers)), 1e-9);
-}
-
 TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   for (const bool gms : {false, true}) {
     for (const bool guided : {false, true}) {
       for (const double max_error : {0.3, 3.0}) {
@@ -344,13 +239,12 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
         options.guided.enabled = guided;
         options.prosac.max_error = max_error;
         options.prosac.max_iterations = 20;  // all spent on the lures
-        MatchResult result;
-        KtgpMatcher(options).match(pair.reference, pair.target, result);
+        const MatchResult result = matched(pair, options);
         ASSERT_EQ(result.found_by, FoundBy::growth);
         EXPECT_EQ(result.status, Status::ok);
         EXPECT_GE(result.inliers, max_error < 1.0 ? 4U : 20U);
         EXPECT_GT(result.answer.covariance.diagonal().minCoeff(), 0.0);
-        expectOneAnswer(result, pair, max_error);
+        test::expectOneAnswer(result, pair.reference, pair.target, max_error);
         if (guided) continue;
         EXPECT_EQ(result.answer.homography, result.growth.answer.homography);
         EXPECT_EQ(result.answer.covariance, result.growth.answer.covariance);
@@ -366,7 +260,7 @@ TEST(Growth, IsInThePresetRobustAlone) {
 }
 
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
-  const Pair pair = makePair(2000, 40, tilted(), 3, 100);
+  const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
   options.matcher = growing();
   options.matcher.prosac.max_iterations = 20;  // all spent on the lures
@@ -472,11 +366,7 @@ TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
   cv::Mat shown;
   cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
                  cv::BORDER_CONSTANT, cv::Scalar(128));
-  Pair pair;
-  OrbExtractor extractor;
-  extractor.extract(window, pair.reference);
-  extractor.extract(shown, pair.target);
-  GrowthResult result = grow(pair);
+  const GrowthResult result = grow({window, shown});
   EXPECT_GT(result.judged, 1);
   EXPECT_LT(result.log_false_alarms, growth::Verdict::kLogMaxFalseAlarms);
   EXPECT_FALSE(result.found);
@@ -486,9 +376,7 @@ TEST(Growth, SaysNothingWhereTwoAnswersAreAsGood) {
   sign.copyTo(window(cv::Rect(100, 20, 200, 200)));
   cv::warpAffine(window, shown, cv::getRotationMatrix2D(middle, 45.0, 0.8), kSize, cv::INTER_LINEAR,
                  cv::BORDER_CONSTANT, cv::Scalar(128));
-  extractor.extract(window, pair.reference);
-  extractor.extract(shown, pair.target);
-  EXPECT_TRUE(grow(pair).found);
+  EXPECT_TRUE(grow({window, shown}).found);
 }
 
 TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
@@ -496,24 +384,14 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   cv::resize(scene(7), reference_image, kSize, 0.0, 0.0, cv::INTER_AREA);
   const Eigen::Matrix3d truth =
       (Eigen::Matrix3d() << 0.28, 0.05, 180.0, 0.0, 0.95, 10.0, 1e-4, 0.0, 1.0).finished();
-  cv::Mat blurred, target_image;
+  cv::Mat blurred;
   cv::GaussianBlur(reference_image, blurred, cv::Size(0, 1), 1.8, 1e-6);
-  cv::Matx33d matrix;
-  for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = truth(k / 3, k % 3);
-  cv::warpPerspective(blurred, target_image, matrix, kSize, cv::INTER_LINEAR);
-  OrbOptions orb;
-  OrbExtractor extractor(orb);
-  Pair pair;
-  extractor.extract(reference_image, pair.reference);
-  extractor.extract(target_image, pair.target);
-  KtgpMatcher matcher(growing());
-  MatchResult result;
-  matcher.match(pair.reference, pair.target, result);
-  EXPECT_NE(result.status, Status::ok);
-  const ReferenceViews views = simulateViews(reference_image, orb, 13);
+  const FramePair pair(reference_image, test::warped(blurred, truth, kSize, cv::INTER_LINEAR));
+  EXPECT_NE(matched(pair, growing()).status, Status::ok);
+  const ReferenceViews views = simulateViews(reference_image, {}, 13);
   MatchHints hints;
   hints.views = &views;
-  matcher.match(pair.reference, pair.target, hints, result);
+  const MatchResult result = matched(pair, growing(), hints);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_LT(test::cornerError(result.answer.homography, truth, kSize), 5.0);

@@ -2,45 +2,23 @@
 
 #include <gtest/gtest.h>
 
-#include <bitset>
-#include <random>
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "core/knn/near_kernel.h"
 #include "instruction_sets.h"
+#include "plain_search.h"
 
 namespace ktgp_orb {
 namespace {
 
 using knn::bestNearKernel;
 
-Features randomFeatures(std::mt19937& generator, int count, const cv::Size& size) {
-  // Some lie outside: bad data is legal.
-  std::uniform_real_distribution<float> x(-10.F, static_cast<float>(size.width) + 10.F);
-  std::uniform_real_distribution<float> y(-10.F, static_cast<float>(size.height) + 10.F);
-  std::uniform_int_distribution<int> byte(0, 3);  // few bits differ, and ties are frequent
-  Features features;
-  features.image_size = size;
-  features.descriptors.create(count, kDescriptorBytes, CV_8U);
-  for (int i = 0; i < count; ++i) {
-    features.keypoints.emplace_back(x(generator), y(generator), 31.F);
-    for (int b = 0; b < kDescriptorBytes; ++b) {
-      features.descriptors.at<std::uint8_t>(i, b) = static_cast<std::uint8_t>(byte(generator));
-    }
-  }
-  return features;
-}
-
-int distance(const Features& a, int i, const Features& b, int j) {
-  std::size_t sum = 0;
-  for (int k = 0; k < kDescriptorBytes; ++k) {
-    sum +=
-        std::bitset<8>(a.descriptors.at<std::uint8_t>(i, k) ^ b.descriptors.at<std::uint8_t>(j, k))
-            .count();
-  }
-  return static_cast<int>(sum);
+/// Some lie outside: bad data is legal. Few bits differ, and ties are frequent.
+Features randomFeatures(std::uint32_t seed, int count, const cv::Size& size) {
+  return test::randomFeatures(count, seed, size, 10.F, 3);
 }
 
 /// The definition, pair by pair.
@@ -52,41 +30,11 @@ std::vector<Correspondence> naive(const Features& reference, const Features& tar
     const cv::Point2f& u = target.keypoints[t].pt;
     return (p.head<2>() / p.z() - Eigen::Vector2d(u.x, u.y)).norm() <= options.radius;
   };
-  const int rows = static_cast<int>(reference.size());
-  const int columns = static_cast<int>(target.size());
-  const auto best_reference = [&](int t) {
-    int best = -1;
-    for (int r = 0; r < rows; ++r) {
-      if (near(r, t) &&
-          (best < 0 || distance(reference, r, target, t) < distance(reference, best, target, t))) {
-        best = r;
-      }
-    }
-    return best;
-  };
-  const auto best_target = [&](int r) {
-    int best = -1;
-    for (int t = 0; t < columns; ++t) {
-      if (near(r, t) &&
-          (best < 0 || distance(reference, r, target, t) < distance(reference, r, target, best))) {
-        best = t;
-      }
-    }
-    return best;
-  };
   std::vector<Correspondence> matches;
-  for (int t = 0; t < columns; ++t) {
-    const int r = best_reference(t);
-    if (r < 0 || best_target(r) != t) continue;
-    const int d = distance(reference, r, target, t);
-    if (d > options.max_distance) continue;
-    int second = 256;
-    for (int other = 0; other < rows; ++other) {
-      if (other != r && near(other, t)) {
-        second = std::min(second, distance(reference, other, target, t));
-      }
-    }
-    matches.push_back({r, t, d, second, Level::guided});
+  for (Correspondence c : test::plainSearch(reference.descriptors, target.descriptors, near)) {
+    if (!c.mutual || c.distance > options.max_distance) continue;
+    c.second_distance = std::min(c.second_distance, 256);
+    matches.push_back(c);
   }
   return matches;
 }
@@ -98,14 +46,13 @@ GuidedOptions switchedOn() {
 }
 
 TEST(GuidedMatcher, EqualsTheDefinition) {
-  std::mt19937 generator(1);
   for (const double radius : {1.0, 6.0, 25.0}) {
     for (const int count : {0, 1, 40, 300}) {
       GuidedOptions options = switchedOn();
       options.radius = radius;
       options.max_distance = 28;
-      const Features reference = randomFeatures(generator, count, {160, 120});
-      const Features target = randomFeatures(generator, count + 13, {160, 120});
+      const Features reference = randomFeatures(1, count, {160, 120});
+      const Features target = randomFeatures(2, count + 13, {160, 120});
       Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
       h << 0.9, -0.1, 11.0, 0.12, 1.05, -7.0, 2e-4, -1e-4, 1.0;
       const std::vector<Correspondence> expected = naive(reference, target, h, options);
@@ -131,8 +78,7 @@ TEST(GuidedMatcher, EqualsTheDefinition) {
 }
 
 TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
-  std::mt19937 generator(2);
-  const Features features = randomFeatures(generator, 50, {160, 120});
+  const Features features = randomFeatures(3, 50, {160, 120});
   std::vector<Correspondence> matches;
   GuidedMatcher matcher(switchedOn());
   Eigen::Matrix3d h = Eigen::Matrix3d::Zero();
@@ -149,8 +95,7 @@ TEST(GuidedMatcher, SurvivesAHomographyThatSendsEverythingAway) {
 }
 
 TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
-  std::mt19937 generator(3);
-  const Features many = randomFeatures(generator, 50, {640, 480});
+  const Features many = randomFeatures(3, 50, {640, 480});
   Features few = many;  // too few for a homography
   few.keypoints.resize(3);
   few.descriptors = many.descriptors.rowRange(0, 3).clone();
@@ -169,8 +114,7 @@ TEST(GuidedMatcher, RefiningSaysWhetherTheHomographyChanged) {
 }
 
 TEST(GuidedMatcher, DoesNothingWhereItIsSwitchedOff) {
-  std::mt19937 generator(4);
-  const Features features = randomFeatures(generator, 50, {640, 480});
+  const Features features = randomFeatures(3, 50, {640, 480});
   Eigen::Matrix3d shifted = Eigen::Matrix3d::Identity();
   shifted(0, 2) = 1.0;
   UncertainHomography h;

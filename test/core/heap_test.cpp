@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "frame_pair.h"
 #include "ktgp_orb/growth.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
@@ -96,12 +97,10 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& info) { return std::string(info.param.name); });
 
 TEST(GrowthsHeap, IsLeftAloneInSteadyState) {
-  OrbExtractor extractor;
-  Features reference, target;
   const cv::Mat image = test::textureImage(cv::Size(640, 480), 1);
-  extractor.extract(image, reference);
-  extractor.extract(test::textureImage(cv::Size(640, 480), 2), target);
-  const ReferenceViews views = simulateViews(image, extractor.options(), 5);
+  const auto [reference, target] =
+      test::FramePair(image, test::textureImage(cv::Size(640, 480), 2));
+  const ReferenceViews views = simulateViews(image, {}, 5);
   std::vector<Correspondence> matches;
   KnnMatcher().matchMutual(reference.descriptors, target.descriptors, matches);
   HomographyGrowth growth;

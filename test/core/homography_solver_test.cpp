@@ -130,11 +130,8 @@ TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
   Numbers numbers(4);
   HomographyRefiner refiner;
   for (int run = 0; run < 50; ++run) {
-    test::Scene scene;
-    scene.pairs = 200;
-    scene.inliers = 150;
-    scene.sigma = 0.1;
-    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    test::Scene scene{200, 150, test::randomHomography(kSize, 0.15, numbers), test::Order::good,
+                      0.1};
     const PointPairs pairs = test::makePairs(scene, numbers);
     Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
     shift(0, 2) = 1.5;

@@ -16,10 +16,12 @@
 #include <string>
 
 #include "files/input.h"
+#include "refusal.h"
 
 namespace ktgp_orb {
 namespace {
 
+using test::refusalOf;
 using util::GreyStretch;
 
 constexpr int kWidth = 64;
@@ -182,14 +184,9 @@ TEST(Encodings, RefusedOnesAreNamed) {
   names.insert({"", "no such encoding", "yuv422_yuy2", "jpeg"});
   for (const std::string& name : names) {
     const auto message = messageOf(name, cv::Mat::zeros(kHeight, kWidth, CV_64FC4));
-    try {
-      greyImage(message);
-      ADD_FAILURE() << name << " is taken";
-    } catch (const RefusedImage& error) {
-      const std::string text = error.what();
-      EXPECT_NE(text.find("'" + name + "'"), std::string::npos) << text;
-      EXPECT_NE(text.find("expected"), std::string::npos) << text;
-    }
+    const std::string text = refusalOf<RefusedImage>([&] { greyImage(message); });
+    EXPECT_NE(text.find("'" + name + "'"), std::string::npos) << text;
+    EXPECT_NE(text.find("expected"), std::string::npos) << text;
   }
 }
 
@@ -240,24 +237,11 @@ TEST(Sizes, ThatDoNotFitAreRefused) {
   for (const auto& [text, change] : changes) {
     const auto message = messageOf("mono8", grey());
     change(*message);
-    try {
-      greyImage(message);
-      ADD_FAILURE() << text;
-    } catch (const RefusedImage& error) {
-      EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
-    }
+    const std::string said = refusalOf<RefusedImage>([&] { greyImage(message); });
+    EXPECT_NE(said.find(text), std::string::npos) << text << " | " << said;
   }
   const auto odd = messageOf("mono16", sixteenBits(grey()), 1);
   EXPECT_THROW(greyImage(odd), RefusedImage);
-}
-
-std::string refusalOf(const std::function<void()>& attempt) {
-  try {
-    attempt();
-  } catch (const RefusedImage& error) {
-    return error.what();
-  }
-  return "";
 }
 
 TEST(Sizes, OfARequestAreBoundedOneByOneAndTogether) {
@@ -268,13 +252,15 @@ TEST(Sizes, OfARequestAreBoundedOneByOneAndTogether) {
   EXPECT_NO_THROW(requireSmall("the images", images));
   images.emplace_back();
   images.back().width = images.back().height = 1000;
-  EXPECT_EQ(refusalOf([&] { requireSmall("the images", images); }),
+  EXPECT_EQ(refusalOf<RefusedImage>([&] { requireSmall("the images", images); }),
             "the images are 2 with 65 megapixels; expected 64 images with 64 megapixels at most");
   image.width = 8001;
-  EXPECT_NE(refusalOf([&] { requireSmall("the image", image); }).find("the image is 8001x8000"),
+  EXPECT_NE(refusalOf<RefusedImage>([&] {
+              requireSmall("the image", image);
+            }).find("the image is 8001x8000"),
             std::string::npos);
   images.assign(65, sensor_msgs::Image());
-  EXPECT_NE(refusalOf([&] {
+  EXPECT_NE(refusalOf<RefusedImage>([&] {
               requireSmall("the images", images);
             }).find("the images are 65 with 0 megapixels"),
             std::string::npos);
@@ -303,15 +289,11 @@ TEST(Files, OfFloatsAreRefusedWithTheSameWordsEverywhere) {
         [&] { files::readGrey(path); }, [&] { readImageFile("reference_image", path); },
         [&] { readMaskFile(path); }};
     for (const auto& read : readers) {
-      try {
-        read();
-        ADD_FAILURE() << type;
-      } catch (const std::runtime_error& error) {
-        const std::string depth = CV_MAT_DEPTH(type) == CV_32F ? "CV_32F" : "CV_64F";
-        const std::string words =
-            "has " + depth + " pixels; expected a picture of 8 or 16 bits a channel";
-        EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
-      }
+      const std::string depth = CV_MAT_DEPTH(type) == CV_32F ? "CV_32F" : "CV_64F";
+      const std::string words =
+          "has " + depth + " pixels; expected a picture of 8 or 16 bits a channel";
+      const std::string said = refusalOf<std::runtime_error>(read);
+      EXPECT_NE(said.find(words), std::string::npos) << said;
     }
     std::remove(path.c_str());
   }
@@ -323,12 +305,8 @@ TEST(Files, ThatAreNoRegularFilesAreRefusedAtOnce) {
   std::remove(path.c_str());
   ASSERT_EQ(mkfifo(path.c_str(), 0600), 0);
   for (const std::string& name : {path, std::string("/dev/null"), ::testing::TempDir()}) {
-    try {
-      readImageFile("mask_image", name);
-      ADD_FAILURE() << name;
-    } catch (const RefusedImage& error) {
-      EXPECT_EQ(std::string(error.what()), "mask_image " + name + ": is not a regular file");
-    }
+    EXPECT_EQ(refusalOf<RefusedImage>([&] { readImageFile("mask_image", name); }),
+              "mask_image " + name + ": is not a regular file");
   }
   std::remove(path.c_str());
 }

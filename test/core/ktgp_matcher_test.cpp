@@ -4,68 +4,28 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <cstdint>
-#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include "synthetic_pairs.h"
+#include "frame_pair.h"
 
 namespace ktgp_orb {
 namespace {
 
 const cv::Size kSize(640, 480);
 
-/// Two frames whose first `matching` keypoints correspond under a homography, with up to half a
-/// pixel of noise and a few flipped bits; the others are unrelated.
-struct Frames {
-  Features reference;
-  Features target;
+/// Their first keypoints correspond under a homography.
+struct Frames : test::FramePair {
   Eigen::Matrix3d truth;
 };
 
-void append(Features& features, const Eigen::Vector2d& position, const cv::Mat& descriptor) {
-  features.keypoints.emplace_back(static_cast<float>(position.x()),
-                                  static_cast<float>(position.y()), 31.F);
-  features.descriptors.push_back(descriptor);
-}
-
-cv::Mat randomDescriptor(std::mt19937& random) {
-  cv::Mat descriptor(1, kDescriptorBytes, CV_8U);
-  for (int i = 0; i < kDescriptorBytes; ++i) {
-    descriptor.at<std::uint8_t>(i) = static_cast<std::uint8_t>(random() & 0xffU);
-  }
-  return descriptor;
-}
-
-Frames makeFrames(std::size_t matching, std::size_t others, std::uint32_t seed) {
+Frames makeFrames(int matching, int others, std::uint32_t seed) {
   test::Numbers numbers(seed);
-  std::mt19937 random(seed);
-  Frames frames;
-  frames.reference.image_size = frames.target.image_size = kSize;
-  frames.truth = test::randomHomography(kSize, 0.05, numbers);
-  while (frames.reference.size() < matching) {
-    const Eigen::Vector2d x = numbers.pointIn(kSize);
-    Eigen::Vector2d u = (frames.truth * x.homogeneous()).hnormalized();
-    u += 0.5 * Eigen::Vector2d(numbers.normal(), numbers.normal());
-    if (!test::isInside(u, kSize)) continue;
-    const cv::Mat descriptor = randomDescriptor(random);
-    cv::Mat seen = descriptor.clone();
-    for (int flips = 0; flips < 12; ++flips) {
-      seen.at<std::uint8_t>(static_cast<int>(random() % 32U)) ^=
-          static_cast<std::uint8_t>(1U << (random() % 8U));
-    }
-    append(frames.reference, x, descriptor);
-    append(frames.target, u, seen);
-  }
-  for (std::size_t i = 0; i < others; ++i) {
-    append(frames.reference, numbers.pointIn(kSize), randomDescriptor(random));
-    append(frames.target, numbers.pointIn(kSize), randomDescriptor(random));
-  }
-  return frames;
+  const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.05, numbers);
+  return {test::drawnPair(matching + others, matching, truth, seed, 0, 12), truth};
 }
 
 TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
@@ -84,9 +44,7 @@ TEST(KtgpMatcher, TheRatioThresholdIsTheDescriptorsUnlessItIsSet) {
     const auto passed = [&](double threshold) {
       MatcherOptions options;
       options.ratio_threshold = threshold;
-      MatchResult set;
-      KtgpMatcher(options).match(frames.reference, frames.target, set);
-      return set.stages[1].output;
+      return test::matched(frames, options).stages[1].output;
     };
     EXPECT_EQ(result.stages[1].output, passed(ratioThreshold(kind))) << toString(kind);
     EXPECT_GT(passed(0.8), passed(0.66)) << "they can be told apart";
@@ -229,8 +187,7 @@ TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
   MatcherOptions options;
   options.guided.enabled = true;
   const Frames frames = makeFrames(500, 0, 8);
-  MatchResult result;
-  KtgpMatcher(options).match(frames.reference, frames.target, result);
+  MatchResult result = test::matched(frames, options);
   ASSERT_EQ(result.status, Status::ok);
   options.guided.enabled = false;
   result.clear(options);

@@ -4,42 +4,27 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "alignment_scene.h"
+#include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
 
-struct Pair {
-  Features reference;
-  Features target;
+using test::matched;
+
+struct Pair : test::FramePair {
   Eigen::Matrix3d truth;
 };
 
 Pair warpedPair(const Eigen::Matrix3d& truth) {
   cv::Mat image;
   cv::GaussianBlur(test::textureImage(cv::Size(640, 480), 1), image, cv::Size(), 1.0);
-  cv::Mat h;
-  cv::eigen2cv(truth, h);
-  cv::Mat warped;
-  cv::warpPerspective(image, warped, h, image.size(), cv::INTER_CUBIC);
-  Pair pair;
-  pair.truth = truth;
-  OrbExtractor extractor;
-  extractor.extract(image, pair.reference);
-  extractor.extract(warped, pair.target);
-  return pair;
-}
-
-MatchResult match(const Pair& pair, const MatcherOptions& options) {
-  MatchResult result;
-  KtgpMatcher(options).match(pair.reference, pair.target, result);
-  return result;
+  return {{image, test::warped(image, truth, image.size())}, truth};
 }
 
 double errorOf(const Eigen::Matrix3d& homography, const Pair& pair) {
@@ -60,8 +45,8 @@ TEST(MatcherRefinement, AlignmentCorrectsTheHomographyAndLeavesTheFourStagesAlon
   const Pair pair = warpedPair(test::turn(4.0, 1.03));
   MatcherOptions without;
   without.alignment.enabled = false;
-  const MatchResult plain = match(pair, without);
-  const MatchResult aligned = match(pair, {});
+  const MatchResult plain = matched(pair, without);
+  const MatchResult aligned = matched(pair, {});
   ASSERT_EQ(plain.status, Status::ok);
   ASSERT_EQ(aligned.status, Status::ok);
   EXPECT_EQ(plain.answer.homography, plain.prosac.answer.homography);
@@ -92,7 +77,7 @@ TEST(MatcherRefinement, LeavingGmsOutLeavesTheLevelsNested) {
   const Pair pair = warpedPair(test::turn(4.0, 1.03));
   MatcherOptions options;
   options.gms.enabled = false;
-  const MatchResult result = match(pair, options);
+  const MatchResult result = matched(pair, options);
   EXPECT_EQ(result.stages[2].output, result.stages[1].output);
   EXPECT_EQ(countAtLeast(result.correspondences, Level::kt), result.stages[1].output);
   EXPECT_EQ(countAtLeast(result.correspondences, Level::ktg), result.stages[1].output);
@@ -104,7 +89,7 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
   MatcherOptions options;
   options.guided.enabled = true;
   options.alignment.enabled = false;
-  const MatchResult result = match(pair, options);
+  const MatchResult result = matched(pair, options);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_GT(result.guided.size(), 50u);
   EXPECT_EQ(result.inliers, result.stages[3].output + result.guided.size());
@@ -126,8 +111,8 @@ TEST(MatcherRefinement, GuidedMatchingAddsMatchesOfItsOwnLevel) {
 
 TEST(MatcherRefinement, TheRobustPresetFindsWhatTheMotionStatisticsLose) {
   const Pair pair = warpedPair(test::turn(100.0, 1.3));
-  EXPECT_NE(match(pair, MatcherOptions::ktgp()).status, Status::ok);
-  const MatchResult robust = match(pair, MatcherOptions::robust());
+  EXPECT_NE(matched(pair, MatcherOptions::ktgp()).status, Status::ok);
+  const MatchResult robust = matched(pair, MatcherOptions::robust());
   ASSERT_EQ(robust.status, Status::ok);
   EXPECT_LT(errorOf(robust.answer.homography, pair), 0.1);
 }

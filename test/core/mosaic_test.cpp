@@ -6,9 +6,10 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
-#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+
+#include "frame_pair.h"
 
 namespace ktgp_orb {
 namespace {
@@ -44,11 +45,7 @@ Eigen::Matrix3d viewAt(double x, double y, double angle = 0.0) {
 }
 
 cv::Mat see(const cv::Mat& world, const Eigen::Matrix3d& view) {
-  cv::Mat homography;
-  cv::eigen2cv(view, homography);
-  cv::Mat frame;
-  cv::warpPerspective(world, frame, homography, kSize, cv::INTER_LINEAR);
-  return frame;
+  return test::warped(world, view, kSize, cv::INTER_LINEAR);
 }
 
 /// A flight over a world, the first frame of which lies at (400, 300).
@@ -69,16 +66,9 @@ class Flight {
   /// A factor for the brightness of the next frames.
   void setExposure(double exposure) { exposure_ = exposure; }
 
-  /// Root mean square error of the corners in the map, px.
+  /// Mean error of the corners in the map, px.
   double error() const {
-    const Eigen::Matrix3d truth = first_ * view_->inverse();
-    double sum = 0.0;
-    for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(319, 0),
-                                     Eigen::Vector2d(319, 239), Eigen::Vector2d(0, 239)}) {
-      const Eigen::Vector2d found = (mosaic.pose()->inverse() * p.homogeneous()).hnormalized();
-      sum += (found - (truth * p.homogeneous()).hnormalized()).squaredNorm();
-    }
-    return std::sqrt(sum / 4.0);
+    return test::cornerError(mosaic.pose()->inverse(), first_ * view_->inverse(), kSize);
   }
 
   Mosaic mosaic;
@@ -106,6 +96,17 @@ MosaicOptions byPath() {
   return options;
 }
 
+/// The colours of a map and where it has any. The rim is left out, a mixture of the last pixel and
+/// nothing.
+struct Drawn {
+  explicit Drawn(const cv::Mat& map) {
+    cv::extractChannel(map, alpha, 3);
+    cv::cvtColor(map, colour, cv::COLOR_BGRA2BGR);
+    cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
+  }
+  cv::Mat alpha, colour;
+};
+
 TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
   Flight flight(byPath());
   const cv::Mat picture = world(1);
@@ -118,16 +119,11 @@ TEST(Mosaic, IsThePictureThatTheCameraWasMovedOver) {
   ASSERT_EQ(map.type(), CV_8UC4);
   ASSERT_EQ(map.size(), area.size());
   EXPECT_GT(area.width, 600);
-  cv::Mat alpha;
-  cv::Mat colour;
-  cv::extractChannel(map, alpha, 3);
-  cv::cvtColor(map, colour, cv::COLOR_BGRA2BGR);
-  EXPECT_GT(cv::countNonZero(alpha), 3 * kSize.area() / 2);
-  // The rim is a mixture of the last pixel and nothing.
-  cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
+  const Drawn drawn(map);
+  EXPECT_GT(cv::countNonZero(drawn.alpha), 3 * kSize.area() / 2);
   cv::Mat difference;
-  cv::absdiff(colour, picture(area + cv::Point(400, 300)), difference);
-  EXPECT_LT(cv::mean(difference, alpha)[1], 4.0);
+  cv::absdiff(drawn.colour, picture(area + cv::Point(400, 300)), difference);
+  EXPECT_LT(cv::mean(difference, drawn.alpha)[1], 4.0);
   EXPECT_EQ(flight.mosaic.image().size(), area.size());
 }
 
@@ -162,13 +158,9 @@ double errorOfARamp(const MosaicOptions& options) {
     flight.setExposure(1.0 - 0.012 * step);
     flight.go(viewAt(400 + 15 * step, 300 + 5 * i));
   }
-  cv::Mat alpha;
-  cv::Mat colour;
-  cv::extractChannel(flight.mosaic.image(), alpha, 3);
-  cv::cvtColor(flight.mosaic.image(), colour, cv::COLOR_BGRA2BGR);
-  cv::erode(alpha, alpha, {}, {-1, -1}, 2, cv::BORDER_CONSTANT, cv::Scalar::all(0));
+  const Drawn map(flight.mosaic.image());
   const cv::Mat truth = picture(flight.mosaic.area() + cv::Point(400, 300));
-  const cv::Scalar difference = cv::mean(colour, alpha) - cv::mean(truth, alpha);
+  const cv::Scalar difference = cv::mean(map.colour, map.alpha) - cv::mean(truth, map.alpha);
   return difference[1];
 }
 

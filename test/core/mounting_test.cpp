@@ -2,40 +2,26 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <string>
 #include <vector>
 
 #include "allocation_counter.h"
-#include "ktgp_orb/ground_motion.h"
-#include "motion/rows.h"
+#include "ground_flight.h"
 
 namespace ktgp_orb {
 namespace {
 
 using motion::CameraPose;
 using motion::rotationAbout;
-
-constexpr double kRate = 30.0;  // frames/s
-constexpr double kDegree = 3.14159265358979323846 / 180.0;
-constexpr int kKeyframe = 10;  // frames
+using test::kDegree;
+using test::kRate;
+using test::mounted;
 
 Eigen::Vector3d degrees(double x, double y, double z) {
   return kDegree * Eigen::Vector3d(x, y, z);
-}
-
-/// Looks forward and down from a vehicle.
-Pose3 mounted() {
-  Pose3 pose = Pose3::Identity();
-  pose.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal() *
-                  Eigen::AngleAxisd(0.3, Eigen::Vector3d(0.5, 0.8, 0.2).normalized());
-  pose.translation() << 0.4, -0.1, -0.2;
-  return pose;
 }
 
 /// Yaw, pitch and roll of the base, rad, after t seconds.
@@ -54,16 +40,15 @@ struct Rig {
 
 enum class Gives { turns, directions };
 
-/// A camera at four metres with an Imu. The noise of each image is a homography near the identity.
-class Flight {
+/// A camera at four metres with an Imu.
+class Flight : public test::GroundPictures {
  public:
-  explicit Flight(Gives gives, unsigned seed = 1) : gives_(gives), random_(seed) {}
+  explicit Flight(Gives gives, unsigned seed = 1) : GroundPictures(1e-4, seed), gives_(gives) {}
 
   Rig rig;
   Turns turns = lively;
-  double speed = 2.5;         // m/s
-  double image_noise = 1e-4;  // of the entries of a homography at focal length 1
-  double gyro_noise = 3e-4;   // rad per frame
+  double speed = 2.5;        // m/s
+  double gyro_noise = 3e-4;  // rad per frame
   double tilt_noise = 0.1 * kDegree;
   bool is_of_imu = true;
   double age = 0.0;         // of the readings, s
@@ -72,23 +57,9 @@ class Flight {
   GroundFrame next() {
     const int frame = frame_++;
     const double t = frame / kRate;
-    GroundFrame result;
-    result.stamp = stampOf(frame);
-    result.camera << 525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0;
     const CameraPose pose = poseAt(t);
-    const Eigen::Matrix3d image = disturbed() * motion::imageFromGround(pose);
-    if (frame > 0 && frame % gap_every != 5) {
-      result.reference_stamp = stampOf(keyframe_);
-      const Eigen::Matrix3d h =
-          result.camera * image * keyframe_image_.inverse() * result.camera.inverse();
-      UncertainHomography& answer = result.answer.emplace();
-      answer.homography = h / h(2, 2);
-      answer.covariance = covarianceOf(answer.homography, result.camera);
-    }
-    if (frame % kKeyframe == 0) {
-      keyframe_ = frame;
-      keyframe_image_ = image;
-    }
+    GroundFrame result = seenFrom(pose);
+    if (frame % gap_every == 5) result.answer.reset();
     result.height = HeightReading{pose.position.z(), 0.01 * pose.position.z()};
     // The frame in which the Imu is said to be, seen from the one in which it is.
     const Eigen::Matrix3d to_base = mounted().linear();
@@ -122,59 +93,30 @@ class Flight {
   }
 
  private:
-  static std::int64_t stampOf(int frame) { return std::llround(1e9 * (1000.0 + frame / kRate)); }
-  static GroundMotionOptions options() {
-    GroundMotionOptions options;
-    options.camera_to_base = mounted();
-    return options;
-  }
-
   CameraPose poseAt(double t) const {
-    const Eigen::Vector3d angles = turns(t);
-    const Eigen::Matrix3d base = (Eigen::AngleAxisd(angles(0), Eigen::Vector3d::UnitZ()) *
-                                  Eigen::AngleAxisd(angles(1), Eigen::Vector3d::UnitY()) *
-                                  Eigen::AngleAxisd(angles(2), Eigen::Vector3d::UnitX()))
-                                     .toRotationMatrix();
     const Eigen::Vector3d position(speed * t, 1.5 * std::sin(0.3 * speed * t), 4.0);
-    return {base * mounted().linear(), position + base * mounted().translation()};
-  }
-
-  double normal() { return normal_(random_); }
-  Eigen::Vector3d shake() { return {normal(), normal(), normal()}; }
-
-  Eigen::Matrix3d disturbed() {
-    Eigen::Matrix3d d = Eigen::Matrix3d::Identity();
-    for (int i = 0; i < 8; ++i) d(i / 3, i % 3) += image_noise * normal();
-    return d;
-  }
-
-  /// Of the noise of both images, by numeric derivatives.
-  Covariance8 covarianceOf(const Eigen::Matrix3d& h, const Eigen::Matrix3d& camera) const {
-    Eigen::Matrix<double, 8, 16> slope;
-    for (int i = 0; i < 16; ++i) {
-      Eigen::Matrix3d change = Eigen::Matrix3d::Zero();
-      change((i % 8) / 3, (i % 8) % 3) = 1e-7;
-      change = camera * change * camera.inverse();
-      const Eigen::Matrix3d moved =
-          i < 8 ? Eigen::Matrix3d(h + change * h) : Eigen::Matrix3d(h - h * change);
-      slope.col(i) = (motion::entriesOf(moved) - motion::entriesOf(h)) / 1e-7;
-    }
-    return image_noise * image_noise * slope * slope.transpose();
+    return test::cameraAt(position, turns(t), mounted());
   }
 
   Gives gives_;
-  std::mt19937 random_;
-  std::normal_distribution<double> normal_;
-  GroundMotion ground_{options()};
+  GroundMotion ground_{test::optionsWith(mounted())};
   int frame_ = 0;
-  int keyframe_ = 0;
-  Eigen::Matrix3d keyframe_image_ = Eigen::Matrix3d::Identity();
 };
 
 struct Case {
   Gives gives;
   Rig rig;
 };
+
+void expectFound(const std::optional<ImuMounting>& imu, const Rig& rig, double rotation,
+                 double delay) {
+  ASSERT_TRUE(imu);
+  const std::string text = describe(*imu);
+  EXPECT_LT((imu->rotation - rig.rotation).norm(), rotation * kDegree) << text;
+  EXPECT_LT(imu->rotation_deviation.norm(), rotation * kDegree) << text;
+  EXPECT_NEAR(imu->delay, rig.delay, delay) << text;
+  EXPECT_LT(imu->delay_deviation, delay) << text;
+}
 
 /// A degree about each axis, 20 ms late and early, and a gyroscope with a bias.
 std::vector<Case> rigs() {
@@ -195,15 +137,10 @@ TEST(Mounting, ADegreeAnd20MillisecondsAreFoundWithinAMinute) {
     Flight flight(each.gives);
     flight.rig = each.rig;
     const auto imu = flight.after(60.0);
-    ASSERT_TRUE(imu);
-    const std::string text = describe(*imu);
-    EXPECT_LT((imu->rotation - each.rig.rotation).norm(), 0.25 * kDegree) << text;
-    EXPECT_NEAR(imu->delay, each.rig.delay, 0.003) << text;
-    EXPECT_LT(imu->rotation_deviation.norm(), 0.25 * kDegree) << text;
-    EXPECT_LT(imu->delay_deviation, 0.003) << text;
+    expectFound(imu, each.rig, 0.25, 0.003);
     if (each.gives == Gives::turns) {
-      EXPECT_LT((imu->bias - each.rig.bias).norm(), 0.15 * kDegree) << text;
-      EXPECT_LT(imu->bias_deviation.norm(), 0.15 * kDegree) << text;
+      EXPECT_LT((imu->bias - each.rig.bias).norm(), 0.15 * kDegree) << describe(*imu);
+      EXPECT_LT(imu->bias_deviation.norm(), 0.15 * kDegree) << describe(*imu);
     } else {
       EXPECT_EQ(imu->bias, Eigen::Vector3d::Zero());
       EXPECT_TRUE(std::isinf(imu->bias_deviation.minCoeff()));
@@ -288,35 +225,18 @@ TEST(Mounting, FollowsAnImuThatIsMountedAnew) {
     Flight flight(gives);
     flight.after(60.0);
     flight.rig = {degrees(0.0, 2.0, 0.0), -0.015};
-    const auto imu = flight.after(600.0);
-    ASSERT_TRUE(imu);
-    EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
-    EXPECT_NEAR(imu->delay, flight.rig.delay, 0.002) << describe(*imu);
-    EXPECT_LT(imu->rotation_deviation.norm(), 0.3 * kDegree);
+    expectFound(flight.after(600.0), flight.rig, 0.3, 0.002);
   }
 }
 
-TEST(Mounting, TheAgeOfAReadingIsNoDelay) {
+// The age of a reading is no delay, and what is learned before a gap stays.
+TEST(Mounting, LearnsFromOldReadingsAndAcrossGaps) {
   for (const Gives gives : {Gives::turns, Gives::directions}) {
     Flight flight(gives);
+    flight.rig = {degrees(0.0, 0.0, 1.5), -0.015};
     flight.age = 0.008;
-    flight.rig.delay = -0.015;
-    const auto imu = flight.after(60.0);
-    ASSERT_TRUE(imu);
-    EXPECT_NEAR(imu->delay, -0.015, 0.003) << describe(*imu);
-  }
-}
-
-// A frame has no homography now and then: what is learned before stays.
-TEST(Mounting, LearnsAcrossGaps) {
-  for (const Gives gives : {Gives::turns, Gives::directions}) {
-    Flight flight(gives);
-    flight.rig = {degrees(0.0, 0.0, 1.5), 0.02};
     flight.gap_every = 100;
-    const auto imu = flight.after(120.0);
-    ASSERT_TRUE(imu);
-    EXPECT_LT((imu->rotation - flight.rig.rotation).norm(), 0.3 * kDegree) << describe(*imu);
-    EXPECT_NEAR(imu->delay, flight.rig.delay, 0.003) << describe(*imu);
+    expectFound(flight.after(120.0), flight.rig, 0.3, 0.003);
   }
 }
 

@@ -27,20 +27,8 @@ using util::ThreadPool;
 
 const cv::Size kSize(640, 480);
 
-Features makeFeatures(int count, std::uint32_t seed, const cv::Size& size = kSize) {
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<float> x(0.F, static_cast<float>(size.width));
-  std::uniform_real_distribution<float> y(0.F, static_cast<float>(size.height));
-  Features features;
-  features.image_size = size;
-  features.descriptors.create(count, kDescriptorBytes, CV_8U);
-  for (int i = 0; i < count; ++i) {
-    features.keypoints.emplace_back(x(random), y(random), 31.F);
-    for (int b = 0; b < kDescriptorBytes; ++b) {
-      features.descriptors.at<std::uint8_t>(i, b) = static_cast<std::uint8_t>(random());
-    }
-  }
-  return features;
+Features makeFeatures(int count, std::uint32_t seed) {
+  return test::randomFeatures(count, seed, kSize);
 }
 
 Eigen::Matrix3d turnAndShift() {

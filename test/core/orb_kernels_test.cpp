@@ -30,6 +30,15 @@ std::vector<cv::KeyPoint> opencvCorners(const cv::Mat& image, int threshold) {
   return corners;
 }
 
+void expectSame(const std::vector<cv::KeyPoint>& corners,
+                const std::vector<cv::KeyPoint>& expected) {
+  ASSERT_EQ(corners.size(), expected.size());
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    ASSERT_EQ(corners[i].pt, expected[i].pt);
+    ASSERT_EQ(corners[i].response, expected[i].response);
+  }
+}
+
 class OrbKernelsTest : public testing::TestWithParam<const OrbKernels*> {
  protected:
   const OrbKernels& kernels() const { return *GetParam(); }
@@ -45,12 +54,7 @@ TEST_P(OrbKernelsTest, FindsOpencvsFastCorners) {
         corners.clear();
         fastCorners(image, kEdgeMargin, image.rows - kEdgeMargin, threshold, kernels(), scratch,
                     corners);
-        const std::vector<cv::KeyPoint> expected = opencvCorners(image, threshold);
-        ASSERT_EQ(corners.size(), expected.size());
-        for (std::size_t i = 0; i < corners.size(); ++i) {
-          ASSERT_EQ(corners[i].pt, expected[i].pt);
-          ASSERT_EQ(corners[i].response, expected[i].response);
-        }
+        ASSERT_NO_FATAL_FAILURE(expectSame(corners, opencvCorners(image, threshold)));
       }
     }
   }
@@ -64,12 +68,7 @@ TEST_P(OrbKernelsTest, FindsTheSameCornersBandByBand) {
     fastCorners(image, y, std::min(y + 13, image.rows - kEdgeMargin), 20, kernels(), scratch,
                 corners);
   }
-  const std::vector<cv::KeyPoint> expected = opencvCorners(image, 20);
-  ASSERT_EQ(corners.size(), expected.size());
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    ASSERT_EQ(corners[i].pt, expected[i].pt);
-    ASSERT_EQ(corners[i].response, expected[i].response);
-  }
+  expectSame(corners, opencvCorners(image, 20));
 }
 
 TEST_P(OrbKernelsTest, ScoresEveryLengthOfRow) {

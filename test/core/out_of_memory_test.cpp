@@ -7,10 +7,10 @@
 #include <cerrno>
 #include <cstdlib>
 #include <functional>
-#include <new>
 #include <opencv2/core.hpp>
 
 #include "alignment_scene.h"
+#include "allocation_counter.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
 
@@ -33,36 +33,9 @@ bool mayAllocate() {
   return true;
 }
 
-void* allocate(std::size_t size, std::size_t alignment) {
-  void* memory = nullptr;
-  if (mayAllocate()) {
-    memory = std::aligned_alloc(alignment, (size + alignment) / alignment * alignment);
-  }
-  if (memory == nullptr) throw std::bad_alloc();
-  return memory;
-}
+const bool kIsAsked = (ktgp_orb::test::may_allocate = mayAllocate, true);
 
 }  // namespace
-
-__attribute__((noinline)) void* operator new(std::size_t size) {
-  return allocate(size, alignof(std::max_align_t));
-}
-__attribute__((noinline)) void* operator new(std::size_t size, std::align_val_t alignment) {
-  return allocate(size, static_cast<std::size_t>(alignment));
-}
-__attribute__((noinline)) void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-__attribute__((noinline)) void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
-__attribute__((noinline)) void operator delete(void* memory, std::align_val_t) noexcept {
-  std::free(memory);
-}
-__attribute__((noinline)) void operator delete(void* memory, std::size_t,
-                                               std::align_val_t) noexcept {
-  std::free(memory);
-}
 
 /// OpenCV allocates its pixels with this.
 extern "C" int posix_memalign(void** memory, std::size_t alignment, std::size_t size) {
@@ -117,6 +90,7 @@ void refuseEach(const std::function<std::function<void()>()>& make,
 class OutOfMemory : public testing::Test {
  protected:
   void SetUp() override {
+    ASSERT_TRUE(kIsAsked);
     cv::setNumThreads(1);
     OrbExtractor extractor(orb());
     extractor.extract(picture(0), reference_);

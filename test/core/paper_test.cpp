@@ -1,12 +1,10 @@
 // The paper's Tables 3 to 5 over its own image pairs.
 #include <gtest/gtest.h>
 
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 
+#include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "paper_numbers.h"
 #include "test_data.h"
 
@@ -19,19 +17,12 @@ using test::PaperSet;
 
 class Paper : public ::testing::TestWithParam<PaperSet> {
  protected:
-  void SetUp() override {
-    folder_ = test::dataFolder();
-    KTGP_ORB_REQUIRE_FOLDER(folder_, "KTGP_ORB_DATA");
-  }
+  void SetUp() override { KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA"); }
 
   Features features(int image) {
-    const std::string file =
-        *folder_ + "/oxford/" + GetParam().name + "/img" + std::to_string(image) + ".ppm";
-    const cv::Mat grey = cv::imread(file, cv::IMREAD_GRAYSCALE);
-    EXPECT_FALSE(grey.empty()) << file;
-    Features features;
-    OrbExtractor().extract(grey, features);
-    return features;
+    const cv::Mat grey = test::oxfordImage(GetParam().name, image);
+    EXPECT_FALSE(grey.empty()) << GetParam().name << " " << image;
+    return test::featuresOf(grey);
   }
 
   std::vector<MatchResult> matchAll() {
@@ -46,9 +37,6 @@ class Paper : public ::testing::TestWithParam<PaperSet> {
     }
     return results;
   }
-
- private:
-  std::optional<std::string> folder_;
 };
 
 /// Average over the pairs of each pair's mean and RMS.

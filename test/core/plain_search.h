@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bitset>
 #include <limits>
+#include <random>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -60,6 +61,29 @@ std::vector<Correspondence> plainSearch(const cv::Mat& reference, const cv::Mat&
     c.mutual = nearest[static_cast<std::size_t>(c.reference_index)] == c.target_index;
   }
   return found;
+}
+
+/// Random keypoints, also up to `beyond` px outside of the image, and descriptors whose bytes are
+/// at most `highest`.
+inline Features randomFeatures(int count, std::uint32_t seed, const cv::Size& size,
+                               float beyond = 0.F, int highest = 255) {
+  std::mt19937 random(seed);
+  const auto place = [&](int length) {
+    return std::uniform_real_distribution<float>(-beyond,
+                                                 static_cast<float>(length) + beyond)(random);
+  };
+  std::uniform_int_distribution<int> byte(0, highest);
+  Features features;
+  features.image_size = size;
+  features.descriptors.create(count, kDescriptorBytes, CV_8U);
+  for (int i = 0; i < count; ++i) {
+    const float x = place(size.width);
+    features.keypoints.emplace_back(x, place(size.height), 31.F);
+    for (int b = 0; b < kDescriptorBytes; ++b) {
+      features.descriptors.at<std::uint8_t>(i, b) = static_cast<std::uint8_t>(byte(random));
+    }
+  }
+  return features;
 }
 
 /// KnnMatcher::match, or matchMutual.

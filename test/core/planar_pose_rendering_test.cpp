@@ -9,11 +9,9 @@
 #include <vector>
 
 #include "evaluation/rendering.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
 #include "ktgp_orb/planar_pose.h"
 #include "orb_test_images.h"
-#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
@@ -77,9 +75,7 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
   cv::Mat picture;
   cv::GaussianBlur(test::textureImage(kSize * static_cast<int>(kFiner), 3), picture, cv::Size(),
                    2.0);
-  OrbExtractor extractor;
-  Features reference, target;
-  extractor.extract(view(picture, Eigen::Matrix3d::Identity(), 1000), reference);
+  const Features reference = test::featuresOf(view(picture, Eigen::Matrix3d::Identity(), 1000));
   KtgpMatcher matcher(MatcherOptions::robust());
   MatchResult result;
   test::Numbers numbers(11);
@@ -87,8 +83,7 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
   for (int i = 0; i < kPoses; ++i) {
     const double tilt = i * (kPi / 3.0) / (kPoses - 1);
     const Eigen::Isometry3d truth = drawPose(tilt, numbers);
-    extractor.extract(view(picture, homographyOf(truth), i), target);
-    matcher.match(reference, target, result);
+    matcher.match(reference, test::featuresOf(view(picture, homographyOf(truth), i)), result);
     if (result.status != Status::ok) continue;
     const auto found =
         planarPose(result.answer.homography, result.answer.covariance, camera(), kSize, kWidth);

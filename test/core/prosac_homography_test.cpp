@@ -6,32 +6,14 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <cstdlib>
 #include <limits>
-#include <new>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <stdexcept>
 #include <string>
 
+#include "allocation_counter.h"
 #include "synthetic_pairs.h"
-
-namespace {
-std::size_t g_allocations = 0;
-}  // namespace
-
-// Not inlined: otherwise GCC sees malloc() paired with delete, and warns.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++g_allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept {
-  std::free(p);
-}
-[[gnu::noinline]] void operator delete(void* p, std::size_t /*size*/) noexcept {
-  std::free(p);
-}
 
 namespace ktgp_orb {
 namespace {
@@ -98,11 +80,7 @@ TEST(ProsacHomography, FindsEveryKindOfHomographyFromExactPairs) {
   Numbers numbers(1);
   for (const Truth& truth : truths()) {
     for (std::size_t n = 0; n <= 200; ++n) {
-      Scene scene;
-      scene.pairs = scene.inliers = n;
-      scene.sigma = 0.0;
-      scene.homography = truth.homography;
-      const PointPairs pairs = makePairs(scene, numbers);
+      const PointPairs pairs = makePairs({n, n, truth.homography, Order::good, 0.0}, numbers);
       prosac.estimate(pairs, kSize, result);
       expectConsistent(pairs, result, 3.0);
       const std::string where = truth.name + (" of " + std::to_string(n));
@@ -126,11 +104,7 @@ TEST(ProsacHomography, FindsEveryKindOfHomographyAmongNoiseAndOutliers) {
   Numbers numbers(2);
   for (const Truth& truth : truths()) {
     for (std::size_t n = 40; n <= 200; n += 5) {
-      Scene scene;
-      scene.pairs = n;
-      scene.inliers = n / 2;
-      scene.homography = truth.homography;
-      const PointPairs pairs = makePairs(scene, numbers);
+      const PointPairs pairs = makePairs({n, n / 2, truth.homography}, numbers);
       prosac.estimate(pairs, kSize, result);
       expectConsistent(pairs, result, 3.0);
       ASSERT_EQ(result.status, Status::ok) << truth.name << " of " << n;
@@ -160,10 +134,7 @@ TEST(ProsacHomography, IsNearlyAsExactAsLeastSquaresThatKnowsTheInliers) {
   double ours = 0.0;
   double best = 0.0;
   for (int run = 0; run < 200; ++run) {
-    Scene scene;
-    scene.pairs = 400;
-    scene.inliers = 200;
-    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    Scene scene{400, 200, test::randomHomography(kSize, 0.15, numbers)};
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, result);
     ASSERT_EQ(result.status, Status::ok);
@@ -177,12 +148,8 @@ TEST(ProsacHomography, IsNearlyAsExactAsLeastSquaresThatKnowsTheInliers) {
 
 TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
   Numbers numbers(4);
-  Scene scene;
-  scene.pairs = 500;
-  scene.inliers = 150;
-  scene.order = Order::random;
-  scene.homography = test::randomHomography(kSize, 0.15, numbers);
-  const PointPairs pairs = makePairs(scene, numbers);
+  const PointPairs pairs =
+      makePairs({500, 150, test::randomHomography(kSize, 0.15, numbers), Order::random}, numbers);
   ProsacResult first;
   ProsacHomography().estimate(pairs, kSize, first);
   ASSERT_EQ(first.status, Status::ok);
@@ -201,10 +168,7 @@ TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
 
 TEST(ProsacHomography, AllocatesNothingOnceItsBuffersHaveGrown) {
   Numbers numbers(5);
-  Scene scene;
-  scene.pairs = 600;
-  scene.inliers = 200;
-  scene.order = Order::random;
+  Scene scene{600, 200, Eigen::Matrix3d::Identity(), Order::random};
   const PointPairs large = makePairs(scene, numbers);
   scene.pairs = 300;
   scene.inliers = 0;
@@ -213,19 +177,17 @@ TEST(ProsacHomography, AllocatesNothingOnceItsBuffersHaveGrown) {
   ProsacResult result;
   prosac.estimate(large, kSize, result);
   prosac.estimate(small, kSize, result);
-  const std::size_t before = g_allocations;
+  const test::AllocationCounter counter;
   for (int run = 0; run < 5; ++run) {
     prosac.estimate(large, kSize, result);
     prosac.estimate(small, kSize, result);
   }
-  EXPECT_EQ(g_allocations, before);
+  EXPECT_EQ(counter.count(), 0U);
 }
 
 TEST(ProsacHomography, SaysWhichRuleEndedItAndHowFarItCame) {
   Numbers numbers(6);
-  Scene scene;
-  scene.pairs = 300;
-  scene.inliers = 270;
+  Scene scene{300, 270};
   ProsacHomography prosac;
   ProsacResult result;
   prosac.estimate(makePairs(scene, numbers), kSize, result);
@@ -243,10 +205,7 @@ TEST(ProsacHomography, SaysWhichRuleEndedItAndHowFarItCame) {
 
 TEST(ProsacHomography, NeverDrawsMoreThanItsBudget) {
   Numbers numbers(7);
-  Scene scene;
-  scene.pairs = 3000;
-  scene.inliers = 0;
-  const PointPairs pairs = makePairs(scene, numbers);
+  const PointPairs pairs = makePairs({3000, 0}, numbers);
   for (int budget : {1, 7, 500, 2000}) {
     ProsacOptions options;
     options.max_iterations = budget;
@@ -258,10 +217,7 @@ TEST(ProsacHomography, NeverDrawsMoreThanItsBudget) {
 
 TEST(ProsacHomography, CovarianceAgreesWithMonteCarlo) {
   Numbers numbers(8);
-  Scene scene;
-  scene.pairs = scene.inliers = 150;
-  scene.sigma = 0.0;
-  scene.homography = test::randomHomography(kSize, 0.2, numbers);
+  Scene scene{150, 150, test::randomHomography(kSize, 0.2, numbers), Order::good, 0.0};
   const PointPairs exact = makePairs(scene, numbers);
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
@@ -306,11 +262,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
   int samples = 0;
   int samples_from_scratch = 0;
   for (int run = 0; run < 50; ++run) {
-    Scene scene;
-    scene.pairs = 400;
-    scene.inliers = 60;
-    scene.order = Order::random;
-    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    Scene scene{400, 60, test::randomHomography(kSize, 0.15, numbers), Order::random};
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, from_scratch);
     // A prediction is a few px off, and known up to a factor.
@@ -331,11 +283,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
   int found_by_sampling = 0;
   int found = 0;
   for (int run = 0; run < 50; ++run) {
-    Scene scene;
-    scene.pairs = 400;
-    scene.inliers = 60;
-    scene.order = Order::random;
-    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    Scene scene{400, 60, test::randomHomography(kSize, 0.15, numbers), Order::random};
     const PointPairs pairs = makePairs(scene, numbers);
     ProsacHomography hurried(options);
     hurried.estimate(pairs, kSize, result);
@@ -354,10 +302,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
   ProsacResult from_scratch;
   ProsacResult result;
   for (int run = 0; run < 100; ++run) {
-    Scene scene;
-    scene.pairs = 100;
-    scene.inliers = 50;
-    scene.homography = test::randomHomography(kSize, 0.15, numbers);
+    Scene scene{100, 50, test::randomHomography(kSize, 0.15, numbers)};
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, test::randomHomography(kSize, 0.3, numbers), result);
     expectConsistent(pairs, result, 3.0);
@@ -380,10 +325,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
   // A prediction does not make chance support acceptable.
   int accepted = 0;
   for (int run = 0; run < 2000; ++run) {
-    Scene scene;
-    scene.pairs = 30;
-    scene.inliers = 0;
-    prosac.estimate(makePairs(scene, numbers), kSize, test::randomHomography(kSize, 0.1, numbers),
+    prosac.estimate(makePairs({30, 0}, numbers), kSize, test::randomHomography(kSize, 0.1, numbers),
                     result);
     accepted += result.status == Status::ok ? 1 : 0;
   }

@@ -24,13 +24,9 @@ const cv::Size kSize(640, 480);
 
 /// Pairs in random order of quality; `inliers` of 300 agree with the homography.
 NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d& truth) {
-  test::Scene scene;
-  scene.pairs = 300;
-  scene.inliers = inliers;
-  scene.sigma = 0.3;
-  scene.order = test::Order::random;
-  scene.homography = truth = test::randomHomography(kSize, 0.1, numbers);
-  const PointPairs pairs = test::makePairs(scene, numbers);
+  truth = test::randomHomography(kSize, 0.1, numbers);
+  const PointPairs pairs =
+      test::makePairs({300, inliers, truth, test::Order::random, 0.3}, numbers);
   NormalisedPairs normalised;
   prosac::QualityOrder order;
   order.sort(pairs.quality);

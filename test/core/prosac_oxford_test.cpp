@@ -15,10 +15,7 @@ namespace ktgp_orb {
 namespace {
 
 Features extract(const std::string& set, int number) {
-  const std::string extension = set == "boat" ? ".pgm" : ".ppm";
-  const cv::Mat image = cv::imread(
-      *test::dataFolder() + "/oxford/" + set + "/img" + std::to_string(number) + extension,
-      cv::IMREAD_GRAYSCALE);
+  const cv::Mat image = test::oxfordImage(set, number);
   Features features;
   features.image_size = image.size();
   cv::ORB::create(2000)->detectAndCompute(image, cv::noArray(), features.keypoints,

@@ -48,12 +48,11 @@ class Verdict : public testing::Test {
 TEST_F(Verdict, RejectsPureOutliers) {
   int accepted = 0;
   for (int run = 0; run < 10000; ++run) {
-    Scene scene;
-    scene.pairs = 4 + static_cast<std::size_t>(numbers_.uniform(0.0, 997.0));
-    scene.inliers = 0;
     ProsacOptions options;
     options.seed = static_cast<std::uint64_t>(run);
-    ProsacHomography(options).estimate(makePairs(scene, numbers_), kSize, result_);
+    ProsacHomography(options).estimate(
+        makePairs({4 + static_cast<std::size_t>(numbers_.uniform(0.0, 997.0)), 0}, numbers_), kSize,
+        result_);
     if (result_.status == Status::ok) ++accepted;
   }
   EXPECT_LE(accepted, 1);  // the documented one in 10 000
@@ -63,10 +62,7 @@ TEST_F(Verdict, RejectsPureOutliersWithWildOnesAmongThem) {
   // An outlier enlarges the area, so that the agreement of the others seems significant.
   int accepted = 0;
   for (int run = 0; run < 5000; ++run) {
-    Scene scene;
-    scene.pairs = 12;
-    scene.inliers = 0;
-    pairs_ = makePairs(scene, numbers_);
+    pairs_ = makePairs({12, 0}, numbers_);
     pairs_.target[0] = Eigen::Vector2d(1e5, 1e5);
     if (run % 2 == 0) pairs_.target[1] = Eigen::Vector2d(-1e5, 0.0);
     if (estimate() == Status::ok) ++accepted;
@@ -78,10 +74,7 @@ TEST_F(Verdict, RejectsPureOutliersWhenThereAreFew) {
   int accepted = 0;
   for (std::size_t n = 4; n <= 20; n += 2) {
     for (int run = 0; run < 2000; ++run) {
-      Scene scene;
-      scene.pairs = n;
-      scene.inliers = 0;
-      pairs_ = makePairs(scene, numbers_);
+      pairs_ = makePairs({n, 0}, numbers_);
       if (estimate() == Status::ok) ++accepted;
     }
   }
@@ -91,10 +84,7 @@ TEST_F(Verdict, RejectsPureOutliersWhenThereAreFew) {
 TEST_F(Verdict, AcceptsFewPairsThatAllAgree) {
   int right = 0;
   for (int run = 0; run < 500; ++run) {
-    Scene scene;
-    scene.pairs = scene.inliers = 8;
-    scene.homography = truth_;
-    pairs_ = makePairs(scene, numbers_);
+    pairs_ = makePairs({8, 8, truth_}, numbers_);
     if (estimate() == Status::ok && isRight()) ++right;
   }
   EXPECT_GE(right, 450);
@@ -105,10 +95,7 @@ TEST_F(Verdict, IsRightWhenTheOrderIsReversed) {
     int right = 0;
     int wrong = 0;
     for (std::uint64_t seed = 0; seed < 500; ++seed) {
-      Scene scene;
-      scene.pairs = n;
-      scene.inliers = n * 3 / 10;
-      scene.order = Order::reversed;
+      Scene scene{n, n * 3 / 10, Eigen::Matrix3d::Identity(), Order::reversed};
       truth_ = scene.homography = test::randomHomography(kSize, 0.15, numbers_);
       ProsacOptions options;
       options.seed = seed;

@@ -16,7 +16,7 @@
 
 #include "core/homography/transform.h"
 #include "core/sequence/motion_predictor.h"
-#include "orb_test_images.h"
+#include "moving_view.h"
 
 namespace ktgp_orb {
 namespace {
@@ -24,31 +24,22 @@ namespace {
 using homography::chained;
 using sequence::MotionPredictor;
 
-constexpr int kWidth = 320;
-constexpr int kHeight = 240;
+using test::expectTranslation;
+
 constexpr int kStepX = 5;  // px that the camera moves from view to view
 constexpr int kStepY = 3;
 
-const cv::Mat& world() {
-  static const cv::Mat image = test::textureImage(cv::Size(900, 600), 1);
-  return image;
-}
-
 /// The camera's view after `i` steps to the right and down.
 cv::Mat view(int i) {
-  return world()(cv::Rect(kStepX * i, kStepY * i, kWidth, kHeight)).clone();
+  return test::viewAt(kStepX * i, kStepY * i);
 }
 
 /// A view with only the columns from `begin` to `end` (shares of the width) visible.
 cv::Mat partOfView(double begin, double end) {
   cv::Mat image = view(0);
-  image.colRange(0, static_cast<int>(begin * kWidth)).setTo(128);
-  image.colRange(static_cast<int>(end * kWidth), kWidth).setTo(128);
+  image.colRange(0, static_cast<int>(begin * test::kView.width)).setTo(128);
+  image.colRange(static_cast<int>(end * test::kView.width), test::kView.width).setTo(128);
   return image;
-}
-
-cv::Mat flat() {
-  return cv::Mat(kHeight, kWidth, CV_8U, cv::Scalar(128));
 }
 
 SequenceOptions withMode(ReferenceMode mode) {
@@ -56,14 +47,6 @@ SequenceOptions withMode(ReferenceMode mode) {
   options.orb.max_features = 500;
   options.reference.mode = mode;
   return options;
-}
-
-/// Checks that H moves the centre of the image by (x, y).
-void expectTranslation(const Eigen::Matrix3d& h, double x, double y, double tolerance = 0.3) {
-  const Eigen::Vector2d centre(0.5 * kWidth, 0.5 * kHeight);
-  const Eigen::Vector2d moved = (h * centre.homogeneous()).hnormalized() - centre;
-  EXPECT_NEAR(moved.x(), x, tolerance);
-  EXPECT_NEAR(moved.y(), y, tolerance);
 }
 
 TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
@@ -210,7 +193,7 @@ TEST(SequenceMatcher, SaysWhyThereIsNoReference) {
   EXPECT_EQ(reason(5, 12.0), NoReference::none) << "two frames may have one stamp";
   EXPECT_EQ(reason(6, 12.1, "bgr8"), NoReference::encoding_changed);
   EXPECT_EQ(reason(7, 12.2, "bgr8"), NoReference::none);
-  const cv::Mat smaller = view(8).colRange(0, kWidth - 8);
+  const cv::Mat smaller = view(8).colRange(0, test::kView.width - 8);
   EXPECT_EQ(matcher.match(smaller, 12.3, "bgr8").no_reference, NoReference::size_changed);
   matcher.reset();
   EXPECT_EQ(matcher.match(smaller, 12.4, "bgr8").no_reference, NoReference::reset);
@@ -245,7 +228,7 @@ TEST(SequenceMatcher, AFrameThatShowsNothingBreaksTheChain) {
   SequenceMatcher matcher(withMode(ReferenceMode::previous));
   matcher.match(view(0), 0.0);
   matcher.match(view(1), 0.1);
-  const SequenceMatch& lost = matcher.match(flat(), 0.2);
+  const SequenceMatch& lost = matcher.match(test::flatImage(test::kView, 128), 0.2);
   EXPECT_EQ(lost.match.status, Status::too_few_features);
   EXPECT_TRUE(lost.reference);
   EXPECT_FALSE(lost.accumulated);
@@ -433,7 +416,7 @@ TEST(SequenceMatcher, RefusesWhatCannotBeMeant) {
   matcher.match(view(0), 1.0);
   EXPECT_THROW(matcher.match(view(1), nan), std::invalid_argument);
   EXPECT_THROW(matcher.match(view(1), 1e10), std::invalid_argument);
-  EXPECT_THROW(matcher.match(cv::Mat(kHeight, kWidth, CV_8UC3), 1.1), std::invalid_argument);
+  EXPECT_THROW(matcher.match(cv::Mat(test::kView, CV_8UC3), 1.1), std::invalid_argument);
   Features features;
   features.keypoints.resize(3);
   EXPECT_THROW(matcher.match(features, 1.1), std::invalid_argument);

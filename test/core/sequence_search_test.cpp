@@ -9,21 +9,20 @@
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
-#include "orb_test_images.h"
+#include "moving_view.h"
 
 namespace ktgp_orb {
 namespace {
 
-constexpr int kWidth = 320;
-constexpr int kHeight = 240;
+using test::expectTranslation;
+
 constexpr double kRadius = 16.0;
 constexpr int kStep =
     30;  // px between frames: more than the radius, so that the prediction is needed
 
 /// The camera's view at (x, y) of the world.
 cv::Mat view(int x, int y = 0) {
-  static const cv::Mat world = test::textureImage(cv::Size(1200, 600), 1);
-  return world(cv::Rect(x, y, kWidth, kHeight)).clone();
+  return test::viewAt(x, y);
 }
 
 SequenceOptions options(double radius, ReferenceMode mode = ReferenceMode::previous) {
@@ -32,13 +31,6 @@ SequenceOptions options(double radius, ReferenceMode mode = ReferenceMode::previ
   result.matcher.knn.search_radius = radius;
   result.reference.mode = mode;
   return result;
-}
-
-void expectTranslation(const Eigen::Matrix3d& h, double x, double y) {
-  const Eigen::Vector2d centre(0.5 * kWidth, 0.5 * kHeight);
-  const Eigen::Vector2d moved = (h * centre.homogeneous()).hnormalized() - centre;
-  EXPECT_NEAR(moved.x(), x, 0.3);
-  EXPECT_NEAR(moved.y(), y, 0.3);
 }
 
 TEST(SequenceSearch, CarriesTheMotionOn) {
@@ -114,8 +106,7 @@ TEST(SequenceSearch, SearchesTheWholeImageForAFixedFrameThatWasLost) {
   matcher.fixNextFrame();
   matcher.match(view(0), 0.0);
   matcher.match(view(5), 0.1);
-  EXPECT_NE(matcher.match(cv::Mat(kHeight, kWidth, CV_8U, cv::Scalar(128)), 0.2).match.status,
-            Status::ok);
+  EXPECT_NE(matcher.match(test::flatImage(test::kView, 128), 0.2).match.status, Status::ok);
   const SequenceMatch& match = matcher.match(view(90), 0.3);
   EXPECT_EQ(match.match.status, Status::ok);
   EXPECT_EQ(match.match.search, Search::whole);

@@ -1,9 +1,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <vector>
+
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb::test {
 
@@ -24,6 +28,19 @@ inline Path shakingFlight(int frames, double shake, double pan = 4.0, unsigned s
     path.push_back(h);
   }
   return path;
+}
+
+inline const cv::Size kFlightSize(640, 480);
+
+/// Largest distance that the picture shows beyond the border of the frame, px; negative: it stays
+/// inside.
+inline double beyondBorder(const Eigen::Matrix3d& warp) {
+  double worst = -1e9;
+  for (const Eigen::Vector2d& p : corners(kFlightSize)) {
+    const Eigen::Vector2d q = (warp.inverse() * p.homogeneous()).hnormalized();
+    worst = std::max({worst, -q.x(), -q.y(), q.x() - 639.0, q.y() - 479.0});
+  }
+  return worst;
 }
 
 }  // namespace ktgp_orb::test

@@ -39,6 +39,12 @@ SequenceOptions optionsOf(const std::string& name) {
   return options;
 }
 
+/// Covariance of the place of `x` after the homography, px.
+Eigen::Matrix2d spreadAt(const Eigen::Vector2d& x, const UncertainHomography& h) {
+  const auto slope = homography::jacobianByEntries(h.homography, x);
+  return slope * h.covariance * slope.transpose();
+}
+
 /// Errors of H at the corners of an image, and how large they are beside the covariance.
 class Errors {
  public:
@@ -48,10 +54,8 @@ class Errors {
     for (const Eigen::Vector2d& corner : homography::imageCorners(size_, {})) {
       const Eigen::Vector2d error =
           homography::project(found.homography, corner) - homography::project(truth, corner);
-      const auto slope = homography::jacobianByEntries(found.homography, corner);
-      const Eigen::Matrix2d spread = slope * found.covariance * slope.transpose();
       px_.push_back(error.norm());
-      squared_deviations_.push_back(error.dot(spread.inverse() * error));
+      squared_deviations_.push_back(error.dot(spreadAt(corner, found).inverse() * error));
     }
   }
 
@@ -95,18 +99,6 @@ class Pictures {
   cv::Size view_;
   std::vector<std::string> photographs_;
 };
-
-/// Turn, zoom and tilt about the middle of the image.
-Eigen::Matrix3d moved(const cv::Size& size, double degrees, double zoom, double tilt) {
-  const double x = 0.5 * (size.width - 1);
-  const double y = 0.5 * (size.height - 1);
-  const double a = degrees * 0.017453292519943295;
-  Eigen::Matrix3d h;
-  h << zoom * std::cos(a), -zoom * std::sin(a), 0.07, zoom * std::sin(a), zoom * std::cos(a), -0.03,
-      tilt, -1.3 * tilt, 1.0;
-  h = translation(x, y) * h * translation(-x, -y);
-  return h / h(2, 2);
-}
 
 const cv::Size kSize(640, 480);
 
@@ -198,7 +190,9 @@ TEST(SlowCamera, TurnsZoomsAndTiltsAreMeasured) {
     const double turn[] = {0.02, 0.1, 0.2, 0.05};
     const double zoom[] = {1.0005, 1.0, 1.002, 1.001, 1.0};
     const double tilt[] = {2e-7, 0.0, -1e-6};
-    const Eigen::Matrix3d truth = moved(kSize, turn[i % 4], zoom[i % 5], tilt[i % 3]);
+    const Eigen::Matrix3d truth =
+        translation(0.07, -0.03) *
+        test::turn(turn[i % 4], zoom[i % 5], {tilt[i % 3], -1.3 * tilt[i % 3]});
     presets.add(reference, withNoise(picture.moved(truth), 1.5, 100 + i), truth);
   }
   presets.forEach([](const Errors& errors) {
@@ -268,10 +262,8 @@ TEST(SlowPan, ItsStepsAddUp) {
       const UncertainHomography sum = panned(frames, mode);
       const Eigen::Vector2d error = homography::project(sum.homography, middle) - middle -
                                     Eigen::Vector2d::Constant(60.0 * step);
-      const auto slope = homography::jacobianByEntries(sum.homography, middle);
-      const Eigen::Matrix2d spread = slope * sum.covariance * slope.transpose();
       EXPECT_LT(error.norm(), 0.15) << "step " << step << ", mode " << static_cast<int>(mode);
-      EXPECT_LT(error.dot(spread.inverse() * error), 9.0)
+      EXPECT_LT(error.dot(spreadAt(middle, sum).inverse() * error), 9.0)
           << "step " << step << ", mode " << static_cast<int>(mode);
     }
   }
@@ -426,10 +418,9 @@ TEST(FrozenCamera, StandsStillWithinWhatItsImagesCanShow) {
     const UncertainHomography& answer = found.match.answer;
     EXPECT_LT((answer.homography - Eigen::Matrix3d::Identity()).norm(), 1e-6) << preset;
     for (const Eigen::Vector2d& corner : homography::imageCorners(kSize, {})) {
-      const auto slope = homography::jacobianByEntries(answer.homography, corner);
-      const Eigen::Matrix2d spread = slope * answer.covariance * slope.transpose();
-      EXPECT_GT(std::sqrt(spread.trace()), 2e-4) << preset;
-      EXPECT_LT(std::sqrt(spread.trace()), 0.02) << preset;
+      const double deviation = std::sqrt(spreadAt(corner, answer).trace());
+      EXPECT_GT(deviation, 2e-4) << preset;
+      EXPECT_LT(deviation, 0.02) << preset;
     }
   }
 }

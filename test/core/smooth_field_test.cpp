@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "core/homography/transform.h"
@@ -129,38 +130,52 @@ Errors lens(double at_corner, double sigma) {
   };
 }
 
-TEST(SmoothField, WhiteNoiseHasNone) {
-  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
-    std::vector<Eigen::Vector2d> errors(points.size());
-    for (Eigen::Vector2d& e : errors) e = white(0.5, numbers);
-    return errors;
-  };
-  for (const std::size_t points : {40, 150, 400, 1500}) {
-    const Consistency c = measure(noise, points, 1e-4);
-    EXPECT_GT(c.median, 0.8) << points;
-    EXPECT_LT(c.median, 1.8) << points;
-    EXPECT_GT(c.within, 0.99) << points;
-    EXPECT_LT(c.deviation, 0.1) << points;
-  }
-}
-
-// Keypoints of octave o have errors 1.2^o times as large.
-TEST(SmoothField, NoiseThatGrowsWithThePyramidLevelIsCovered) {
-  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+/// Independent ones; `octaves`: 1.2^o times as large for keypoints of octave o.
+Errors noise(double sigma, double octaves = 0.0) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
     std::vector<Eigen::Vector2d> errors(points.size());
     for (Eigen::Vector2d& e : errors) {
-      const int octave = static_cast<int>(numbers.uniform(0.0, 8.0));
-      e = white(0.4 * std::pow(1.2, octave), numbers);
+      const double octave = octaves > 0.0 ? std::floor(numbers.uniform(0.0, octaves)) : 0.0;
+      e = white(sigma * std::pow(1.2, octave), numbers);
     }
     return errors;
   };
-  const Consistency c = measure(noise, 300, 1e-4);
-  EXPECT_GT(c.median, 0.5);
-  EXPECT_LT(c.median, 1.8);
-  EXPECT_GT(c.within, 0.99);
 }
 
-TEST(SmoothField, ASceneThatIsNoPlaneIsCovered) {
+struct Case {
+  const char* name;
+  Errors errors;
+  std::vector<std::size_t> points;
+  double min_scale;
+  bool by_cell;
+  double lowest, highest;  ///< bounds of the median
+  double within;           ///< at least
+};
+
+TEST(SmoothField, ErrorsAreCovered) {
+  const std::vector<std::size_t> few_and_many{40, 150, 400, 1500};
+  const std::vector<Case> cases{
+      {"white noise", noise(0.5), few_and_many, 1e-4, false, 0.8, 1.8, 0.99},
+      {"that grows with the pyramid level", noise(0.4, 8.0), {300}, 1e-4, false, 0.5, 1.8, 0.99},
+      // Unequal weights of the pairs are part of the covariance.
+      {"weighed by cell", noise(0.5), few_and_many, 1e-4, true, 0.5, 2.2, 0.98},
+      {"hills weighed by cell", hills(0.5, 0.3), {400}, 1e-4, true, 0.2, 2.5, 0.95},
+      // A common error counts once, for any number of points.
+      {"hills", hills(0.5, 0.05), {100, 1600}, 1.0, false, 0.0, 1e9, 0.9},
+      // The error at the corners, where H is compared, is the largest.
+      {"lens", lens(2.0, 0.05), {400}, 1.0, false, 0.0, 6.0, 0.9}};
+  for (const Case& each : cases) {
+    for (const std::size_t points : each.points) {
+      SCOPED_TRACE(each.name + (", " + std::to_string(points)));
+      const Consistency c = measure(each.errors, points, each.min_scale, each.by_cell);
+      EXPECT_GT(c.median, each.lowest);
+      EXPECT_LT(c.median, each.highest);
+      EXPECT_GT(c.within, each.within);
+    }
+  }
+}
+
+TEST(SmoothField, TheDeviationFromAPlaneIsThatOfTheScene) {
   for (const double sigma : {0.03, 0.3}) {
     const Consistency c = measure(hills(0.5, sigma), 400, 1.0);
     EXPECT_LT(c.median, 2.5) << sigma;
@@ -170,40 +185,8 @@ TEST(SmoothField, ASceneThatIsNoPlaneIsCovered) {
     EXPECT_GT(c.deviation, 0.25) << sigma;
     EXPECT_LT(c.deviation, 1.5) << sigma;
   }
-}
-
-TEST(SmoothField, ALensThatBendsIsCovered) {
-  const Consistency c = measure(lens(2.0, 0.05), 400, 1.0);
-  EXPECT_LT(c.median, 6.0);  // the error at the corners, where H is compared, is the largest
-  EXPECT_GT(c.within, 0.9);
-  EXPECT_GT(c.deviation, 0.1);
-}
-
-// Unequal weights of the pairs are part of the covariance.
-TEST(SmoothField, PairsWeighedByCellAreCovered) {
-  const Errors noise = [](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
-    std::vector<Eigen::Vector2d> errors(points.size());
-    for (Eigen::Vector2d& e : errors) e = white(0.5, numbers);
-    return errors;
-  };
-  for (const std::size_t points : {40, 150, 400, 1500}) {
-    const Consistency c = measure(noise, points, 1e-4, true);
-    EXPECT_GT(c.median, 0.5) << points;
-    EXPECT_LT(c.median, 2.2) << points;
-    EXPECT_GT(c.within, 0.98) << points;
-  }
-  const Consistency c = measure(hills(0.5, 0.3), 400, 1e-4, true);
-  EXPECT_GT(c.median, 0.2);
-  EXPECT_LT(c.median, 2.5);
-  EXPECT_GT(c.within, 0.95);
-}
-
-// A common error counts once, for any number of points.
-TEST(SmoothField, MorePointsDoNotAverageItOut) {
-  const Consistency few = measure(hills(0.5, 0.05), 100, 1.0);
-  const Consistency many = measure(hills(0.5, 0.05), 1600, 1.0);
-  EXPECT_GT(few.within, 0.9);
-  EXPECT_GT(many.within, 0.9);
+  EXPECT_GT(measure(lens(2.0, 0.05), 400, 1.0).deviation, 0.1);
+  EXPECT_LT(measure(noise(0.5), 400, 1e-4).deviation, 0.1);
 }
 
 TEST(SmoothField, IsZeroForTooFewPairs) {

@@ -56,18 +56,6 @@ double shakeBefore(const Path& path, std::size_t first) {
   return shakeOf(steps, kSize);
 }
 
-/// Largest distance that the picture shows beyond the border of the frame, px; negative: it stays
-/// inside.
-double beyondBorder(const Eigen::Matrix3d& warp) {
-  double worst = -1e9;
-  for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(639, 0),
-                                   Eigen::Vector2d(639, 479), Eigen::Vector2d(0, 479)}) {
-    const Eigen::Vector2d q = (warp.inverse() * p.homogeneous()).hnormalized();
-    worst = std::max({worst, -q.x(), -q.y(), q.x() - 639.0, q.y() - 479.0});
-  }
-  return worst;
-}
-
 Eigen::Vector2d centre(const Eigen::Matrix3d& warp) {
   return (warp * Eigen::Vector3d(319.5, 239.5, 1.0)).hnormalized();
 }
@@ -124,7 +112,7 @@ TEST(Stabilizer, NeverShowsWhatIsBeyondTheBorder) {
       options.max_crop = max_crop;
       options.lag = 5;
       for (const SteadyFrame& frame : stabilized(test::shakingFlight(120, shake), options)) {
-        ASSERT_LT(beyondBorder(frame.warp), 1e-6) << shake << ' ' << max_crop;
+        ASSERT_LT(test::beyondBorder(frame.warp), 1e-6) << shake << ' ' << max_crop;
       }
     }
   }

@@ -7,7 +7,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <random>
 #include <stdexcept>
@@ -49,18 +48,9 @@ double jitterBefore(const Steps& steps) {
   return std::sqrt(shakeOf(before, kSize));
 }
 
-const std::array<Eigen::Vector2d, 4> kCorners{Eigen::Vector2d(0, 0), Eigen::Vector2d(639, 0),
-                                              Eigen::Vector2d(639, 479), Eigen::Vector2d(0, 479)};
-
-/// Largest distance that a picture shows beyond the border of its frame, px.
 double beyondBorder(const Path& warps) {
   double worst = -1e9;
-  for (const Eigen::Matrix3d& warp : warps) {
-    for (const Eigen::Vector2d& p : kCorners) {
-      const Eigen::Vector2d q = (warp.inverse() * p.homogeneous()).hnormalized();
-      worst = std::max({worst, -q.x(), -q.y(), q.x() - 639.0, q.y() - 479.0});
-    }
-  }
+  for (const Eigen::Matrix3d& warp : warps) worst = std::max(worst, test::beyondBorder(warp));
   return worst;
 }
 
@@ -72,7 +62,7 @@ double costOf(const Steps& steps, const Path& warps) {
   const auto corners_in = [&](std::size_t t) {
     CornerMotion found;
     for (int k = 0; k < 4; ++k) {
-      const Eigen::Vector2d& corner = kCorners[static_cast<std::size_t>(k)];
+      const Eigen::Vector2d corner = test::corners(kSize)[static_cast<std::size_t>(k)];
       found.col(k) = (warps[t].inverse() * corner.homogeneous()).hnormalized();
     }
     return found;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -23,10 +24,10 @@ enum class Order {
 struct Scene {
   std::size_t pairs = 100;
   std::size_t inliers = 50;
-  double sigma = 0.5;  ///< px, Gaussian, in the target
-  Order order = Order::good;
-  cv::Size size{640, 480};
   Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();
+  Order order = Order::good;
+  double sigma = 0.5;  ///< px, Gaussian, in the target
+  cv::Size size{640, 480};
 };
 
 /// Uniform and normal numbers that are the same with every standard library.
@@ -88,6 +89,20 @@ inline double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b,
     sum += (p.hnormalized() - q.hnormalized()).norm() / 4.0;
   }
   return sum;
+}
+
+/// The error of the first eight entries against their covariance, squared. The entries differ by
+/// six orders of magnitude, so each is divided by its own deviation.
+inline double squaredDeviation(const UncertainHomography& found, const Eigen::Matrix3d& truth) {
+  using Vector8 = Eigen::Matrix<double, 8, 1>;
+  const Vector8 scale = found.covariance.diagonal().cwiseSqrt().cwiseInverse();
+  const Eigen::Matrix<double, 8, 8> correlation =
+      scale.asDiagonal() * Eigen::Matrix<double, 8, 8>(found.covariance) * scale.asDiagonal();
+  Vector8 u;
+  for (int i = 0; i < 8; ++i) {
+    u[i] = scale[i] * (found.homography(i / 3, i % 3) - truth(i / 3, i % 3) / truth(2, 2));
+  }
+  return u.dot(correlation.ldlt().solve(u));
 }
 
 inline double qualityOf(bool inlier, Order order, Numbers& numbers) {

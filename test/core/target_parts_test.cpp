@@ -23,11 +23,9 @@ TargetFinderOptions oneView() {
 }
 
 Target poster(int number, int images = 1) {
-  Target target;
-  target.id = "poster" + std::to_string(number);
-  for (int i = 0; i < images; ++i) {
-    target.images.push_back(
-        test::drawnPicture(kPoster, static_cast<std::uint64_t>(number + 100 * i)));
+  Target target = test::poster(kPoster, number);
+  for (int i = 1; i < images; ++i) {
+    target.images.push_back(test::poster(kPoster, number + 100 * i).images[0]);
   }
   return target;
 }

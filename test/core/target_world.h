@@ -4,12 +4,27 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "evaluation/rendering.h"
+#include "ktgp_orb/target_finder.h"
 #include "orb_test_images.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::test {
+
+inline Target targetOf(const std::string& id, const cv::Mat& image) {
+  Target target;
+  target.id = id;
+  target.images = {image};
+  return target;
+}
+
+/// A drawn one, number `seed`.
+inline Target poster(const cv::Size& size, int seed) {
+  return targetOf("poster" + std::to_string(seed),
+                  drawnPicture(size, static_cast<std::uint64_t>(seed)));
+}
 
 /// Where a target is in the view of a camera.
 struct Placement {
@@ -48,6 +63,16 @@ inline void place(const cv::Mat& target, const Eigen::Matrix3d& homography, cv::
   const cv::Mat view = tools::renderView(source, back, frame.size());
   const cv::Mat share = tools::renderView(ones, back, frame.size());
   frame = frame.mul(1.0 - share) + view;
+}
+
+/// A target in front of a background.
+inline cv::Mat inFrontOf(const cv::Mat& background, const cv::Mat& target,
+                         const Eigen::Matrix3d& homography) {
+  cv::Mat frame, image;
+  background.convertTo(frame, CV_32F);
+  place(target, homography, frame);
+  frame.convertTo(image, CV_8U);
+  return image;
 }
 
 /// Largest distance between the positions that both homographies give for the parts of the target

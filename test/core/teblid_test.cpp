@@ -11,15 +11,13 @@
 #include <fstream>
 #include <limits>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string>
 #include <vector>
 
 #include "core/orb/teblid_describer.h"
 #include "core/orb/teblid_table.h"
+#include "frame_pair.h"
 #include "instruction_sets.h"
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
 #include "orb_test_images.h"
 #include "test_data.h"
 
@@ -80,14 +78,11 @@ class TeblidOracle : public testing::TestWithParam<const char*> {};
 
 TEST_P(TeblidOracle, GivesTheAuthorsDescriptors) {
   const auto folder = test::oracleFolder();
-  const auto data = test::dataFolder();
   KTGP_ORB_REQUIRE_FOLDER(folder, "KTGP_ORB_ORACLE");
-  KTGP_ORB_REQUIRE_FOLDER(data, "KTGP_ORB_DATA");
+  KTGP_ORB_REQUIRE_FOLDER(test::dataFolder(), "KTGP_ORB_DATA");
   const std::string name = GetParam();  // "<set>_<image>"
-  const std::string set = name.substr(0, name.find('_'));
-  const std::string file = *data + "/oxford/" + set + "/img" + name.substr(name.find('_') + 1);
-  cv::Mat image = cv::imread(file + ".ppm", cv::IMREAD_GRAYSCALE);
-  if (image.empty()) image = cv::imread(file + ".pgm", cv::IMREAD_GRAYSCALE);
+  const std::size_t mark = name.find('_');
+  const cv::Mat image = test::oxfordImage(name.substr(0, mark), std::stoi(name.substr(mark + 1)));
   const OracleFile oracle = readOracle(*folder + "/teblid/" + name + ".csv");
   ASSERT_EQ(image.size(), oracle.image_size);
   ASSERT_GE(oracle.keypoints.size(), 600U);
@@ -253,12 +248,6 @@ TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
   }
 }
 
-Features extracted(const cv::Mat& image, const OrbOptions& options) {
-  Features features;
-  OrbExtractor(options).extract(image, features);
-  return features;
-}
-
 // The keypoints are ORB's; only the descriptors differ, and equal the definition's.
 TEST(TeblidExtraction, DescribesOrbsKeypoints) {
   for (const cv::Size& size :
@@ -270,9 +259,9 @@ TEST(TeblidExtraction, DescribesOrbsKeypoints) {
          {KeypointDistribution::ranked, KeypointDistribution::uniform}) {
       options.distribution = distribution;
       options.descriptor = DescriptorKind::orb;
-      const Features orb = extracted(image, options);
+      const Features orb = test::featuresOf(image, options);
       options.descriptor = DescriptorKind::teblid;
-      const Features teblid = extracted(image, options);
+      const Features teblid = test::featuresOf(image, options);
       EXPECT_EQ(orb.descriptor, DescriptorKind::orb);
       EXPECT_EQ(teblid.descriptor, DescriptorKind::teblid);
       ASSERT_EQ(teblid.size(), orb.size()) << size;
@@ -292,21 +281,22 @@ TEST(TeblidExtraction, IsTheSameWithAnyNumberOfThreads) {
   const cv::Mat image = test::textureImage({320, 240}, 22);
   OrbOptions options;
   options.descriptor = DescriptorKind::teblid;
-  const Features expected = extracted(image, options);
+  const Features expected = test::featuresOf(image, options);
   ASSERT_GT(expected.size(), 500U);
   for (int threads : {2, 3, 5}) {
     options.threads = threads;
-    EXPECT_EQ(cv::norm(extracted(image, options).descriptors, expected.descriptors, cv::NORM_INF),
-              0.0);
+    EXPECT_EQ(
+        cv::norm(test::featuresOf(image, options).descriptors, expected.descriptors, cv::NORM_INF),
+        0.0);
   }
 }
 
 TEST(TeblidExtraction, IsNeverMatchedWithOrb) {
   const cv::Mat image = test::textureImage({320, 240}, 23);
   OrbOptions options;
-  const Features orb = extracted(image, options);
+  const Features orb = test::featuresOf(image, options);
   options.descriptor = DescriptorKind::teblid;
-  const Features teblid = extracted(image, options);
+  const Features teblid = test::featuresOf(image, options);
   KtgpMatcher matcher;
   MatchResult result;
   EXPECT_THROW(matcher.match(orb, teblid, result), std::invalid_argument);

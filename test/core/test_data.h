@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
 
@@ -17,6 +18,13 @@ inline std::optional<std::string> folderFrom(const char* variable) {
 /// Real images and bags (KTGP_ORB_DATA).
 inline std::optional<std::string> dataFolder() {
   return folderFrom("KTGP_ORB_DATA");
+}
+
+/// Of a set of the Oxford data in dataFolder(), grey.
+inline cv::Mat oxfordImage(const std::string& set, int number) {
+  const std::string suffix = set == "boat" ? ".pgm" : ".ppm";
+  return cv::imread(*dataFolder() + "/oxford/" + set + "/img" + std::to_string(number) + suffix,
+                    cv::IMREAD_GRAYSCALE);
 }
 
 /// Reference results of other implementations (KTGP_ORB_ORACLE).

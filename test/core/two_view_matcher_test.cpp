@@ -11,12 +11,14 @@
 #include <stdexcept>
 #include <vector>
 
-#include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
+#include "frame_pair.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
+
+using test::FramePair;
 
 const cv::Size kSize(640, 480);
 
@@ -27,14 +29,7 @@ Eigen::Matrix3d camera() {
 }
 
 cv::Mat texture(int seed) {
-  cv::Mat noise(kSize, CV_32FC1);
-  cv::RNG random(static_cast<std::uint64_t>(seed));
-  random.fill(noise, cv::RNG::UNIFORM, 0.F, 1.F);
-  cv::Mat smooth;
-  cv::GaussianBlur(noise, smooth, {}, 2.0);
-  cv::Mat picture;
-  cv::normalize(smooth, picture, 0.0, 255.0, cv::NORM_MINMAX, CV_8U);
-  return picture;
+  return test::textureImage(kSize, static_cast<std::uint64_t>(seed));
 }
 
 RelativePose motion() {
@@ -55,37 +50,30 @@ cv::Mat seenFrom(const cv::Mat& reference, const RelativePose& pose, double near
         camera() *
         (pose.rotation + kDistance / depth * pose.translation * Eigen::RowVector3d(0.0, 0.0, 1.0)) *
         camera().inverse();
-    cv::Mat map;
-    cv::eigen2cv(h, map);
     const cv::Rect half(depth == near ? 0 : kSize.width / 2, 0, kSize.width / 2, kSize.height);
     cv::Mat part = cv::Mat::zeros(kSize, CV_8UC1);
     part(near == far ? cv::Rect({}, kSize) : half).setTo(255);
-    cv::Mat mask;
-    cv::Mat warped;
-    cv::warpPerspective(part, mask, map, kSize, cv::INTER_NEAREST);
-    cv::warpPerspective(reference, warped, map, kSize, cv::INTER_CUBIC);
-    warped.copyTo(target, mask);
+    const cv::Mat mask = test::warped(part, h, kSize, cv::INTER_NEAREST);
+    test::warped(reference, h, kSize).copyTo(target, mask);
   }
   return target;
 }
-
-struct Frames {
-  Features reference;
-  Features target;
-
-  Frames(const cv::Mat& first, const cv::Mat& second) {
-    OrbOptions options;
-    options.images = ImageKeeping::share;
-    OrbExtractor extractor(options);
-    extractor.extract(first, reference);
-    extractor.extract(second, target);
-  }
-};
 
 MatchHints withCamera() {
   MatchHints hints;
   hints.reference_camera = camera();
   return hints;
+}
+
+MatchResult matched(const FramePair& frames, const MatchHints& hints,
+                    const MatcherOptions& options = MatcherOptions::slam()) {
+  return test::matched(frames, options, hints);
+}
+
+/// `seed`: of the reference.
+FramePair framesOf(int seed, const RelativePose& pose, double near, double far) {
+  const cv::Mat reference = texture(seed);
+  return {reference, seenFrom(reference, pose, near, far)};
 }
 
 double turnError(const RelativePose& a, const RelativePose& b) {
@@ -97,11 +85,8 @@ double directionError(const RelativePose& a, const RelativePose& b) {
 }
 
 TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
-  const cv::Mat reference = texture(1);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 6.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const FramePair frames = framesOf(1, motion(), 2.0, 6.0);
+  MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.found(), Status::ok);
   // Who knows only homographies is not misled.
@@ -123,18 +108,15 @@ TEST(TwoViewOfMatcher, FindsTheMotionOverASceneWithDepth) {
   EXPECT_EQ(result.stage("two_view")->output, result.inliers);
   EXPECT_GT(inliers, 300u);
 
-  matcher.match(frames.reference, frames.target, result);  // without K
+  result = matched(frames, MatchHints());  // without K
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_TRUE(result.two_view.view.pose.translation.isZero(0.0));
   EXPECT_NEAR(result.two_view.view.fundamental.norm(), 1.0, 1e-9);
 }
 
 TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
-  const cv::Mat reference = texture(2);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 2.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const FramePair frames = framesOf(2, motion(), 2.0, 2.0);
+  const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::prosac);
@@ -146,26 +128,20 @@ TEST(TwoViewOfMatcher, APlaneHasTheHomographyAndTheMotion) {
 }
 
 TEST(TwoViewOfMatcher, ATurnIsARotationWithK) {
-  const cv::Mat reference = texture(3);
   RelativePose turn = motion();
   turn.translation.setZero();
-  const Frames frames(reference, seenFrom(reference, turn, 2.0, 6.0));
-  KtgpMatcher matcher(MatcherOptions::slam());
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);
+  const FramePair frames = framesOf(3, turn, 2.0, 6.0);
+  const MatchResult result = matched(frames, withCamera());
   ASSERT_EQ(result.geometry, Geometry::rotation);
   EXPECT_EQ(result.status, Status::ok);
   EXPECT_LT(turnError(result.two_view.view.pose, turn), 0.002);
 }
 
 TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
-  const cv::Mat reference = texture(4);
-  const Frames depth(reference, seenFrom(reference, motion(), 2.0, 6.0));
+  const FramePair depth = framesOf(4, motion(), 2.0, 6.0);
   MatcherOptions options = MatcherOptions::slam();
   options.geometry = GeometryModel::epipolar;
-  KtgpMatcher matcher(options);
-  MatchResult result;
-  matcher.match(depth.reference, depth.target, withCamera(), result);
+  const MatchResult result = matched(depth, withCamera(), options);
   EXPECT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_EQ(result.two_view.view.log_false_alarms_homography, 0.0);
   EXPECT_EQ(result.stages[3].output, 0u);
@@ -173,11 +149,8 @@ TEST(TwoViewOfMatcher, EpipolarLooksForNoHomography) {
 }
 
 TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
-  const cv::Mat reference = texture(5);
-  const Frames frames(reference, seenFrom(reference, motion(), 2.0, 2.0));
-  KtgpMatcher matcher;
-  MatchResult result;
-  matcher.match(frames.reference, frames.target, withCamera(), result);  // K is not used
+  const FramePair frames = framesOf(5, motion(), 2.0, 2.0);
+  const MatchResult result = matched(frames, withCamera(), {});  // K is not used
   EXPECT_EQ(result.stage("two_view"), nullptr);
   EXPECT_EQ(result.geometry, Geometry::plane);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::plane);
@@ -185,30 +158,24 @@ TEST(TwoViewOfMatcher, TheDefaultHasNoSuchStage) {
 }
 
 TEST(TwoViewOfMatcher, NothingInCommonGivesNone) {
-  const Frames frames(texture(6), texture(7));
-  MatchResult result;
-  KtgpMatcher(MatcherOptions::slam()).match(frames.reference, frames.target, withCamera(), result);
+  const FramePair frames(texture(6), texture(7));
+  const MatchResult result = matched(frames, withCamera());
   EXPECT_EQ(result.geometry, Geometry::none);
   EXPECT_NE(result.found(), Status::ok);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.two_view.view.geometry, Geometry::none);
-  const Frames empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
-  KtgpMatcher(MatcherOptions::slam()).match(empty.reference, empty.target, withCamera(), result);
-  EXPECT_EQ(result.status, Status::too_few_features);
+  const FramePair empty(texture(6), cv::Mat::zeros(kSize, CV_8UC1));
+  EXPECT_EQ(matched(empty, withCamera()).status, Status::too_few_features);
 }
 
 TEST(TwoViewOfMatcher, RefusesAKOfAnotherImage) {
-  const Frames frames(texture(8), texture(8));
+  const FramePair frames(texture(8), texture(8));
   MatchHints hints = withCamera();
   (*hints.reference_camera)(0, 2) = 900.0;
-  MatchResult result;
-  KtgpMatcher matcher(MatcherOptions::slam());
-  EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, result),
-               std::invalid_argument);
+  EXPECT_THROW(matched(frames, hints), std::invalid_argument);
   hints = withCamera();
   (*hints.reference_camera)(1, 1) = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_THROW(matcher.match(frames.reference, frames.target, hints, result),
-               std::invalid_argument);
+  EXPECT_THROW(matched(frames, hints), std::invalid_argument);
 }
 
 /// A raw image, whose points are moved by the lens, gives the motion, too.
@@ -236,12 +203,10 @@ TEST(TwoViewOfMatcher, ALensMovesThePoints) {
     return raw;
   };
   const cv::Mat reference = texture(9);
-  const Frames frames(distorted(reference), distorted(seenFrom(reference, motion(), 2.0, 6.0)));
+  const FramePair frames(distorted(reference), distorted(seenFrom(reference, motion(), 2.0, 6.0)));
   MatchHints hints = withCamera();
   hints.reference_lens = hints.target_lens = &lens;
-  MatchResult result;
-  KtgpMatcher matcher(MatcherOptions::slam());
-  matcher.match(frames.reference, frames.target, hints, result);
+  const MatchResult result = matched(frames, hints);
   ASSERT_EQ(result.geometry, Geometry::epipolar);
   EXPECT_LT(turnError(result.two_view.view.pose, motion()), 0.003);
   EXPECT_LT(directionError(result.two_view.view.pose, motion()), 0.03);

@@ -20,17 +20,8 @@ TEST(UserFlags, ChangeNoBitOfAnErrorOrARatio) {
   if (!canFuse()) GTEST_SKIP() << "this processor has no fused multiplication";
   const cv::Size size(640, 480);
   test::Numbers numbers(1);
-  PointPairs pairs;
-  for (int i = 0; i < 200; ++i) {
-    pairs.reference.push_back(numbers.pointIn(size));
-    pairs.target.push_back(numbers.pointIn(size));
-    pairs.quality.push_back(0.5);
-  }
   const Eigen::Matrix3d h = test::randomHomography(size, 0.1, numbers);
-  for (int i = 0; i < 100; ++i) {
-    pairs.target[i] = (h * pairs.reference[i].homogeneous()).hnormalized() +
-                      Eigen::Vector2d(numbers.normal(), numbers.normal());
-  }
+  const PointPairs pairs = test::makePairs({200, 100, h, test::Order::random, 1.0}, numbers);
   ProsacResult result;
   ProsacHomography().estimate(pairs, size, result);
   ASSERT_EQ(result.status, Status::ok);

@@ -13,6 +13,7 @@
 #include <opencv2/imgproc.hpp>
 #include <set>
 
+#include "alignment_scene.h"
 #include "evaluation/dataset.h"
 #include "evaluation/output.h"
 #include "evaluation/overlap.h"
@@ -21,9 +22,12 @@
 #include "evaluation/rendering.h"
 #include "evaluation/warps.h"
 #include "ktgp_orb/evaluation.h"
+#include "orb_test_images.h"
 
 namespace ktgp_orb::tools {
 namespace {
+
+using test::apply;
 
 /// A smooth pattern without a period.
 double pattern(double x, double y) {
@@ -42,28 +46,9 @@ cv::Mat drawPattern(const cv::Size& size, int type) {
   return image;
 }
 
-Eigen::Vector2d apply(const Eigen::Matrix3d& h, double x, double y) {
-  const Eigen::Vector3d p = h * Eigen::Vector3d(x, y, 1.0);
-  return {p.x() / p.z(), p.y() / p.z()};
-}
-
 /// Blobs and edges of all sizes, for every kind of keypoint.
-cv::Mat drawScene(unsigned seed, const cv::Size& size = {1000, 750}) {
-  cv::RNG random(seed);
-  cv::Mat image(size, CV_8U, cv::Scalar(128));
-  for (int i = 0; i < 900; ++i) {
-    const cv::Point at(random.uniform(0, size.width), random.uniform(0, size.height));
-    const int radius = random.uniform(3, 35);
-    const cv::Scalar grey(random.uniform(0, 256));
-    if (i % 2 == 0) {
-      cv::circle(image, at, radius, grey, cv::FILLED, cv::LINE_AA);
-    } else {
-      cv::rectangle(image, cv::Rect(at, cv::Size(radius, 1 + random.uniform(3, 35))), grey,
-                    cv::FILLED);
-    }
-  }
-  cv::GaussianBlur(image, image, {}, 0.8);
-  return image;
+cv::Mat drawScene(std::uint64_t seed, const cv::Size& size = {1000, 750}) {
+  return test::textureImage(size, seed);
 }
 
 // --- rendering ---
@@ -91,7 +76,7 @@ TEST(Rendering, ShowsAnAnalyticPatternWhereTheHomographySays) {
   double worst = 0.0;
   for (int y = 5; y < 475; ++y) {
     for (int x = 5; x < 635; ++x) {
-      const Eigen::Vector2d p = apply(source_from_view, x, y);
+      const Eigen::Vector2d p = apply(source_from_view, {double(x), double(y)});
       if (!isInside({1196, 896}, p.x() - 2.0, p.y() - 2.0)) continue;
       // The mean over a pixel differs from the value in its middle by the curvature, 0.4 grey here.
       worst = std::max(worst, std::abs(view.at<float>(y, x) - pattern(p.x(), p.y())));
@@ -138,11 +123,11 @@ TEST_P(Warps, StayWithinTheirLimitsAndReachThem) {
   double shift = 0.0, rotation = 0.0, smallest = 10.0, largest = 0.0, tilt = 0.0;
   for (int i = 0; i < 500; ++i) {
     const Eigen::Matrix3d h = drawWarp(limits, i, 7).homography;
-    const Eigen::Vector2d middle = apply(h, cx, cy) - Eigen::Vector2d(cx, cy);
+    const Eigen::Vector2d middle = apply(h, {cx, cy}) - Eigen::Vector2d(cx, cy);
     shift = std::max({shift, std::abs(middle.x()), std::abs(middle.y())});
     Eigen::Matrix2d jacobian;
-    jacobian << apply(h, cx + 0.5, cy) - apply(h, cx - 0.5, cy),
-        apply(h, cx, cy + 0.5) - apply(h, cx, cy - 0.5);
+    jacobian << apply(h, {cx + 0.5, cy}) - apply(h, {cx - 0.5, cy}),
+        apply(h, {cx, cy + 0.5}) - apply(h, {cx, cy - 0.5});
     const Eigen::JacobiSVD<Eigen::Matrix2d> svd(jacobian,
                                                 Eigen::ComputeFullU | Eigen::ComputeFullV);
     // Tilt shortens one direction by its cosine, zoom scales both.
@@ -180,14 +165,14 @@ std::optional<Eigen::Vector2d> shiftOfBlock(const cv::Mat& view,
                                             const Eigen::Matrix3d& reference_from_view,
                                             const cv::Rect& block) {
   const auto expected = [&](double x, double y) {
-    const Eigen::Vector2d p = inPicture(apply(reference_from_view, x, y));
+    const Eigen::Vector2d p = inPicture(apply(reference_from_view, {double(x), double(y)}));
     return pattern(p.x(), p.y());
   };
   Eigen::Matrix4d a = Eigen::Matrix4d::Zero();
   Eigen::Vector4d b = Eigen::Vector4d::Zero();
   for (int y = block.y; y < block.br().y; ++y) {
     for (int x = block.x; x < block.br().x; ++x) {
-      const Eigen::Vector2d p = inPicture(apply(reference_from_view, x, y));
+      const Eigen::Vector2d p = inPicture(apply(reference_from_view, {double(x), double(y)}));
       if (!isInside(kPicture - cv::Size(4, 4), p.x() - 2.0, p.y() - 2.0)) return std::nullopt;
       const double gx = 0.5 * (expected(x + 1, y) - expected(x - 1, y));
       const double gy = 0.5 * (expected(x, y + 1) - expected(x, y - 1));
@@ -318,7 +303,7 @@ std::optional<double> naiveCorrelation(const cv::Mat& a, const cv::Mat& b,
   std::vector<std::pair<double, double>> values;
   for (int y = 0; y < a.rows; ++y) {
     for (int x = 0; x < a.cols; ++x) {
-      const Eigen::Vector2d p = apply(h, x, y);
+      const Eigen::Vector2d p = apply(h, {double(x), double(y)});
       if (!(p.x() >= 0 && p.y() >= 0 && p.x() <= b.cols - 1 && p.y() <= b.rows - 1)) continue;
       double value = 0.0;
       for (int v = 0; v < b.rows; ++v) {

@@ -10,11 +10,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cstddef>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "robot_testing.h"
@@ -104,5 +107,110 @@ inline double growth(const std::vector<double>& values) {
   };
   return median(3) - median(1);
 }
+
+/// What the process holds after each cycle of a long run.
+class Course {
+ public:
+  /// `is_warm`: from now on, its files and threads may not become more.
+  const Held& add(bool is_warm) {
+    last_ = held();
+    megabytes_.push_back(last_.megabytes);
+    heap_.push_back(last_.heap);
+    if (warm_) last_ = heldAtRest(*warm_);
+    if (!warm_ && is_warm) warm_ = last_;
+    return last_;
+  }
+
+  void judge(double heap_limit, double growth_limit) const {
+    const double process = growth(megabytes_);
+    const double heap = growth(heap_);
+    std::printf(
+        "from the second quarter to the last (medians) %+.3f MB in use (limit %+.1f), %+.1f MB of "
+        "the process (limit %+.1f); since the first %+d files, %+d threads\n",
+        heap, heap_limit, process, growth_limit, last_.descriptors - warm_->descriptors,
+        last_.threads - warm_->threads);
+    EXPECT_LT(heap, heap_limit);
+    EXPECT_LT(process, growth_limit);
+    EXPECT_LE(last_.descriptors, warm_->descriptors);
+    EXPECT_LE(last_.threads, warm_->threads);
+  }
+
+ private:
+  std::optional<Held> warm_;
+  Held last_;
+  std::vector<double> megabytes_, heap_;
+};
+
+/// The stamp contains the number of the frame, so that the answer can be identified.
+inline ros::Time stampOf(int number) {
+  return {1000U + static_cast<std::uint32_t>(number) / 50U,
+          static_cast<std::uint32_t>(number) % 50U * 20000000U};
+}
+
+/// Sends images one at a time and waits for the answer to each.
+template <typename Answer>
+class Feeder {
+ public:
+  using Ptr = boost::shared_ptr<const Answer>;
+
+  Feeder(const std::string& camera, std::string answers)
+      : answers_(std::move(answers)),
+        publisher_(ros::NodeHandle().advertise<sensor_msgs::Image>(camera + "image_raw", 1)) {
+    node_.setCallbackQueue(&queue_);
+  }
+
+  /// Waits until the nodelet is loaded and both are subscribed.
+  bool connect() {
+    subscriber_ =
+        node_.subscribe<Answer>(answers_, 0, [this](const Ptr& answer) { newest_ = answer; });
+    return waitUntil([this] {
+      return publisher_.getNumSubscribers() == 1 && subscriber_.getNumPublishers() == 1;
+    });
+  }
+  /// Waits until the nodelet listens no more.
+  bool disconnect() {
+    subscriber_.shutdown();
+    return waitUntil([this] { return publisher_.getNumSubscribers() == 0; });
+  }
+
+  /// The answer, or null after a while.
+  Ptr show(const sensor_msgs::ImagePtr& image) {
+    const ros::Time stamp = image->header.stamp;
+    const auto begin = std::chrono::steady_clock::now();
+    publisher_.publish(image);
+    const auto end = begin + std::chrono::duration<double>(kTimeout);
+    while (!newest_ || newest_->header.stamp != stamp) {
+      queue_.callAvailable(ros::WallDuration(0.05));
+      if (std::chrono::steady_clock::now() > end) return nullptr;
+    }
+    const auto took = std::chrono::steady_clock::now() - begin;
+    ms_.push_back(std::chrono::duration<double, std::milli>(took).count());
+    return newest_;
+  }
+
+  /// Of the answers since the last call: their number, and their median, 99th percentile and
+  /// largest time in ms.
+  struct Times {
+    double count, p50, p99, max;
+  };
+  Times times() {
+    std::sort(ms_.begin(), ms_.end());
+    const auto at = [&](double share) {
+      return ms_[static_cast<std::size_t>(share * static_cast<double>(ms_.size() - 1))];
+    };
+    const Times times{static_cast<double>(ms_.size()), at(0.5), at(0.99), at(1.0)};
+    ms_.clear();
+    return times;
+  }
+
+ private:
+  std::string answers_;
+  ros::CallbackQueue queue_;
+  ros::NodeHandle node_;
+  ros::Publisher publisher_;
+  ros::Subscriber subscriber_;
+  Ptr newest_;
+  std::vector<double> ms_;
+};
 
 }  // namespace ktgp_orb::test

@@ -2,19 +2,16 @@
 // replaced and removed. Nothing may grow, and no target may appear that is not there. Run by
 // ctest -L long.
 
-#include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/DetectTargets.h>
 #include <ktgp_orb/MatchStatus.h>
 #include <ktgp_orb/RemoveTarget.h>
 #include <ktgp_orb/SetTarget.h>
 #include <ktgp_orb/TargetDetections.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <cstdio>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
-#include <optional>
 
 #include "parameters/target_list.h"
 #include "resources.h"
@@ -45,13 +42,7 @@ constexpr double kMaxError = 5.0;     // px; a farther one is not the one that i
 const std::string kTargets = "/camera/targets/";
 const cv::Size kSizes[] = {{320, 240}, {400, 300}, {352, 256}};
 
-ros::Time stampOf(int number) {
-  return {1000U + static_cast<std::uint32_t>(number) / 50U,
-          static_cast<std::uint32_t>(number) % 50U * 20000000U};
-}
-
 struct Tally {
-  std::vector<double> ms;
   long shown = 0, found = 0, wrong = 0, poses = 0;
   int added = 0, replaced = 0, removed = 0, refused = 0, alone = 0, viewers = 0, pauses = 0,
       sizes = 0, loads = 0;
@@ -59,8 +50,7 @@ struct Tally {
 
 class Soak {
  public:
-  Soak() : images_(node_.advertise<sensor_msgs::Image>("/camera/image_raw", 1)) {
-    detections_node_.setCallbackQueue(&queue_);
+  Soak() {
     char name[] = "/tmp/targets_soak_XXXXXX";
     folder_ = mkdtemp(name);
     for (const cv::Size& size : kSizes) {
@@ -75,8 +65,6 @@ class Soak {
 
   bool run() {
     nodelet::Loader loader(false);
-    std::optional<Held> warm;
-    Held last;
     auto since = std::chrono::steady_clock::now();
     std::printf("%8s %6s %8s %8s %6s %8s %8s %8s %8s %8s\n", "frames", "Hz", "MB", "heap MB",
                 "files", "threads", "found", "p50 ms", "p99 ms", "max ms");
@@ -88,41 +76,29 @@ class Soak {
       if (round % kStay == kStay / 2 && (!unload(loader) || !load(loader) || !readAgain()))
         return false;
       if (!removeAll()) return false;
-      last = test::held();
-      megabytes_.push_back(last.megabytes);
-      heap_.push_back(last.heap);
-      if (warm) last = test::heldAtRest(*warm);
-      if (!warm && done + kCycle >= frames / 4) warm = last;
+      const Held& held = course_.add(done + kCycle >= frames / 4);
       const auto now = std::chrono::steady_clock::now();
-      report(done + kCycle, last, std::chrono::duration<double>(now - since).count());
+      report(done + kCycle, held, std::chrono::duration<double>(now - since).count());
       since = now;
       if ((round + 1) % kStay == 0 && !unload(loader)) return false;
     }
-    judge(*warm, last);
+    judge();
     return true;
   }
 
  private:
   std::string file() const { return folder_ + "/kept.yaml"; }
 
-  void judge(const Held& warm, const Held& last) {
-    const double growth = test::growth(megabytes_);
-    const double heap = test::growth(heap_);
+  void judge() const {
     const double share = static_cast<double>(tally_.found) / static_cast<double>(tally_.shown);
     std::printf(
         "%d targets added, %d replaced, %d removed, %d requests refused, %d searches in images of "
         "requests, %d viewers, %d times no subscriber, %d changes of size, %d loads\n"
-        "%ld of %ld targets in view found (%.2f %%), %ld wrong ones, %ld poses\n"
-        "from the second quarter to the last (medians) %+.3f MB in use (limit %+.1f), %+.1f MB of "
-        "the process (limit %+.1f); since the first %+d files, %+d threads\n",
+        "%ld of %ld targets in view found (%.2f %%), %ld wrong ones, %ld poses\n",
         tally_.added, tally_.replaced, tally_.removed, tally_.refused, tally_.alone, tally_.viewers,
         tally_.pauses, tally_.sizes, tally_.loads, tally_.found, tally_.shown, 100.0 * share,
-        tally_.wrong, tally_.poses, heap, kHeapLimit, growth, kGrowthLimit,
-        last.descriptors - warm.descriptors, last.threads - warm.threads);
-    EXPECT_LT(heap, kHeapLimit);
-    EXPECT_LT(growth, kGrowthLimit);
-    EXPECT_LE(last.descriptors, warm.descriptors);
-    EXPECT_LE(last.threads, warm.threads);
+        tally_.wrong, tally_.poses);
+    course_.judge(kHeapLimit, kGrowthLimit);
     EXPECT_EQ(tally_.wrong, 0);
     EXPECT_GT(share, kLeastFound);
     EXPECT_GT(tally_.poses, tally_.found / 10);
@@ -133,32 +109,14 @@ class Soak {
     ++tally_.loads;
     return loader.load("/camera/targets", "ktgp_orb/Targets",
                        {{"/camera/image", "/camera/image_raw"}}, {}) &&
-           subscribe();
+           feeder_.connect();
   }
 
   bool unload(nodelet::Loader& loader) { return loader.unload("/camera/targets"); }
 
-  bool subscribe() {
-    subscriber_ = detections_node_.subscribe<TargetDetections>(
-        kTargets + "detections", 0, [this](const TargetDetectionsConstPtr& m) { newest_ = m; });
-    return test::waitUntil(
-        [this] { return images_.getNumSubscribers() == 1 && subscriber_.getNumPublishers() == 1; });
-  }
-
   /// Shows the scene and waits for the answer; null after a while.
   TargetDetectionsConstPtr show(const TargetScene& scene) {
-    const ros::Time stamp = stampOf(number_++);
-    const auto begin = std::chrono::steady_clock::now();
-    images_.publish(test::imageMessage(scene.image, stamp));
-    const auto end = begin + std::chrono::duration<double>(test::kTimeout);
-    while (!newest_ || newest_->header.stamp != stamp) {
-      queue_.callAvailable(ros::WallDuration(0.05));
-      if (std::chrono::steady_clock::now() > end) return nullptr;
-    }
-    tally_.ms.push_back(
-        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
-            .count());
-    return newest_;
+    return feeder_.show(test::imageMessage(scene.image, test::stampOf(number_++)));
   }
 
   const TargetScene& scene(int i) const {
@@ -344,31 +302,17 @@ class Soak {
   void calibrate(const cv::Size& size) {
     ++tally_.sizes;
     if (!infos_) infos_ = node_.advertise<sensor_msgs::CameraInfo>("/camera/camera_info", 1, true);
-    sensor_msgs::CameraInfo info;
-    info.header.frame_id = "camera";
-    info.width = static_cast<std::uint32_t>(size.width);
-    info.height = static_cast<std::uint32_t>(size.height);
-    info.distortion_model = "plumb_bob";
-    info.D = {0.0, 0.0, 0.0, 0.0, 0.0};
-    info.K = {600.0, 0.0, size.width / 2.0, 0.0, 600.0, size.height / 2.0, 0.0, 0.0, 1.0};
-    infos_.publish(info);
+    infos_.publish(test::calibration(size, 600.0));
   }
 
   static bool sendTf(bool on) {
-    dynamic_reconfigure::Reconfigure call;
-    call.request.config.bools.emplace_back();
-    call.request.config.bools.back().name = "publish_tf";
-    call.request.config.bools.back().value = on;
-    return ros::service::call(kTargets + "set_parameters", call);
+    return test::Change().set("publish_tf", on).send("/camera/targets");
   }
 
   /// Leaves the nodelet without a subscriber until it stops listening, then comes back.
   bool pause() {
     ++tally_.pauses;
-    if (!sendTf(false)) return false;
-    subscriber_.shutdown();
-    if (!test::waitUntil([this] { return images_.getNumSubscribers() == 0; })) return false;
-    return subscribe() && sendTf(true);
+    return sendTf(false) && feeder_.disconnect() && feeder_.connect() && sendTf(true);
   }
 
   /// Whether the list and its folder have exactly what is known.
@@ -417,31 +361,24 @@ class Soak {
   }
 
   void report(int frame, const Held& now, double seconds) {
-    std::sort(tally_.ms.begin(), tally_.ms.end());
-    const auto at = [&](double share) {
-      return tally_.ms[static_cast<std::size_t>(share * static_cast<double>(tally_.ms.size() - 1))];
-    };
+    const auto times = feeder_.times();
     std::printf("%8d %6.0f %8.1f %8.3f %6d %8d %8.4f %8.2f %8.2f %8.2f\n", frame,
-                static_cast<double>(tally_.ms.size()) / seconds, now.megabytes, now.heap,
-                now.descriptors, now.threads,
-                static_cast<double>(tally_.found) / static_cast<double>(tally_.shown), at(0.5),
-                at(0.99), at(1.0));
+                times.count / seconds, now.megabytes, now.heap, now.descriptors, now.threads,
+                static_cast<double>(tally_.found) / static_cast<double>(tally_.shown), times.p50,
+                times.p99, times.max);
     std::fflush(stdout);
-    tally_.ms.clear();
   }
 
   std::string folder_;
   std::vector<TargetScene> scenes_;
-  ros::CallbackQueue queue_;
-  ros::NodeHandle node_, detections_node_;
-  ros::Publisher images_, infos_;
-  ros::Subscriber subscriber_;
-  TargetDetectionsConstPtr newest_;
+  ros::NodeHandle node_;
+  ros::Publisher infos_;
+  test::Feeder<TargetDetections> feeder_{"/camera/", kTargets + "detections"};
   int number_ = 0;  // of the next frame
   cv::RNG random_{1};
   Known known_;
   Tally tally_;
-  std::vector<double> megabytes_, heap_;  // at the end of each cycle
+  test::Course course_;
 };
 
 TEST(TargetsSoak, NothingGrowsAndNoTargetIsWrong) {

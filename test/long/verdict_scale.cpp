@@ -6,7 +6,6 @@
 //   are matched to simulated views. SETTING: the unrelated pairs with this one alone, such as slam.
 // Fails where more than one unrelated pair in 10 000 is called ok.
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
 #include <array>
@@ -280,19 +279,6 @@ void print(const std::string& name, const Row& row) {
               100.0 * static_cast<double>(row.within) / ok, row.wrong_within);
 }
 
-/// The error of H's first eight entries against its covariance, squared.
-double normalisedError(const Eigen::Matrix3d& h, const Covariance8& covariance,
-                       const Eigen::Matrix3d& truth) {
-  Eigen::Matrix<double, 8, 1> e;
-  for (int i = 0; i < 8; ++i) e[i] = h(i / 3, i % 3) / h(2, 2) - truth(i / 3, i % 3) / truth(2, 2);
-  // The entries differ by six orders of magnitude: each is divided by its own deviation.
-  const Eigen::Matrix<double, 8, 1> scale = covariance.diagonal().cwiseSqrt().cwiseInverse();
-  const Eigen::Matrix<double, 8, 8> correlation =
-      scale.asDiagonal() * Eigen::Matrix<double, 8, 8>(covariance) * scale.asDiagonal();
-  const Eigen::Matrix<double, 8, 1> u = scale.cwiseProduct(e);
-  return u.dot(correlation.ldlt().solve(u));
-}
-
 int related(long pairs, std::uint64_t seed) {
   constexpr double kChi8 = 26.12;  // 99.9 %
   constexpr double kWrong = 20.0;  // px, mean over the corners
@@ -341,8 +327,7 @@ int related(long pairs, std::uint64_t seed) {
                    ok ? &by_inliers[n] : nullptr};
     const bool wrong =
         ok && !(evaluation::cornerError(result.answer.homography, truth, size) <= kWrong);
-    const bool within =
-        ok && normalisedError(result.answer.homography, result.answer.covariance, truth) <= kChi8;
+    const bool within = ok && test::squaredDeviation(result.answer, truth) <= kChi8;
     for (Row* row : rows) {
       if (row == nullptr) continue;
       ++row->pairs;

@@ -79,12 +79,6 @@ class ModuleTest(unittest.TestCase):
         self.assertIsNone(blind.rotation)
         self.assertIsNone(blind.pose_covariance)
         self.assertAlmostEqual(np.linalg.norm(blind.fundamental), 1.0, 9)
-        inliers = blind.levels == 3
-        ones = np.ones((inliers.sum(), 1))
-        lines = np.hstack([blind.reference_points[inliers], ones]) @ blind.fundamental.T
-        errors = np.abs((np.hstack([blind.target_points[inliers], ones]) * lines).sum(1)) / np.hypot(*lines.T[:2])
-        self.assertLess(np.median(errors), 1.0)
-
         plane = ktgp.match(self.reference, self.target)
         self.assertEqual(plane.geometry, 'plane')
         self.assertIsNone(plane.rotation)
@@ -120,19 +114,6 @@ class ModuleTest(unittest.TestCase):
         errors = np.linalg.norm(predicted - found.target_points[inlier], axis=1)
         self.assertLess(errors.max(), 3.0)
         self.assertAlmostEqual(np.sqrt((errors ** 2).mean()), found.rmse, 9)
-
-    def test_a_fifth_of_a_pixel_is_measured(self):
-        fine = cv2.resize(picture(2, (540, 700)), (3500, 2700), interpolation=cv2.INTER_CUBIC)
-        for shift in range(0, 11, 2):
-            small = [cv2.resize(fine[20:2420, x:x + 3200], (640, 480), interpolation=cv2.INTER_AREA)
-                     for x in (100, 100 - shift)]
-            for preset in ('ktgp', 'video', 'robust', 'teblid'):
-                found = ktgp.match(*small, preset)
-                self.assertEqual(found.status, 'ok')
-                error = found.homography[:2, 2] - (shift / 5.0, 0.0)
-                self.assertLess(np.abs(error).max(), 0.03, (preset, shift))
-                spread = found.covariance[np.ix_((2, 5), (2, 5))]
-                self.assertLess(error @ np.linalg.solve(spread, error), 13.8, (preset, shift))
 
     def test_one_call_is_extractor_and_matcher(self):
         extractor, matcher = ktgp.Extractor(), ktgp.Matcher()
@@ -352,8 +333,6 @@ class ModuleTest(unittest.TestCase):
         self.assertEqual(targets.find(scene), [])
         with self.assertRaisesRegex(ValueError, 'too little texture'):
             targets.add('grey', np.full((300, 400), 99, np.uint8))
-        with self.assertRaisesRegex(ValueError, 'target "line": image 1 is too narrow: 3x900 px'):
-            targets.add('line', np.ascontiguousarray(picture(9, (900, 400))[:, :3]))
 
     def test_a_target_says_that_it_looks_like_itself_in_another_pose(self):
         targets = ktgp.Targets()

@@ -4,7 +4,6 @@
 import os
 import subprocess
 import sys
-import tempfile
 import unittest
 
 import cv2
@@ -13,11 +12,13 @@ import rosbag
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from ktgp_testing import image_message, texture, view
-from sensor_msgs.msg import CameraInfo, CompressedImage
+from ktgp_testing import FolderCase, image_message, texture, view
+from poster import information
+from sensor_msgs.msg import CompressedImage
 
 FRAMES = 12  # of a 30 Hz camera
 SIZE = 320, 240
+K = np.array([[250.0, 0.0, 160.0], [0.0, 250.0, 120.0], [0.0, 0.0, 1.0]])
 
 
 def compressed(image):
@@ -27,25 +28,15 @@ def compressed(image):
     return message
 
 
-def calibration(stamp):
-    info = CameraInfo()
+def calibration(stamp, distortion=(-0.2, 0.0, 0.0, 0.0, 0.0), size=SIZE):
+    info = information(K, distortion, size=size)
     info.header.stamp = stamp
-    info.width, info.height = SIZE
-    info.distortion_model = 'plumb_bob'
-    info.D = [-0.2, 0.0, 0.0, 0.0, 0.0]
-    info.K = [250.0, 0.0, 160.0, 0.0, 250.0, 120.0, 0.0, 0.0, 1.0]
-    info.P = [250.0, 0.0, 160.0, 0.0, 0.0, 250.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     return info
 
 
-class BagInputsTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-
+class BagInputsTest(FolderCase):
     def write_bag(self, topic, convert=lambda image: image, calibrated=False):
-        path = os.path.join(self.folder, 'in.bag')
+        path = self.path('in.bag')
         with rosbag.Bag(path, 'w') as bag:
             for i in range(FRAMES):
                 stamp = rospy.Time.from_sec(1000 + i / 30.0)
@@ -58,7 +49,7 @@ class BagInputsTest(unittest.TestCase):
 
     def run_bag(self, path, *arguments):
         """The exit code, the messages by their topics, and what was printed."""
-        out = os.path.join(self.folder, 'out.bag')
+        out = self.path('out.bag')
         run = subprocess.run([os.environ['KTGP_ORB_BAG'], '--force', path, out] + list(arguments),
                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                              universal_newlines=True)
@@ -107,17 +98,14 @@ class BagInputsTest(unittest.TestCase):
         mask = np.zeros((SIZE[1], SIZE[0]), np.uint16)
         mask[:, 100:200] = 30000
         mask[:, 200:] = 1
-        black = np.zeros_like(mask)
-        for pixels in (mask, np.dstack([mask, black, black])):
-            path = os.path.join(self.folder, 'mask.png')
-            cv2.imwrite(path, pixels)
-            code, topics, text = self.run_bag(self.write_bag('/front/image'), '--mask_image', path)
-            self.assertEqual(code, 0, text)
-            for message in topics['/front/matcher/correspondences'][1:]:
-                x = np.array(message.target_x)
-                self.assertGreater(x.min(), 99)
-                self.assertGreater((x < 190).sum(), 20, 'seen through 30000')
-                self.assertGreater((x > 210).sum(), 20, 'seen through 1')
+        cv2.imwrite(self.path('mask.png'), mask)
+        code, topics, text = self.run_bag(self.write_bag('/front/image'), '--mask_image', self.path('mask.png'))
+        self.assertEqual(code, 0, text)
+        for message in topics['/front/matcher/correspondences'][1:]:
+            x = np.array(message.target_x)
+            self.assertGreater(x.min(), 99)
+            self.assertGreater((x < 190).sum(), 20, 'seen through 30000')
+            self.assertGreater((x > 210).sum(), 20, 'seen through 1')
 
     def test_rectify_needs_camera_info(self):
         code, _, text = self.run_bag(self.write_bag('/front/image'), '--rectify')
@@ -132,14 +120,10 @@ class BagInputsTest(unittest.TestCase):
 
     def test_why_there_is_no_motion_of_the_camera_is_said(self):
         def huge(stamp):
-            info = calibration(stamp)
-            info.D = 5 * [1e9]
-            return info
+            return calibration(stamp, 5 * [1e9])
 
         def wide(stamp):
-            info = calibration(stamp)
-            info.width = 2 * SIZE[0]
-            return info
+            return calibration(stamp, size=(2 * SIZE[0], SIZE[1]))
 
         for calibrated, words in ((False, "no camera_info on '/front/camera_info', which geometry auto needs"),
                                   (huge, 'the distortion of the lens cannot be undone'),
@@ -151,15 +135,12 @@ class BagInputsTest(unittest.TestCase):
             self.assertIn(words, text)
 
     def write_images(self, images):
-        path = os.path.join(self.folder, 'in.bag')
+        path = self.path('in.bag')
         with rosbag.Bag(path, 'w') as bag:
             for i, image in enumerate(images):
                 image.header.stamp = rospy.Time.from_sec(1000 + i / 10.0)
                 bag.write('/front/image', image, image.header.stamp)
         return path
-
-    def file(self, name):
-        return os.path.join(self.folder, name)
 
     def test_every_map_has_its_picture(self):
         other = texture(seed=7)
@@ -167,25 +148,25 @@ class BagInputsTest(unittest.TestCase):
         after = [image_message(np.ascontiguousarray(other[100:340, 100 + 20 * i:420 + 20 * i]),
                                rospy.Time(1)) for i in range(20)]  # 2 s, longer than the patience
         bag = self.write_images(before + after)
-        code, _, text = self.run_bag(bag, '--mosaic', self.file('map.png'))
+        code, _, text = self.run_bag(bag, '--mosaic', self.path('map.png'))
         self.assertEqual(code, 0, text)
-        first, second = (cv2.imread(self.file(name)) for name in ('map.png', 'map-2.png'))
+        first, second = (cv2.imread(self.path(name)) for name in ('map.png', 'map-2.png'))
         self.assertAlmostEqual(first.shape[1], SIZE[0] + 100, delta=15)
         self.assertLess(np.abs(first[20:200, 20:300, 0].astype(int) -
                                view(120, 120, 280, 180)).mean(), 5)
         self.assertGreater(second.shape[1], SIZE[0] + 100)
-        self.assertIn('map.png to %s: 2 maps, each in a file' % self.file('map-2.png'), text)
-        os.remove(self.file('map.png'))
-        run = subprocess.run([os.environ['KTGP_ORB_BAG'], bag, self.file('new.bag'), '--mosaic',
-                              self.file('map.png')], stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertIn('map.png to %s: 2 maps, each in a file' % self.path('map-2.png'), text)
+        os.remove(self.path('map.png'))
+        run = subprocess.run([os.environ['KTGP_ORB_BAG'], bag, self.path('new.bag'), '--mosaic',
+                              self.path('map.png')], stderr=subprocess.PIPE, universal_newlines=True)
         self.assertEqual(run.returncode, 2)
         self.assertIn('map-2.png: exists', run.stderr)
 
     def test_why_every_image_was_refused_is_said_with_a_video_too(self):
         name = 'x' * 100000
         bag = self.write_images([image_message(view(100, 100, *SIZE), rospy.Time(1), encoding=name)] * 3)
-        code, _, text = self.run_bag(bag, '--stabilize', self.file('v.mp4'), '--mosaic',
-                                     self.file('m.png'))
+        code, _, text = self.run_bag(bag, '--stabilize', self.path('v.mp4'), '--mosaic',
+                                     self.path('m.png'))
         self.assertEqual(code, 1, text[:1000])
         self.assertIn("3 images could not be used, the first because: encoding '%s...' is not" % (64 * 'x'),
                       text)

@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import unittest
 
 import cv2
@@ -15,7 +14,7 @@ import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import image_message, texture
+from ktgp_testing import FolderCase, image_message, messages_of, texture
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
 
 POSITIONS = [POSITION + (0.02 * i, 0.01 * i, 0.05 * i) for i in range(5)]
@@ -24,25 +23,20 @@ DETECTIONS = '/camera/targets/detections'
 LIST = '- {id: mine, image: poster.png, width: 1.0, frame: mine}\n- {image: other.png}\n'
 
 
-class BagTargetsTest(unittest.TestCase):
+class BagTargetsTest(FolderCase):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-        cv2.imwrite(self.file('poster.png'), POSTER)
-        cv2.imwrite(self.file('other.png'), texture(300, 400, seed=11))
+        super().setUp()
+        cv2.imwrite(self.path('poster.png'), POSTER)
+        cv2.imwrite(self.path('other.png'), texture(300, 400, seed=11))
         self.write('targets.yaml', LIST)
 
-    def file(self, name):
-        return os.path.join(self.folder, name)
-
     def write(self, name, text):
-        with open(self.file(name), 'w') as file:
+        with open(self.path(name), 'w') as file:
             file.write(text)
 
     def write_bag(self, frames=FRAMES, info=information(), seconds=None):
         """seconds: stamps of the images, if not 33 ms apart."""
-        with rosbag.Bag(self.file('in.bag'), 'w') as bag:
+        with rosbag.Bag(self.path('in.bag'), 'w') as bag:
             for i, picture in enumerate(frames):
                 arrival = rospy.Time.from_sec(1000 + i / 30.0)
                 stamp = rospy.Time.from_sec(seconds[i]) if seconds else arrival
@@ -56,8 +50,7 @@ class BagTargetsTest(unittest.TestCase):
                               universal_newlines=True)
 
     def detections(self, topic=DETECTIONS, bag='out.bag'):
-        with rosbag.Bag(self.file(bag)) as opened:
-            return [message for _, message, _ in opened.read_messages(topic)]
+        return messages_of(self.path(bag), topic)
 
     def test_finds_the_poster_in_every_image(self):
         self.write_bag()
@@ -82,7 +75,7 @@ class BagTargetsTest(unittest.TestCase):
     def test_counts_no_detection_that_is_rejected(self):
         self.write_bag()
         twin = np.hstack([POSTER[:, :130], texture(300, 270, seed=12)])  # a third of it is that of the poster
-        cv2.imwrite(self.file('twin.png'), twin)
+        cv2.imwrite(self.path('twin.png'), twin)
         self.write('targets.yaml', LIST + '- {id: twin, image: twin.png, width: 1.0}\n')
         run = self.run_bag()
         self.assertEqual(run.returncode, 0, run.stderr)
@@ -111,10 +104,10 @@ class BagTargetsTest(unittest.TestCase):
     def test_has_the_bits_of_ktgp_find(self):
         self.write_bag()
         self.assertEqual(self.run_bag('--name', '/mine').returncode, 0)
-        cv2.imwrite(self.file('frame.png'), FRAMES[0])
+        cv2.imwrite(self.path('frame.png'), FRAMES[0])
         subprocess.check_call([os.environ['KTGP_ORB_FIND'], 'frame.png', 'targets.yaml', '--json', 'found.json'],
                               cwd=self.folder, stdout=subprocess.DEVNULL)
-        with open(self.file('found.json')) as file:
+        with open(self.path('found.json')) as file:
             expected, = json.load(file)['detections']
         found, = self.detections('/mine/detections')[0].detections
         self.assertEqual(list(found.homography), list(np.ravel(expected['homography'])))
@@ -135,7 +128,7 @@ class BagTargetsTest(unittest.TestCase):
 
     def test_images_in_files_have_no_calibration(self):
         for i, picture in enumerate(FRAMES):
-            cv2.imwrite(self.file('frame%d.png' % i), picture)
+            cv2.imwrite(self.path('frame%d.png' % i), picture)
         run = self.run_bag(recording='frame*.png')
         self.assertEqual(run.returncode, 0, run.stderr)
         self.assertIn('5 detections in 5 of 5 images, 0 of them with a pose', run.stderr)
@@ -155,7 +148,7 @@ class BagTargetsTest(unittest.TestCase):
         run = self.run_bag(*arguments)
         self.assertEqual(run.returncode, 2, run.stderr)
         self.assertIn(words, run.stderr)
-        self.assertFalse(os.path.exists(self.file('out.bag')))
+        self.assertFalse(os.path.exists(self.path('out.bag')))
 
     def test_refuses_with_the_reason(self):
         self.write_bag()
@@ -165,14 +158,14 @@ class BagTargetsTest(unittest.TestCase):
         self.refused('holds no target that can be used')
         self.write('targets.yaml', 'no list')
         self.refused('targets.yaml: is no list of targets')
-        os.remove(self.file('targets.yaml'))
+        os.remove(self.path('targets.yaml'))
         self.refused('targets.yaml: is missing')
         self.write('targets.yaml', LIST)
         self.write('out.bag', 'mine')
         run = self.run_bag()
         self.assertEqual(run.returncode, 2, run.stderr)
         self.assertIn('--force', run.stderr)
-        with open(self.file('out.bag')) as file:
+        with open(self.path('out.bag')) as file:
             self.assertEqual(file.read(), 'mine')
 
 

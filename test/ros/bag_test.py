@@ -6,15 +6,13 @@ Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be
 statistics of the previous one, so that none is dropped on a busy machine.
 """
 
-import sys
 import unittest
 
 import numpy as np
 import rosbag
 import rospy
-import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder
+from ktgp_testing import Camera, Recorder, run_as_node
 
 STAGES = ['knn', 'tf', 'gms', 'prosac', 'align']
 
@@ -156,5 +154,4 @@ class BagTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('bag_test')
-    rostest.rosrun('ktgp_orb', 'bag', BagTest, sys.argv)
+    run_as_node(BagTest)

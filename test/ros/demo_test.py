@@ -10,11 +10,10 @@ import unittest
 
 import cv2
 import numpy as np
-import rosbag
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import TIMEOUT
+from ktgp_testing import TIMEOUT, messages_of
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
@@ -27,11 +26,6 @@ def frames_of(path):
     while video.read()[0]:
         count += 1
     return count
-
-
-def messages(path, topic):
-    with rosbag.Bag(path) as bag:
-        return [message for _, message, _ in bag.read_messages(topic)]
 
 
 def is_inside(target):
@@ -88,8 +82,8 @@ class DemoTest(unittest.TestCase):
         subprocess.check_call([os.path.join(programs, 'ktgp_bag'), flight, out, '--targets',
                                os.path.join(places, 'targets.yaml')], stdout=subprocess.DEVNULL)
         shown, errors, far, numbers = {}, {}, [], {}
-        for found, truth in zip(messages(out, '/camera/targets/detections'),
-                                messages(flight, '/camera/ground_truth/targets')):
+        for found, truth in zip(messages_of(out, '/camera/targets/detections'),
+                                messages_of(flight, '/camera/ground_truth/targets')):
             self.assertEqual(found.header.stamp, truth.header.stamp)
             for place in truth.detections:
                 if is_inside(place):
@@ -134,7 +128,7 @@ class DemoTest(unittest.TestCase):
             bag = os.path.join(self.folder, '%d.bag' % degrees)
             subprocess.check_call([program, '--seconds', '2', '--tilt', str(degrees), bag])
             for topic, noise in (('ground_truth/odometry', 0.1), ('imu', 2.5)):
-                readings = messages(bag, '/camera/' + topic)
+                readings = messages_of(bag, '/camera/' + topic)
                 self.assertEqual(len(readings), FRAMES)
                 turns = [m.pose.pose.orientation if topic != 'imu' else m.orientation for m in readings]
                 # The optical axis of the camera is the z axis of the Imu, and -z of the odometry.
@@ -142,8 +136,8 @@ class DemoTest(unittest.TestCase):
                 self.assertLess(np.max(tilts), degrees * np.hypot(1, 0.8) + noise, topic)
                 self.assertGreaterEqual(np.max(tilts), 0.5 * degrees, topic)
             # The range is along the optical axis, which is tilted; its noise is 1 %.
-            height = [m.pose.pose.position.z for m in messages(bag, '/camera/ground_truth/odometry')]
-            ranges = [m.range for m in messages(bag, '/camera/range')]
+            height = [m.pose.pose.position.z for m in messages_of(bag, '/camera/ground_truth/odometry')]
+            ranges = [m.range for m in messages_of(bag, '/camera/range')]
             truth = [z / np.cos(np.radians(t)) for z, t in zip(height, tilts)]
             self.assertLess(np.max(np.abs(np.divide(ranges, truth) - 1)), 0.06)
 

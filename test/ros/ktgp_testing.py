@@ -2,6 +2,8 @@
 
 import os
 import socket
+import subprocess
+import sys
 import tempfile
 import threading
 import time
@@ -9,8 +11,11 @@ import unittest
 import xmlrpc.client
 
 import numpy as np
+import rosbag
 import rosgraph
 import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
 
 # s; limit for any expected message on a busy machine; less for mutation tests
@@ -46,6 +51,12 @@ def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     return message
 
 
+def messages_of(bag, topic):
+    """All of a topic, in their order."""
+    with rosbag.Bag(bag) as file:
+        return [message for _, message, _ in file.read_messages(topic)]
+
+
 def wait_until(condition, what, timeout=TIMEOUT):
     """Waits for a condition of the live system, in wall time."""
     end = time.time() + timeout
@@ -53,6 +64,13 @@ def wait_until(condition, what, timeout=TIMEOUT):
         if time.time() > end or rospy.is_shutdown():
             raise AssertionError('timed out waiting until ' + what)
         time.sleep(0.01)
+
+
+def run_as_node(test):
+    """Runs a test case in a node with the name of its file."""
+    name = os.path.splitext(os.path.basename(sys.argv[0]))[0]
+    rospy.init_node(name)
+    rostest.rosrun('ktgp_orb', name, test, sys.argv)
 
 
 def check_each(cases, check):
@@ -67,22 +85,11 @@ def check_each(cases, check):
         raise AssertionError('\n'.join(failures))
 
 
-def wait_for_diagnostics(recorder, words, meanwhile=lambda: None):
-    """Waits until a new message of the recorder of /diagnostics has a summary with these words."""
-    seen = len(recorder.messages())
-
-    def said():
-        meanwhile()
-        return any(words in status.message for array in recorder.messages()[seen:]
-                   for status in array.status)
-    wait_until(said, 'diagnostics say "%s"' % words)
-
-
 def warm_up(camera, recorder):
     """Sends frames until the recorder has a message: then every nodelet of the chain is connected.
     (The nodelets of a manager share their connections, so the connections do not tell.)"""
     def answered():
-        camera.send(image_message(view(100, 100), camera.next_stamp()))
+        camera.show(view(100, 100))
         time.sleep(0.1)
         return recorder.messages()
     wait_until(answered, recorder.topic + ' has a message')
@@ -141,14 +148,43 @@ class FolderCase(unittest.TestCase):
         return os.path.join(self.folder, *names)
 
 
-class Recorder:
-    """Keeps every message of a topic."""
+class Program:
+    """A running program and what it says on both outputs."""
 
-    def __init__(self, topic, message_type):
+    def __init__(self, *command, **options):
+        self.lines = []
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                        universal_newlines=True, **options)
+        self.reader = threading.Thread(target=self._read)
+        self.reader.start()
+
+    def _read(self):
+        for line in self.process.stdout:
+            self.lines.append(line)
+
+    def output(self):
+        return ''.join(self.lines)
+
+    def says(self, *texts):
+        """Waits until it has said all of them, or ends: whether it has."""
+        def said():
+            return all(text in self.output() for text in texts)
+        wait_until(lambda: said() or self.process.poll() is not None, 'it says %s' % (texts,))
+        if not said():
+            self.reader.join(TIMEOUT)
+        return said()
+
+
+class Recorder:
+    """Keeps every message of a topic; of a test that is given, until its end."""
+
+    def __init__(self, topic, message_type, test=None):
         self._lock = threading.Lock()
         self._messages = []
         self.topic = topic
         self._subscriber = rospy.Subscriber(topic, message_type, self._store, queue_size=1000)
+        if test:
+            test.addCleanup(self.close)
 
     def _store(self, message):
         with self._lock:
@@ -186,6 +222,30 @@ class Recorder:
         self._subscriber.unregister()
 
 
+class Diagnostics(Recorder):
+    """Keeps the reports of all nodes."""
+
+    def __init__(self, test=None):
+        super().__init__('/diagnostics', DiagnosticArray, test)
+
+    def of(self, task, since=0):
+        """The reports of a task, known by the end of its name, after that many messages."""
+        return [status for array in self.messages()[since:] for status in array.status if status.name.endswith(task)]
+
+    def values(self, task):
+        """Of each of its reports, by their keys."""
+        return [{value.key: value.value for value in status.values} for status in self.of(task)]
+
+    def wait_for_words(self, words, meanwhile=lambda: None):
+        """In the summary of a new report."""
+        seen = len(self.messages())
+
+        def said():
+            meanwhile()
+            return any(words in status.message for status in self.of('', seen))
+        wait_until(said, 'diagnostics say "%s"' % words)
+
+
 class Camera:
     """Publishes images one by one on /camera/image_raw, 33 ms of stamps apart."""
 
@@ -214,9 +274,12 @@ class Camera:
         self.publisher.publish(message)
         return message.header.stamp
 
+    def show(self, pixels, encoding='mono8', frame_id='camera'):
+        """Sends a picture with the next stamp."""
+        return self.send(image_message(pixels, self.next_stamp(), encoding, frame_id))
+
     def send_view(self, encoding='mono8', convert=lambda grey: grey):
         """Sends the next view of a camera that moves 5 px right and 3 px down per frame."""
         self._count += 1
         step = self._count % 60
-        pixels = convert(view(100 + 5 * step, 100 + 3 * step))
-        return self.send(image_message(pixels, self.next_stamp(), encoding))
+        return self.show(convert(view(100 + 5 * step, 100 + 3 * step)), encoding)

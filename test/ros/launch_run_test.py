@@ -10,8 +10,6 @@ import socket
 import subprocess
 import sys
 import tempfile
-import threading
-import time
 import unittest
 from xmlrpc.client import ServerProxy
 
@@ -23,7 +21,7 @@ import rospy
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, image_message, view
+from ktgp_testing import TIMEOUT, Program, image_message, view, wait_until
 from ports import free_port
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -88,16 +86,8 @@ class Master:
             ['rosmaster', '--core', '-p', self.uri.rsplit(':', 1)[1]], env=self.environment,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.handle = rosgraph.Master('/launch_run_test', self.uri)
-        self.wait_until(lambda: self.process.poll() is not None or self.handle.is_online(),
+        wait_until(lambda: self.process.poll() is not None or self.handle.is_online(),
                         'the master is there')
-
-    @staticmethod
-    def wait_until(condition, what, seconds=TIMEOUT):
-        end = time.time() + seconds
-        while not condition():
-            if time.time() > end:
-                raise AssertionError('timed out waiting until ' + what)
-            time.sleep(0.05)
 
     def listeners(self, topic):
         return dict(self.handle.getSystemState()[1]).get(topic, [])
@@ -125,34 +115,14 @@ def kill_nodes(master):
     return commands
 
 
-class Launch:
-    """A running roslaunch and its output."""
+class Launch(Program):
+    """A running roslaunch."""
 
     def __init__(self, master, *arguments, cwd=None, without=None, package=('ktgp_orb',),
                  **environment):
-        self.lines = []
         self.environment = dict(master.environment, PWD=cwd or os.getcwd(), **environment)
         self.environment.pop(without, None)
-        self.process = subprocess.Popen(
-            ['roslaunch', *package, *arguments], stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, universal_newlines=True, cwd=cwd,
-            env=self.environment)
-        self.reader = threading.Thread(target=self.read)
-        self.reader.start()
-
-    def read(self):
-        for line in self.process.stdout:
-            self.lines.append(line)
-
-    def output(self):
-        return ''.join(self.lines)
-
-    def says(self, text):
-        Master.wait_until(lambda: text in self.output() or self.process.poll() is not None,
-                          'it says "%s"; so far: %s' % (text, self.output()))
-        if text not in self.output():
-            self.reader.join(TIMEOUT)
-        return text in self.output()
+        super().__init__('roslaunch', *package, *arguments, cwd=cwd, env=self.environment)
 
     def wait(self):
         """Waits until it ends by itself."""
@@ -207,9 +177,9 @@ class LaunchRunTest(unittest.TestCase):
                 return self.master.handle.getParam('/use_sim_time')
             except rosgraph.MasterException:
                 return None
-        Master.wait_until(lambda: value() is expected,
+        wait_until(lambda: value() is expected,
                           '/use_sim_time is %s again, what it was; else the next run has another one' %
-                          expected, seconds=15)
+                          expected, timeout=15)
 
     def test_use_sim_time_is_put_back_however_the_launch_ends(self):
         no_display = self.with_fake('rviz', 'rviz', then='exit 1')
@@ -221,7 +191,7 @@ class LaunchRunTest(unittest.TestCase):
                 self.master.handle.setParam('/use_sim_time', before)
             launch = self.launch(file, 'bag:=' + self.bag, 'rviz:=false')
             # As early as possible, before its first node.
-            Master.wait_until(lambda: self.sim_time_is_set() or launch.process.poll() is not None,
+            wait_until(lambda: self.sim_time_is_set() or launch.process.poll() is not None,
                               'it is set')
             if before:
                 self.assertTrue(launch.says('process[player'), launch.output())
@@ -342,7 +312,7 @@ class LaunchRunTest(unittest.TestCase):
     def check_outputs_are_documented(self):
         prefix = '/camera/matcher/'
         # Services come after the topics.
-        Master.wait_until(lambda: self.has_service(prefix + 'reset'), 'the matcher has advertised everything')
+        wait_until(lambda: self.has_service(prefix + 'reset'), 'the matcher has advertised everything')
         types = dict(self.master.handle.getTopicTypes())
         published = {name[len(prefix):]: types[name]
                      for name, _ in self.master.handle.getSystemState()[0]
@@ -367,7 +337,7 @@ class LaunchRunTest(unittest.TestCase):
                 'FAKE_OUTPUT': os.path.join(folder.name, 'arguments')}
 
     def arguments_of(self, fake):
-        Master.wait_until(lambda: os.path.exists(fake['FAKE_OUTPUT']), 'the program is started')
+        wait_until(lambda: os.path.exists(fake['FAKE_OUTPUT']), 'the program is started')
         with open(fake['FAKE_OUTPUT']) as file:
             return file.read()
 
@@ -399,7 +369,7 @@ class LaunchRunTest(unittest.TestCase):
     def wait_for_matchers(self, launches, *cameras):
         """Waits until the matchers of all cameras answer; no manager may be started twice."""
         for camera in cameras:
-            Master.wait_until(lambda camera=camera: self.has_service(camera + '/matcher/reset'),
+            wait_until(lambda camera=camera: self.has_service(camera + '/matcher/reset'),
                               camera + ' has its matcher')
         output = ''.join(launch.output() for launch in launches)
         self.assertNotIn('process has died', output)
@@ -432,10 +402,10 @@ class LaunchRunTest(unittest.TestCase):
 
     def test_a_killed_manager_comes_back_with_its_matchers(self):
         launch = self.launch('multi_camera.launch', 'cameras:=left right')
-        Master.wait_until(self.pid_of_manager, 'the matchers are there; ' + launch.output())
+        wait_until(self.pid_of_manager, 'the matchers are there; ' + launch.output())
         pid = self.pid_of_manager()
         os.kill(pid, signal.SIGKILL)
-        Master.wait_until(lambda: self.pid_of_manager() not in (None, pid), 'they come back')
+        wait_until(lambda: self.pid_of_manager() not in (None, pid), 'they come back')
         self.assertIsNone(launch.process.poll(), launch.output())
 
     def pid_of_manager(self):

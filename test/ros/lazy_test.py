@@ -1,15 +1,13 @@
 #!/usr/bin/python3
 """The input is subscribed exactly while an output has a subscriber."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, run_as_node, wait_until
 from sensor_msgs.msg import Image
 
 OUTPUTS = {
@@ -138,5 +136,4 @@ class LazyTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('lazy_test')
-    rostest.rosrun('ktgp_orb', 'lazy', LazyTest, sys.argv)
+    run_as_node(LazyTest)

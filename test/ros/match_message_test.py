@@ -4,15 +4,13 @@
 import os
 import re
 import subprocess
-import sys
 import unittest
 
 import numpy as np
 import rosgraph
 import rospy
-import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, image_message, wait_until
+from ktgp_testing import Camera, Recorder, run_as_node, wait_until
 
 
 class MatchMessageTest(unittest.TestCase):
@@ -42,26 +40,6 @@ class MatchMessageTest(unittest.TestCase):
             self.assertGreater(len(match.correspondences.reference_x), 200)
             for name, recorder in self.parts.items():
                 self.assert_same(getattr(match, name), recorder.wait_for(stamp))
-
-    def test_levels_inliers_and_rmse_belong_to_the_published_homography(self):
-        self.matches.wait_for(self.camera.send_view())
-        for _ in range(5):
-            match = self.matches.wait_for(self.camera.send_view())
-            self.assertEqual(match.homography.status, MatchStatus.STATUS_OK)
-            found = match.correspondences
-            h = np.array(match.homography.homography).reshape(3, 3)
-            points = np.stack([found.reference_x, found.reference_y, np.ones(len(found.level))])
-            seen = h @ points
-            error = np.hypot(*(seen[:2] / seen[2] - np.stack([found.target_x, found.target_y])))
-            level = np.frombuffer(found.level, np.uint8)
-            tried = level >= Correspondences.LEVEL_KTG
-            inlier = level >= Correspondences.LEVEL_KTGP
-            np.testing.assert_array_equal(inlier[tried], error[tried] < 3.0)
-            self.assertEqual(match.homography.inliers, inlier.sum())
-            self.assertEqual(match.statistics.inliers, inlier.sum())
-            self.assertAlmostEqual(match.homography.reprojection_rmse,
-                                   np.sqrt((error[inlier] ** 2).mean()), delta=1e-3)
-            self.assertGreaterEqual(match.homography.plane_deviation, 0.0)
 
     def test_the_example_in_python_says_the_motion(self):
         script = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'scripts',
@@ -99,23 +77,16 @@ class MatchMessageTest(unittest.TestCase):
         state = rosgraph.Master('/match_message_test').getSystemState()[1]
         return len(dict(state).get('/camera/matcher/match', []))
 
-    def test_a_frame_without_a_homography_is_said_too(self):
+    def test_a_frame_without_a_homography_or_a_reference_is_said_too(self):
         self.matches.wait_for(self.camera.send_view())
-        flat = image_message(np.full((480, 640), 100, np.uint8), self.camera.next_stamp())
-        match = self.matches.wait_for(self.camera.send(flat))
-        self.assertEqual(match.homography.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
-        self.assertEqual(match.statistics.status, MatchStatus.STATUS_TOO_FEW_FEATURES)
-        self.assertEqual(list(match.homography.homography), [0.0] * 9)
-        self.assertEqual(len(match.correspondences.reference_x), 0)
-
-    def test_a_frame_without_a_reference_is_said_too(self):
-        small = image_message(np.full((240, 320), 100, np.uint8), self.camera.next_stamp())
-        match = self.matches.wait_for(self.camera.send(small))
-        self.assertEqual(match.homography.status, MatchStatus.STATUS_NO_REFERENCE)
-        self.assertEqual(match.statistics.status, MatchStatus.STATUS_NO_REFERENCE)
-        self.assertEqual(match.correspondences.header.stamp, match.header.stamp)
+        for size, status in (((480, 640), MatchStatus.STATUS_TOO_FEW_FEATURES),
+                             ((240, 320), MatchStatus.STATUS_NO_REFERENCE)):
+            match = self.matches.wait_for(self.camera.show(np.full(size, 100, np.uint8)))
+            self.assertEqual((match.homography.status, match.statistics.status), (status, status))
+            self.assertEqual(list(match.homography.homography), [0.0] * 9)
+            self.assertEqual(len(match.correspondences.reference_x), 0)
+            self.assertEqual(match.correspondences.header.stamp, match.header.stamp)
 
 
 if __name__ == '__main__':
-    rospy.init_node('match_message_test')
-    rostest.rosrun('ktgp_orb', 'match_message', MatchMessageTest, sys.argv)
+    run_as_node(MatchMessageTest)

@@ -2,20 +2,16 @@
 """Compares the mosaic with the picture that the camera is moved over."""
 
 import os
-import sys
 import tempfile
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, texture, view, wait_until,
-                          warm_up)
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, texture, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -39,15 +35,12 @@ class MosaicTest(unittest.TestCase):
         cls.reset = rospy.ServiceProxy('/camera/mosaic/reset', Trigger)
 
     def setUp(self):
-        self.poses = Recorder('/camera/mosaic/homography', HomographyStamped)
-        self.addCleanup(self.poses.close)
+        self.poses = Recorder('/camera/mosaic/homography', HomographyStamped, self)
         wait_until(self.poses.publishers, 'it runs')
         warm_up(self.camera, self.poses)
 
     def send(self, x, y):
-        stamp = self.camera.next_stamp()
-        self.camera.send(image_message(view(x, y), stamp))
-        return self.poses.wait_for(stamp)
+        return self.poses.wait_for(self.camera.show(view(x, y)))
 
     def begin(self):
         self.assertTrue(self.reset().success)
@@ -56,8 +49,7 @@ class MosaicTest(unittest.TestCase):
         return first
 
     def test_is_the_picture_that_the_camera_was_moved_over(self):
-        pictures = Recorder('/camera/mosaic/mosaic', Image)
-        self.addCleanup(pictures.close)
+        pictures = Recorder('/camera/mosaic/mosaic', Image, self)
         wait_until(pictures.publishers, 'the mosaic is connected')
         first = self.begin()
         for i in range(1, 25):
@@ -108,8 +100,7 @@ class MosaicTest(unittest.TestCase):
         self.begin()
         stamp = self.send(START[0] + 60, START[1]).header.stamp
         self.poses.close()  # no subscriber any more
-        pictures = Recorder('/camera/mosaic/mosaic', Image)
-        self.addCleanup(pictures.close)
+        pictures = Recorder('/camera/mosaic/mosaic', Image, self)
         # No image comes meanwhile; the last picture that was published is of an older map.
         pictures.wait_for(stamp)
         # Also for who looks at the header of the connection alone, rosbag for example.
@@ -117,19 +108,14 @@ class MosaicTest(unittest.TestCase):
 
     def test_numbers_that_are_none_are_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
-        diagnostics = Recorder('/diagnostics', DiagnosticArray)
-        self.addCleanup(diagnostics.close)
+        diagnostics = Diagnostics(self)
         answer = client.update_configuration({'rate': float('nan')})
         self.assertEqual(answer['rate'], 10.0)
-
-        def said():
-            return [s for array in diagnostics.messages() for s in array.status
-                    if s.name.endswith('mosaic: frames') and 'rate is nan' in s.message]
-        wait_until(said, 'diagnostics say what is refused')
+        wait_until(lambda: [s for s in diagnostics.of('mosaic: frames') if 'rate is nan' in s.message],
+                   'diagnostics say what is refused')
         client.update_configuration({'rate': 10.0})
         self.begin()  # and it goes on
 
 
 if __name__ == '__main__':
-    rospy.init_node('mosaic_test')
-    rostest.rosrun('ktgp_orb', 'mosaic_test', MosaicTest, sys.argv)
+    run_as_node(MosaicTest)

@@ -1,17 +1,15 @@
 #!/usr/bin/python3
-"""T_w and T_G change the number of matches in the right direction, while images arrive."""
+"""T_w changes the number of matches in the right direction, while images arrive."""
 
 import statistics
-import sys
 import threading
 import unittest
 
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, wait_until
+from ktgp_testing import TIMEOUT, Camera, Recorder, run_as_node, wait_until
 
 
 class ReconfigureTest(unittest.TestCase):
@@ -37,43 +35,24 @@ class ReconfigureTest(unittest.TestCase):
             rospy.rostime.wallsleep(0.03)
 
     def tearDown(self):
-        self.client.update_configuration({'descriptor': 'orb', 'T_w': 0.0, 'T_G': 6.0})
+        self.client.update_configuration({'T_w': 0.0, 'T_G': 6.0})
 
-    def usual_outputs(self, **parameters):
-        """Median output of each stage over ten frames that were sent after the change: at one frame of sixty the
-        camera jumps back."""
-        self.client.update_configuration(parameters)
+    def usual_output(self, threshold):
+        """Median of the ratio test's output over ten frames that were sent after the change: at one frame of sixty
+        the camera jumps back."""
+        self.client.update_configuration({'T_w': threshold})
         changed = self.camera.last_stamp()
 
         def frames():
             return [m for m in self.statistics.messages()
                     if m.header.stamp > changed and m.status == MatchStatus.STATUS_OK]
-        wait_until(lambda: len(frames()) >= 10, 'ten frames with %s' % parameters)
-        return {stage: statistics.median(m.stages[i].output for m in frames())
-                for i, stage in enumerate(('knn', 'tf', 'gms', 'prosac'))}
+        wait_until(lambda: len(frames()) >= 10, 'ten frames with T_w %s' % threshold)
+        return statistics.median(m.stages[1].output for m in frames())
 
     def test_a_higher_ratio_threshold_lets_more_through(self):
-        outputs = [self.usual_outputs(T_w=value)['tf'] for value in (0.4, 0.6, 0.8, 1.0)]
+        outputs = [self.usual_output(value) for value in (0.4, 0.6, 0.8, 1.0)]
         self.assertEqual(outputs, sorted(outputs))
         self.assertLess(outputs[0], 0.9 * outputs[3])
-
-    def test_a_higher_motion_threshold_lets_less_through(self):
-        outputs = [self.usual_outputs(T_w=0.8, T_G=value)['gms'] for value in (0.0, 6.0, 20.0)]
-        self.assertEqual(outputs, sorted(outputs, reverse=True))
-        self.assertGreater(outputs[0], outputs[2])
-
-    def test_fewer_features_mean_fewer_candidates(self):
-        few = self.usual_outputs(features=200)['knn']
-        many = self.usual_outputs(features=2000)['knn']
-        self.assertLessEqual(few, 200)
-        self.assertLessEqual(many, 2000)
-        self.assertGreater(many, 4 * few)
-
-    def test_the_ratio_threshold_is_the_descriptors_unless_it_is_set(self):
-        for descriptor, its, another in (('orb', 0.66, 0.8), ('teblid', 0.8, 0.66)):
-            usual, chosen, other = [self.usual_outputs(descriptor=descriptor, T_w=value)['tf']
-                                    for value in (0.0, its, another)]
-            self.assertLess(abs(usual - chosen), 0.5 * abs(usual - other), descriptor)
 
     def test_out_of_range_values_are_clamped(self):
         result = self.client.update_configuration({'T_w': 7.0, 'T_G': -3.0})
@@ -94,5 +73,4 @@ class ReconfigureTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('reconfigure_test')
-    rostest.rosrun('ktgp_orb', 'reconfigure', ReconfigureTest, sys.argv)
+    run_as_node(ReconfigureTest)

@@ -20,7 +20,7 @@ import rosbag
 import rospy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
-from ktgp_testing import FolderCase, image_message, view
+from ktgp_testing import FolderCase, image_message, messages_of, view
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
 SIZE = 320, 240
@@ -60,8 +60,7 @@ class RecordingCase(FolderCase):
         return run
 
     def statistics(self, name):
-        with rosbag.Bag(self.path(name)) as bag:
-            return [m for _, m, _ in bag.read_messages(topics=['/camera/matcher/statistics'])]
+        return messages_of(self.path(name), '/camera/matcher/statistics')
 
 
 class VideoTest(RecordingCase):
@@ -190,9 +189,7 @@ class VideoTest(RecordingCase):
         messages = self.statistics('out.bag')
         np.testing.assert_allclose([m.header.stamp.to_sec() for m in messages], np.arange(12) / 5.0,
                                    atol=1e-6)
-        with rosbag.Bag(self.path('out.bag')) as bag:
-            shifts = [m.homography[2] for _, m, _ in
-                      bag.read_messages(topics=['/camera/matcher/homography'])][1:]
+        shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
         np.testing.assert_allclose(shifts, -5.0, atol=0.5)  # img2 comes before img10
 
     def test_an_image_that_is_none_is_refused_alone(self):

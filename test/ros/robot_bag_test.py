@@ -8,7 +8,6 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 import unittest
@@ -16,15 +15,15 @@ import unittest
 import cv2
 import rosbag
 import rospy
-import rostest
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import Recorder, image_message, wait_until
+from ktgp_testing import Recorder, image_message, messages_of, run_as_node, wait_until
 from sensor_msgs.msg import Image
 
 TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
           'accumulated_homography': HomographyStamped, 'statistics': MatchStatistics,
           'matches_image': Image}
 MODES = ('previous', 'keyframe', 'fixed')
+IMAGES = '/camera/image_raw'
 FRAMES = 60  # of the video
 
 
@@ -32,11 +31,6 @@ def ktgp_bag(*arguments):
     return subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', '--force'] + list(arguments),
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           universal_newlines=True)
-
-
-def images_of(bag, topic='/camera/image_raw'):
-    with rosbag.Bag(bag) as file:
-        return [message for _, message, _ in file.read_messages(topic)]
 
 
 def without_times(message, panel=0):
@@ -126,14 +120,14 @@ class BagTest(unittest.TestCase):
         self.assertEqual(len(expected['statistics']), len(images))
         panel = len(cv2.imread(reference_image)) if reference_image else 0  # below a smaller reference
         for name in TOPICS:
-            got = images_of(out, '/camera/matcher/' + name)
+            got = messages_of(out, '/camera/matcher/' + name)
             self.assertEqual(len(got), len(expected[name]), '%s, %s' % (mode, name))
             for a, b in zip(got, expected[name]):
                 self.assertEqual(without_times(a, panel), without_times(b, panel),
                                  '%s, %s at %s' % (mode, name, a.header.stamp))
 
     def test_the_output_equals_the_nodelets_on_a_video(self):
-        images = images_of(self.patio)
+        images = messages_of(self.patio, IMAGES)
         target = self.path('target.png')
         pixels = cv2.VideoCapture(os.path.join(self.data, 'sequences/patio.mp4')).read()[1]
         cv2.imwrite(target, pixels[100:400, 150:500])
@@ -141,12 +135,12 @@ class BagTest(unittest.TestCase):
             self.check_equal(mode, self.patio, images, target if mode == 'fixed' else '')
 
     def test_the_output_equals_the_nodelets_on_a_colour_bag(self):
-        self.check_equal('previous', self.tum, images_of(self.tum))
+        self.check_equal('previous', self.tum, messages_of(self.tum, IMAGES))
 
     # Other bags
 
     def statistics(self, out):
-        return images_of(out, '/camera/matcher/statistics')
+        return messages_of(out, '/camera/matcher/statistics')
 
     def test_threads_change_nothing(self):
         outs = []
@@ -155,7 +149,7 @@ class BagTest(unittest.TestCase):
             run = ktgp_bag(self.patio, outs[-1], '--topic', '/camera/image_raw', '--threads', threads)
             self.assertEqual(run.returncode, 0, run.stdout)
         for topic in ('correspondences', 'homography', 'accumulated_homography', 'statistics'):
-            messages = [[without_times(m) for m in images_of(out, '/camera/matcher/' + topic)]
+            messages = [[without_times(m) for m in messages_of(out, '/camera/matcher/' + topic)]
                         for out in outs]
             self.assertEqual(messages[0], messages[1])
             self.assertEqual(messages[0], messages[2])
@@ -295,5 +289,4 @@ class BagTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_bag_test')
-    rostest.rosrun('ktgp_orb', 'robot_bag', BagTest, sys.argv)
+    run_as_node(BagTest)

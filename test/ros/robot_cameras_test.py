@@ -2,14 +2,12 @@
 """multi_camera.launch: each camera of the list has its own matcher, which gets only its images.
 All cameras send at the same time, each with its own picture and motion."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
 from ktgp_orb.msg import Match, MatchStatus
-from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
+from ktgp_testing import Camera, Recorder, image_message, run_as_node, texture, wait_until
 
 FRAMES = 6
 WIDTH, HEIGHT = 320, 240
@@ -67,5 +65,4 @@ class CamerasTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_cameras_test')
-    rostest.rosrun('ktgp_orb', 'robot_cameras', CamerasTest, sys.argv)
+    run_as_node(CamerasTest)

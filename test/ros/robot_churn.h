@@ -1,6 +1,5 @@
 #pragma once
 
-#include <dynamic_reconfigure/Reconfigure.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -30,34 +29,6 @@ class Churn {
  private:
   std::atomic<bool> running_{true};
   std::thread thread_;
-};
-
-/// A message to dynamic_reconfigure.
-class Change {
- public:
-  Change& set(const std::string& name, double value) { return add(config_.doubles, name, value); }
-  Change& set(const std::string& name, int value) { return add(config_.ints, name, value); }
-  Change& set(const std::string& name, bool value) { return add(config_.bools, name, value); }
-  Change& set(const std::string& name, const std::string& value) {
-    return add(config_.strs, name, value);
-  }
-  /// False if the nodelet was just unloaded.
-  bool send(const std::string& nodelet) const {
-    dynamic_reconfigure::Reconfigure call;
-    call.request.config = config_;
-    return ros::service::call(nodelet + "/set_parameters", call);
-  }
-
- private:
-  template <typename Parameters, typename Value>
-  Change& add(Parameters& parameters, const std::string& name, const Value& value) {
-    parameters.emplace_back();
-    parameters.back().name = name;
-    parameters.back().value = value;
-    return *this;
-  }
-
-  dynamic_reconfigure::Config config_;
 };
 
 /// A picture in its own file, which is removed with it.

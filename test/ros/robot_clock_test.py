@@ -3,14 +3,12 @@
 misspelt parameter: the values and messages."""
 
 import subprocess
-import sys
 import unittest
 
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Recorder, wait_for_matcher, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, run_as_node, wait_for_matcher, wait_until
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import Image
 
@@ -19,7 +17,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 
 class ClockTest(unittest.TestCase):
     def test_each_trouble_is_said(self):
-        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        diagnostics = Diagnostics()
         log = Recorder('/rosout', Log)
         camera = Camera()
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
@@ -33,8 +31,7 @@ class ClockTest(unittest.TestCase):
             def said():
                 if send:
                     camera.send_view()
-                return [s for array in diagnostics.messages()[seen:] for s in array.status
-                        if s.name.endswith(task) and s.level == level and words in s.message]
+                return [s for s in diagnostics.of(task, seen) if s.level == level and words in s.message]
             wait_until(said, '%s says "%s"' % (task, words))
 
         # No clock at all.
@@ -68,5 +65,4 @@ class ClockTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_clock_test')
-    rostest.rosrun('ktgp_orb', 'robot_clock', ClockTest, sys.argv)
+    run_as_node(ClockTest)

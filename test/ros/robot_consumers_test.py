@@ -2,15 +2,12 @@
 """Stabilizer and mosaic on a robot that is not ours: a homography topic of another name or type is named,
 memory stays within its bound, and what is small is not held back."""
 
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import Camera, Recorder, check_each, image_message, no_delay, view, wait_until
+from ktgp_testing import Camera, Diagnostics, Recorder, check_each, no_delay, run_as_node, view, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
@@ -23,7 +20,7 @@ MANY = 40
 class ConsumersTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.log = Recorder('/rosout', Log)
         # What is said before it listens is lost, and the consumers begin to wait when they have subscribers.
         wait_until(lambda: '/manager' in cls.log.names_of_publishers(), 'it hears the manager')
@@ -42,8 +39,7 @@ class ConsumersTest(unittest.TestCase):
         wait_until(lambda: cls.homographies.get_num_connections() == 1, 'the homography is connected')
 
     def reports(self, name):
-        return [status for array in self.diagnostics.messages() for status in array.status
-                if status.name.endswith(name + ': input')]
+        return self.diagnostics.of(name + ': input')
 
     def test_a_homography_topic_of_another_name_or_type_is_named(self):
         why = {'name': 'no node publishes /camera/nowhere: is the topic name right?',
@@ -79,11 +75,10 @@ class ConsumersTest(unittest.TestCase):
 
     def send_small(self):
         """One colour image, 0.9 MB."""
-        pixels = np.dstack([view(100, 100)] * 3)
-        return self.small.send(image_message(pixels, self.small.next_stamp(), 'rgb8'))
+        return self.small.show(np.dstack([view(100, 100)] * 3), 'rgb8')
 
     def counts(self, name):
-        values = {v.key: v.value for v in self.reports(name)[-1].values}
+        values = self.diagnostics.values(name + ': input')[-1]
         return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped because of max_memory')])
 
     def test_images_that_wait_are_bounded_in_megabytes_and_counted(self):
@@ -132,5 +127,4 @@ class ConsumersTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_consumers_test')
-    rostest.rosrun('ktgp_orb', 'robot_consumers', ConsumersTest, sys.argv)
+    run_as_node(ConsumersTest)

@@ -2,17 +2,15 @@
 """Diagnostics: each problem is reported with its level, for the limits set by parameters."""
 
 import subprocess
-import sys
 import threading
 import unittest
 
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
 from std_srvs.srv import Trigger
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -48,7 +46,7 @@ class DiagnosticsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         cls.camera = Camera()
         cls.camera.wait_for_subscriber()
@@ -65,8 +63,7 @@ class DiagnosticsTest(unittest.TestCase):
         seen = len(self.diagnostics.messages())
 
         def found():
-            return [s for array in self.diagnostics.messages()[seen:] for s in array.status
-                    if s.name.endswith(task) and s.level == level and words in s.message]
+            return [s for s in self.diagnostics.of(task, seen) if s.level == level and words in s.message]
         wait_until(found, '%s reports "%s" at level %d' % (task, words, ord(level)
                                                            if isinstance(level, bytes) else level))
         return {value.key: value.value for value in found()[0].values}
@@ -163,5 +160,4 @@ class DiagnosticsTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_diagnostics_test')
-    rostest.rosrun('ktgp_orb', 'robot_diagnostics', DiagnosticsTest, sys.argv)
+    run_as_node(DiagnosticsTest)

@@ -1,17 +1,15 @@
 #!/usr/bin/python3
 """Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
 
-import sys
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, wait_for_matcher
+from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, run_as_node, wait_for_matcher
 from std_srvs.srv import Trigger
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
@@ -65,8 +63,7 @@ class GrowthTest(unittest.TestCase):
         self.assertTrue(answer.success, answer.message)
 
     def send(self, picture):
-        stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))
-        return self.statistics.wait_for(stamp)
+        return self.statistics.wait_for(self.camera.show(picture))
 
     def check_grown(self, statistics, homography):
         self.assertEqual((statistics.status, statistics.found_by),
@@ -90,10 +87,14 @@ class GrowthTest(unittest.TestCase):
         easy = self.send(self.reference)
         self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
 
-    def test_not_without_the_parameter(self):
-        self.start(reference_mode='fixed', growth=False)
-        self.send(self.reference)
-        self.check_none(self.send(self.target))
+    def test_not_without_the_parameter_and_never_for_the_frame_before(self):
+        for parameters in ({'reference_mode': 'fixed', 'growth': False}, {'reference_mode': 'previous'}):
+            self.start(**parameters)
+            self.send(self.reference)
+            statistics = self.send(self.target)
+            self.assertNotEqual(statistics.status, OK)
+            self.assertEqual((statistics.found_by, statistics.growth_seeds), (MatchStatistics.FOUND_BY_NONE, 0))
+            self.assertNotIn('growth', [s.name for s in statistics.stages])
 
     def test_match_pair(self):
         self.start(reference_mode='previous')
@@ -103,18 +104,6 @@ class GrowthTest(unittest.TestCase):
         self.assertTrue(answer.success, answer.message)
         self.check_grown(answer.statistics, answer.homography)
 
-    def check_none(self, statistics):
-        self.assertNotEqual(statistics.status, OK)
-        self.assertEqual((statistics.found_by, statistics.growth_seeds),
-                         (MatchStatistics.FOUND_BY_NONE, 0))
-        self.assertNotIn('growth', [s.name for s in statistics.stages])
-
-    def test_never_for_the_frame_before(self):
-        self.start(reference_mode='previous')
-        self.send(self.reference)
-        self.check_none(self.send(self.target))
-
 
 if __name__ == '__main__':
-    rospy.init_node('robot_growth_test')
-    rostest.rosrun('ktgp_orb', 'robot_growth', GrowthTest, sys.argv)
+    run_as_node(GrowthTest)

@@ -4,18 +4,16 @@ source of height and normal, or refused with the reason."""
 
 import itertools
 import subprocess
-import sys
 import unittest
 
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
 from nav_msgs.msg import Odometry
+from poster import information
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Imu, Range
 from std_srvs.srv import Trigger
@@ -32,11 +30,8 @@ NAMES = ('ground_motion', 'by_tf', 'by_parameter', 'by_motion')
 
 
 def calibration(stamp, width=640):
-    info = CameraInfo(width=width, height=480, distortion_model='plumb_bob', D=[0.0] * 5)
+    info = information(np.array([[FOCAL, 0, 319.5], [0, FOCAL, 239.5], [0, 0, 1]]), size=(width, 480))
     info.header.stamp, info.header.frame_id = stamp, 'camera'
-    info.K = [FOCAL, 0, 319.5, 0, FOCAL, 239.5, 0, 0, 1]
-    info.R = [1, 0, 0, 0, 1, 0, 0, 0, 1]
-    info.P = [FOCAL, 0, 319.5, 0, 0, FOCAL, 239.5, 0, 0, 0, 1, 0]
     return info
 
 
@@ -63,7 +58,7 @@ class MotionTest(unittest.TestCase):
             transform('base_link', 'camera', LEVER, rospy.Time()),
             transform('base_link', 'imu', (0, 0, 0), rospy.Time(), STILL)]))
         cls.log = Recorder('/rosout', Log)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
         cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
                       for name in NAMES}
@@ -134,8 +129,7 @@ class MotionTest(unittest.TestCase):
         def found():
             self.send(**options)
             rospy.sleep(0.05)
-            return any(words in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
-                       if s.name.endswith(name + ': motion'))
+            return any(words in s.message for s in self.diagnostics.of(name + ': motion', -8))
         wait_until(found, '%s says: %s' % (name, words))
 
     def test_1_velocity_is_in_metres_from_every_source(self):
@@ -295,12 +289,9 @@ class MotionTest(unittest.TestCase):
     def test_9_nothing_is_subscribed_without_subscribers(self):
         for recorders in (self.odometry, self.twists):
             recorders['by_parameter'].close()
-        def idle():
-            return any('idle' in s.message for m in self.diagnostics.messages()[-8:] for s in m.status
-                       if s.name.endswith('by_parameter: motion'))
-        wait_until(idle, 'by_parameter is idle')
+        wait_until(lambda: any('idle' in s.message for s in self.diagnostics.of('by_parameter: motion', -8)),
+                   'by_parameter is idle')
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_motion_test')
-    rostest.rosrun('ktgp_orb', 'robot_motion_test', MotionTest, sys.argv)
+    run_as_node(MotionTest)

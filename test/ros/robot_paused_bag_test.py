@@ -1,14 +1,12 @@
 #!/usr/bin/python3
 """A bag with --clock, paused and resumed: no false alarm, and matching continues."""
 
-import sys
 import unittest
 
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Recorder, wait_until
+from ktgp_testing import Diagnostics, Recorder, run_as_node, wait_until
 from rosgraph_msgs.msg import Log
 from std_srvs.srv import SetBool
 
@@ -18,17 +16,13 @@ SECONDS = 7  # of pause, in reports of the diagnostics: one comes each second; a
 class PausedBagTest(unittest.TestCase):
     def test_pause_and_resume(self):
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        diagnostics = Diagnostics()
         log = Recorder('/rosout', Log)
         wait_until(lambda: len(statistics.messages()) > 3, 'the bag plays')
         rospy.wait_for_service('/player/pause_playback')
         pause = rospy.ServiceProxy('/player/pause_playback', SetBool)
         self.assertTrue(pause(True).success)
-
-        def inputs():
-            return [s for array in diagnostics.messages() for s in array.status
-                    if s.name.endswith('input')]
-        wait_until(lambda: sum('the clock stands' in s.message for s in inputs()) >= SECONDS,
+        wait_until(lambda: sum('the clock stands' in s.message for s in diagnostics.of('input')) >= SECONDS,
                    'the diagnostics have seen the clock stand for %d s' % SECONDS)
         paused = statistics.messages()
         self.assertTrue(pause(False).success)
@@ -37,10 +31,9 @@ class PausedBagTest(unittest.TestCase):
         self.assertTrue(any(s.status == MatchStatus.STATUS_OK for s in resumed))
         for s in resumed:
             self.assertLess(s.latency_milliseconds, 5000)
-        self.assertEqual([s.message for s in inputs() if s.level == DiagnosticStatus.ERROR], [])
+        self.assertEqual([s.message for s in diagnostics.of('input') if s.level == DiagnosticStatus.ERROR], [])
         self.assertEqual([m.msg for m in log.messages() if 'no image on' in m.msg], [])
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_paused_bag_test')
-    rostest.rosrun('ktgp_orb', 'robot_paused_bag', PausedBagTest, sys.argv)
+    run_as_node(PausedBagTest)

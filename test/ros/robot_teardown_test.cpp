@@ -6,7 +6,6 @@
 #include <ktgp_orb/MatchPair.h>
 #include <ktgp_orb/MatchStatistics.h>
 #include <ktgp_orb/MatchStatus.h>
-#include <sensor_msgs/CameraInfo.h>
 #include <std_srvs/Trigger.h>
 
 #include <algorithm>
@@ -110,12 +109,9 @@ class SideInputs {
     return image;
   }
   sensor_msgs::CameraInfoPtr calibration(int i) const {
-    auto info = boost::make_shared<sensor_msgs::CameraInfo>();
-    info->width = static_cast<std::uint32_t>(kSize.width);
-    info->height = static_cast<std::uint32_t>(kSize.height);
-    info->distortion_model = i % 7 == 0 ? "unheard_of" : "plumb_bob";
-    info->D = {-0.1 - 0.01 * (i % 5), 0.0, 0.0, 0.0, 0.0};  // the lens changes, too
-    info->K = {250.0, 0.0, 160.0, 0.0, 250.0, 120.0, 0.0, 0.0, 1.0};
+    auto info = boost::make_shared<sensor_msgs::CameraInfo>(
+        test::calibration(kSize, 250.0, -0.1 - 0.01 * (i % 5)));  // the lens changes, too
+    if (i % 7 == 0) info->distortion_model = "unheard_of";
     info->R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
     info->P = {250.0, 0.0, 160.0, 0.0, 0.0, 250.0, 120.0, 0.0, 0.0, 0.0, 1.0, 0.0};
     return info;

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <dynamic_reconfigure/Reconfigure.h>
 #include <gtest/gtest.h>
 #include <nodelet/loader.h>
 #include <ros/callback_queue.h>
 #include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <sensor_msgs/image_encodings.h>
 
@@ -48,6 +50,18 @@ inline sensor_msgs::ImagePtr imageMessage(const cv::Mat& image, const ros::Time&
   message->data.resize(image.total());
   image.copyTo(cv::Mat(image.size(), CV_8U, message->data.data()));
   return message;
+}
+
+/// Of a camera whose principal point is the middle of its images, with one number of distortion.
+inline sensor_msgs::CameraInfo calibration(const cv::Size& size, double focal, double k1 = 0.0) {
+  sensor_msgs::CameraInfo info;
+  info.header.frame_id = "camera";
+  info.width = static_cast<std::uint32_t>(size.width);
+  info.height = static_cast<std::uint32_t>(size.height);
+  info.distortion_model = "plumb_bob";
+  info.D = {k1, 0.0, 0.0, 0.0, 0.0};
+  info.K = {focal, 0.0, size.width / 2.0, 0.0, focal, size.height / 2.0, 0.0, 0.0, 1.0};
+  return info;
 }
 
 /// The view of a camera that moves back and forth over the texture, 5 px right and 3 px down per
@@ -164,6 +178,34 @@ inline bool loadMatcher(nodelet::Loader& loader, const std::string& camera) {
   return loader.load(camera + "/matcher", "ktgp_orb/matcher",
                      {{camera + "/image", camera + "/image_raw"}}, {});
 }
+
+/// A message to dynamic_reconfigure.
+class Change {
+ public:
+  Change& set(const std::string& name, double value) { return add(config_.doubles, name, value); }
+  Change& set(const std::string& name, int value) { return add(config_.ints, name, value); }
+  Change& set(const std::string& name, bool value) { return add(config_.bools, name, value); }
+  Change& set(const std::string& name, const std::string& value) {
+    return add(config_.strs, name, value);
+  }
+  /// False if the nodelet was just unloaded.
+  bool send(const std::string& nodelet) const {
+    dynamic_reconfigure::Reconfigure call;
+    call.request.config = config_;
+    return ros::service::call(nodelet + "/set_parameters", call);
+  }
+
+ private:
+  template <typename Parameters, typename Value>
+  Change& add(Parameters& parameters, const std::string& name, const Value& value) {
+    parameters.emplace_back();
+    parameters.back().name = name;
+    parameters.back().value = value;
+    return *this;
+  }
+
+  dynamic_reconfigure::Config config_;
+};
 
 /// The value after `--name=` on the command line.
 inline double argument(int argc, char** argv, const std::string& name, double otherwise) {

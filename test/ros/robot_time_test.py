@@ -1,14 +1,11 @@
 #!/usr/bin/python3
 """Unusual stamps, as from faulty cameras and other clocks."""
 
-import sys
 import unittest
 
 import rospy
-import rostest
 from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (Camera, Recorder, check_each, image_message, view, wait_for_matcher,
-                          wait_until)
+from ktgp_testing import Camera, Recorder, check_each, image_message, run_as_node, view, wait_for_matcher, wait_until
 from std_srvs.srv import Trigger
 
 OK = MatchStatus.STATUS_OK
@@ -58,5 +55,4 @@ class TimeTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('robot_time_test')
-    rostest.rosrun('ktgp_orb', 'robot_time', TimeTest, sys.argv)
+    run_as_node(TimeTest)

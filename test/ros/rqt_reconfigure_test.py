@@ -8,15 +8,13 @@ python_qt_binding and rqt_console). Photographs are left in ROS_HOME."""
 import json
 import os
 import subprocess
-import sys
 import tempfile
 import unittest
 
 import rospy
-import rostest
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import Match
-from ktgp_testing import Camera, Recorder, image_message, view, wait_until
+from ktgp_testing import Camera, Recorder, run_as_node, view, wait_until
 
 SOURCES = ('rqt_reconfigure', 'rqt/rqt_gui', 'rqt/rqt_gui_py', 'qt_gui_core/qt_gui',
            'qt_gui_core/qt_gui_py_common', 'python_qt_binding', 'rqt_console', 'rqt/rqt_py_common')
@@ -87,9 +85,7 @@ class RqtReconfigureTest(unittest.TestCase):
     def match(self):
         """The result for the same two images with the current values of the node."""
         for shift in (0, 10):
-            stamp = self.camera.next_stamp()
-            self.camera.send(image_message(view(100 + shift, 100), stamp))
-            message = self.matches.wait_for(stamp)
+            message = self.matches.wait_for(self.camera.show(view(100 + shift, 100)))
         return message
 
     def test_what_is_set_in_the_window_is_computed_with(self):
@@ -137,5 +133,4 @@ class RqtReconfigureTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('rqt_reconfigure_test')
-    rostest.rosrun('ktgp_orb', 'rqt_reconfigure', RqtReconfigureTest, sys.argv)
+    run_as_node(RqtReconfigureTest)

@@ -1,18 +1,15 @@
 #!/usr/bin/python3
 """The stabilizer with a camera of known shake."""
 
-import sys
 import time
 import unittest
 
 import cv2
 import numpy as np
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 
 FRAMES = 70
@@ -40,12 +37,9 @@ class StabilizerTest(unittest.TestCase):
         cls.camera = Camera()
 
     def setUp(self):
-        self.images = Recorder('/camera/stabilizer/image', Image)
-        self.warps = Recorder('/camera/stabilizer/warp', HomographyStamped)
-        self.addCleanup(self.images.close)
-        self.addCleanup(self.warps.close)
-        self.diagnostics = Recorder('/diagnostics', DiagnosticArray)
-        self.addCleanup(self.diagnostics.close)
+        self.images = Recorder('/camera/stabilizer/image', Image, self)
+        self.warps = Recorder('/camera/stabilizer/warp', HomographyStamped, self)
+        self.diagnostics = Diagnostics(self)
         wait_until(lambda: self.images.publishers() and self.warps.publishers(), 'it runs')
         warm_up(self.camera, self.images)
         # A connection that counts may be that of the test before, on its way out.
@@ -58,9 +52,7 @@ class StabilizerTest(unittest.TestCase):
 
     def send(self, picture, encoding='mono8'):
         """Sends an image and returns the steady image."""
-        stamp = self.camera.next_stamp()
-        self.camera.send(image_message(picture, stamp, encoding))
-        return self.images.wait_for(stamp)
+        return self.images.wait_for(self.camera.show(picture, encoding))
 
     def test_shake_goes_and_the_picture_stays(self):
         random = np.random.RandomState(1)
@@ -90,12 +82,9 @@ class StabilizerTest(unittest.TestCase):
 
     def counts(self):
         """Homographies that the stabilizer counted, and how many of these were found."""
-        values = [{value.key: value.value for value in status.values}
-                  for array in self.diagnostics.messages() for status in array.status
-                  if status.name.endswith('stabilizer: frames')]
         # While it waits for its first images it has nothing to count.
-        return [(int(v['homographies']), int(v['homographies found'])) for v in values
-                if 'homographies' in v]
+        return [(int(v['homographies']), int(v['homographies found']))
+                for v in self.diagnostics.values('stabilizer: frames') if 'homographies' in v]
 
     def test_homographies_are_counted_by_whether_they_were_found(self):
         flat = np.full((480, 640), 90, np.uint8)
@@ -131,8 +120,7 @@ class StabilizerTest(unittest.TestCase):
 
     def test_waits_for_as_many_later_frames_as_asked(self):
         client = Client('/camera/stabilizer', timeout=TIMEOUT)
-        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        self.addCleanup(homographies.close)
+        homographies = Recorder('/camera/matcher/homography', HomographyStamped, self)
         wait_until(homographies.publishers, 'the homography is connected')
         self.addCleanup(client.update_configuration, {'lag': 0})
         client.update_configuration({'lag': 3})
@@ -140,8 +128,7 @@ class StabilizerTest(unittest.TestCase):
         before = self.counts()[-1][0]
         stamps = []
         for i in range(8):
-            stamps.append(self.camera.send(
-                image_message(view(300 + 4 * i, 300), self.camera.next_stamp())))
+            stamps.append(self.camera.show(view(300 + 4 * i, 300)))
             homographies.wait_for(stamps[-1])
         self.images.wait_for(stamps[4])
         wait_until(lambda: self.counts()[-1][0] >= before + 8, 'all homographies are in')
@@ -150,10 +137,10 @@ class StabilizerTest(unittest.TestCase):
     def test_goes_on_after_frames_without_homography(self):
         self.send(view(300, 300))
         self.send(view(304, 300))
-        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['restarts'])
+        wait_until(self.restarts, 'the stabilizer reports')
+        before = self.restarts()[-1]
         self.send(np.full((480, 640), 90, np.uint8))
-        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
+        wait_until(lambda: self.restarts()[-1] > before, 'it restarts')
         self.send(view(308, 300))
         self.send(np.full((240, 320), 90, np.uint8))
         self.assertEqual(self.send(view(312, 300)).width, 640)
@@ -171,28 +158,26 @@ class StabilizerTest(unittest.TestCase):
         wait_until(lambda: self.counts()[-1][0] > before, 'it is counted')
         self.send(view(304, 300))
 
-    def report(self):
-        """The last diagnostics of the stabilizer: message and values."""
-        said = [status for array in self.diagnostics.messages() for status in array.status
-                if status.name.endswith('stabilizer: frames')]
-        return (said[-1].message, {v.key: v.value for v in said[-1].values}) if said else ('', {})
+    def restarts(self):
+        return [int(v['restarts']) for v in self.diagnostics.values('stabilizer: frames') if 'restarts' in v]
+
+    def sleeps(self):
+        return 'no subscriber' in self.diagnostics.of('stabilizer: frames')[-1].message
 
     def test_starts_anew_after_a_time_without_subscriber(self):
         # The matcher goes on, and so has a homography to the frame from before.
-        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        self.addCleanup(homographies.close)
+        Recorder('/camera/matcher/homography', HomographyStamped, self)
         self.send(view(300, 300))
-        wait_until(lambda: 'restarts' in self.report()[1], 'the stabilizer reports')
-        before = int(self.report()[1]['restarts'])
+        wait_until(self.restarts, 'the stabilizer reports')
+        before = self.restarts()[-1]
         self.images.close()
         self.warps.close()
-        wait_until(lambda: 'no subscriber' in self.report()[0], 'the stabilizer sleeps')
-        self.images = Recorder('/camera/stabilizer/image', Image)
-        self.addCleanup(self.images.close)
+        wait_until(self.sleeps, 'the stabilizer sleeps')
+        self.images = Recorder('/camera/stabilizer/image', Image, self)
         wait_until(self.images.publishers, 'the image is connected')
-        wait_until(lambda: 'no subscriber' not in self.report()[0], 'the stabilizer is awake')
+        wait_until(lambda: not self.sleeps(), 'the stabilizer is awake')
         warm_up(self.camera, self.images)
-        wait_until(lambda: int(self.report()[1]['restarts']) > before, 'it restarts')
+        wait_until(lambda: self.restarts()[-1] > before, 'it restarts')
 
     def test_nothing_is_subscribed_without_subscribers(self):
         self.images.close()
@@ -206,5 +191,4 @@ class StabilizerTest(unittest.TestCase):
 
 
 if __name__ == '__main__':
-    rospy.init_node('stabilizer_test')
-    rostest.rosrun('ktgp_orb', 'stabilizer_test', StabilizerTest, sys.argv)
+    run_as_node(StabilizerTest)

@@ -4,7 +4,6 @@
 import csv
 import os
 import subprocess
-import sys
 import tempfile
 import unittest
 
@@ -12,11 +11,9 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-import rostest
-from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatus, TwoViewGeometry
-from ktgp_testing import (TIMEOUT, Camera, Recorder, image_message, view, wait_for_diagnostics, wait_for_matcher,
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_for_matcher,
                           wait_until)
 from poster import K, information
 from sensor_msgs import point_cloud2
@@ -51,7 +48,7 @@ class TwoViewTest(unittest.TestCase):
         cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
         cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
         cls.points = Recorder('/camera/matcher/points', PointCloud2)
-        cls.diagnostics = Recorder('/diagnostics', DiagnosticArray)
+        cls.diagnostics = Diagnostics()
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
         cls.camera = Camera()
         wait_for_matcher(cls.camera, cls.views, cls.homographies, cls.correspondences, cls.points)
@@ -59,7 +56,7 @@ class TwoViewTest(unittest.TestCase):
     def match(self):
         """The stamp of the second view, which is matched to the first."""
         for picture in (FIRST, SECOND):
-            stamp = self.camera.send(image_message(picture, self.camera.next_stamp()))
+            stamp = self.camera.show(picture)
             self.homographies.wait_for(stamp)
         return stamp
 
@@ -79,7 +76,7 @@ class TwoViewTest(unittest.TestCase):
         self.assertFalse(found.has_pose)
         self.assertAlmostEqual(np.linalg.norm(found.fundamental), 1.0, 6)
         self.assertEqual(self.points.messages(), [])
-        wait_for_diagnostics(self.diagnostics, 'there is no motion of the camera: no camera_info', self.match)
+        self.diagnostics.wait_for_words('there is no motion of the camera: no camera_info', self.match)
 
     def test_3_camera_info_gives_the_motion_and_the_scene(self):
         self.info.publish(information())
@@ -148,14 +145,13 @@ class TwoViewTest(unittest.TestCase):
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))
         wait_until(lambda: not self.views.wait_for(self.match()).has_pose, 'the camera_info is in')
-        wait_for_diagnostics(self.diagnostics, 'the camera is not calibrated', self.match)
+        self.diagnostics.wait_for_words('the camera is not calibrated', self.match)
         beside = K.copy()
         beside[0, 2] = 900.0
         self.info.publish(information(k=beside))
-        wait_for_diagnostics(self.diagnostics, 'does it belong to another image size?', self.match)
+        self.diagnostics.wait_for_words('does it belong to another image size?', self.match)
         self.assertFalse(self.views.wait_for(self.match()).has_pose)
 
 
 if __name__ == '__main__':
-    rospy.init_node('two_view_test')
-    rostest.rosrun('ktgp_orb', 'two_view', TwoViewTest, sys.argv)
+    run_as_node(TwoViewTest)

@@ -166,30 +166,21 @@ class KtgpEvaluate(ToolCase):
             self.assertEqual(run.returncode, 1)
             self.assertIn(name, run.stderr)
 
-    def test_a_name_that_no_file_can_have_is_one_problem(self):
-        long = "long" * 100
-        (self.folder / "data" / "list.txt").write_text(
-            f"1-2 {long}.pgm first/img2.pgm first/H1to2p\n"
-            f"1-3 first/img1.pgm {long}.pgm first/H1to3p\n"
-            f"1-4 first/img1.pgm first/img4.pgm {long}\n"
-            "1-5 first/img1.pgm first/img5.pgm first/H1to5p\n")
-        run, rows = self.rows("data/list.txt", long, "--methods", "KTGP", "--json", "out.json")
-        self.assertEqual(run.returncode, 1)
-        self.assertEqual([r["pair"] for r in rows], ["1-5"], run.stderr)
-        out = json.loads((self.folder / "out.json").read_text())
-        self.assertEqual(len(out["problems"]), 4)
-
-    def test_a_pipe_in_a_list_holds_nothing_up(self):
+    def test_files_that_cannot_be_read_are_a_problem_each(self):
         os.mkfifo(self.folder / "data" / "pipe")
-        (self.folder / "data" / "list.txt").write_text(
-            "1-2 pipe first/img2.pgm first/H1to2p\n"
-            "1-3 first/img1.pgm pipe first/H1to3p\n"
-            "1-4 first/img1.pgm first/img4.pgm pipe\n"
-            "1-5 first/img1.pgm first/img5.pgm first/H1to5p\n")
-        run, rows = self.rows("data/list.txt", "--methods", "KTGP")
-        self.assertEqual(run.returncode, 1)
-        self.assertEqual([r["pair"] for r in rows], ["1-5"], run.stderr)
-        self.assertEqual(run.stderr.count("is not a regular file"), 3, run.stderr)
+        long = "long" * 100  # no file can have this name
+        for name in ("pipe", long):
+            (self.folder / "data" / "list.txt").write_text(
+                f"1-2 {name} first/img2.pgm first/H1to2p\n"
+                f"1-3 first/img1.pgm {name} first/H1to3p\n"
+                f"1-4 first/img1.pgm first/img4.pgm {name}\n"
+                "1-5 first/img1.pgm first/img5.pgm first/H1to5p\n")
+            run, rows = self.rows("data/list.txt", long, "--methods", "KTGP", "--json", "out.json")
+            self.assertEqual(run.returncode, 1)
+            self.assertEqual([r["pair"] for r in rows], ["1-5"], run.stderr)
+            out = json.loads((self.folder / "out.json").read_text())
+            self.assertEqual(len(out["problems"]), 4)
+            self.assertEqual(run.stderr.count("is not a regular file"), 3 if name == "pipe" else 0, run.stderr)
 
     def test_folder_without_its_first_image(self):
         (self.folder / "data" / "first" / "img1.pgm").unlink()

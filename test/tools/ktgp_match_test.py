@@ -9,17 +9,10 @@ import unittest
 
 import cv2
 import numpy as np
-from tool_case import HEIGHT, WIDTH, ToolCase, picture, translation, write_pgm
+from tool_case import HEIGHT, WIDTH, PairCase, picture, write_pgm
 
 
-class KtgpMatch(ToolCase):
-    def setUp(self):
-        super().setUp()
-        rows = picture()
-        write_pgm(self.folder / "a.pgm", rows, 20, 20)
-        write_pgm(self.folder / "b.pgm", rows, 13, 24)  # the scene moves by (7, -4)
-        (self.folder / "H.txt").write_text(translation(7, -4))
-
+class KtgpMatch(PairCase):
     def match(self, *arguments):
         """With the preset ktgp unless the arguments begin from another one."""
         usual = () if {"--preset", "--params"} & set(arguments) else ("--preset", "ktgp")

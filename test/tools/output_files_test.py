@@ -9,7 +9,7 @@ import subprocess
 import time
 import unittest
 
-from tool_case import ToolCase, picture, translation, write_pgm
+from tool_case import PairCase
 
 TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
@@ -34,15 +34,7 @@ def little_memory(limit):
     return apply
 
 
-class OutputCase(ToolCase):
-    def setUp(self):
-        super().setUp()
-        rows = picture()
-        write_pgm(self.folder / "a.pgm", rows, 20, 20)
-        write_pgm(self.folder / "b.pgm", rows, 13, 24)
-        (self.folder / "H.txt").write_text(translation(7, -4))
-        (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")
-
+class OutputCase(PairCase):
     def run_with(self, tool, *arguments, preexec=None, stdout=subprocess.PIPE):
         return subprocess.run([TOOLS / tool, *map(str, arguments)], cwd=self.folder, stdout=stdout,
                               stderr=subprocess.PIPE, text=True, errors="replace", timeout=300,
@@ -146,9 +138,9 @@ class MatchOutput(OutputCase):
         for tool in tools:
             self.assertRegex(self.run_with(tool, "--version").stdout, r"^ktgp_orb \d+\.\d+\.\d+\n$")
             text = self.run_with(tool, "--help").stdout
+            self.assertIn(f"Usage: {tool} ", text)
             for words in ("Exit code: 0 ", ", 1 ", ", 2 ", "130 interrupted (Ctrl-C)", "--force"):
                 self.assertIn(words, text.replace("\n", " "), tool)
-
 
     def test_an_ending_that_is_no_pictures_is_refused_before_any_work(self):
         (self.folder / "text.png").write_text("no image")  # would be read first
@@ -171,10 +163,6 @@ class MatchOutput(OutputCase):
     def test_a_device_is_no_parameter_file(self):
         self.refused("ktgp_match", "a.pgm", "b.pgm", "--params", "/dev/zero", words="longer than 1 MB",
                      preexec=little_memory(700 << 20))
-
-    def test_usage_lines_have_the_programs_name(self):
-        for tool in ["ktgp_match", "ktgp_evaluate"] + (["ktgp_bag"] if WITH_ROS else []):
-            self.assertIn(f"Usage: {tool} ", self.run_with(tool, "--help").stdout)
 
 
 class EvaluateOutput(OutputCase):
@@ -205,25 +193,25 @@ class EvaluateOutput(OutputCase):
                             preexec=little_memory(700 << 20))
         self.assertEqual(run.returncode, 2, run.stderr)
 
-    def test_ctrl_c_ends_with_130(self):
-        process = subprocess.Popen(
-            [TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json"],
-            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
-            # Until it catches the signal: bit 1 of SigCgt is SIGINT.
-            while not self.catches_interrupt(status):
-                self.assertIsNone(process.poll())
-                time.sleep(0.01)
-        process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
-        self.assertEqual(process.returncode, 130)
-        self.assertFalse((self.folder / "out.json").exists())
+    def test_ctrl_c_and_a_closed_terminal_end_with_130(self):
+        for stop in (signal.SIGINT, signal.SIGHUP):
+            process = subprocess.Popen(
+                [TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json"],
+                cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
+                while not self.catches(stop, status):
+                    self.assertIsNone(process.poll())
+                    time.sleep(0.01)
+            process.send_signal(stop)
+            process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 130)
+            self.assertFalse((self.folder / "out.json").exists())
 
     @staticmethod
-    def catches_interrupt(status):
+    def catches(stop, status):
         status.seek(0)
         caught = next(line for line in status if line.startswith("SigCgt"))
-        return int(caught.split()[1], 16) & (1 << (signal.SIGINT - 1))
+        return int(caught.split()[1], 16) & (1 << (stop - 1))
 
     def test_a_list_without_a_pair_is_named(self):
         for text in ("", "# nothing\n\n"):
@@ -231,18 +219,6 @@ class EvaluateOutput(OutputCase):
             run = self.run_with("ktgp_evaluate", "empty.txt")
             self.assertEqual(run.returncode, 1)
             self.assertIn("empty.txt: names no pair", run.stderr)
-
-    def test_a_closed_terminal_is_as_ctrl_c(self):
-        process = subprocess.Popen(
-            [TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json"],
-            cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
-            while not self.catches_interrupt(status):
-                self.assertIsNone(process.poll())
-                time.sleep(0.01)
-        process.send_signal(signal.SIGHUP)
-        process.communicate(timeout=60)
-        self.assertEqual(process.returncode, 130)
 
     def test_a_bag_belongs_to_another_program(self):
         self.refused("ktgp_evaluate", "--bag", "some.bag", words="ktgp_evaluate_bag some.bag")

@@ -43,3 +43,15 @@ class ToolCase(unittest.TestCase):
         program = pathlib.Path(os.environ["KTGP_ORB_TOOLS"]) / tool
         return subprocess.run([program, *map(str, arguments)], cwd=self.folder,
                               capture_output=True, text=True, timeout=60, check=False)
+
+
+class PairCase(ToolCase):
+    """Two views of one picture."""
+
+    def setUp(self):
+        super().setUp()
+        rows = picture()
+        write_pgm(self.folder / "a.pgm", rows, 20, 20)
+        write_pgm(self.folder / "b.pgm", rows, 13, 24)  # the scene moves by (7, -4)
+        (self.folder / "H.txt").write_text(translation(7, -4))
+        (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")

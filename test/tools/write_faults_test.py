@@ -5,21 +5,13 @@ import pathlib
 import subprocess
 import unittest
 
-from tool_case import ToolCase, picture, translation, write_pgm
+from tool_case import PairCase
 
 TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
 STEP = 1.0 if os.environ.get("KTGP_ORB_ALL_FAULTS") else 1.7
 
 
-class WriteFaults(ToolCase):
-    def setUp(self):
-        super().setUp()
-        rows = picture()
-        write_pgm(self.folder / "a.pgm", rows, 20, 20)
-        write_pgm(self.folder / "b.pgm", rows, 13, 24)
-        (self.folder / "H.txt").write_text(translation(7, -4))
-        (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")
-
+class WriteFaults(PairCase):
     def run_failing(self, number, tool, *arguments):
         """Runs the program; returns also whether the write with that number was reached and failed."""
         mark = self.folder / "mark"

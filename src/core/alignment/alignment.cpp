@@ -10,6 +10,7 @@
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/names.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -96,19 +97,8 @@ bool isBetter(const UncertainHomography& candidate, const UncertainHomography& b
 }  // namespace
 
 const char* toString(AlignmentStatus status) {
-  switch (status) {
-    case AlignmentStatus::not_run:
-      return "not_run";
-    case AlignmentStatus::ok:
-      return "ok";
-    case AlignmentStatus::no_images:
-      return "no_images";
-    case AlignmentStatus::too_few_points:
-      return "too_few_points";
-    case AlignmentStatus::not_better:
-      return "not_better";
-  }
-  return "unknown";
+  return util::nameOf<AlignmentStatus::not_better>(
+      status, {"not_run", "ok", "no_images", "too_few_points", "not_better"});
 }
 
 struct Alignment::Impl {

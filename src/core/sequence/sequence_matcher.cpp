@@ -9,6 +9,7 @@
 #include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
 #include "core/sequence/track_numbers.h"
+#include "core/util/names.h"
 
 namespace ktgp_orb {
 namespace {
@@ -341,29 +342,9 @@ void SequenceMatcher::reset() {
 }
 
 const char* toString(NoReference reason) {
-  switch (reason) {
-    case NoReference::none:
-      return "none";
-    case NoReference::first_frame:
-      return "first_frame";
-    case NoReference::gap:
-      return "gap";
-    case NoReference::stamp_went_back:
-      return "stamp_went_back";
-    case NoReference::size_changed:
-      return "size_changed";
-    case NoReference::encoding_changed:
-      return "encoding_changed";
-    case NoReference::not_set:
-      return "not_set";
-    case NoReference::reset:
-      return "reset";
-    case NoReference::mode_changed:
-      return "mode_changed";
-    case NoReference::lens_changed:
-      return "lens_changed";
-  }
-  return "unknown";
+  return util::nameOf<NoReference::lens_changed>(
+      reason, {"none", "first_frame", "gap", "stamp_went_back", "size_changed", "encoding_changed",
+               "not_set", "reset", "mode_changed", "lens_changed"});
 }
 
 }  // namespace ktgp_orb

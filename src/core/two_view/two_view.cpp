@@ -16,6 +16,7 @@
 #include "core/two_view/rotation.h"
 #include "core/two_view/support.h"
 #include "core/util/constants.h"
+#include "core/util/names.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -43,17 +44,7 @@ void reset(std::size_t pairs, TwoView& result) {
 }  // namespace
 
 const char* toString(Geometry geometry) {
-  switch (geometry) {
-    case Geometry::none:
-      return "none";
-    case Geometry::plane:
-      return "plane";
-    case Geometry::rotation:
-      return "rotation";
-    case Geometry::epipolar:
-      return "epipolar";
-  }
-  return "unknown";
+  return util::nameOf<Geometry::epipolar>(geometry, {"none", "plane", "rotation", "epipolar"});
 }
 
 struct TwoViewEstimator::Impl {
