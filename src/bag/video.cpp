@@ -11,6 +11,7 @@
 #include <fstream>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <vector>
 
@@ -219,7 +220,8 @@ std::vector<std::string> filesOf(const std::string& pattern) {
 
 class Images : public ImageSource {
  public:
-  Images(const std::string& pattern, const BagSelection& selection, double rate) : rate_(rate) {
+  Images(const std::string& pattern, const BagSelection& selection, double rate, int longest_side)
+      : longest_side_(longest_side) {
     refuseTopic(pattern, selection);
     const std::vector<std::string> all = filesOf(pattern);
     for (std::size_t i = 0; i < all.size(); ++i) {
@@ -235,7 +237,10 @@ class Images : public ImageSource {
     if (next_ == files_.size()) return std::nullopt;
     const auto& [file, stamp] = files_[next_++];
     try {
-      return recorded(files::readPicture(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH), stamp);
+      cv::Mat image = files::readPicture(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
+      const double scale = static_cast<double>(longest_side_) / std::max(image.cols, image.rows);
+      if (scale > 0.0 && scale < 1.0) cv::resize(image, image, {}, scale, scale, cv::INTER_AREA);
+      return recorded(image, stamp);
     } catch (const files::FileError& error) {
       return RecordedImage{nullptr, stamp, error.what()};
     }
@@ -246,7 +251,7 @@ class Images : public ImageSource {
   std::string damage() const override { return {}; }
 
  private:
-  double rate_;
+  int longest_side_;
   std::vector<std::pair<std::string, ros::Time>> files_;
   std::size_t next_ = 0;
   const std::string topic_ = kTopic;
@@ -273,8 +278,8 @@ std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelecti
 }
 
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
-                                        double rate) {
-  return std::make_unique<Images>(pattern, selection, rate);
+                                        double rate, int longest_side) {
+  return std::make_unique<Images>(pattern, selection, rate, longest_side);
 }
 
 double rateOfVideo(const std::string& path) {

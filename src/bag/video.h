@@ -22,9 +22,9 @@ std::unique_ptr<ImageSource> openVideo(const std::string& path, const BagSelecti
                                        double rate);
 
 /// Opens all images whose names fit the pattern, "img2.png" before "img10.png", at `rate` images
-/// per second. Throws UnusableBag.
+/// per second. `longest_side`: larger ones are made so small, px; 0: none. Throws UnusableBag.
 std::unique_ptr<ImageSource> openImages(const std::string& pattern, const BagSelection& selection,
-                                        double rate);
+                                        double rate, int longest_side);
 
 /// The files that are read: those that fit a pattern, else the input itself.
 std::vector<std::string> filesOfInput(const std::string& path);

@@ -50,7 +50,8 @@ struct Arguments {
   std::string csv;
   bool overlay = false;
   std::string draw;
-  double rate = 0.0;  ///< 1/s; 0: the times of the recording
+  double rate = 0.0;     ///< 1/s; 0: the times of the recording
+  int longest_side = 0;  ///< of images of a pattern, px; 0: as they are
   ViewOptions views;
   MotionFile motion;
   TargetsInput targets;
@@ -67,7 +68,7 @@ std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
       return openVideo(arguments.in, arguments.selection, arguments.rate);
     case InputKind::images:
       return openImages(arguments.in, arguments.selection,
-                        arguments.rate > 0.0 ? arguments.rate : kUsualRate);
+                        arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
     case InputKind::bag:
       break;
   }
@@ -330,8 +331,14 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openInput(arguments);
   if (!arguments.views.steady.video.empty()) arguments.views.steady.rate = pictureRate(arguments);
-  const Configuration configuration =
+  Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
+  if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
+    // One image after the other is no gap, however seldom they were taken.
+    constexpr double kPeriods = 1.5;
+    double& max_age = configuration.sequence.reference.max_age;
+    max_age = std::max(max_age, kPeriods / arguments.rate);
+  }
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
   std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
@@ -383,6 +390,10 @@ void addArguments(CLI::App& app, Arguments& arguments) {
          "images per second: of a pattern of images (30 without it), of a video in place of "
          "its own times")
       ->check(tools::numberIn({0.001, 10000.0}));
+  app.add_option("--longest_side", arguments.longest_side,
+                 "make larger images of a pattern so small before anything else [px]; all results "
+                 "are in px of the small ones")
+      ->check(tools::numberIn({32, 100000}));
   app.add_option("--csv", arguments.csv,
                  "write a table with a line for every image; - is the standard output")
       ->type_name("FILE");
@@ -414,6 +425,7 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   } options[] = {
       {"--reference_image", fixed, "--reference_mode fixed"},
       {"--calibration", posed, "--targets or --motion"},
+      {"--longest_side", kindOf(arguments.in) == InputKind::images, "a pattern of images"},
       {"--motion_height", motion.height_source == "parameter", "--motion_height_source parameter"},
       {"--motion_range", motion.height_source == "range", "--motion_height_source range"},
       {"--motion_imu", motion.normal_source == "imu" || motion.gyro,
@@ -439,7 +451,9 @@ int run(int argc, char** argv) {
   app.footer(std::string("Examples:\n"
                          "  ktgp_bag my.bag matched.bag --csv matched.csv\n"
                          "  ktgp_bag my.mp4 matched.bag --preset robust --draw matches.mp4\n"
-                         "  ktgp_bag 'images/*.png' matched.bag --rate 10 --mosaic map.png\n\n"
+                         "  ktgp_bag 'images/*.png' matched.bag --rate 10 --mosaic map.png\n"
+                         "  ktgp_bag 'flight/*.jpg' matched.bag --rate 0.5 --longest_side 1000 "
+                         "--preset photo --mosaic map.png\n\n"
                          "The parameter threads is the number of images processed in parallel; its "
                          "default differs from that\nof the nodelet.\n\n") +
              tools::kExitCodes + "\nAfter 1 and 130, OUT.bag has the results up to that point.");

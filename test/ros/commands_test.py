@@ -210,6 +210,10 @@ COMMANDS = {
         'rosrun ktgp_orb ktgp_bag my.mp4 matched_video.bag --csv -',
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
         "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' matched_images.bag --rate 10",
+    "rosrun ktgp_orb ktgp_bag 'flight/*.jpg' matched.bag --rate 0.5 --longest_side 1000 --preset photo "
+    "--mosaic map.png":
+        "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' photographs.bag --rate 0.5 --longest_side 300 --preset photo "
+        "--mosaic photographs.png",
     "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt":
         "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt",
     'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '

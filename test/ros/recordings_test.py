@@ -192,6 +192,23 @@ class VideoTest(RecordingCase):
         shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
         np.testing.assert_allclose(shifts, -5.0, atol=0.5)  # img2 comes before img10
 
+    def test_photographs_of_a_survey_are_placed_in_one_map(self):
+        """2 s apart, with 63 % overlap, turned, made smaller first."""
+        os.mkdir(self.path('images'))
+        large = cv2.resize(view(0, 0, 640, 480), None, fx=6, fy=6, interpolation=cv2.INTER_CUBIC)
+        side, step = 1400, 518
+        for i in range(4):
+            turn = cv2.getRotationMatrix2D((side / 2 + step * i, 1440), 4.0 * i, 1.0)
+            turn[:, 2] += (-step * i, -1440 + side / 2)
+            cv2.imwrite(self.path('images', '%d.jpg' % i), cv2.warpAffine(large, turn, (side, side)))
+        run = self.run_program('images/*.jpg', 'out.bag', '--rate', '0.5', '--longest_side', '500',
+                               '--preset', 'photo', '--mosaic', 'map.png')
+        self.assertEqual(run.returncode, 0, run.err)
+        self.assertIn('3 homographies', run.err)
+        self.assertIn('4 frames, 0 of them lost', run.err)
+        found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
+        self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
+
     def test_an_image_that_is_none_is_refused_alone(self):
         os.mkdir(self.path('images'))
         for i, picture in enumerate(pictures(4)):
@@ -233,7 +250,8 @@ class VideoTest(RecordingCase):
         for arguments, expected in (
                 (['text.mp4'], 'neither a bag nor a video'), (['none.mp4'], 'is missing'),
                 (['pipe.mp4'], 'not a regular file'), (['none*.png'], 'nor one that fits it'),
-                (['in.bag', '--rate', '3'], 'a bag has the times of its images')):
+                (['in.bag', '--rate', '3'], 'a bag has the times of its images'),
+                (['in.bag', '--longest_side', '500'], 'used only with a pattern of images')):
             run = self.run_program(arguments[0], 'out.bag', *arguments[1:])
             self.assertEqual(run.returncode, 2, run.err)
             self.assertIn(expected, run.err)
