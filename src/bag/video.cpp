@@ -239,7 +239,10 @@ class Images : public ImageSource {
     try {
       cv::Mat image = files::readPicture(file, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
       const double scale = static_cast<double>(longest_side_) / std::max(image.cols, image.rows);
-      if (scale > 0.0 && scale < 1.0) cv::resize(image, image, {}, scale, scale, cv::INTER_AREA);
+      if (scale > 0.0 && scale < 1.0) {
+        const auto side = [scale](int length) { return std::max(1, cvRound(scale * length)); };
+        cv::resize(image, image, {side(image.cols), side(image.rows)}, 0, 0, cv::INTER_AREA);
+      }
       return recorded(image, stamp);
     } catch (const files::FileError& error) {
       return RecordedImage{nullptr, stamp, error.what()};

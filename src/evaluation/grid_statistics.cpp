@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include "core/util/keypoint_position.h"
 
@@ -114,6 +115,11 @@ Neighbourhood cross() {
 void filterByGridStatistics(const Features& reference, const Features& target,
                             const Neighbourhood& neighbourhood, const GmsOptions& options,
                             std::vector<Correspondence>& matches) {
+  if (options.grid_columns < 1 || options.grid_rows < 1) {
+    throw std::invalid_argument(
+        "gms_grid is 0, by the number of matches; this method expects the number of cells, 1 or "
+        "more");
+  }
   const Grid grid{options.grid_columns, options.grid_rows};
   std::vector<bool> keep(matches.size(), false);
   for (const cv::Point& shift : {cv::Point(0, 0), {1, 0}, {0, 1}, {1, 1}}) {

@@ -206,6 +206,9 @@ class VideoTest(RecordingCase):
         self.assertEqual(run.returncode, 0, run.err)
         self.assertIn('3 homographies', run.err)
         self.assertIn('4 frames, 0 of them lost', run.err)
+        cv2.imwrite(self.path('strip.png'), np.zeros((2, 400), np.uint8))
+        run = self.run_program('strip*.png', 'strip.bag', '--longest_side', '32')
+        self.assertIn('1 images of /camera/image_raw matched', run.err)  # 32x1 px
         found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
         self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
 
