@@ -14,6 +14,7 @@
 #include "core/util/names.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/frame_path.h"
+#include "metrics/repetition.h"
 #include "mosaic/keyframes.h"
 #include "mosaic/tile_map.h"
 
@@ -113,6 +114,7 @@ struct Mosaic::Impl {
     Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
   };
   std::optional<Placed> last;                           // the last frame with a known position
+  std::optional<Eigen::Vector2d> velocity;              // of its middle, px of the map a ns
   std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
   std::int64_t first_stamp = 0;
@@ -128,9 +130,8 @@ struct Mosaic::Impl {
     is_full = false;
     ++maps;
     first_stamp = stamp;
-    pose = Eigen::Matrix3d::Identity();
-    last = Placed{stamp, *pose};
-    is_lost = false;
+    last.reset();
+    settle(stamp, Eigen::Matrix3d::Identity());
     if (options.keyframes) keyframes.add(std::move(features), *pose);
     draw();
   }
@@ -169,6 +170,52 @@ struct Mosaic::Impl {
     return from_map;
   }
 
+  /// The middle of the frame in the map.
+  Eigen::Vector2d middleInMap(const Eigen::Matrix3d& from_map) const {
+    return homography::project(from_map.inverse(), middle());
+  }
+  Eigen::Vector2d middle() const { return {0.5 * (size.width - 1), 0.5 * (size.height - 1)}; }
+
+  bool isPredictable(std::int64_t stamp) const {
+    constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
+    return velocity && stamp - last->stamp < kPredictable;
+  }
+
+  /// Whether the pose may be that of a place that looks the same, on ground that repeats: more than
+  /// half a period from where the last velocity leads or, where that is long ago, from where the
+  /// chain of homographies leads. Where neither is known, any pose may be.
+  bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
+                          const std::optional<Eigen::Matrix3d>& by_chain) const {
+    const auto inFrame = [&](const Eigen::Vector2d& place) {
+      return homography::project(from_map, place);
+    };
+    const auto surprise = [&](const Eigen::Vector2d& place) {
+      return (inFrame(place) - middle()).norm();
+    };
+    const bool is_predictable = isPredictable(stamp);
+    const Eigen::Vector2d before = middleInMap(last->from_map);
+    Eigen::Vector2d predicted = before;
+    if (is_predictable) predicted += static_cast<double>(stamp - last->stamp) * *velocity;
+    constexpr double kNoSurprise = 4.0;  // px: less than half of any period
+    if (is_predictable && surprise(predicted) < kNoSurprise) return false;
+    const double half_period = 0.5 * metrics::shortestPeriod(grey);
+    if (half_period == 0.0) return false;
+    const double way = (inFrame(predicted) - inFrame(before)).norm();
+    if (is_predictable && way < half_period) return surprise(predicted) > half_period;
+    return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
+  }
+
+  void settle(std::int64_t stamp, const Eigen::Matrix3d& from_map) {
+    pose = normalised(from_map);
+    velocity.reset();
+    if (last && stamp > last->stamp) {
+      velocity = (middleInMap(*pose) - middleInMap(last->from_map)) /
+                 static_cast<double>(stamp - last->stamp);
+    }
+    last = Placed{stamp, *pose};
+    is_lost = false;
+  }
+
   Placement lose(std::int64_t stamp, Features features) {
     pose.reset();
     if (!std::exchange(is_lost, true)) lost_since = stamp;
@@ -180,15 +227,18 @@ struct Mosaic::Impl {
 
   Placement placeByKeyframes(std::int64_t stamp) {
     const std::optional<Eigen::Matrix3d> expected = chained(stamp);
+    if (!last) return lose(stamp, {});
+    const bool is_known = expected || isPredictable(stamp);
+    if (!is_known && metrics::shortestPeriod(grey) > 0.0) return lose(stamp, {});
     Features features = find();
-    if (!last) return lose(stamp, std::move(features));
     std::optional<Eigen::Matrix3d> found =
         keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
     if (found && !isDrawable(size, *found)) found.reset();
-    if (!found && !expected) return lose(stamp, std::move(features));
-    pose = normalised(found.value_or(expected.value_or(last->from_map)));
-    last = Placed{stamp, *pose};
-    is_lost = false;
+    if (!found) found = expected;
+    if (!found || mayBeAnotherPeriod(stamp, *found, expected)) {
+      return lose(stamp, std::move(features));
+    }
+    settle(stamp, *found);
     const bool room = !is_full && keyframes.size() < keyframesFor(options, size);
     if (room && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
       keyframes.add(std::move(features), *pose);
@@ -200,10 +250,8 @@ struct Mosaic::Impl {
 
   Placement placeByPath(std::int64_t stamp) {
     const std::optional<Eigen::Matrix3d> expected = chained(stamp);
-    if (!expected) return lose(stamp, {});
-    pose = expected;
-    last = Placed{stamp, *pose};
-    is_lost = false;
+    if (!expected || mayBeAnotherPeriod(stamp, *expected, expected)) return lose(stamp, {});
+    settle(stamp, *expected);
     if (!hasMoved()) return Placement::seen;
     draw();
     return Placement::drawn;

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <vector>
 
 #include "core/homography/transform.h"
+#include "metrics/repetition.h"
 #include "targets/appearance.h"
 #include "targets/picture_aligner.h"
 
@@ -16,7 +18,7 @@ constexpr double kLeastMove = 0.08;      // of the side; less is the same place
 constexpr double kLeastAlike = 0.5;      // correlation; afterwards the blocks are compared
 constexpr double kLeastAgreement = 0.6;  // of the blocks
 constexpr double kLeastOverlap = 0.5;
-constexpr int kMostPlaces = 4;  // for each turn
+constexpr std::size_t kMostPlaces = 4;  // for each turn
 
 /// px of the copy -> px of the copy turned clockwise by so many quarters.
 Eigen::Matrix3d turning(int quarters, const cv::Size& size) {
@@ -61,7 +63,7 @@ std::string ambiguityOf(const TargetPicture& picture) {
   const double scale = std::min(1.0, kCopySide / std::max(whole.width, whole.height));
   const cv::Size size(std::max(8, cvRound(scale * whole.width)),
                       std::max(8, cvRound(scale * whole.height)));
-  cv::Mat copy, turned, correlation;
+  cv::Mat copy, turned;
   shrink(picture, size, cv::INTER_AREA, copy);
   const Eigen::Matrix3d to_copy = homography::resizing(whole, size);
   for (int quarters = 0; quarters < 4; ++quarters) {
@@ -70,19 +72,11 @@ std::string ambiguityOf(const TargetPicture& picture) {
     } else {
       cv::rotate(copy, turned, quarters - 1);
     }
-    const cv::Size half(std::min(turned.cols, copy.cols) / 2, std::min(turned.rows, copy.rows) / 2);
-    const cv::Point corner((turned.cols - half.width) / 2, (turned.rows - half.height) / 2);
-    cv::matchTemplate(copy, turned(cv::Rect(corner, half)), correlation, cv::TM_CCOEFF_NORMED);
-    for (int i = 0; i < kMostPlaces; ++i) {
-      double best = 0.0;
-      cv::Point place;
-      cv::minMaxLoc(correlation, nullptr, &best, nullptr, &place);
-      if (!(best > kLeastAlike)) break;
-      const auto reach = cvRound(0.5 * kLeastMove * std::max(size.width, size.height));
-      cv::circle(correlation, place, std::max(1, reach), cv::Scalar(-1.0), cv::FILLED);
-      const Eigen::Vector2d shift(place.x - corner.x, place.y - corner.y);
+    std::vector<cv::Point> shifts = metrics::alikeShifts(turned, copy, kLeastAlike);
+    if (shifts.size() > kMostPlaces) shifts.resize(kMostPlaces);
+    for (const cv::Point& shift : shifts) {
       Eigen::Matrix3d moving = Eigen::Matrix3d::Identity();
-      moving.topRightCorner<2, 1>() = shift;
+      moving.topRightCorner<2, 1>() << shift.x, shift.y;
       const Eigen::Matrix3d map = to_copy.inverse() * moving * turning(quarters, size) * to_copy;
       const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
       const Eigen::Vector2d moved = (homography::project(map, middle) - middle)

@@ -62,6 +62,8 @@ class Flight {
     return goBy(view, h);
   }
   Placement goLost(const Eigen::Matrix3d& view) { return goBy(view, std::nullopt); }
+  /// Without images, for as long as so many would take.
+  void wait(int images) { stamp_ += images * kPeriod; }
   void flyOver(const cv::Mat& picture) { world_ = picture; }
   /// A factor for the brightness of the next frames.
   void setExposure(double exposure) { exposure_ = exposure; }
@@ -260,6 +262,57 @@ Eigen::Matrix3d tiltedAt(double x, double y, double zoom, double turn, double ti
   camera.topRightCorner<2, 1>() << 159.5, 119.5;
   const Eigen::Matrix3d h = camera * plane * viewAt(x, y);
   return h / h(2, 2);
+}
+
+/// A printed checkerboard, `square` px a square, with a little dirt: it looks about the same moved
+/// by two squares.
+cv::Mat checkerboard(int square, double dirt) {
+  cv::Mat picture = world(3);
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      auto& pixel = picture.at<cv::Vec3b>(y, x);
+      const double paper = (x / square + y / square) % 2 == 0 ? 190.0 : 30.0;
+      for (int c = 0; c < 3; ++c) {
+        pixel[c] = cv::saturate_cast<std::uint8_t>(paper + dirt * (pixel[c] - 124.0));
+      }
+    }
+  }
+  cv::GaussianBlur(picture, picture, {}, 1.0);
+  return picture;
+}
+
+TEST(Mosaic, IsNotAPeriodOffOnGroundThatRepeats) {
+  constexpr int kSquare = 24;
+  Eigen::Matrix3d period = Eigen::Matrix3d::Identity();
+  period(0, 2) = 2.0 * kSquare;
+  for (const bool keyframes : {false, true}) {
+    MosaicOptions options;
+    options.keyframes = keyframes;
+    Flight flight(options, checkerboard(kSquare, 0.4));
+    flight.go(viewAt(400, 300));
+    for (int i = 1; i <= 10; ++i) flight.go(viewAt(400 + 4 * i, 300));
+    ASSERT_LT(flight.error(), 1.0);
+    const Placement placement = flight.go(viewAt(444, 300), period);
+    if (keyframes) {  // they know better than the homography
+      EXPECT_NE(placement, Placement::lost);
+      EXPECT_LT(flight.error(), 1.0);
+    } else {
+      EXPECT_EQ(placement, Placement::lost);
+    }
+  }
+}
+
+TEST(Mosaic, DoesNotGuessWhichPeriodItSeesAfterALongGap) {
+  for (const bool repeats : {false, true}) {
+    for (const int missing : {1, 30}) {
+      Flight flight({}, repeats ? checkerboard(24, 0.4) : world(1));
+      flight.go(viewAt(400, 300));
+      for (int i = 1; i <= 10; ++i) flight.go(viewAt(400 + 4 * i, 300));
+      flight.wait(missing);
+      const Placement placement = flight.goLost(viewAt(440 + 4 * missing, 300));
+      EXPECT_EQ(placement == Placement::lost, repeats && missing > 3) << repeats << " " << missing;
+    }
+  }
 }
 
 TEST(Mosaic, FindsItsPlaceAgainFromAZoomedAndTiltedViewByGrowth) {
