@@ -104,7 +104,7 @@ struct GroundMotion::Impl {
   double largestChange(double seconds, double since_last) const;
   bool isBelieved(std::optional<Eigen::Vector3d> velocity);
   void widenForReadings(const GroundFrame& frame);
-  void roughen();
+  void widenForSlope();
   void moveToDestination();
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void measureTwist(double seconds);
@@ -174,7 +174,7 @@ const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
   return estimate;
 }
 
-/// What cannot be computed with must not stay: the motion begins anew with the next frame.
+/// A state that is not finite would stay so for ever: the next frame begins anew.
 void GroundMotion::Impl::forget() {
   estimate = {};
   estimate.status = GroundStatus::not_finite;
@@ -206,7 +206,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
-      roughen();
+      widenForSlope();
       twist_noise.beginKeyframe();
       keyframe_stamp = frame.reference_stamp;
     }
@@ -379,7 +379,8 @@ void GroundMotion::Impl::predict(double seconds) {
   filter.start(next, covariance);
 }
 
-/// What is not connected to earlier frames takes height and normal from the readings alone.
+/// For a frame without a connection to earlier ones: height and tilt become unknown, so that the
+/// readings alone determine them.
 void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   const CameraPose placed = onGround(frame, filter.pose());
   Matrix6 more = Matrix6::Zero();
@@ -495,8 +496,8 @@ bool GroundMotion::Impl::isBelieved(std::optional<Eigen::Vector3d> velocity) {
   return true;
 }
 
-/// The ground of the next keyframe is not quite that of this one.
-void GroundMotion::Impl::roughen() {
+/// Process noise of height and tilt: the ground of the next keyframe may slope against this one's.
+void GroundMotion::Impl::widenForSlope() {
   const Eigen::Vector3d position = filter.pose().position;
   const double share = (position - keyframe_position).norm() / position.z();
   const double variance = options.ground_slope * options.ground_slope * share;

@@ -39,7 +39,7 @@ void PictureSearch::setFrame(const Features& features, const std::vector<std::in
 
 bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;        // px
-  constexpr std::ptrdiff_t kTwice = 2;  // the first one may have grown from an unlucky pair
+  constexpr std::ptrdiff_t kTwice = 2;  // maps: one alone may come from a wrong first seed
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
            return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
                   kNear;
