@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "frame_pair.h"
+#include "metrics/repetition.h"
 
 namespace ktgp_orb {
 namespace {
@@ -279,6 +280,28 @@ cv::Mat checkerboard(int square, double dirt) {
   }
   cv::GaussianBlur(picture, picture, {}, 1.0);
   return picture;
+}
+
+/// A drawn picture in grey levels, 320 px wide.
+cv::Mat grey(const cv::Mat& picture) {
+  cv::Mat image;
+  cv::cvtColor(picture(cv::Rect({400, 300}, kSize)), image, cv::COLOR_BGR2GRAY);
+  return image;
+}
+
+TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
+  // Of a checkerboard: one square to the side and one down.
+  for (const int square : {16, 24, 40}) {
+    EXPECT_NEAR(metrics::shortestPeriod(grey(checkerboard(square, 0.3))), square * std::sqrt(2.0),
+                0.1 * square);
+  }
+  EXPECT_EQ(metrics::shortestPeriod(grey(world(1))), 0.0);
+  cv::Mat smooth;
+  cv::GaussianBlur(grey(world(1)), smooth, {}, 40.0);
+  EXPECT_EQ(metrics::shortestPeriod(smooth), 0.0) << "like its neighbourhood, and not moved";
+  cv::Mat fine(72, 96, CV_8UC1);
+  for (int x = 0; x < fine.cols; ++x) fine.col(x).setTo(x % 3 == 0 ? 200 : 50);
+  EXPECT_GE(metrics::shortestPeriod(fine), 0.04 * fine.cols);
 }
 
 TEST(Mosaic, IsNotAPeriodOffOnGroundThatRepeats) {
