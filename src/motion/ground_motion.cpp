@@ -199,7 +199,8 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
       motion::inImageUnits(frame.answer->homography, frame.answer->covariance, frame.camera);
-  image.covariance *= of_homography.factor();
+  // Over relief the misfit is that of the plane: the readings, which are widened, give way.
+  if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
   const bool from_last = frame.reference_stamp == last_stamp;
