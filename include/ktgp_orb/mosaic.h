@@ -74,6 +74,9 @@ class Mosaic {
 
   /// Of the last placed frame: map -> frame, px; empty where it is lost.
   std::optional<Eigen::Matrix3d> pose() const;
+  /// Whether the last placed frame is lost since the ground looks the same when it is moved, and
+  /// neither its velocity nor the homographies tell by how much.
+  bool isAmbiguous() const;
   /// First frame of the map, ns.
   std::int64_t firstStamp() const;
 

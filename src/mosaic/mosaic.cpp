@@ -120,6 +120,7 @@ struct Mosaic::Impl {
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
   bool is_lost = false;
+  bool is_ambiguous = false;
   bool is_full = false;
   std::size_t maps = 0;
 
@@ -229,15 +230,15 @@ struct Mosaic::Impl {
     const std::optional<Eigen::Matrix3d> expected = chained(stamp);
     if (!last) return lose(stamp, {});
     const bool is_known = expected || isPredictable(stamp);
-    if (!is_known && metrics::shortestPeriod(grey) > 0.0) return lose(stamp, {});
+    is_ambiguous = !is_known && metrics::shortestPeriod(grey) > 0.0;
+    if (is_ambiguous) return lose(stamp, {});
     Features features = find();
     std::optional<Eigen::Matrix3d> found =
         keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
     if (found && !isDrawable(size, *found)) found.reset();
     if (!found) found = expected;
-    if (!found || mayBeAnotherPeriod(stamp, *found, expected)) {
-      return lose(stamp, std::move(features));
-    }
+    is_ambiguous = found && mayBeAnotherPeriod(stamp, *found, expected);
+    if (!found || is_ambiguous) return lose(stamp, std::move(features));
     settle(stamp, *found);
     const bool room = !is_full && keyframes.size() < keyframesFor(options, size);
     if (room && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
@@ -250,7 +251,8 @@ struct Mosaic::Impl {
 
   Placement placeByPath(std::int64_t stamp) {
     const std::optional<Eigen::Matrix3d> expected = chained(stamp);
-    if (!expected || mayBeAnotherPeriod(stamp, *expected, expected)) return lose(stamp, {});
+    is_ambiguous = expected && mayBeAnotherPeriod(stamp, *expected, expected);
+    if (!expected || is_ambiguous) return lose(stamp, {});
     settle(stamp, *expected);
     if (!hasMoved()) return Placement::seen;
     draw();
@@ -314,6 +316,10 @@ void Mosaic::onFinishedMap(std::function<void(const cv::Mat&)> callback) {
 
 std::optional<Eigen::Matrix3d> Mosaic::pose() const {
   return impl_->pose;
+}
+
+bool Mosaic::isAmbiguous() const {
+  return impl_->is_ambiguous && impl_->is_lost;
 }
 
 std::int64_t Mosaic::firstStamp() const {

@@ -117,6 +117,12 @@ void MosaicWork::report() {
                                   " px off the map, and what is near is drawn several times"
                             : "",
                         false);
+  diagnosis_.setProblem("repetition",
+                        mosaic_.isAmbiguous()
+                            ? "the ground repeats: after a gap, frames are lost until a new map "
+                              "begins, since they would fit in several places"
+                            : "",
+                        false);
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");

@@ -59,6 +59,7 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   place_milliseconds_ += watch.milliseconds();
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
+  ambiguous_ += mosaic_.isAmbiguous() ? 1 : 0;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
                 .add(textOf(stamp))
@@ -104,6 +105,13 @@ std::string BagViews::report() const {
                   place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
                   mosaic_.full() ? "; full, some was left out" : "");
     text += line;
+    if (ambiguous_ > 0) {
+      std::snprintf(line, sizeof line,
+                    "%s: the ground repeats: %zu frames after a gap fit in several places, and are "
+                    "lost\n",
+                    options_.mosaic.c_str(), ambiguous_);
+      text += line;
+    }
     if (mosaic_.hasParallax()) {
       std::snprintf(line, sizeof line,
                     "%s: the scene is no plane: points are about %.1f px off the map, and what is "

@@ -334,6 +334,7 @@ TEST(Mosaic, DoesNotGuessWhichPeriodItSeesAfterALongGap) {
       flight.wait(missing);
       const Placement placement = flight.goLost(viewAt(440 + 4 * missing, 300));
       EXPECT_EQ(placement == Placement::lost, repeats && missing > 3) << repeats << " " << missing;
+      EXPECT_EQ(flight.mosaic.isAmbiguous(), repeats && missing > 3) << repeats << " " << missing;
     }
   }
 }
