@@ -25,6 +25,7 @@ std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other,
   std::stable_sort(maxima.begin(), maxima.end(),
                    [](const auto& a, const auto& b) { return a.first > b.first; });
   std::vector<cv::Point> shifts;
+  shifts.reserve(maxima.size());
   for (const auto& maximum : maxima) shifts.push_back(maximum.second);
   return shifts;
 }

@@ -187,11 +187,11 @@ struct Mosaic::Impl {
   /// chain of homographies leads. Where neither is known, any pose may be.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
-    const auto inFrame = [&](const Eigen::Vector2d& place) {
+    const auto in_frame = [&](const Eigen::Vector2d& place) {
       return homography::project(from_map, place);
     };
     const auto surprise = [&](const Eigen::Vector2d& place) {
-      return (inFrame(place) - middle()).norm();
+      return (in_frame(place) - middle()).norm();
     };
     const bool is_predictable = isPredictable(stamp);
     const Eigen::Vector2d before = middleInMap(last->from_map);
@@ -201,7 +201,7 @@ struct Mosaic::Impl {
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
     if (half_period == 0.0) return false;
-    const double way = (inFrame(predicted) - inFrame(before)).norm();
+    const double way = (in_frame(predicted) - in_frame(before)).norm();
     if (is_predictable && way < half_period) return surprise(predicted) > half_period;
     return !by_chain || surprise(middleInMap(*by_chain)) > half_period;
   }
