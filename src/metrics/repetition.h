@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -8,7 +7,7 @@ namespace ktgp_orb::metrics {
 
 /// Where the middle of `picture`, half its width and height, looks like a part of `other`: shifts
 /// in px that are local maxima of a normalised correlation of at least `least`, the best first.
-/// Both CV_8UC1; `other` may be `picture`.
+/// Only {0, 0} for a middle of one grey level. Both CV_8UC1; `other` may be `picture`.
 std::vector<cv::Point> alikeShifts(const cv::Mat& picture, const cv::Mat& other, double least);
 
 /// The shortest shift, px, by which a CV_8UC1 picture looks like itself; 0 if there is none of 4 %

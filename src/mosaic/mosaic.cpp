@@ -183,8 +183,8 @@ struct Mosaic::Impl {
   }
 
   /// Whether the pose may be that of a place that looks the same, on ground that repeats: more than
-  /// half a period from where the last velocity leads or, where that is long ago, from where the
-  /// chain of homographies leads. Where neither is known, any pose may be.
+  /// half a period from where the last velocity leads or, where that is long or half a period ago,
+  /// from where the chain of homographies leads. Where neither is known, any pose may be.
   bool mayBeAnotherPeriod(std::int64_t stamp, const Eigen::Matrix3d& from_map,
                           const std::optional<Eigen::Matrix3d>& by_chain) const {
     const auto in_frame = [&](const Eigen::Vector2d& place) {
@@ -197,7 +197,7 @@ struct Mosaic::Impl {
     const Eigen::Vector2d before = middleInMap(last->from_map);
     Eigen::Vector2d predicted = before;
     if (is_predictable) predicted += static_cast<double>(stamp - last->stamp) * *velocity;
-    constexpr double kNoSurprise = 4.0;  // px: less than half of any period
+    constexpr double kNoSurprise = 4.0;  // px: half of the shortest period in a frame of 200 px
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
     if (half_period == 0.0) return false;

@@ -121,8 +121,7 @@ void MosaicWork::report() {
                         mosaic_.isAmbiguous()
                             ? "the ground repeats: after a gap, frames are lost until a new map "
                               "begins, since they would fit in several places"
-                            : "",
-                        false);
+                            : "");
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");

@@ -302,6 +302,7 @@ TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
   cv::Mat fine(72, 96, CV_8UC1);
   for (int x = 0; x < fine.cols; ++x) fine.col(x).setTo(x % 3 == 0 ? 200 : 50);
   EXPECT_GE(metrics::shortestPeriod(fine), 0.04 * fine.cols);
+  EXPECT_EQ(metrics::shortestPeriod(cv::Mat(10, 2000, CV_8UC1, cv::Scalar(90))), 0.0) << "a strip";
 }
 
 TEST(Mosaic, IsNotAPeriodOffOnGroundThatRepeats) {

@@ -153,7 +153,8 @@ class Program:
 
     def __init__(self, *command, **options):
         self.lines = []
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        environment = dict(os.environ, PYTHONUNBUFFERED='1', ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
+        self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         universal_newlines=True, **options)
         self.reader = threading.Thread(target=self._read)
         self.reader.start()
@@ -164,6 +165,12 @@ class Program:
 
     def output(self):
         return ''.join(self.lines)
+
+    def end(self):
+        self.process.terminate()
+        self.process.wait(30)
+        self.reader.join()
+        self.process.stdout.close()
 
     def says(self, *texts):
         """Waits until it has said all of them, or ends: whether it has."""

@@ -11,9 +11,8 @@ import cv2
 import rospy
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, FolderCase, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import Camera, FolderCase, Program, Recorder, image_message, run_as_node, texture, wait_until
 from poster import K, POSITION, POSTER, information, rendered
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -33,14 +32,12 @@ def node(name, before=None, **parameters):
         rospy.set_param(name + '/' + key, value)
     namespace, _, own = name.rpartition('/')
     # Without restore_signals, SIGXFSZ stays ignored.
-    process = subprocess.Popen(
-        ['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + own,
-         '__ns:=' + (namespace or '/'), 'image:=image_raw'], preexec_fn=before, restore_signals=False)
+    program = Program('rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + own,
+                      '__ns:=' + (namespace or '/'), 'image:=image_raw', preexec_fn=before, restore_signals=False)
     try:
-        yield process
+        yield program
     finally:
-        process.terminate()
-        process.wait(30)
+        program.end()
 
 
 def call(name, service, *arguments):
@@ -179,10 +176,9 @@ class TargetsFilesTest(FolderCase):
         self.assertFalse(os.path.exists('/dev/null_images'))
 
     def test_says_where_a_relative_list_is(self):
-        log = Recorder('/rosout', Log, self)
-        with node('/relative', lambda: os.chdir(self.folder), file='kept.yaml'):
+        with node('/relative', lambda: os.chdir(self.folder), file='kept.yaml') as program:
             expected = 'keeps targets in ' + os.path.join(os.path.realpath(self.folder), 'kept.yaml')
-            wait_until(lambda: [m for m in log.messages() if expected in m.msg], 'the log says it')
+            self.assertTrue(program.says(expected), program.output())
 
     def test_answers_frames_and_services_while_it_reads_many_targets(self):
         count = 150

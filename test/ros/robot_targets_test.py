@@ -3,7 +3,6 @@
 kept in a file, and refused with the reason."""
 
 import os
-import subprocess
 import tempfile
 import threading
 import unittest
@@ -13,7 +12,7 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Diagnostics, Memory, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import Camera, Diagnostics, Memory, Program, Recorder, image_message, run_as_node, texture, wait_until
 from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
@@ -255,7 +254,6 @@ class TargetsTest(unittest.TestCase):
         self.assertTrue(self.send(half).detections)
 
     def test_reads_a_folder_and_keeps_what_changes(self):
-        log = Recorder('/rosout', Log, self)
         posters = os.path.join(self.folder.name, 'posters')
         os.mkdir(posters)
         cv2.imwrite(os.path.join(posters, 'mine.png'), POSTER)
@@ -280,10 +278,10 @@ class TargetsTest(unittest.TestCase):
                 return file.read()
         other, third = [image_message(picture, now()) for picture in (OTHER, texture(300, 400, seed=12))]
         for start in range(2):
-            node = subprocess.Popen(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets',
-                                     '__name:=kept'])
+            node = Program('rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=kept')
             try:
                 wait_until(lambda: ids() == (1 + start, ['mine']), 'it knows mine')
+                self.assertTrue(node.says('it stays in ' + kept), node.output())
                 # One that is refused stays in the list: its image may come back.
                 self.diagnostics.wait_for_words('broken.png')
                 if start == 0:
@@ -308,10 +306,8 @@ class TargetsTest(unittest.TestCase):
                     self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
                     change('add', SetTarget, 'broken', [third], 0.0, '')
             finally:
-                node.terminate()
-                node.wait(30)
+                node.end()
         self.assertEqual(listed().count('id: broken'), 1)
-        wait_until(lambda: [m for m in log.messages() if 'it stays in ' + kept in m.msg], 'the log says it')
 
     def test_forgets_what_it_followed_when_no_subscriber_is_left(self):
         self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf

@@ -25,17 +25,14 @@ def output_of_node(*parameters, until, look=lambda: None, after=()):
 def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=()):
     """Reads the messages from the output: on /rosout, those before the subscription is connected
     are lost."""
-    launch = Program('roslaunch', 'ktgp_orb', *arguments, env=dict(os.environ, PYTHONUNBUFFERED='1'))
+    launch = Program('roslaunch', 'ktgp_orb', *arguments)
     try:
         for texts, then in ((until, look), (after, lambda: None)):
             if not launch.says(*texts):
                 raise AssertionError('expected %s:\n%s' % (texts, launch.output()))
             then()
     finally:
-        launch.process.terminate()
-        launch.process.wait()
-        launch.reader.join()
-        launch.process.stdout.close()
+        launch.end()
         for namespace in namespaces:
             rospy.delete_param(namespace)  # else the next one has these parameters too
     return launch.output()
