@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
-import os
 import tempfile
 import time
 import unittest
