@@ -55,4 +55,18 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
                                      const Covariance8& covariance, const Eigen::Matrix3d& camera,
                                      const cv::Size& reference_size, double target_width);
 
+/// What `now`, the homography reference image -> camera image, would be if all rows had been
+/// exposed with the middle one.
+///
+/// A rolling shutter exposes each of the `rows` later than the one above it, the last one by
+/// `readout_time`, s. `before` is the homography of an image `seconds` earlier: it tells how fast
+/// the points of the target move, and they are moved back to the time of the middle row. The
+/// covariance has the noise of both homographies, but not a velocity that changes between them.
+/// Returns `now` where one of the two does not show all of the reference image, and where the time
+/// between them is too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of
+/// 0 or less, and a negative `readout_time`.
+UncertainHomography withoutShutter(const UncertainHomography& now,
+                                   const UncertainHomography& before, double seconds,
+                                   double readout_time, const cv::Size& reference_size, int rows);
+
 }  // namespace ktgp_orb

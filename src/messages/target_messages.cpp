@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include "core/util/frame_name.h"
 #include "core/util/keypoint_position.h"
@@ -78,7 +80,8 @@ std::string frameOf(const TargetDetection& target) {
 
 }  // namespace
 
-PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera) {
+PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& camera,
+                               const ros::Time& stamp, int rows) {
   UncertainHomography found = target.homography;
   if (camera.lens) {
     std::vector<cv::KeyPoint> points;
@@ -104,8 +107,31 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
       refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
     }
   }
+  if (readout_time_ > 0.0) correctShutter(target, stamp, rows, found);
   return planarPoses(found.homography, found.covariance, camera.camera, target.image_size,
                      target.width);
+}
+
+void DetectedPose::correctShutter(const DetectedTarget& target, const ros::Time& stamp, int rows,
+                                  UncertainHomography& answer) {
+  constexpr double kLongest = 0.2;  // s: over more, the velocity of a hand is another one
+  const auto age = [&](const Seen& seen) { return (stamp - seen.stamp).toSec(); };
+  seen_.erase(std::remove_if(seen_.begin(), seen_.end(),
+                             [&](const Seen& seen) { return !(std::abs(age(seen)) < kLongest); }),
+              seen_.end());
+  Seen now{target.id, target.instance, target.image, stamp, answer};
+  const auto last = std::find_if(seen_.begin(), seen_.end(), [&](const Seen& seen) {
+    return seen.id == now.id && seen.instance == now.instance;
+  });
+  if (last == seen_.end()) {
+    seen_.push_back(std::move(now));
+    return;
+  }
+  if (target.age > 1 && last->image == now.image && age(*last) > 0.0) {
+    answer =
+        withoutShutter(answer, last->answer, age(*last), readout_time_, target.image_size, rows);
+  }
+  *last = std::move(now);
 }
 
 void ImageSequence::next(const ros::Time& stamp, const cv::Size& image, TargetFinder& finder) {
@@ -152,7 +178,8 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
                                     detection.frame + ", is not known");
       }
       if (!camera) camera = cameraOf(image, info, info_topic, pixels);
-      const PlanarPoses found = pose.find(frame.detections[i], *camera);
+      const PlanarPoses found =
+          pose.find(frame.detections[i], *camera, message.header.stamp, image.height);
       if (found.poses.empty()) throw std::invalid_argument(detection.id + ": " + found.problem);
       const PlanarPose& best = found.poses.front();
       if (!best.covariance.allFinite()) {

@@ -69,6 +69,7 @@ void TargetsWork::configure(const TargetSettings& settings) {
   settings_ = settings;
   finder_.setSearch(settings.config.search_ms, settings.config.smallest_side,
                     settings.config.max_instances);
+  pose_.setReadoutTime(settings.config.readout_time);
 }
 
 void TargetsWork::restart() {

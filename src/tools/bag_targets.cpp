@@ -7,6 +7,7 @@
 
 #include "bag/reader.h"
 #include "bag/video.h"
+#include "cli/matcher_cli.h"
 #include "files/input.h"
 #include "messages/image_conversion.h"
 #include "parameters/target_list.h"
@@ -30,11 +31,19 @@ std::optional<sensor_msgs::CameraInfo> cameraInfoOf(const std::string& recording
 }  // namespace
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets) {
-  app.add_option("--targets", targets.path,
-                 "also find flat targets: a folder with an image of each, or a YAML list; the "
-                 "topic targets/detections of the output has where they are, and their poses")
-      ->type_name("FILE")
-      ->group("Flat targets (see doc/targets.md)");
+  constexpr const char* kGroup = "Flat targets (see doc/targets.md)";
+  CLI::Option* path =
+      app.add_option("--targets", targets.path,
+                     "also find flat targets: a folder with an image of each, or a YAML list; the "
+                     "topic targets/detections of the output has where they are, and their poses")
+          ->type_name("FILE")
+          ->group(kGroup);
+  app.add_option("--targets_readout_time", targets.readout_time,
+                 "from the first row of an image to the last one; 0: global shutter [s]")
+      ->capture_default_str()
+      ->check(tools::numberIn(limitsOf("targets", "readout_time")))
+      ->needs(path)
+      ->group(kGroup);
 }
 
 std::vector<std::string> filesOfTargets(const std::string& path) {
@@ -59,6 +68,7 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
   }
   pixels_ = pixelsFrom(input_.calibration, image_topic);
   info_ = cameraInfoOf(recording, image_topic);
+  pose_.setReadoutTime(input_.readout_time);
 }
 
 TargetDetectionsPtr BagTargets::find(const sensor_msgs::ImageConstPtr& image) {

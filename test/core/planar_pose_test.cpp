@@ -223,6 +223,132 @@ TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {
   EXPECT_NE(planarPoses(mirrored, one, camera(), kReference, kWidth).problem, "");
 }
 
+constexpr double kReadout = 0.02;  // s
+constexpr double kPeriod = 1.0 / 30.0;
+constexpr int kRows = 480;
+
+/// A target that moves past a camera: its pose at a time since the middle row of an image, s.
+struct Passing {
+  Eigen::Isometry3d pose = somePose();
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // m/s
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();      // rad/s
+
+  Eigen::Isometry3d at(double seconds) const {
+    Eigen::Isometry3d moved = pose;
+    const double angle = seconds * turn.norm();
+    if (angle != 0.0) moved.prerotate(Eigen::AngleAxisd(angle, turn.normalized()));
+    moved.translation() = pose.translation() + seconds * velocity;
+    return moved;
+  }
+
+  /// A random one, with a median of about 0.5 m/s and 30 degrees/s.
+  static Passing random(std::mt19937& random) {
+    std::normal_distribution<double> normal(0.0, 1.0);
+    const auto vector = [&] {
+      return Eigen::Vector3d(normal(random), normal(random), normal(random));
+    };
+    Passing passing;
+    passing.pose.linear() =
+        Eigen::AngleAxisd(0.4, vector().normalized()) * Eigen::Matrix3d::Identity();
+    passing.pose.translation() = Eigen::Vector3d(0.1, 0.1, 0.05).cwiseProduct(vector());
+    passing.pose.translation().z() += 0.9;
+    passing.velocity = 0.33 * vector();
+    passing.turn = 0.34 * vector();
+    return passing;
+  }
+
+  /// The homography from what a rolling shutter shows, each point at the time of its own row.
+  UncertainHomography seen(double seconds, double noise, std::mt19937& random) const {
+    std::normal_distribution<double> normal(0.0, noise);
+    PointPairs pairs;
+    for (int i = 0; i < 100; ++i) {
+      const Eigen::Vector2d reference(800.0 / 9 * (i % 10), 600.0 / 9 * (i / 10));
+      Eigen::Vector2d target;
+      double late = 0.0;
+      for (int j = 0; j < 10; ++j) {
+        target = project(at(seconds + late), reference);
+        late = kReadout * (target.y() - 0.5 * (kRows - 1)) / kRows;
+      }
+      pairs.reference.push_back(reference);
+      pairs.target.push_back(target + Eigen::Vector2d(normal(random), normal(random)));
+      pairs.quality.push_back(0.5);
+    }
+    ProsacHomography prosac;
+    ProsacResult result;
+    prosac.estimate(pairs, kReference, result);
+    EXPECT_EQ(result.status, Status::ok);
+    return result.answer;
+  }
+};
+
+struct ShutterErrors {
+  double metres = 0.0, degrees = 0.0;  // median
+  double normalised = 0.0;             // mean of e' C^-1 e, six numbers
+};
+
+/// Over 400 targets that pass, seen with `noise` px on each point.
+ShutterErrors errorsOf(bool corrected, double noise) {
+  std::mt19937 random(8);
+  std::vector<double> metres, degrees;
+  double sum = 0.0;
+  constexpr int kTrials = 400;
+  for (int i = 0; i < kTrials; ++i) {
+    const Passing passing = Passing::random(random);
+    const UncertainHomography before = passing.seen(-kPeriod, noise, random);
+    UncertainHomography now = passing.seen(0.0, noise, random);
+    if (corrected) now = withoutShutter(now, before, kPeriod, kReadout, kReference, kRows);
+    const auto found = planarPose(now.homography, now.covariance, camera(), kReference, kWidth);
+    if (!found) {
+      ADD_FAILURE();
+      continue;
+    }
+    const auto d = difference(found->target_to_camera, passing.pose);
+    metres.push_back(d.head<3>().norm());
+    degrees.push_back(d.tail<3>().norm() * 180.0 / CV_PI);
+    sum += d.dot(found->covariance.ldlt().solve(d));
+  }
+  const auto median = [](std::vector<double>& values) {
+    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+    return values[values.size() / 2];
+  };
+  return {median(metres), median(degrees), sum / kTrials};
+}
+
+TEST(PlanarPose, OfATargetThatPassesARollingShutterIsThatOfItsMiddleRow) {
+  for (const double noise : {0.1, 0.5}) {
+    const ShutterErrors bent = errorsOf(false, noise);
+    const ShutterErrors straight = errorsOf(true, noise);
+    EXPECT_GT(bent.degrees, 0.7) << "the test shows something";
+    EXPECT_LT(straight.metres, 0.2 * bent.metres);
+    EXPECT_LT(straight.degrees, 0.25 * bent.degrees);
+    EXPECT_GT(straight.normalised, 4.0);
+    EXPECT_LT(straight.normalised, 7.5);
+  }
+}
+
+TEST(PlanarPose, StaysAsItIsWithoutAShutterOrWithoutMotion) {
+  std::mt19937 random(9);
+  UncertainHomography now;
+  now.homography = fit(somePose(), 0.0, random);
+  now.covariance = covarianceOf(somePose(), 0.5, random);
+  UncertainHomography moved = now, behind = now;
+  moved.homography(0, 2) += 5.0;
+  behind.homography = -fit(somePose(), 0.0, random);
+  const auto change = [&](const UncertainHomography& before, double seconds, double readout) {
+    const auto found = withoutShutter(now, before, seconds, readout, kReference, kRows);
+    return (found.homography - now.homography).norm();
+  };
+  EXPECT_LT(change(moved, kPeriod, 0.0), 1e-9);
+  EXPECT_LT(change(now, kPeriod, kReadout), 1e-9);
+  EXPECT_GT(change(moved, kPeriod, kReadout), 0.1);
+  EXPECT_EQ(change(moved, 1e-6, kReadout), 0.0) << "no rolling shutter takes two images so fast";
+  EXPECT_EQ(change(behind, kPeriod, kReadout), 0.0);
+  EXPECT_THROW(change(moved, 0.0, kReadout), std::invalid_argument);
+  EXPECT_THROW(change(moved, kPeriod, -1.0), std::invalid_argument);
+  EXPECT_THROW(withoutShutter(now, now, kPeriod, kReadout, {}, kRows), std::invalid_argument);
+  EXPECT_THROW(withoutShutter(now, now, kPeriod, kReadout, kReference, 0), std::invalid_argument);
+}
+
 TEST(PlanarPose, RefusesACameraOrATargetOfNoSize) {
   const Covariance8 one = Covariance8::Identity();
   const Eigen::Matrix3d h = Eigen::Matrix3d::Identity();

@@ -28,17 +28,21 @@ def rays_of(k, distortion, model, size):
 
 def rendered(k, distortion=(0.0,) * 5, model='plumb_bob', size=(640, 480), rotation=ROTATION,
              position=POSITION):
-    """The camera's view of the poster; each pixel is the mean of nine points."""
+    """The camera's view of the poster; each pixel is the mean of nine points. `rotation` and `position`: one, or
+    an array of one for each row, as a rolling shutter sees it."""
     fine = 3
     wide = np.diag([fine, fine, 1.0]) @ k
     wide[:2, 2] += (fine - 1) / 2  # the middle of the first pixel is the middle of its nine points
     rays = rays_of(wide, distortion, model, (size[0] * fine, size[1] * fine))
     # The plane of the poster: z = 0 in its own frame.
-    plane = np.linalg.inv(np.column_stack([rotation[:, 0], rotation[:, 1], position]))
-    on_poster = plane @ np.column_stack([rays, np.ones(len(rays))]).T
+    plane = np.linalg.inv(np.stack([rotation[..., 0], rotation[..., 1], position], axis=-1))
+    if plane.ndim == 3:
+        plane = np.repeat(plane, fine, axis=0)
+    rays = np.column_stack([rays, np.ones(len(rays))]).reshape(size[1] * fine, size[0] * fine, 3)
+    on_poster = rays @ np.swapaxes(plane, -1, -2)
     metre = POSTER.shape[1] / WIDTH
-    maps = [(on_poster[i] / on_poster[2] * metre + (POSTER.shape[1 - i] - 1) / 2)
-            .reshape(size[1] * fine, size[0] * fine).astype(np.float32) for i in (0, 1)]
+    maps = [(on_poster[..., i] / on_poster[..., 2] * metre + (POSTER.shape[1 - i] - 1) / 2).astype(np.float32)
+            for i in (0, 1)]
     picture = cv2.remap(cv2.GaussianBlur(POSTER, (0, 0), 0.6), maps[0], maps[1], cv2.INTER_LINEAR,
                         borderMode=cv2.BORDER_CONSTANT, borderValue=90)
     return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)

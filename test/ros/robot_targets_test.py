@@ -10,10 +10,12 @@ import unittest
 import cv2
 import numpy as np
 import rospy
+from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
 from ktgp_testing import Camera, Diagnostics, Memory, Program, Recorder, image_message, run_as_node, texture, wait_until
-from poster import BARREL, CHI_SQUARE, K, POSTER, information, pose_errors, rendered
+from poster import (BARREL, CHI_SQUARE, K, POSITION, POSTER, ROTATION, information, pose_errors,
+                    rendered)
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
@@ -81,6 +83,35 @@ class TargetsTest(unittest.TestCase):
             metres, degrees, deviations = pose_errors(detection.pose)
             print('%.2f mm, %.3f degrees, %.1f squared deviations'
                   % (1e3 * metres, degrees, deviations))
+            self.assertLess(deviations, 2 * CHI_SQUARE)
+
+    def test_pose_before_a_rolling_shutter_is_that_of_the_middle_row(self):
+        """A camera at 0.5 m/s and 30 degrees/s, whose rows are read in 20 ms."""
+        readout, rows = 0.02, 480
+        velocity, turn = np.array([0.3, 0.3, 0.27]), np.radians([20.0, 20.0, -10.0])
+
+        def pose_at(seconds):
+            return cv2.Rodrigues(turn * seconds)[0] @ ROTATION, POSITION + velocity * seconds
+
+        def view_at(seconds):
+            poses = [pose_at(seconds + readout * (row / rows - 0.5)) for row in range(rows)]
+            return rendered(K, rotation=np.array([r for r, _ in poses]), position=np.array([p for _, p in poses]))
+        self.info.publish(information())
+        client = Client('/camera/targets')
+        self.addCleanup(client.close)
+        self.addCleanup(client.update_configuration, {'readout_time': 0.0})
+        self.send_until(rendered(K), lambda m: m.detections and m.detections[0].has_pose, 'the calibration is there')
+        views = [0.033 * i for i in range(6)]
+        pictures = [view_at(seconds) for seconds in views]
+        errors = {}
+        for time in (0.0, readout):
+            client.update_configuration({'readout_time': time})
+            poses = [self.send(picture).detections[0].pose for picture in pictures]
+            errors[time] = [pose_errors(pose, *pose_at(seconds)) for pose, seconds in list(zip(poses, views))[2:]]
+            print('readout_time %.3f: %s' % (time, errors[time]))
+        for (bent, bent_degrees, _), (metres, degrees, deviations) in zip(errors[0.0], errors[readout]):
+            self.assertLess(metres, 0.25 * bent)
+            self.assertLess(degrees, 0.25 * bent_degrees)
             self.assertLess(deviations, 2 * CHI_SQUARE)
 
     def test_tf_markers_and_picture(self):

@@ -2,6 +2,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
@@ -206,6 +207,47 @@ void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
   poses.pop_back();
 }
 
+// Points all over a reference image. A rolling shutter bends the picture, and a homography is
+// nearest to all of it, not to its corners.
+constexpr int kGridColumns = 4, kGridRows = 3, kGridPoints = kGridColumns * kGridRows;
+using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
+
+GridPoints gridOf(const cv::Size& size) {
+  GridPoints points;
+  for (int i = 0; i < kGridPoints; ++i) {
+    points.at(i) << (i % kGridColumns + 0.5) * size.width / kGridColumns,
+        (i / kGridColumns + 0.5) * size.height / kGridRows;
+  }
+  return points;
+}
+
+/// Of the mapped points by the homography's entries.
+util::SmallMatrix jacobianAt(const GridPoints& points, const Eigen::Matrix3d& homography) {
+  util::SmallMatrix jacobian(2 * kGridPoints, 8);
+  for (int i = 0; i < kGridPoints; ++i) {
+    jacobian.middleRows<2>(2 * i) = homography::jacobianByEntries(homography, points.at(i));
+  }
+  return jacobian;
+}
+
+/// Gauss-Newton from `homography`, which is near, to the one that maps the points as near as
+/// possible to where they are wanted. Returns its Jacobian.
+util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
+                           Eigen::Matrix3d& homography) {
+  constexpr int kSteps = 3;
+  util::SmallMatrix jacobian = jacobianAt(points, homography);
+  for (int step = 0; step < kSteps; ++step) {
+    util::SmallMatrix rest(2 * kGridPoints, 1);
+    for (int i = 0; i < kGridPoints; ++i) {
+      rest.middleRows<2>(2 * i) = wanted.at(i) - homography::project(homography, points.at(i));
+    }
+    const util::SmallMatrix change = util::leastSquares(jacobian, rest).solution;
+    for (int i = 0; i < 8; ++i) homography(i / 3, i % 3) += change(i);
+    jacobian = jacobianAt(points, homography);
+  }
+  return jacobian;
+}
+
 }  // namespace
 
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
@@ -251,6 +293,49 @@ std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
       planarPoses(homography, covariance, camera, reference_size, target_width);
   if (found.poses.empty()) return std::nullopt;
   return found.poses.front();
+}
+
+UncertainHomography withoutShutter(const UncertainHomography& now,
+                                   const UncertainHomography& before, double seconds,
+                                   double readout_time, const cv::Size& reference_size, int rows) {
+  if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
+  if (!(rows > 0 && seconds > 0.0 && readout_time >= 0.0)) {
+    throw std::invalid_argument("rows are " + std::to_string(rows) +
+                                ", the time between the images " + std::to_string(seconds) +
+                                " s, the readout time " + std::to_string(readout_time) +
+                                " s; expected at least one row, more than 0 s, and 0 s or more");
+  }
+  const auto corners = homography::imageCorners(reference_size, {});
+  if (!homography::keepsPlaneInView(now.homography, corners) ||
+      !homography::keepsPlaneInView(before.homography, corners)) {
+    return now;
+  }
+  const GridPoints points = gridOf(reference_size);
+  GridPoints moved;
+  util::SmallMatrix by_now = jacobianAt(points, now.homography);
+  util::SmallMatrix by_before = jacobianAt(points, before.homography);
+  for (int i = 0; i < kGridPoints; ++i) {
+    const Eigen::Vector2d here = homography::project(now.homography, points.at(i));
+    const Eigen::Vector2d there = homography::project(before.homography, points.at(i));
+    const double late = readout_time * (here.y() - 0.5 * (rows - 1)) / rows;
+    const double passed = seconds + readout_time * (here.y() - there.y()) / rows;
+    if (!(passed > std::abs(late))) return now;
+    const double share = late / passed;
+    moved.at(i) = here - share * (here - there);
+    by_now.middleRows<2>(2 * i) *= 1.0 - share;
+    by_before.middleRows<2>(2 * i) *= share;
+  }
+  UncertainHomography answer = now;
+  const util::SmallMatrix by_answer = approach(points, moved, answer.homography);
+  by_now = util::leastSquares(by_answer, by_now).solution;
+  by_before = util::leastSquares(by_answer, by_before).solution;
+  // The smooth errors are about the same in both, the noise is not.
+  const Covariance8 noise_now = now.covariance - now.shared_covariance;
+  const Covariance8 noise_before = before.covariance - before.shared_covariance;
+  answer.shared_covariance = util::propagated(by_now + by_before, now.shared_covariance);
+  answer.covariance = answer.shared_covariance + Covariance8(util::propagated(by_now, noise_now)) +
+                      Covariance8(util::propagated(by_before, noise_before));
+  return answer;
 }
 
 }  // namespace ktgp_orb
