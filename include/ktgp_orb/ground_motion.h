@@ -69,9 +69,9 @@ struct GroundMotionOptions {
   /// Standard deviation of a constant relative error of all lengths, such as that of a height that
   /// was measured once, >= 0.
   double scale_deviation = 0.0;
-  /// While no frame is connected: standard deviation of the acceleration, m/s², and of the angular
-  /// acceleration, rad/s², >= 0.
-  double acceleration = 3.0;
+  /// Standard deviation of the acceleration, m/s², >= 0: from one velocity to the next, and while
+  /// no frame is connected; then also of the angular acceleration, rad/s², >= 0.
+  double acceleration = 5.0;
   double turn_acceleration = 2.0;
   /// Nothing is known before the normal is known better than this, rad, > 0.
   double max_tilt_deviation = 0.1;

@@ -1,6 +1,7 @@
 """Accuracy of the motion in metres on a recording with the truth in tf, as a table.
 
-    scripts/evaluate [--built FOLDER] --motion BAG [--ground FRAME] [--base FRAME] [--above M ...] [OPTIONS]
+    scripts/evaluate [--built FOLDER] --motion BAG [--ground FRAME] [--base FRAME] [--above M ...] [--drift S ...]
+                     [OPTIONS]
 
 The recording has images, camera_info, the readings of height and tilt, and tf from FRAME ground to FRAME base
 (motion capture, for example) at 50/s or more. OPTIONS go to ktgp_bag; without a --reference_mode it is called as
@@ -114,7 +115,7 @@ def drift(track, seconds):
     return np.median(shares) if shares else None
 
 
-def measure(table, truth, above):
+def measure(table, truth, above, windows):
     """A row of the report: of the frames in which the base is `above` metres above its lowest place."""
     lowest = truth.positions[:, 2].min()
     frames = 0
@@ -141,7 +142,7 @@ def measure(table, truth, above):
     if not errors:
         return f'| {above:g} m | {frames} | 100 % | | | | | | |'
     rms = np.sqrt(np.mean(np.square(errors)))
-    drifts = [drift(track, seconds) for seconds in (10.0, 30.0)]
+    drifts = [drift(track, seconds) for seconds in windows]
     return (f'| {above:g} m | {frames} | {100 * (1 - len(errors) / frames):.1f} % '
             f'| {1e3 * rms:.1f} / {1e3 * np.median(errors):.1f} / {1e3 * np.max(errors):.0f} '
             f'| {100 * rms / np.sqrt(np.mean(np.square(speeds))):.1f} % '
@@ -159,9 +160,11 @@ def main():
     parser.add_argument('--above', type=float, nargs='+', default=[0.1, 0.3], metavar='M',
                         help='a row of the table each: of the frames in which the base is this much above its lowest '
                         'place')
+    parser.add_argument('--drift', type=float, nargs='+', default=[10.0, 30.0], metavar='S',
+                        help='times after which the error of the position counts, as a share of the way')
     arguments, options = parser.parse_known_args()
     if not any(option.startswith('--reference_mode') for option in options):
-        options += ['--reference_mode', 'keyframe', '--guided', 'true']
+        options += ['--reference_mode', 'previous', '--guided', 'true', '--gms_grid', '0']
     if not any(option.startswith('--motion_normal_source') for option in options):
         options += ['--motion_normal_source', 'imu']
     truth = Truth(arguments.motion, arguments.ground, arguments.base)
@@ -173,9 +176,10 @@ def main():
         with open(table, encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
     print("| above | frames | without an answer | velocity error, RMS / median / worst, mm/s | of the speed | e'S⁻¹e, "
-          'mean / median (3 / 2.4) | within 99.9 % | drift after 10 s / 30 s |\n|---|---|---|---|---|---|---|---|')
+          'mean / median (3 / 2.4) | within 99.9 % | drift after ' + ' / '.join(f'{seconds:g} s' for seconds in arguments.drift) +
+          ' |\n|---|---|---|---|---|---|---|---|')
     for above in arguments.above:
-        print(measure(rows, truth, above))
+        print(measure(rows, truth, above, arguments.drift))
 
 
 if __name__ == '__main__':

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <utility>
 
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
@@ -107,7 +108,8 @@ struct GroundMotion::Impl {
   void widenForSlope();
   void moveToDestination();
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
-  void measureTwist(double seconds);
+  void measureTwist(double seconds, double since_last);
+  void followLastVelocity(const Vector6& last, const Matrix6& last_covariance, double since_last);
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
@@ -278,7 +280,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   keyframe_stamp = frame.reference_stamp;
   keyframe_position = filter.pose().position;
   if (frame.turn) useTurn(*frame.turn);
-  measureTwist(seconds);
+  measureTwist(seconds, estimate.gap);
   if (destination) return placed(frame, image, GroundStatus::resumed);
   is_connected = true;
   return isTiltKnown() ? GroundStatus::resumed : GroundStatus::no_normal;
@@ -317,7 +319,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   compareImu(frame, image);
   if (turned) useTurn(*turned);
   useReadings(frame);
-  measureTwist(sinceLast(frame));
+  measureTwist(sinceLast(frame), sinceLast(frame));
   if (destination) {
     moveToDestination();
     beginMap(frame, image);
@@ -540,14 +542,34 @@ void GroundMotion::Impl::beginMap(const GroundFrame& frame, const ImageMotion& i
   keyframe_position = filter.pose().position;
 }
 
-void GroundMotion::Impl::measureTwist(double seconds) {
-  estimate.has_twist = has_velocity = true;
+void GroundMotion::Impl::measureTwist(double seconds, double since_last) {
+  const Vector6 last = camera_twist;
+  const Matrix6 last_covariance = camera_twist_covariance;
+  const bool follows = std::exchange(has_velocity, true);
+  estimate.has_twist = true;
   camera_twist = motion::constantTwist(filter.before(), filter.now()) / seconds;
   const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
   camera_twist_covariance = propagated(slope, filter.covarianceOfBoth());
   const Matrix6 noise = propagated(slope, filter.noiseOfBoth());
   twist_noise.add(camera_twist, noise, seconds, filter.now().position.z());
   if (!relief.isSeen()) camera_twist_covariance -= noise - twist_noise.scaled(noise);
+  if (follows) followLastVelocity(last, last_covariance, since_last);
+}
+
+/// A Kalman update by the last velocity, from which this one differs by an unknown acceleration. It
+/// counts where the pictures tell less: near the ground, where few features are in view, a turn
+/// looks like a way.
+void GroundMotion::Impl::followLastVelocity(const Vector6& last, const Matrix6& last_covariance,
+                                            double since_last) {
+  const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
+  const Eigen::Vector3d change = to_now * last.head<3>() - camera_twist.head<3>();
+  Eigen::Matrix3d covariance = camera_twist_covariance.topLeftCorner<3, 3>();
+  covariance += to_now * last_covariance.topLeftCorner<3, 3>() * to_now.transpose();
+  covariance.diagonal().array() += std::pow(options.acceleration * since_last, 2);
+  const Eigen::Matrix<double, 6, 3> gain =
+      camera_twist_covariance.leftCols<3>() * covariance.inverse();
+  camera_twist += gain * change;
+  camera_twist_covariance -= gain * camera_twist_covariance.topRows<3>();
 }
 
 GroundMotion::GroundMotion(const GroundMotionOptions& options) : impl_(std::make_unique<Impl>()) {

@@ -334,6 +334,36 @@ TEST(GroundMotion, TheCovarianceOfTheVelocityFollowsItsNoiseButNotOverRelief) {
   }
 }
 
+/// Where the pictures tell it worse than an acceleration changes it from frame to frame; else it is
+/// that of the pictures.
+TEST(GroundMotion, AVelocityThatThePicturesTellBadlyFollowsTheLastOne) {
+  for (const double image_noise : {1e-4, 1e-3}) {
+    double squares[2] = {}, normalised[2] = {};
+    int twists = 0;
+    for (const bool follows : {false, true}) {
+      for (unsigned seed = 1; seed <= 5; ++seed) {
+        Flight flight = Flight::noisy(downward(), image_noise, seed);
+        GroundMotionOptions options = flight.ground.options();
+        if (!follows) options.acceleration = 1e6;
+        flight.ground.setOptions(options);
+        for (int i = 0; i < 450; ++i) {
+          const GroundEstimate& estimate = flight.step();
+          if (i < 150 || !estimate.hasTwist()) continue;
+          const Eigen::Vector3d error = flight.velocityError(i, estimate);
+          squares[follows ? 1 : 0] += error.squaredNorm();
+          normalised[follows ? 1 : 0] += normalisedSquare(error, estimate.twist_covariance);
+          if (follows) ++twists;
+        }
+      }
+    }
+    const double ratio = std::sqrt(squares[1] / squares[0]);
+    EXPECT_LT(ratio, image_noise > 5e-4 ? 0.55 : 1.0);  // 0.45
+    EXPECT_GT(ratio, image_noise > 5e-4 ? 0.0 : 0.95);
+    EXPECT_LT(normalised[1], normalised[0]);
+    EXPECT_GT(normalised[1] / twists, 1.0) << "three are expected";
+  }
+}
+
 /// Over relief a misfit is no noise. Homographies that claim a fiftieth of their variance still
 /// outweigh the noisy readings; over flat ground the misfit would correct the claim.
 TEST(GroundMotion, OverReliefAMisfitDoesNotMakeTheHomographiesCountLess) {

@@ -16,6 +16,8 @@ from geometry_msgs.msg import TransformStamped
 from tf2_msgs.msg import TFMessage
 
 TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.realpath(__file__))))
+REAL = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'motion/checkerboard.bag')
 BY_IMU = ('--motion_normal_source', 'imu', '--motion_base_frame=')
 
 
@@ -160,3 +162,31 @@ class BagEvaluationTest(unittest.TestCase):
         run = self.evaluate('no_such.bag')
         self.assertNotEqual(run.returncode, 0)
         self.assertIn('no_such.bag', run.stderr)
+
+
+@unittest.skipUnless(os.path.exists(REAL), 'KTGP_ORB_DATA is not set: this test needs its motion/checkerboard.bag')
+class RealMotionTest(unittest.TestCase):
+    """A camera with a rolling shutter in the hand, against motion capture."""
+
+    def check(self, *options, least_within):
+        run = subprocess.run(['/usr/bin/python3', '-B', os.path.join(ROOT, 'scripts/report/motion.py'), '--tools',
+                              os.path.dirname(TOOL), '--motion', REAL, '--drift', '3', '8', *options],
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        print(run.stdout)
+        # In flight, and above 0.3 m.
+        for line, least_frames, most_lost in zip(run.stdout.splitlines()[2:], (500, 400), (7.0, 3.0)):
+            cells = [[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
+            frames, lost, error, _, squares, within, drift = cells
+            self.assertGreater(frames[0], least_frames)
+            self.assertLess(lost[0], most_lost)
+            self.assertLess(error[0], 45.0)  # mm/s, root mean square
+            self.assertLess(squares[0], 8.0)
+            self.assertGreater(within[0], least_within)
+            self.assertLess(max(drift), 1.0)  # % of the way
+
+    def test_velocity_as_recommended(self):
+        self.check(least_within=96.0)
+
+    def test_velocity_from_keyframes(self):
+        self.check('--reference_mode', 'keyframe', '--guided', 'true', least_within=93.0)
