@@ -225,7 +225,7 @@ std::string Diagnosis::inputMessage(unsigned char& level) const {
   if (!mixture_.empty()) return mixture_;
   if (refused > 0) return whats_ + " refused: " + last_error_;
   if (recentOf(kForgotten) > 0) {
-    return whats_ + " were dropped before their homography arrived: max_memory is too small";
+    return whats_ + " were dropped to save memory before their homography arrived";
   }
   if (ratio(static_cast<double>(recentOf(kDropped)), arrived) > kMaxDropShare) {
     return "many " + whats_ + " dropped: they arrive faster than they are worked on";

@@ -28,7 +28,7 @@ class Diagnosis {
 
   // Names of counters that all nodelets share; others are free. They are keys of the reports.
   static constexpr const char* kDropped = "dropped";
-  static constexpr const char* kForgotten = "dropped because of max_memory";
+  static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
   static constexpr const char* kSkipped = "skipped because of max_rate";
   static constexpr const char* kRefused = "refused";

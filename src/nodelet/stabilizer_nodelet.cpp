@@ -69,7 +69,7 @@ class StabilizerWork : public FrameWork {
 
 void StabilizerWork::configure(const StabilizerOptions& options) {
   stabilizer_.setOptions(options);
-  images_.setMost(kImages + static_cast<std::size_t>(options.lag));
+  images_.setLag(static_cast<std::size_t>(options.lag));
 }
 
 void StabilizerWork::restart() {
@@ -108,7 +108,7 @@ void StabilizerWork::finish() {
     const SteadyFrame frame = due_.front();
     const ros::Time stamp = timeOf(frame.stamp);
     const auto image = images_.take(stamp);
-    if (!image && newest_ <= stamp && due_.size() <= kImages) return;
+    if (!image && newest_ <= stamp && due_.size() <= ImageStore::kImages) return;
     due_.pop_front();
     if (!image || complete-- > most) {
       diagnosis_.count(Diagnosis::kDropped);
@@ -146,7 +146,6 @@ class StabilizerNodelet : public FrameConsumer<StabilizerConfig, StabilizerWork>
  private:
   std::string nodelet() const override { return "stabilizer"; }
   void configure(StabilizerConfig& config) override {
-    setMaxMemory(config.max_memory);
     const StabilizerOptions options = optionsFrom(config);
     worker_.post([options](StabilizerWork& work) { work.configure(options); });
   }
