@@ -58,7 +58,7 @@ std::vector<std::string> methodNames() {
 }
 
 Method siftWithOurEstimator(const PipelineOptions& options) {
-  for (Method& method : peerMethods(options.matcher.prosac, Estimator::prosac)) {
+  for (Method& method : peerMethods(options.matcher.prosac, "prosac")) {
     if (method.name != "SIFT") continue;
     method.name = "SIFT+PROSAC";
     method.description = "2000 SIFT keypoints, ratio 0.8, PROSAC";

@@ -28,12 +28,6 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
   return steps;
 }
 
-/// The alignment needs them; keeping them takes no time.
-OrbOptions withImages(OrbOptions options) {
-  options.images = ImageKeeping::share;
-  return options;
-}
-
 void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
                   MethodScore& score) {
   const Features& reference = found.own ? found.own->reference : scene.reference;
@@ -109,15 +103,13 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
                      MethodScore& score) {
   constexpr double kAnnotated = 1.0;  // px, accuracy of annotated points
   if (!found.estimated) return;
-  score.found = found.homography.has_value();
-  score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),
-                                               truth, scene.reference_image.size());
+  score.found = found.answer.has_value();
+  const UncertainHomography estimate = found.answer.value_or(UncertainHomography());
+  score.corner_error =
+      evaluation::cornerError(estimate.homography, truth, scene.reference_image.size());
   if (!score.found) return;
-  if (!points.empty()) score.corner_error = meanTransferError(*found.homography, points);
-  if (found.covariance && found.covariance->allFinite()) {
-    UncertainHomography estimate;
-    estimate.homography = *found.homography / (*found.homography)(2, 2);
-    estimate.covariance = *found.covariance;
+  if (!points.empty()) score.corner_error = meanTransferError(estimate.homography, points);
+  if (estimate.covariance.allFinite()) {
     if (points.empty()) {
       score.consistency =
           cornerConsistency(estimate, truth, truth_deviation, scene.reference_image.size());
@@ -125,7 +117,7 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
       score.within_covariance = isWithinCovariance(estimate, points, kAnnotated);
     }
   }
-  score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
+  score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, estimate.homography);
 }
 
 }  // namespace
