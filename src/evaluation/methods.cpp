@@ -2,6 +2,8 @@
 
 #include <chrono>
 
+#include "core/util/milliseconds.h"
+
 namespace ktgp_orb::tools {
 namespace {
 
@@ -126,8 +128,7 @@ Matching runMethod(const Method& method, const Scene& scene, std::vector<StepRes
   for (const Step& step : method.steps) {
     const auto start = Clock::now();
     step.run(scene, matching);
-    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
-    steps.push_back({step.name, matching.matches.size(), time.count()});
+    steps.push_back({step.name, matching.matches.size(), util::millisecondsSince(start)});
   }
   return matching;
 }

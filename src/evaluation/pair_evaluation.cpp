@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/homography/transform.h"
+#include "core/util/milliseconds.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
 #include "files/input.h"
@@ -173,8 +174,7 @@ double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& tar
     const auto start = Clock::now();
     extractor_.extract(reference_image, reference_);
     extractor_.extract(target_image, target_);
-    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
-    times.push_back(time.count());
+    times.push_back(util::millisecondsSince(start));
   }
   return evaluation::median(times);
 }

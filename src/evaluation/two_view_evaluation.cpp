@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -19,7 +18,9 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "core/util/format.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "ktgp_orb/evaluation.h"
@@ -34,10 +35,8 @@ namespace ktgp_orb::tools::two_view {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
+using util::format;
+using util::millisecondsSince;
 
 struct CameraRow {
   std::string file;
@@ -167,7 +166,7 @@ void estimateByOpenCv(const PosePair& pair, Candidates& candidates, PoseScore& s
   cv::Mat t;
   cv::Mat front = mask.clone();
   cv::recoverPose(e, from, to, k, r, t, front);
-  score.estimation_milliseconds = since(start);
+  score.estimation_milliseconds = millisecondsSince(start);
   RelativePose pose;
   cv::cv2eigen(r, pose.rotation);
   Eigen::MatrixXd direction;
@@ -227,7 +226,7 @@ Run ours(const MatcherOptions& options) {
     hints.target_camera = pair.target_camera;
     const auto start = Clock::now();
     matcher->match(scene.reference, scene.target, hints, *result);
-    score.milliseconds = since(start);
+    score.milliseconds = millisecondsSince(start);
     score.estimation_milliseconds = result->stage("two_view")->milliseconds;
     const TwoView& view = result->two_view.view;
     score.error = std::numeric_limits<double>::infinity();
@@ -254,7 +253,7 @@ Run chainAndMagsac(const MatcherOptions& options, Level least) {
     matcher->match(scene.reference, scene.target, *result);
     Candidates candidates = candidatesOf(scene, result->correspondences, least, Level::guided);
     estimateByOpenCv(pair, candidates, score);
-    score.milliseconds = since(start);
+    score.milliseconds = millisecondsSince(start);
     scoreMatches(pair, candidates, score);
     return score;
   };
@@ -272,7 +271,7 @@ Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double
     Candidates candidates =
         matchByOpenCv(keypoints[0], descriptors[0], keypoints[1], descriptors[1], norm, threshold);
     estimateByOpenCv(pair, candidates, score);
-    score.milliseconds = since(start);
+    score.milliseconds = millisecondsSince(start);
     scoreMatches(pair, candidates, score);
     return score;
   };
@@ -337,28 +336,21 @@ std::string row(const std::string& set, const std::string& method,
     normalised.push_back(*score.normalised);
     within += *score.normalised < kBound;
   }
-  std::array<char, 256> line{};
-  std::snprintf(line.data(), line.size(), "%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(),
-                scores.size(), share(found, scores.size()));
-  std::string out = line.data();
+  std::string out = format("%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(), scores.size(),
+                           share(found, scores.size()));
   for (const double threshold : kPoseThresholds) {
-    std::snprintf(line.data(), line.size(), " %5.1f",
-                  100.0 * evaluation::areaUnderCurve(errors, threshold));
-    out += line.data();
+    out += format(" %5.1f", 100.0 * evaluation::areaUnderCurve(errors, threshold));
   }
-  std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
+  out += format("  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
                 100.0 * evaluation::summarize(precision).mean);
-  out += line.data();
   if (normalised.empty()) {
     out += "       -      -";
   } else {
-    std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", share(within, normalised.size()),
-                  evaluation::median(normalised));
-    out += line.data();
+    out +=
+        format("  %6.1f %6.1f", share(within, normalised.size()), evaluation::median(normalised));
   }
-  std::snprintf(line.data(), line.size(), "  %7.1f %7.1f\n", evaluation::median(times),
-                evaluation::median(estimations));
-  return out + line.data();
+  return out +
+         format("  %7.1f %7.1f\n", evaluation::median(times), evaluation::median(estimations));
 }
 
 }  // namespace

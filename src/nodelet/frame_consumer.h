@@ -4,7 +4,6 @@
 #include <ktgp_orb/MatchStatus.h>
 
 #include <cstddef>
-#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -49,7 +48,7 @@ class FrameConsumer : public ImageNode<Config, Work> {
     homographies_ = &this->template addInput<HomographyStamped>(
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });
-    this->worker_.setLimits(kHomography, {300, std::numeric_limits<std::size_t>::max()});
+    this->worker_.setLimits(kHomography, {300});
     this->serveParameters();
   }
 

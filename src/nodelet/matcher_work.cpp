@@ -88,9 +88,8 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   if (!configuration.rectify || match.frame->lens) return "";
   std::string reason = configuration.lens_problem;
   if (configuration.view.lens) {
-    const cv::Size size = configuration.view.lens->calibration().image_size;
     reason =
-        "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
+        "it is of " + util::text(configuration.view.lens->calibration().image_size) + " images";
   }
   return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
          "of this image size on " +

@@ -4,10 +4,10 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include <chrono>
-#include <cstdio>
 #include <deque>
 #include <vector>
 
+#include "core/util/format.h"
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
@@ -29,9 +29,7 @@ MosaicOptions optionsFrom(const MosaicConfig& config) {
 }
 
 std::string withOneDigit(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", value);
-  return text;
+  return util::format("%.1f", value);
 }
 
 }  // namespace

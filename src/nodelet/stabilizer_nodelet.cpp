@@ -4,8 +4,6 @@
 #include <Eigen/Core>
 #include <chrono>
 #include <deque>
-#include <opencv2/core/eigen.hpp>
-#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "ktgp_orb/stabilizer.h"
@@ -23,19 +21,6 @@ StabilizerOptions optionsFrom(const StabilizerConfig& config) {
   options.lag = config.lag;
   options.max_crop = config.max_crop;
   return options;
-}
-
-/// The warped frame, with the header of the frame.
-sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eigen::Matrix3d& warp) {
-  const ViewedImage frame = warpableImage(image);
-  cv::Mat homography;
-  cv::eigen2cv(warp, homography);
-  cv::Mat pixels;
-  cv::warpPerspective(frame.image, pixels, homography, frame.image.size(), cv::INTER_LINEAR,
-                      cv::BORDER_REPLICATE);
-  sensor_msgs::ImagePtr steady = toImage(image->header, frame.encoding, pixels);
-  steady->is_bigendian = image->is_bigendian;
-  return steady;
 }
 
 }  // namespace
@@ -129,7 +114,10 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   }
   if (steady_images_.getNumSubscribers() > 0) {
     try {
-      steady_images_.publish(warped(image, frame.warp));
+      const auto seen = warpableImage(image);
+      const auto steady = toImage(header, seen->encoding, warped(seen->image, frame.warp));
+      steady->is_bigendian = image->is_bigendian;
+      steady_images_.publish(steady);
     } catch (const RefusedImage& error) {
       diagnosis_.refuse(error.what());
       return;
