@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 namespace {
 
