@@ -79,12 +79,6 @@ struct UncertainHomography {
   double plane_deviation = 0.0;
 };
 
-/// Details of the search, for tests and tuning.
-struct ProsacDiagnostics {
-  int iterations = 0;  ///< samples drawn, including those from a best model's inliers
-  ProsacStop stop = ProsacStop::not_run;
-};
-
 /// Homography, its support, and details of the search. Reused from call to call for its buffers.
 struct ProsacResult {
   Status status = Status::no_model;  ///< ok, too_few_matches, no_model or model_rejected
@@ -93,7 +87,8 @@ struct ProsacResult {
   std::vector<std::uint8_t> mask;
   std::size_t inliers = 0;  ///< ones in `mask`
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
-  ProsacDiagnostics diagnostics;
+  int iterations = 0;       ///< samples drawn, including those from a best model's inliers
+  ProsacStop stop = ProsacStop::not_run;
 };
 static_assert(alignof(ProsacResult) <= alignof(std::max_align_t),
               "the layout of results must not depend on the instruction set of the includer");

@@ -1,6 +1,7 @@
 #include "bag/format.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <new>
 
 namespace ktgp_orb::bag {
@@ -57,7 +58,7 @@ class Walk {
 }  // namespace
 
 Buffer::Buffer(std::size_t size)
-    : bytes_(static_cast<std::uint8_t*>(std::calloc(std::max<std::size_t>(size, 1), 1))),
+    : bytes_(static_cast<std::uint8_t*>(std::calloc(std::max<std::size_t>(size, 1), 1)), std::free),
       size_(size) {
   if (!bytes_) throw std::bad_alloc();
 }

@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstdlib>
 #include <map>
 #include <memory>
 #include <optional>
@@ -53,10 +52,7 @@ class Buffer {
   View view() const { return {bytes_.get(), size_}; }
 
  private:
-  struct Free {
-    void operator()(std::uint8_t* bytes) const { std::free(bytes); }
-  };
-  std::unique_ptr<std::uint8_t, Free> bytes_;
+  std::shared_ptr<std::uint8_t> bytes_;
   std::size_t size_ = 0;
 };
 

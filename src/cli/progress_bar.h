@@ -6,7 +6,7 @@
 
 namespace ktgp_orb::tools {
 
-/// A progress bar on stderr, only on a terminal. Can be used from several threads.
+/// A progress bar or a status line on stderr, only on a terminal. Can be used from several threads.
 class ProgressBar {
  public:
   /// `total` 0: not known; only the count is shown.
@@ -18,6 +18,8 @@ class ProgressBar {
 
   /// Counts one more; `what` is shown beside the bar.
   void advance(const std::string& what);
+  /// Shows `what` alone.
+  void say(const std::string& what);
 
  private:
   std::mutex mutex_;

@@ -10,6 +10,7 @@
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/milliseconds.h"
 #include "core/util/names.h"
 
 namespace ktgp_orb {
@@ -20,10 +21,9 @@ using util::position;
 /// Fills the statistics of one stage from the return value of `run`, which it times and returns.
 template <typename Run>
 std::size_t timeStage(MatchResult& result, std::string_view name, std::size_t input, Run run) {
-  using Clock = std::chrono::steady_clock;
-  const auto start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   const std::size_t output = run();
-  const double time = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  const double time = util::millisecondsSince(start);
   for (StageResult& stage : result.stages) {
     if (stage.name == name) stage = {stage.name, input, output, time};
   }

@@ -24,19 +24,6 @@ cv::Point2f inwardNormal(cv::Point2f from, cv::Point2f to, cv::Point2f inside) {
   return normal.dot(inside - from) < 0.F ? -normal : normal;
 }
 
-struct Span {
-  float top, bottom;
-};
-
-Span verticalSpan(const Shape& shape) {
-  Span span{shape.corners[0].y, shape.corners[0].y};
-  for (const cv::Point2f& corner : shape.corners) {
-    span.top = std::min(span.top, corner.y);
-    span.bottom = std::max(span.bottom, corner.y);
-  }
-  return {span.top - shape.radius - 2.F, span.bottom + shape.radius + 2.F};
-}
-
 cv::Point toFixed(cv::Point2f point) {
   return {cvRound(point.x * kFractionScale), cvRound(point.y * kFractionScale)};
 }
@@ -117,9 +104,13 @@ void paint(const std::vector<Shape>& shapes, cv::Mat& image) {
   std::vector<std::vector<const Shape*>> shapes_of(static_cast<std::size_t>(bands));
   for (const Shape& shape : shapes) {
     if (shape.corners.empty()) continue;
-    const Span span = verticalSpan(shape);
-    const int first = std::max(0, static_cast<int>(std::floor(span.top / kBandHeight)));
-    const int last = std::min(bands - 1, static_cast<int>(std::floor(span.bottom / kBandHeight)));
+    const auto [top, bottom] =
+        std::minmax_element(shape.corners.begin(), shape.corners.end(),
+                            [](const auto& a, const auto& b) { return a.y < b.y; });
+    const float margin = shape.radius + 2.F;
+    const auto band_at = [](float y) { return static_cast<int>(std::floor(y / kBandHeight)); };
+    const int first = std::max(0, band_at(top->y - margin));
+    const int last = std::min(bands - 1, band_at(bottom->y + margin));
     for (int i = first; i <= last; ++i) shapes_of[static_cast<std::size_t>(i)].push_back(&shape);
   }
   cv::parallel_for_(cv::Range(0, bands), [&](const cv::Range& range) {

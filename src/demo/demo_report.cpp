@@ -35,15 +35,12 @@
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/overlay.h"
 #include "messages/image_conversion.h"
+#include "messages/message_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {
 
 const cv::Size kImageSize(kImageWidth, kImageHeight);
-
-Eigen::Matrix3d matrix(const HomographyStamped& message) {
-  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
-}
 
 /// The ground truth, read from the bag.
 class Truth {
@@ -56,7 +53,7 @@ class Truth {
     while (const auto message = messages.next()) {
       if (const auto homography = message->as<HomographyStamped>()) {
         previous_stamp_[homography->header.stamp] = homography->reference_stamp;
-        homography_[homography->header.stamp] = matrix(*homography);
+        homography_[homography->header.stamp] = homographyOf(*homography).value();
       } else if (const auto odometry = message->as<nav_msgs::Odometry>()) {
         motion_.addTruth(*odometry);
       } else if (const auto segment = message->as<std_msgs::String>()) {
@@ -186,7 +183,7 @@ class Report {
           truth_.between(last_place_->reference_stamp, last_place_->header.stamp);
       std::printf(", after %.1f s off by %.2f px (RMS)",
                   (last_place_->header.stamp - last_place_->reference_stamp).toSec(),
-                  positionError(matrix(*last_place_), truth));
+                  positionError(homographyOf(*last_place_).value(), truth));
     }
     std::printf("\n");
   }
@@ -200,7 +197,8 @@ class Report {
     result.segment = truth_.segment(stamp);
     if (statistics.status == MatchStatus::STATUS_OK) {
       const Eigen::Matrix3d truth = truth_.between(statistics.reference_stamp, stamp);
-      result.error = evaluation::cornerError(matrix(match->homography), truth, kImageSize);
+      result.error =
+          evaluation::cornerError(homographyOf(match->homography).value(), truth, kImageSize);
       result.reprojection_error = reprojectionError(match->correspondences, truth);
     }
     table_.add(statistics, result);

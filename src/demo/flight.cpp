@@ -32,23 +32,19 @@ double tremble(double t, int axis) {
   return sum / std::sqrt(0.5 * 4.0);
 }
 
-/// In px of the map, whose z axis points down: position, and rotation map -> camera.
-struct MapPose {
-  Eigen::Matrix3d rotation;
-  Eigen::Vector3d position;
-};
-
-MapPose mapPose(double t, const Manner& manner) {
+/// In px of the map, whose z axis points down.
+motion::CameraPose mapPose(double t, const Manner& manner) {
   const double height = 600.0 + 130.0 * std::sin(0.9 * t);  // px of the map
   const double yaw = (25.0 * std::sin(0.55 * t) + 6.0 * t) * kDegree;
   const double pitch = manner.tilt * std::sin(0.8 * t + 1.0) * kDegree;
   const double roll = 0.8 * manner.tilt * std::sin(1.1 * t) * kDegree;
   const double angle = manner.shake / kFocalLength;  // rad for this number of px
-  MapPose pose;
-  pose.rotation = (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
-                   Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *
-                   Eigen::AngleAxisd(yaw + angle * tremble(t, 2), Eigen::Vector3d::UnitZ()))
-                      .toRotationMatrix();
+  motion::CameraPose pose;
+  pose.axes = (Eigen::AngleAxisd(pitch + angle * tremble(t, 0), Eigen::Vector3d::UnitX()) *
+               Eigen::AngleAxisd(roll + angle * tremble(t, 1), Eigen::Vector3d::UnitY()) *
+               Eigen::AngleAxisd(yaw + angle * tremble(t, 2), Eigen::Vector3d::UnitZ()))
+                  .toRotationMatrix()
+                  .transpose();
   // The camera looks along +z onto the plane z = 0 from z = -height.
   pose.position << groundTrack(t), -height;
   return pose;
@@ -56,12 +52,11 @@ MapPose mapPose(double t, const Manner& manner) {
 
 }  // namespace
 
-FlightPose poseAt(double seconds, const Manner& manner) {
-  const MapPose pose = mapPose(seconds, manner);
+motion::CameraPose poseAt(double seconds, const Manner& manner) {
+  const motion::CameraPose pose = mapPose(seconds, manner);
   const Eigen::Vector3d mirror(1.0, -1.0, -1.0);  // half a turn about x
   const Eigen::Vector3d middle(0.5 * kMapSize, 0.5 * kMapSize, 0.0);
-  return {mirror.asDiagonal() * pose.rotation.transpose(),
-          kMetre * mirror.asDiagonal() * (pose.position - middle)};
+  return {mirror.asDiagonal() * pose.axes, kMetre * mirror.asDiagonal() * (pose.position - middle)};
 }
 
 Eigen::Matrix3d intrinsics() {
@@ -71,9 +66,10 @@ Eigen::Matrix3d intrinsics() {
 }
 
 Eigen::Matrix3d imageFromMap(double seconds, const Manner& manner) {
-  const MapPose pose = mapPose(seconds, manner);
+  const motion::CameraPose pose = mapPose(seconds, manner);
+  const Eigen::Matrix3d rotation = pose.axes.transpose();
   Eigen::Matrix3d plane;  // the plane's x and y axes and origin in the camera's frame
-  plane << pose.rotation.col(0), pose.rotation.col(1), -pose.rotation * pose.position;
+  plane << rotation.col(0), rotation.col(1), -rotation * pose.position;
   return intrinsics() * plane;
 }
 

@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
 
+#include "motion/camera_pose.h"
+
 namespace ktgp_orb::demo {
 
 constexpr int kImageWidth = 640;
@@ -17,13 +19,9 @@ struct Manner {
   double tilt = 10.0;  ///< degrees, largest pitch; the largest roll is 0.8 of it
 };
 
-/// Pose of the camera `seconds` into the flight: axes of the camera in the frame of the ground (x
-/// as in the map, y up in the map, z up), and its position there, m from the middle of the map.
-struct FlightPose {
-  Eigen::Matrix3d axes;
-  Eigen::Vector3d position;
-};
-FlightPose poseAt(double seconds, const Manner& manner);
+/// Pose of the camera `seconds` into the flight, in a frame of the ground with x as in the map, y
+/// up in the map and the middle of the map as its origin.
+motion::CameraPose poseAt(double seconds, const Manner& manner);
 
 /// K of the camera, px.
 Eigen::Matrix3d intrinsics();

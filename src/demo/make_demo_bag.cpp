@@ -6,7 +6,6 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 #include <std_msgs/String.h>
-#include <unistd.h>
 
 #include <Eigen/LU>
 #include <cmath>
@@ -19,6 +18,7 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
+#include "cli/progress_bar.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"
@@ -26,6 +26,7 @@
 #include "demo/signs.h"
 #include "files/input.h"
 #include "files/output_file.h"
+#include "messages/message_conversion.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -38,17 +39,6 @@ std_msgs::Header headerOf(int frame) {
   header.frame_id = "camera";
   header.seq = static_cast<std::uint32_t>(frame);
   return header;
-}
-
-sensor_msgs::Image toImage(const cv::Mat& picture, int frame) {
-  sensor_msgs::Image image;
-  image.header = headerOf(frame);
-  image.height = static_cast<std::uint32_t>(picture.rows);
-  image.width = static_cast<std::uint32_t>(picture.cols);
-  image.encoding = "bgr8";
-  image.step = static_cast<std::uint32_t>(picture.cols * picture.elemSize());
-  image.data.assign(picture.datastart, picture.dataend);
-  return image;
 }
 
 sensor_msgs::CameraInfo cameraInfo(int frame) {
@@ -101,11 +91,11 @@ void writeFrame(const cv::Mat& picture, int frame, const Scene& scene, rosbag::B
     bag.write("/camera/ground_truth/targets", stamp,
               truthOf(scene.signs, headerOf(frame), imageFromMap(frame / kFrameRate, manner)));
   }
-  bag.write("/camera/image_raw", stamp, toImage(picture, frame));
+  bag.write("/camera/image_raw", stamp, toImage(headerOf(frame), "bgr8", picture));
 }
 
 void writeFrames(const Scene& scene, rosbag::Bag& bag) {
-  const bool show_progress = isatty(STDERR_FILENO) != 0;
+  tools::ProgressBar progress(static_cast<std::size_t>(scene.frames));
   constexpr int kBatch = 16;  // frames drawn in parallel
   std::vector<cv::Mat> pictures(kBatch);
   for (int first = 0; first < scene.frames && !tools::interrupted(); first += kBatch) {
@@ -118,10 +108,9 @@ void writeFrames(const Scene& scene, rosbag::Bag& bag) {
     });
     for (int i = 0; i < count; ++i) {
       writeFrame(pictures[static_cast<std::size_t>(i)], first + i, scene, bag);
+      progress.advance("frames");
     }
-    if (show_progress) std::fprintf(stderr, "\r  frame %d of %d ", first + count, scene.frames);
   }
-  if (show_progress) std::fprintf(stderr, "\r\033[K");
 }
 
 void writeBag(const std::string& path, const Scene& scene, bool force) {

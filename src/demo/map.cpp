@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "core/util/constants.h"
 #include "demo/landscape.h"
@@ -86,19 +87,16 @@ Landscape makeLandscape(std::uint64_t seed) {
 
 /// Brightness that varies at every scale from one to 256 px: mean 1.
 cv::Mat makeTexture(std::uint64_t seed) {
-  struct Octave {
-    int size;         // px
-    float deviation;  // relative to the brightness
-  };
-  constexpr Octave kOctaves[] = {{1, 0.055F}, {2, 0.06F},  {4, 0.045F},
-                                 {16, 0.03F}, {64, 0.04F}, {256, 0.06F}};
+  // Size in px, and deviation relative to the brightness.
+  constexpr std::pair<int, float> kOctaves[] = {{1, 0.055F}, {2, 0.06F},  {4, 0.045F},
+                                                {16, 0.03F}, {64, 0.04F}, {256, 0.06F}};
   cv::RNG rng(seed);
   cv::Mat texture(kMapSize, kMapSize, CV_32F, cv::Scalar(1.0));
   cv::Mat coarse;
   cv::Mat fine;
-  for (const Octave& octave : kOctaves) {
-    coarse.create(kMapSize / octave.size, kMapSize / octave.size, CV_32F);
-    rng.fill(coarse, cv::RNG::NORMAL, 0.0, octave.deviation);
+  for (const auto& [size, deviation] : kOctaves) {
+    coarse.create(kMapSize / size, kMapSize / size, CV_32F);
+    rng.fill(coarse, cv::RNG::NORMAL, 0.0, deviation);
     cv::resize(coarse, fine, texture.size(), 0, 0, cv::INTER_LINEAR);
     texture += fine;
   }

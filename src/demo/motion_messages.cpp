@@ -19,11 +19,6 @@ constexpr double kRangeNoise = 0.01;                    // share
 constexpr double kTiltNoise = 0.5 * util::kPi / 180.0;  // rad
 constexpr double kRateNoise = 0.2 * util::kPi / 180.0;  // rad/s
 
-motion::CameraPose cameraAt(double seconds, const Manner& manner) {
-  const FlightPose pose = poseAt(seconds, manner);
-  return {pose.axes, pose.position};
-}
-
 Eigen::Vector3d noise(double deviation, cv::RNG& random) {
   const double x = random.gaussian(deviation);
   const double y = random.gaussian(deviation);
@@ -50,8 +45,8 @@ geometry_msgs::Vector3 vectorOf(const Eigen::Vector3d& v) {
 
 nav_msgs::Odometry truth(const std_msgs::Header& image, double seconds, const Manner& manner) {
   const Eigen::Matrix3d base_from_camera = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
-  motion::CameraPose now = cameraAt(seconds, manner);
-  motion::CameraPose before = cameraAt(seconds - 1.0 / kFrameRate, manner);
+  motion::CameraPose now = poseAt(seconds, manner);
+  motion::CameraPose before = poseAt(seconds - 1.0 / kFrameRate, manner);
   now.axes *= base_from_camera.transpose();
   before.axes *= base_from_camera.transpose();
   const motion::Vector6 twist = kFrameRate * motion::constantTwist(before, now);
@@ -73,7 +68,7 @@ nav_msgs::Odometry truth(const std_msgs::Header& image, double seconds, const Ma
 void writeMotion(const std_msgs::Header& image, double seconds, std::uint64_t seed,
                  const Manner& manner, rosbag::Bag& bag) {
   cv::RNG random(seed + 1000003ULL * (image.seq + 1));
-  const motion::CameraPose pose = cameraAt(seconds, manner);
+  const motion::CameraPose pose = poseAt(seconds, manner);
   bag.write("/camera/ground_truth/odometry", image.stamp, truth(image, seconds, manner));
 
   sensor_msgs::Range range;
@@ -90,8 +85,8 @@ void writeMotion(const std_msgs::Header& image, double seconds, std::uint64_t se
   imu.header = image;
   imu.orientation = quaternionOf(pose.axes * motion::rotationAbout(noise(kTiltNoise, random)));
   const double half = 0.5 / kFrameRate;
-  const Eigen::Vector3d turn = motion::turnOf(cameraAt(seconds - half, manner).axes.transpose() *
-                                              cameraAt(seconds + half, manner).axes);
+  const Eigen::Vector3d turn = motion::turnOf(poseAt(seconds - half, manner).axes.transpose() *
+                                              poseAt(seconds + half, manner).axes);
   imu.angular_velocity = vectorOf(kFrameRate * turn + noise(kRateNoise, random));
   for (std::size_t i = 0; i < 9; i += 4) {
     imu.orientation_covariance[i] = kTiltNoise * kTiltNoise;

@@ -2,7 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
+
+#include "core/util/format.h"
 
 namespace ktgp_orb::demo {
 namespace {
@@ -53,12 +54,9 @@ std::string MotionScore::text() const {
     speeds += velocityOf(truth->second).squaredNorm();
     ++count;
   }
-  char line[160];
-  std::snprintf(line, sizeof line,
-                "drift %.2f %% of %.0f m, velocity error %.3f m/s (RMS) at %.1f m/s",
-                100.0 * error.norm() / way, way, std::sqrt(squares / std::max(count, 1.0)),
-                std::sqrt(speeds / std::max(count, 1.0)));
-  return line;
+  return util::format("drift %.2f %% of %.0f m, velocity error %.3f m/s (RMS) at %.1f m/s",
+                      100.0 * error.norm() / way, way, std::sqrt(squares / std::max(count, 1.0)),
+                      std::sqrt(speeds / std::max(count, 1.0)));
 }
 
 }  // namespace ktgp_orb::demo

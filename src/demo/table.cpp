@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numeric>
+
+#include "core/util/format.h"
 
 namespace ktgp_orb::demo {
 namespace {
+
+using util::format;
 
 const char* const kStages[] = {"features", "KNN", "TF", "GMS", "PROSAC"};
 const char* const kTimes[] = {"extract", "KNN", "TF", "GMS", "PROSAC", "total"};
@@ -27,15 +29,6 @@ double percentile(std::vector<double> values, double share) {
   std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(rank),
                    values.end());
   return values[rank];
-}
-
-__attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
-  char buffer[256];
-  va_list arguments;
-  va_start(arguments, pattern);
-  std::vsnprintf(buffer, sizeof(buffer), pattern, arguments);
-  va_end(arguments);
-  return buffer;
 }
 
 std::string p50p95(const std::vector<double>& values) {

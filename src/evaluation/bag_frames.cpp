@@ -7,6 +7,7 @@
 #include "bag/reader.h"
 #include "files/input.h"
 #include "messages/image_conversion.h"
+#include "messages/message_conversion.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -27,8 +28,7 @@ std::optional<Eigen::Matrix3d> truthOf(const std::map<ros::Time, HomographyStamp
                                        const ros::Time& previous, const ros::Time& stamp) {
   const auto entry = truth.find(stamp);
   if (entry == truth.end() || entry->second.reference_stamp != previous) return std::nullopt;
-  using RowMajor = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
-  return Eigen::Matrix3d(Eigen::Map<const RowMajor>(entry->second.homography.data()));
+  return homographyOf(entry->second);
 }
 
 }  // namespace

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
@@ -41,32 +42,19 @@ std::vector<double> squaredErrors(const Eigen::Matrix3d& h, const PointPairs& pa
 }
 
 /// The inliers of `h`: OpenCV's mask belongs to the model before its last refinement.
-HomographyEstimate conclude(const cv::Mat& h, const PointPairs& pairs, double threshold) {
-  HomographyEstimate result;
+ProsacResult conclude(const cv::Mat& h, const PointPairs& pairs, double threshold) {
+  ProsacResult result;
   result.mask.assign(pairs.size(), 0);
+  result.answer.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   if (h.empty()) return result;
-  cv::cv2eigen(h, result.homography);
-  const std::vector<double> errors = squaredErrors(result.homography, pairs);
+  cv::cv2eigen(h, result.answer.homography);
+  const std::vector<double> errors = squaredErrors(result.answer.homography, pairs);
   for (std::size_t i = 0; i < errors.size(); ++i) {
     result.mask[i] = errors[i] < threshold * threshold ? 1 : 0;
   }
-  result.found = std::count(result.mask.begin(), result.mask.end(), 1) >= 4;
+  result.inliers = static_cast<std::size_t>(std::count(result.mask.begin(), result.mask.end(), 1));
+  if (result.inliers >= kSampleSize) result.status = Status::ok;
   return result;
-}
-
-HomographyEstimate withOpenCv(int method, const PointPairs& pairs, const ProsacOptions& options) {
-  const cv::Mat h = cv::findHomography(toOpenCv(pairs.reference), toOpenCv(pairs.target), method,
-                                       options.max_error, cv::noArray(), options.max_iterations,
-                                       options.confidence);
-  return conclude(h, pairs, options.max_error);
-}
-
-HomographyEstimate withProsac(const PointPairs& pairs, const cv::Size& reference_size,
-                              const ProsacOptions& options) {
-  ProsacResult result;
-  ProsacHomography(options).estimate(pairs, reference_size, result);
-  return {result.status == Status::ok, result.answer.homography, result.mask,
-          result.answer.covariance};
 }
 
 /// Cost of a model, smaller is better. MSAC: squared error, at most that of the threshold.
@@ -113,9 +101,9 @@ double samplesNeeded(double inlier_share, double confidence) {
 }
 
 /// Least squares over the inliers, which then change: a few rounds.
-HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Point2f>& reference,
-                            const std::vector<cv::Point2f>& target, const PointPairs& pairs,
-                            double threshold) {
+ProsacResult fitAgain(ProsacResult model, const std::vector<cv::Point2f>& reference,
+                      const std::vector<cv::Point2f>& target, const PointPairs& pairs,
+                      double threshold) {
   for (int round = 0; round < 4; ++round) {
     std::vector<cv::Point2f> from;
     std::vector<cv::Point2f> to;
@@ -124,8 +112,8 @@ HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Poin
       from.push_back(reference[i]);
       to.push_back(target[i]);
     }
-    HomographyEstimate refined = conclude(cv::findHomography(from, to, 0), pairs, threshold);
-    if (!refined.found) break;
+    ProsacResult refined = conclude(cv::findHomography(from, to, 0), pairs, threshold);
+    if (refined.status != Status::ok) break;
     model = std::move(refined);
   }
   return model;
@@ -133,11 +121,11 @@ HomographyEstimate fitAgain(HomographyEstimate model, const std::vector<cv::Poin
 
 /// RANSAC's loop with another cost; the best model is fitted again to its inliers.
 template <typename Cost>
-HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOptions& options) {
+ProsacResult withCost(Cost cost, const PointPairs& pairs, const ProsacOptions& options) {
   const std::vector<cv::Point2f> reference = toOpenCv(pairs.reference);
   const std::vector<cv::Point2f> target = toOpenCv(pairs.target);
   std::mt19937_64 random(options.seed);
-  HomographyEstimate best;
+  ProsacResult best;
   double best_cost = std::numeric_limits<double>::infinity();
   double needed = options.max_iterations;
   for (int i = 0; i < options.max_iterations && i < needed; ++i) {
@@ -149,17 +137,16 @@ HomographyEstimate withCost(Cost cost, const PointPairs& pairs, const ProsacOpti
       to[k] = target[sample[k]];
     }
     const cv::Mat h = cv::getPerspectiveTransform(from.data(), to.data());
-    HomographyEstimate model = conclude(h, pairs, options.max_error);
-    if (!model.found || !model.homography.allFinite()) continue;
-    const double model_cost = cost(squaredErrors(model.homography, pairs));
+    ProsacResult model = conclude(h, pairs, options.max_error);
+    if (model.status != Status::ok || !model.answer.homography.allFinite()) continue;
+    const double model_cost = cost(squaredErrors(model.answer.homography, pairs));
     if (model_cost >= best_cost) continue;
     best_cost = model_cost;
     best = std::move(model);
-    const auto inliers = std::count(best.mask.begin(), best.mask.end(), 1);
-    needed = samplesNeeded(static_cast<double>(inliers) / static_cast<double>(pairs.size()),
+    needed = samplesNeeded(static_cast<double>(best.inliers) / static_cast<double>(pairs.size()),
                            options.confidence);
   }
-  if (!best.found) return conclude({}, pairs, options.max_error);
+  if (best.status != Status::ok) return conclude({}, pairs, options.max_error);
 
   return fitAgain(best, reference, target, pairs, options.max_error);
 }
@@ -168,45 +155,60 @@ double area(const std::vector<Eigen::Vector2d>& points) {
   return std::max(1.0, cv::boundingRect(toOpenCv(points)).area() * 1.0);
 }
 
-}  // namespace
+using Estimate = std::function<ProsacResult(const PointPairs&, const cv::Size& reference_size,
+                                            const ProsacOptions&)>;
 
-const std::vector<std::pair<std::string, Estimator>>& estimators() {
-  static const std::vector<std::pair<std::string, Estimator>> all {
-    {"ransac", Estimator::ransac}, {"msac", Estimator::msac}, {"mlesac", Estimator::mlesac},
-        {"prosac", Estimator::prosac},
+Estimate openCv(int method) {
+  return [method](const PointPairs& pairs, const cv::Size&, const ProsacOptions& options) {
+    const cv::Mat h = cv::findHomography(toOpenCv(pairs.reference), toOpenCv(pairs.target), method,
+                                         options.max_error, cv::noArray(), options.max_iterations,
+                                         options.confidence);
+    return conclude(h, pairs, options.max_error);
+  };
+}
+
+const std::vector<std::pair<std::string, Estimate>>& table() {
+  static const std::vector<std::pair<std::string, Estimate>> all {
+    {"ransac", openCv(cv::RANSAC)},
+        {"msac",
+         [](const PointPairs& pairs, const cv::Size&, const ProsacOptions& options) {
+           const auto cost = [&](const auto& e) { return msacCost(e, options.max_error); };
+           return withCost(cost, pairs, options);
+         }},
+        {"mlesac",
+         [](const PointPairs& pairs, const cv::Size&, const ProsacOptions& options) {
+           const double outliers = area(pairs.target);
+           const auto cost = [&](const auto& e) {
+             return mlesacCost(e, options.max_error, outliers);
+           };
+           return withCost(cost, pairs, options);
+         }},
+        {"prosac",
+         [](const PointPairs& pairs, const cv::Size& size, const ProsacOptions& options) {
+           ProsacResult result;
+           ProsacHomography(options).estimate(pairs, size, result);
+           return result;
+         }},
 #if KTGP_ORB_HAVE_USAC
-        {"usac", Estimator::usac}, {"magsac", Estimator::magsac},
+        {"usac", openCv(cv::USAC_DEFAULT)}, {"magsac", openCv(cv::USAC_MAGSAC)},
 #endif
   };
   return all;
 }
 
-HomographyEstimate estimateHomography(Estimator estimator, const PointPairs& pairs,
-                                      const cv::Size& reference_size,
-                                      const ProsacOptions& options) {
-  if (pairs.size() < kSampleSize) return conclude({}, pairs, options.max_error);
-  switch (estimator) {
-    case Estimator::ransac:
-      return withOpenCv(cv::RANSAC, pairs, options);
-    case Estimator::msac:
-      return withCost([&](const auto& e) { return msacCost(e, options.max_error); }, pairs,
-                      options);
-    case Estimator::mlesac:
-      return withCost([&, outliers = area(pairs.target)](
-                          const auto& e) { return mlesacCost(e, options.max_error, outliers); },
-                      pairs, options);
-    case Estimator::prosac:
-      return withProsac(pairs, reference_size, options);
-#if KTGP_ORB_HAVE_USAC
-    case Estimator::usac:
-      return withOpenCv(cv::USAC_DEFAULT, pairs, options);
-    case Estimator::magsac:
-      return withOpenCv(cv::USAC_MAGSAC, pairs, options);
-#else
-    case Estimator::usac:
-    case Estimator::magsac:
-      break;
-#endif
+}  // namespace
+
+std::vector<std::string> estimators() {
+  std::vector<std::string> names;
+  for (const auto& entry : table()) names.push_back(entry.first);
+  return names;
+}
+
+ProsacResult estimateHomography(const std::string& estimator, const PointPairs& pairs,
+                                const cv::Size& reference_size, const ProsacOptions& options) {
+  for (const auto& [name, estimate] : table()) {
+    if (name != estimator || pairs.size() < kSampleSize) continue;
+    return estimate(pairs, reference_size, options);
   }
   return conclude({}, pairs, options.max_error);
 }

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdio>
 
+#include "core/util/format.h"
 #include "evaluation/peers.h"
 
 namespace ktgp_orb::tools::hpatches {
@@ -13,13 +13,9 @@ constexpr std::array<const char*, 8> kLarge{"i_contruction", "i_crownnight",    
                                             "i_pencils",     "i_whitebuilding", "v_artisans",
                                             "v_astronautis", "v_talent"};
 
-struct Published {
-  const char* method;
-  std::array<double, 3> auc;  ///< %, at 1, 3 and 5 px
-};
-/// README of https://github.com/cvg/glue-factory: 1024 keypoints, the estimator's threshold chosen
-/// for the best result.
-constexpr std::array<Published, 4> kPublished{
+/// AUC at 1, 3 and 5 px in %: README of https://github.com/cvg/glue-factory: 1024 keypoints, the
+/// estimator's threshold chosen for the best result.
+constexpr std::array<std::pair<const char*, std::array<double, 3>>, 4> kPublished{
     {{"SuperPoint + SuperGlue, OpenCV", {32.9, 55.7, 68.0}},
      {"SuperPoint + SuperGlue, PoseLib", {37.0, 68.2, 78.7}},
      {"SuperPoint + LightGlue, OpenCV", {34.2, 57.9, 69.9}},
@@ -27,20 +23,17 @@ constexpr std::array<Published, 4> kPublished{
 
 std::string row(const std::string& method, double at_1, double at_3, double at_5,
                 const std::string& rest) {
-  std::array<char, 160> line{};
-  std::snprintf(line.data(), line.size(), "%-32s %6.1f %6.1f %6.1f  %s\n", method.c_str(), at_1,
-                at_3, at_5, rest.c_str());
-  return line.data();
+  return util::format("%-32s %6.1f %6.1f %6.1f  %s\n", method.c_str(), at_1, at_3, at_5,
+                      rest.c_str());
 }
 
 std::string measuredRow(const SetSummary& s) {
   if (!s.accuracy) return s.method + ": estimates no homography\n";
-  std::array<char, 80> rest{};
-  std::snprintf(rest.data(), rest.size(), "%6.1f %%  %8.1f", 100.0 * s.accuracy->found,
-                s.total_milliseconds);
+  const std::string rest =
+      util::format("%6.1f %%  %8.1f", 100.0 * s.accuracy->found, s.total_milliseconds);
   const auto& auc = s.accuracy->auc;
   static_assert(kAucThresholds[0] == 1.0 && kAucThresholds[1] == 3.0 && kAucThresholds[2] == 5.0);
-  return row(s.method, 100.0 * auc[0], 100.0 * auc[1], 100.0 * auc[2], rest.data());
+  return row(s.method, 100.0 * auc[0], 100.0 * auc[1], 100.0 * auc[2], rest);
 }
 
 }  // namespace
@@ -58,7 +51,7 @@ std::vector<std::string> methodNames() {
 }
 
 Method siftWithOurEstimator(const PipelineOptions& options) {
-  for (Method& method : peerMethods(options.matcher.prosac, Estimator::prosac)) {
+  for (Method& method : peerMethods(options.matcher.prosac, "prosac")) {
     if (method.name != "SIFT") continue;
     method.name = "SIFT+PROSAC";
     method.description = "2000 SIFT keypoints, ratio 0.8, PROSAC";
@@ -79,8 +72,9 @@ std::string toTable(const std::vector<SetSummary>& summaries) {
     if (s.set == last.set) out += measuredRow(s);
   }
   out += "quoted, not measured here, all 540 pairs (README of github.com/cvg/glue-factory):\n";
-  for (const Published& p : kPublished)
-    out += row(p.method, p.auc[0], p.auc[1], p.auc[2], "quoted");
+  for (const auto& [method, auc] : kPublished) {
+    out += row(method, auc[0], auc[1], auc[2], "quoted");
+  }
   return out;
 }
 

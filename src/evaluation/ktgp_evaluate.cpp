@@ -72,18 +72,11 @@ struct Arguments {
   PipelineOptions pipeline;
 };
 
-std::optional<Estimator> wantedEstimator(const Arguments& arguments) {
-  for (const auto& [name, estimator] : estimators()) {
-    if (name == arguments.estimator) return estimator;
-  }
-  return std::nullopt;
-}
-
 /// Ours and OpenCV's.
 std::vector<Method> knownMethods(const Arguments& arguments) {
   const PipelineOptions& options = arguments.pipeline;
-  std::vector<Method> methods = allMethods(options, wantedEstimator(arguments));
-  for (Method& peer : peerMethods(options.matcher.prosac, wantedEstimator(arguments))) {
+  std::vector<Method> methods = allMethods(options, arguments.estimator);
+  for (Method& peer : peerMethods(options.matcher.prosac, arguments.estimator)) {
     methods.push_back(std::move(peer));
   }
   if (arguments.hpatches) methods.push_back(hpatches::siftWithOurEstimator(options));
@@ -165,11 +158,9 @@ void addArguments(CLI::App& app, Arguments& arguments) {
       ->delimiter(',')
       ->type_name("NAMES")
       ->capture_default_str();
-  std::vector<std::string> names;
-  for (const auto& entry : estimators()) names.push_back(entry.first);
   app.add_option("--estimator", arguments.estimator,
                  "use this one in every method that estimates a homography")
-      ->check(CLI::IsMember(names))
+      ->check(CLI::IsMember(estimators()))
       ->type_name("NAME");
   app.add_option("--json", arguments.json,
                  "write rows, summary and options; - is the standard output")

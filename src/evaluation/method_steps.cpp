@@ -168,10 +168,8 @@ Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options) {
           }};
 }
 
-Step homography(Estimator estimator, const ProsacOptions& options) {
-  const auto is_this = [&](const auto& entry) { return entry.second == estimator; };
-  const auto entry = std::find_if(estimators().begin(), estimators().end(), is_this);
-  return {entry->first, [estimator, options](const Scene& scene, Matching& m) {
+Step homography(const std::string& estimator, const ProsacOptions& options) {
+  return {estimator, [estimator, options](const Scene& scene, Matching& m) {
             const Features& reference = m.own ? m.own->reference : scene.reference;
             const Features& target = m.own ? m.own->target : scene.target;
             PointPairs pairs;
@@ -181,15 +179,15 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
               pairs.target.push_back(position(target, c.target_index));
               pairs.quality.push_back(c.ratio());
             }
-            const HomographyEstimate model =
+            const ProsacResult model =
                 estimateHomography(estimator, pairs, reference.image_size, options);
             m.estimated = true;
             m.candidates = m.matches;
-            if (model.found) m.homography = model.homography;
-            m.covariance = model.covariance;
+            const bool found = model.status == Status::ok;
+            if (found) m.answer = model.answer;
             std::size_t i = 0;
             const auto is_outlier = [&](const Correspondence&) {
-              return !model.found || model.mask[i++] == 0;
+              return !found || model.mask[i++] == 0;
             };
             removeIf(is_outlier, m.matches);
           }};
@@ -198,29 +196,32 @@ Step homography(Estimator estimator, const ProsacOptions& options) {
 Step align(const AlignmentOptions& options) {
   auto alignment = std::make_shared<Alignment>(options);
   auto result = std::make_shared<AlignmentResult>();
-  return {
-      "align", [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
-        if (!m.homography) return;
-        // Without an estimate, assumes a deviation of 1 for every entry.
-        UncertainHomography start{*m.homography};
-        start.covariance = m.covariance.value_or(Covariance8::Identity());
-        alignment->align(scene.reference, scene.target, m.matches, start, *result);
-        if (result->status != AlignmentStatus::ok) return;
-        m.homography = result->answer.homography;
-        m.covariance = result->answer.covariance;
-        m.matches = m.candidates;
-        const auto is_outlier = [&](const Correspondence& c) {
-          return !(reprojectionError(*m.homography, position(scene.reference, c.reference_index),
-                                     position(scene.target, c.target_index)) < max_error);
-        };
-        removeIf(is_outlier, m.matches);
-      }};
+  return {"align",
+          [alignment, result, max_error = options.max_error](const Scene& scene, Matching& m) {
+            if (!m.answer) return;
+            UncertainHomography start{m.answer->homography, m.answer->covariance};
+            // Without an estimate, assumes a deviation of 1 for every entry.
+            if (!start.covariance.allFinite()) start.covariance.setIdentity();
+            alignment->align(scene.reference, scene.target, m.matches, start, *result);
+            if (result->status != AlignmentStatus::ok) return;
+            m.answer = result->answer;
+            m.matches = m.candidates;
+            const auto is_outlier = [&](const Correspondence& c) {
+              return !(reprojectionError(m.answer->homography,
+                                         position(scene.reference, c.reference_index),
+                                         position(scene.target, c.target_index)) < max_error);
+            };
+            removeIf(is_outlier, m.matches);
+          }};
+}
+
+OrbOptions withImages(OrbOptions options) {
+  options.images = ImageKeeping::share;
+  return options;
 }
 
 Step extract(const OrbOptions& options) {
-  OrbOptions with_images = options;
-  with_images.images = ImageKeeping::share;
-  auto extractor = std::make_shared<OrbExtractor>(with_images);
+  auto extractor = std::make_shared<OrbExtractor>(withImages(options));
   return {"extract", [extractor](const Scene& scene, Matching& m) {
             m.own.emplace();
             extractor->extract(scene.reference_image, m.own->reference);
@@ -239,9 +240,7 @@ Step matcher(const MatcherOptions& options) {
             result->surviving(Level::ktgp, m.matches);
             m.matches.insert(m.matches.end(), result->guided.begin(), result->guided.end());
             m.estimated = true;
-            if (result->status != Status::ok) return;
-            m.homography = result->answer.homography;
-            m.covariance = result->answer.covariance;
+            if (result->status == Status::ok) m.answer = result->answer;
           }};
 }
 

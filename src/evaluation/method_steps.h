@@ -37,8 +37,7 @@ struct Matching {
   std::optional<OwnFeatures> own{};
   ReferenceViews views{};                       ///< simulated views of the reference
   bool estimated = false;                       ///< a step has searched for a homography
-  std::optional<Eigen::Matrix3d> homography{};  ///< reference to target, if found
-  std::optional<Covariance8> covariance{};      ///< of it, if the estimator gives one
+  std::optional<UncertainHomography> answer{};  ///< if found; covariance NaN: not known
 };
 
 /// One stage of a method. May keep buffers; used by one thread.
@@ -77,13 +76,15 @@ Step greyLevel(double tolerance);
 // Geometry.
 Step gms(const GmsOptions& options);
 Step gmsOver(const Neighbourhood& neighbourhood, const GmsOptions& options);
-/// Keeps the inliers of the homography.
-Step homography(Estimator estimator, const ProsacOptions& options);
+/// Keeps the inliers of the homography. `estimator`: see estimators().
+Step homography(const std::string& estimator, const ProsacOptions& options);
 /// Aligns matches by the images and corrects the homography. Keeps the matches used for it that
 /// agree with the corrected homography; changes nothing if the alignment fails.
 Step align(const AlignmentOptions& options);
 
 // Whole methods.
+/// Options that keep the images, which the alignment needs; keeping them takes no time.
+OrbOptions withImages(OrbOptions options);
 /// The method's own features.
 Step extract(const OrbOptions& options);
 /// KtgpMatcher from end to end: its homography and final matches. With growth, uses the simulated

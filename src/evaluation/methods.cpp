@@ -2,6 +2,8 @@
 
 #include <chrono>
 
+#include "core/util/milliseconds.h"
+
 namespace ktgp_orb::tools {
 namespace {
 
@@ -37,8 +39,7 @@ MatcherOptions withoutGrowth(MatcherOptions options) {
 
 }  // namespace
 
-std::vector<Method> allMethods(const PipelineOptions& pipeline,
-                               std::optional<Estimator> estimator) {
+std::vector<Method> allMethods(const PipelineOptions& pipeline, const std::string& estimator) {
   const MatcherOptions& options = pipeline.matcher;
   GmsOptions motion = options.gms;
   motion.enabled = true;  // the method's name decides about GMS
@@ -49,8 +50,8 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
   const double t_w = options.ratio_threshold.value_or(ratioThreshold(pipeline.orb.descriptor));
   const auto knn = [&] { return nearest(options.knn); };
   const auto both_ways = [&] { return bidirectional(options.knn); };
-  const auto model = [&](Estimator usual) {
-    return homography(estimator.value_or(usual), options.prosac);
+  const auto model = [&](const std::string& usual) {
+    return homography(estimator.empty() ? usual : estimator, options.prosac);
   };
 
   // Thresholds that the papers do not give.
@@ -61,25 +62,25 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
 
   std::vector<Method> methods{
       {"ORB", "nearest neighbour with cross-check", {knn(), both_ways()}},
-      {"ORB+RANSAC", "nearest neighbour, RANSAC", {knn(), model(Estimator::ransac)}},
+      {"ORB+RANSAC", "nearest neighbour, RANSAC", {knn(), model("ransac")}},
       {"KT", "KNN, ratio filter", {knn(), ratio(t_w)}},
       {"KTG", "KT, GMS", {knn(), ratio(t_w), gms(motion)}},
       {"KTGP",
        "KTG, PROSAC: the paper's method",
-       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac)}},
+       {knn(), ratio(t_w), gms(motion), model("prosac")}},
       {"KTGP+ALIGN",
        "KTGP, sub-pixel alignment",
-       {knn(), ratio(t_w), gms(motion), model(Estimator::prosac), align(alignment)}},
+       {knn(), ratio(t_w), gms(motion), model("prosac"), align(alignment)}},
       {"KTG-RS", "KTG with rotation and scale", {knn(), ratio(t_w), gms(rotating)}},
       {"KTGP-RS",
        "KTGP with rotation and scale",
-       {knn(), ratio(t_w), gms(rotating), model(Estimator::prosac)}},
+       {knn(), ratio(t_w), gms(rotating), model("prosac")}},
       {"MUTUAL",
        "mutual nearest neighbours, PROSAC; no ratio, no GMS",
-       {mutualNearest(options.knn), model(Estimator::prosac)}},
+       {mutualNearest(options.knn), model("prosac")}},
       {"MUTUAL+ALIGN",
        "MUTUAL, sub-pixel alignment",
-       {mutualNearest(options.knn), model(Estimator::prosac), align(alignment)}},
+       {mutualNearest(options.knn), model("prosac"), align(alignment)}},
       {"ROBUST",
        "the preset: MUTUAL, growth where PROSAC finds nothing, a guided round, alignment",
        {matcher(robust(options))}},
@@ -97,26 +98,25 @@ std::vector<Method> allMethods(const PipelineOptions& pipeline,
       {"GMS", "nearest neighbour, GMS (Bian 2017)", {knn(), gms(motion)}},
       {"GMS-5", "GMS over five cells (Chen 2018)", {knn(), gmsOver(cross(), options.gms)}},
       {"GMS5x5", "GMS over 5x5 cells", {knn(), gmsOver(square(2), options.gms)}},
-      {"GMS-RANSAC", "GMS, RANSAC (Zhu 2019)", {knn(), gms(motion), model(Estimator::ransac)}},
+      {"GMS-RANSAC", "GMS, RANSAC (Zhu 2019)", {knn(), gms(motion), model("ransac")}},
       {"MP-ORB",
        "KNN, ratio, both directions, cosine, PROSAC (Ye)",
-       {knn(), ratio(t_w), both_ways(), cosineSimilarity(kCosine), model(Estimator::prosac)}},
+       {knn(), ratio(t_w), both_ways(), cosineSimilarity(kCosine), model("prosac")}},
       {"Sun2016",
        "KNN, threshold, descriptor norm, RANSAC (Sun)",
-       {knn(), distanceThreshold(kDistance), similarNorm(kNorm), model(Estimator::ransac)}},
+       {knn(), distanceThreshold(kDistance), similarNorm(kNorm), model("ransac")}},
       {"KTBER",
        "KNN, ratio, both directions, Euclidean, grey level, RANSAC (Sun)",
-       {knn(), ratio(t_w), both_ways(), euclideanDistance(), greyLevel(kGrey),
-        model(Estimator::ransac)}},
+       {knn(), ratio(t_w), both_ways(), euclideanDistance(), greyLevel(kGrey), model("ransac")}},
       {"KRCR",
        "KNN, threshold, ratio, cosine, RANSAC (Sun)",
        {knn(), distanceThreshold(kDistance), ratio(t_w), cosineSimilarity(kCosine),
-        model(Estimator::ransac)}},
+        model("ransac")}},
   };
-  for (const auto& [name, kind] : estimators()) {
-    if (kind == Estimator::prosac) continue;
+  for (const std::string& name : estimators()) {
+    if (name == "prosac") continue;
     methods.push_back(
-        {"KTG+" + name, "KTG, " + name, {knn(), ratio(t_w), gms(motion), model(kind)}});
+        {"KTG+" + name, "KTG, " + name, {knn(), ratio(t_w), gms(motion), model(name)}});
   }
   return methods;
 }
@@ -128,8 +128,7 @@ Matching runMethod(const Method& method, const Scene& scene, std::vector<StepRes
   for (const Step& step : method.steps) {
     const auto start = Clock::now();
     step.run(scene, matching);
-    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
-    steps.push_back({step.name, matching.matches.size(), time.count()});
+    steps.push_back({step.name, matching.matches.size(), util::millisecondsSince(start)});
   }
   return matching;
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,11 +16,10 @@ struct Method {
   std::string unavailable{};  ///< why this build cannot run it; empty if it can
 };
 
-/// All methods with our features and the thresholds of `options`. If `estimator` is given, every
-/// method that estimates a homography uses it, except the presets, which are the unchanged matcher.
-/// doc/method.md describes our choices where the literature is incomplete.
-std::vector<Method> allMethods(const PipelineOptions& options,
-                               std::optional<Estimator> estimator = std::nullopt);
+/// All methods with our features and the thresholds of `options`. If `estimator` is not empty,
+/// every method that estimates a homography uses it, except the presets, which are the unchanged
+/// matcher. doc/method.md describes our choices where the literature is incomplete.
+std::vector<Method> allMethods(const PipelineOptions& options, const std::string& estimator = "");
 
 /// Time and result of one step.
 struct StepResult {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <sstream>
 
+#include "core/util/format.h"
 #include "files/csv.h"
 #include "ktgp_orb/evaluation.h"
 
@@ -13,6 +13,7 @@ namespace ktgp_orb::tools {
 namespace {
 
 using nlohmann::json;
+using util::format;
 
 /// Sums of values that some pairs do not have.
 struct Average {
@@ -263,13 +264,6 @@ json toJson(const SetSummary& s) {
 void add(const json& value, files::CsvRow& row) {
   const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
   row.add(value.is_string() || text != "null" ? text : "");
-}
-
-template <typename... Values>
-std::string format(const char* pattern, Values... values) {
-  std::array<char, 256> line{};
-  std::snprintf(line.data(), line.size(), pattern, values...);
-  return line.data();
 }
 
 /// AUCs and shares in percent, the median in px; dashes for missing values.

@@ -9,6 +9,7 @@
 #include <opencv2/imgproc.hpp>
 
 #include "core/homography/transform.h"
+#include "core/util/milliseconds.h"
 #include "evaluation/overlap.h"
 #include "evaluation/truth_points.h"
 #include "files/input.h"
@@ -26,12 +27,6 @@ std::vector<StepResult> medianTimes(const std::vector<std::vector<StepResult>>& 
     steps[i].milliseconds = evaluation::median(times);
   }
   return steps;
-}
-
-/// The alignment needs them; keeping them takes no time.
-OrbOptions withImages(OrbOptions options) {
-  options.images = ImageKeeping::share;
-  return options;
 }
 
 void scoreMatches(const Matching& found, const Scene& scene, const Eigen::Matrix3d& truth,
@@ -109,15 +104,13 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
                      MethodScore& score) {
   constexpr double kAnnotated = 1.0;  // px, accuracy of annotated points
   if (!found.estimated) return;
-  score.found = found.homography.has_value();
-  score.corner_error = evaluation::cornerError(found.homography.value_or(Eigen::Matrix3d::Zero()),
-                                               truth, scene.reference_image.size());
+  score.found = found.answer.has_value();
+  const UncertainHomography estimate = found.answer.value_or(UncertainHomography());
+  score.corner_error =
+      evaluation::cornerError(estimate.homography, truth, scene.reference_image.size());
   if (!score.found) return;
-  if (!points.empty()) score.corner_error = meanTransferError(*found.homography, points);
-  if (found.covariance && found.covariance->allFinite()) {
-    UncertainHomography estimate;
-    estimate.homography = *found.homography / (*found.homography)(2, 2);
-    estimate.covariance = *found.covariance;
+  if (!points.empty()) score.corner_error = meanTransferError(estimate.homography, points);
+  if (estimate.covariance.allFinite()) {
     if (points.empty()) {
       score.consistency =
           cornerConsistency(estimate, truth, truth_deviation, scene.reference_image.size());
@@ -125,7 +118,7 @@ void scoreHomography(const Matching& found, const Scene& scene, const Eigen::Mat
       score.within_covariance = isWithinCovariance(estimate, points, kAnnotated);
     }
   }
-  score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, *found.homography);
+  score.zncc = overlapCorrelation(scene.reference_image, scene.target_image, estimate.homography);
 }
 
 }  // namespace
@@ -181,8 +174,7 @@ double PairEvaluator::extract(const cv::Mat& reference_image, const cv::Mat& tar
     const auto start = Clock::now();
     extractor_.extract(reference_image, reference_);
     extractor_.extract(target_image, target_);
-    const std::chrono::duration<double, std::milli> time = Clock::now() - start;
-    times.push_back(time.count());
+    times.push_back(util::millisecondsSince(start));
   }
   return evaluation::median(times);
 }

@@ -1,6 +1,7 @@
 #include "evaluation/peers.h"
 
 #include <algorithm>
+#include <limits>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/core/version.hpp>
 #include <opencv2/features2d.hpp>
@@ -96,16 +97,18 @@ Step ecc() {
             }
             Eigen::Matrix3f found;
             cv::cv2eigen(h, found);
-            if (found.allFinite()) m.homography = found.cast<double>();
+            if (!found.allFinite()) return;
+            m.answer.emplace().homography = found.cast<double>();
+            m.answer->covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
           }};
 }
 
 /// The steps, then the estimator; or the reason why this OpenCV cannot run them.
 Method peer(const std::string& name, const std::string& description, std::vector<Step> steps,
-            Estimator estimator, const ProsacOptions& options) {
-  const auto is_here = [&](const auto& entry) { return entry.second == estimator; };
+            const std::string& estimator, const ProsacOptions& options) {
   if (steps.empty()) return {name, description, {}, "it needs 4.4"};
-  if (std::none_of(estimators().begin(), estimators().end(), is_here)) {
+  const std::vector<std::string> known = estimators();
+  if (std::find(known.begin(), known.end(), estimator) == known.end()) {
     return {name, description, {}, "its estimator needs 4.6"};
   }
   steps.push_back(homography(estimator, options));
@@ -124,9 +127,9 @@ std::vector<Step> siftSteps(double threshold) {
 
 }  // namespace
 
-std::vector<Method> peerMethods(const ProsacOptions& options, std::optional<Estimator> wanted) {
+std::vector<Method> peerMethods(const ProsacOptions& options, const std::string& wanted) {
   constexpr double kRatio = 0.8;
-  const Estimator estimator = wanted.value_or(Estimator::magsac);
+  const std::string estimator = wanted.empty() ? "magsac" : wanted;
   std::vector<Method> methods{
       peer("SIFT", "2000 SIFT keypoints, ratio 0.8, MAGSAC++", siftSteps(kRatio), estimator,
            options),

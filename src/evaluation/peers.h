@@ -1,6 +1,6 @@
 #pragma once
 
-#include <optional>
+#include <string>
 #include <vector>
 
 #include "evaluation/methods.h"
@@ -11,7 +11,6 @@ namespace ktgp_orb::tools {
 /// SIFT, AKAZE, FLOW and ECC. They have no verdict: every homography that the estimator returns
 /// counts as found. `unavailable` gives the reason if this OpenCV lacks a method. `options` has
 /// threshold and budget of the estimator (MAGSAC++ unless `estimator` is given).
-std::vector<Method> peerMethods(const ProsacOptions& options,
-                                std::optional<Estimator> estimator = std::nullopt);
+std::vector<Method> peerMethods(const ProsacOptions& options, const std::string& estimator = "");
 
 }  // namespace ktgp_orb::tools

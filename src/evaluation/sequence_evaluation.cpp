@@ -4,6 +4,7 @@
 #include <chrono>
 #include <limits>
 
+#include "core/util/milliseconds.h"
 #include "ktgp_orb/evaluation.h"
 
 namespace ktgp_orb::tools {
@@ -29,7 +30,7 @@ void SequenceEvaluator::addFrame(double stamp, const cv::Mat& image,
   const auto start = Clock::now();
   const SequenceMatch& match = matcher_.match(image, stamp);
   FrameScore frame;
-  frame.milliseconds = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  frame.milliseconds = util::millisecondsSince(start);
   frame.time = stamp - first_stamp_;
   frame.keypoints = match.frame->features.size();
   frame.status = match.match.status;

@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -11,6 +10,7 @@
 #include <opencv2/videoio.hpp>
 
 #include "core/homography/transform.h"
+#include "core/util/format.h"
 #include "files/input.h"
 
 namespace ktgp_orb::tools {
@@ -18,6 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using util::format;
 using Points = std::vector<Eigen::Vector2d>;
 
 /// What is known about a target in one source.
@@ -205,23 +206,9 @@ class Searcher {
   std::array<std::vector<double>, kLabelledSizes.size()> times_;
 };
 
-std::string line(const char* format, const std::string& first, const std::string& second,
-                 std::size_t frames, const std::array<std::string, kLabelledSizes.size()>& cells,
-                 const std::string& followed, const std::string& gap, std::size_t wrong,
-                 std::size_t others) {
-  std::array<char, 300> text{};
-  std::snprintf(text.data(), text.size(), format, first.c_str(), second.c_str(), frames,
-                cells[0].c_str(), cells[1].c_str(), cells[2].c_str(), cells[3].c_str(),
-                cells[4].c_str(), followed.c_str(), gap.c_str(), wrong, others);
-  return text.data();
-}
-
 std::string shareOf(std::size_t part, std::size_t all) {
   if (all == 0) return "-";
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "%.3f",
-                static_cast<double>(part) / static_cast<double>(all));
-  return text.data();
+  return format("%.3f", static_cast<double>(part) / static_cast<double>(all));
 }
 
 }  // namespace
@@ -253,7 +240,13 @@ LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOpti
 }
 
 std::string toTable(const LabelledTargets& searched) {
-  constexpr const char* kRow = "%-14s %-20s %6zu  %6s %6s %6s %6s %6s  %8s %5s %6zu %9zu\n";
+  const auto line = [](const std::string& first, const std::string& second, std::size_t frames,
+                       const auto& cells, const std::string& followed, const std::string& gap,
+                       std::size_t wrong, std::size_t others) {
+    return format("%-14s %-20s %6zu  %6s %6s %6s %6s %6s  %8s %5s %6zu %9zu\n", first.c_str(),
+                  second.c_str(), frames, cells[0].c_str(), cells[1].c_str(), cells[2].c_str(),
+                  cells[3].c_str(), cells[4].c_str(), followed.c_str(), gap.c_str(), wrong, others);
+  };
   constexpr const char* kHead =
       "Share of the labelled images in which the target is found within 5 px: each image by "
       "itself\n"
@@ -271,7 +264,7 @@ std::string toTable(const LabelledTargets& searched) {
       found[s] += row.found[s];
     }
     const std::size_t of_video = row.all_frames > 0 ? row.frames : 0;
-    out += line(kRow, row.target, row.source, row.frames, cells, shareOf(row.followed, of_video),
+    out += line(row.target, row.source, row.frames, cells, shareOf(row.followed, of_video),
                 row.all_frames > 0 ? std::to_string(row.longest_gap) : "-", row.wrong, row.others);
     labels += row.frames;
     in_videos += of_video;
@@ -282,14 +275,11 @@ std::string toTable(const LabelledTargets& searched) {
   }
   std::array<std::string, kLabelledSizes.size()> cells;
   for (std::size_t s = 0; s < cells.size(); ++s) cells[s] = shareOf(found[s], labels);
-  out += line(kRow, "all", "", labels, cells, shareOf(followed, in_videos), std::to_string(gap),
-              wrong, others);
-  std::array<char, 160> times{};
+  out += line("all", "", labels, cells, shareOf(followed, in_videos), std::to_string(gap), wrong,
+              others);
   const auto& ms = searched.milliseconds;
-  std::snprintf(times.data(), times.size(),
-                "ms, median of videos                       %6.1f %6.1f %6.1f %6.1f %6.1f\n", ms[0],
-                ms[1], ms[2], ms[3], ms[4]);
-  return out + times.data();
+  return out + format("ms, median of videos                       %6.1f %6.1f %6.1f %6.1f %6.1f\n",
+                      ms[0], ms[1], ms[2], ms[3], ms[4]);
 }
 
 }  // namespace ktgp_orb::tools

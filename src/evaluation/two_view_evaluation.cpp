@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -19,7 +18,9 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "core/util/format.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "ktgp_orb/evaluation.h"
@@ -31,20 +32,11 @@
 
 namespace ktgp_orb::tools::two_view {
 
-struct PoseImages {
-  cv::Mat reference;
-  cv::Mat target;
-  Features reference_features;
-  Features target_features;
-};
-
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-double since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
+using util::format;
+using util::millisecondsSince;
 
 struct CameraRow {
   std::string file;
@@ -174,7 +166,7 @@ void estimateByOpenCv(const PosePair& pair, Candidates& candidates, PoseScore& s
   cv::Mat t;
   cv::Mat front = mask.clone();
   cv::recoverPose(e, from, to, k, r, t, front);
-  score.estimation_milliseconds = since(start);
+  score.estimation_milliseconds = millisecondsSince(start);
   RelativePose pose;
   cv::cv2eigen(r, pose.rotation);
   Eigen::MatrixXd direction;
@@ -211,17 +203,15 @@ Candidates matchByOpenCv(const std::vector<cv::KeyPoint>& reference, const cv::M
   return out;
 }
 
-using Images = PoseImages;
-using Run = std::function<PoseScore(const PosePair&, const Images&)>;
+using Run = std::function<PoseScore(const PosePair&, const Scene&)>;
 
-Candidates candidatesOf(const Images& images, const std::vector<Correspondence>& matches,
-                        Level least, Level final) {
+Candidates candidatesOf(const Scene& scene, const std::vector<Correspondence>& matches, Level least,
+                        Level final) {
   Candidates out;
   for (const Correspondence& c : matches) {
     if (c.level < least) continue;
-    out.add(images.reference_features.keypoints[static_cast<std::size_t>(c.reference_index)].pt,
-            images.target_features.keypoints[static_cast<std::size_t>(c.target_index)].pt,
-            c.level >= final);
+    out.add(scene.reference.keypoints[static_cast<std::size_t>(c.reference_index)].pt,
+            scene.target.keypoints[static_cast<std::size_t>(c.target_index)].pt, c.level >= final);
   }
   return out;
 }
@@ -229,14 +219,14 @@ Candidates candidatesOf(const Images& images, const std::vector<Correspondence>&
 Run ours(const MatcherOptions& options) {
   auto matcher = std::make_shared<KtgpMatcher>(options);
   auto result = std::make_shared<MatchResult>();
-  return [=](const PosePair& pair, const Images& images) {
+  return [=](const PosePair& pair, const Scene& scene) {
     PoseScore score;
     MatchHints hints;
     hints.reference_camera = pair.reference_camera;
     hints.target_camera = pair.target_camera;
     const auto start = Clock::now();
-    matcher->match(images.reference_features, images.target_features, hints, *result);
-    score.milliseconds = since(start);
+    matcher->match(scene.reference, scene.target, hints, *result);
+    score.milliseconds = millisecondsSince(start);
     score.estimation_milliseconds = result->stage("two_view")->milliseconds;
     const TwoView& view = result->two_view.view;
     score.error = std::numeric_limits<double>::infinity();
@@ -247,7 +237,7 @@ Run ours(const MatcherOptions& options) {
     if (moved && view.pose_covariance.allFinite()) {
       score.normalised = normalisedError(pair, view.pose, view.pose_covariance);
     }
-    scoreMatches(pair, candidatesOf(images, result->correspondences, Level::ktg, Level::ktgp),
+    scoreMatches(pair, candidatesOf(scene, result->correspondences, Level::ktg, Level::ktgp),
                  score);
     return score;
   };
@@ -257,13 +247,13 @@ Run ours(const MatcherOptions& options) {
 Run chainAndMagsac(const MatcherOptions& options, Level least) {
   auto matcher = std::make_shared<KtgpMatcher>(options);
   auto result = std::make_shared<MatchResult>();
-  return [=](const PosePair& pair, const Images& images) {
+  return [=](const PosePair& pair, const Scene& scene) {
     PoseScore score;
     const auto start = Clock::now();
-    matcher->match(images.reference_features, images.target_features, *result);
-    Candidates candidates = candidatesOf(images, result->correspondences, least, Level::guided);
+    matcher->match(scene.reference, scene.target, *result);
+    Candidates candidates = candidatesOf(scene, result->correspondences, least, Level::guided);
     estimateByOpenCv(pair, candidates, score);
-    score.milliseconds = since(start);
+    score.milliseconds = millisecondsSince(start);
     scoreMatches(pair, candidates, score);
     return score;
   };
@@ -271,17 +261,17 @@ Run chainAndMagsac(const MatcherOptions& options, Level least) {
 
 Run openCv(const std::function<cv::Ptr<cv::Feature2D>()>& make, int norm, double threshold) {
   const cv::Ptr<cv::Feature2D> detector = make();
-  return [=](const PosePair& pair, const Images& images) {
+  return [=](const PosePair& pair, const Scene& scene) {
     PoseScore score;
     std::vector<cv::KeyPoint> keypoints[2];
     cv::Mat descriptors[2];
-    detector->detectAndCompute(images.reference, cv::noArray(), keypoints[0], descriptors[0]);
-    detector->detectAndCompute(images.target, cv::noArray(), keypoints[1], descriptors[1]);
+    detector->detectAndCompute(scene.reference_image, cv::noArray(), keypoints[0], descriptors[0]);
+    detector->detectAndCompute(scene.target_image, cv::noArray(), keypoints[1], descriptors[1]);
     const auto start = Clock::now();
     Candidates candidates =
         matchByOpenCv(keypoints[0], descriptors[0], keypoints[1], descriptors[1], norm, threshold);
     estimateByOpenCv(pair, candidates, score);
-    score.milliseconds = since(start);
+    score.milliseconds = millisecondsSince(start);
     scoreMatches(pair, candidates, score);
     return score;
   };
@@ -346,28 +336,21 @@ std::string row(const std::string& set, const std::string& method,
     normalised.push_back(*score.normalised);
     within += *score.normalised < kBound;
   }
-  std::array<char, 256> line{};
-  std::snprintf(line.data(), line.size(), "%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(),
-                scores.size(), share(found, scores.size()));
-  std::string out = line.data();
+  std::string out = format("%-26s %-14s %5zu %5.0f", set.c_str(), method.c_str(), scores.size(),
+                           share(found, scores.size()));
   for (const double threshold : kPoseThresholds) {
-    std::snprintf(line.data(), line.size(), " %5.1f",
-                  100.0 * evaluation::areaUnderCurve(errors, threshold));
-    out += line.data();
+    out += format(" %5.1f", 100.0 * evaluation::areaUnderCurve(errors, threshold));
   }
-  std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
+  out += format("  %6.1f %6.1f", 100.0 * evaluation::summarize(kept).mean,
                 100.0 * evaluation::summarize(precision).mean);
-  out += line.data();
   if (normalised.empty()) {
     out += "       -      -";
   } else {
-    std::snprintf(line.data(), line.size(), "  %6.1f %6.1f", share(within, normalised.size()),
-                  evaluation::median(normalised));
-    out += line.data();
+    out +=
+        format("  %6.1f %6.1f", share(within, normalised.size()), evaluation::median(normalised));
   }
-  std::snprintf(line.data(), line.size(), "  %7.1f %7.1f\n", evaluation::median(times),
-                evaluation::median(estimations));
-  return out + line.data();
+  return out +
+         format("  %7.1f %7.1f\n", evaluation::median(times), evaluation::median(estimations));
 }
 
 }  // namespace
@@ -404,19 +387,8 @@ std::vector<std::string> methodNames() {
   return names;
 }
 
-struct PoseEvaluator::Impl {
-  OrbExtractor extractor;
-  std::vector<std::function<PoseScore(const PosePair&, const PoseImages&)>> runs;
-  PoseImages images;
-
-  explicit Impl(const OrbOptions& orb) : extractor(orb) {}
-};
-
-PoseEvaluator::PoseEvaluator(const PipelineOptions& options,
-                             const std::vector<std::string>& wanted) {
-  OrbOptions orb = options.orb;
-  orb.images = ImageKeeping::share;
-  impl_ = std::make_unique<Impl>(orb);
+PoseEvaluator::PoseEvaluator(const PipelineOptions& options, const std::vector<std::string>& wanted)
+    : extractor_(withImages(options.orb)) {
   const auto all = methods();
   for (const std::string& name : wanted) {
     const auto found = std::find_if(all.begin(), all.end(),
@@ -427,20 +399,18 @@ PoseEvaluator::PoseEvaluator(const PipelineOptions& options,
       for (const std::string& known : methodNames()) error.append(" ").append(known);
       throw std::invalid_argument(error);
     }
-    impl_->runs.push_back(found->second(options));
+    runs_.push_back(found->second(options));
   }
 }
 
-PoseEvaluator::~PoseEvaluator() = default;
-
 std::vector<PoseScore> PoseEvaluator::evaluate(const PosePair& pair) {
-  Images& images = impl_->images;
-  images.reference = files::readGrey(pair.reference);
-  images.target = files::readGrey(pair.target);
-  impl_->extractor.extract(images.reference, images.reference_features);
-  impl_->extractor.extract(images.target, images.target_features);
+  const cv::Mat reference = files::readGrey(pair.reference);
+  const cv::Mat target = files::readGrey(pair.target);
+  extractor_.extract(reference, reference_);
+  extractor_.extract(target, target_);
   std::vector<PoseScore> scores;
-  for (const Run& run : impl_->runs) scores.push_back(run(pair, images));
+  for (const Run& run : runs_)
+    scores.push_back(run(pair, {reference, target, reference_, target_}));
   return scores;
 }
 

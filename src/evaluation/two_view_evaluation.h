@@ -3,11 +3,12 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
-#include <memory>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "evaluation/method_steps.h"
 #include "parameters/options.h"
 
 /// Evaluation of the relative pose of two views of scenes with depth.
@@ -59,13 +60,14 @@ class PoseEvaluator {
  public:
   /// `options`: parameters of the preset slam. Throws std::invalid_argument for an unknown name.
   PoseEvaluator(const PipelineOptions& options, const std::vector<std::string>& methods);
-  ~PoseEvaluator();
   /// One score per method, in their order. Throws FileError.
   std::vector<PoseScore> evaluate(const PosePair& pair);
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  OrbExtractor extractor_;
+  Features reference_;
+  Features target_;
+  std::vector<std::function<PoseScore(const PosePair&, const Scene&)>> runs_;
 };
 
 /// For the terminal: a row per set and method. `scores`: one list per pair.

@@ -1,6 +1,6 @@
 #include "files/csv.h"
 
-#include <cstdio>
+#include "core/util/format.h"
 
 namespace ktgp_orb::files {
 
@@ -19,9 +19,7 @@ CsvRow& CsvRow::add(const std::string& text) {
 }
 
 CsvRow& CsvRow::add(double number, int digits) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.*g", digits, number);
-  return addField(text);
+  return addField(util::format("%.*g", digits, number));
 }
 
 CsvRow& CsvRow::add(const Eigen::Matrix3d& matrix) {

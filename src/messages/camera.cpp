@@ -6,14 +6,13 @@
 #include <opencv2/core/eigen.hpp>
 #include <stdexcept>
 
+#include "core/util/format.h"
 #include "ktgp_orb/two_view.h"
 
 namespace ktgp_orb {
 namespace {
 
-std::string text(const cv::Size& size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
-}
+using util::text;
 
 LensModel modelFrom(const std::string& name) {
   if (name == "plumb_bob" || name == "rational_polynomial") return LensModel::radial_tangential;

@@ -1,7 +1,9 @@
 #include "messages/colour_image.h"
 
-#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/image_encodings.h>
+
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
 
 #include "messages/image_conversion.h"
 
@@ -11,13 +13,13 @@ namespace {
 namespace encodings = sensor_msgs::image_encodings;
 
 /// An empty `encoding` means no conversion.
-ViewedImage converted(const sensor_msgs::ImageConstPtr& message, const std::string& encoding) {
+cv_bridge::CvImageConstPtr converted(const sensor_msgs::ImageConstPtr& message,
+                                     const std::string& encoding) {
   if (message->width == 0 || message->height == 0) {
     throw RefusedImage("image is empty; expected at least one pixel");
   }
   try {
-    const cv_bridge::CvImageConstPtr image = cv_bridge::toCvShare(message, encoding);
-    return {image->image, image->encoding};
+    return cv_bridge::toCvShare(message, encoding);
   } catch (const std::exception& error) {  // cv_bridge::Exception, cv::Exception
     throw RefusedImage("image of encoding '" + message->encoding +
                        "' cannot be used: " + error.what());
@@ -30,14 +32,23 @@ bool isMosaicked(const std::string& encoding) {
 
 }  // namespace
 
-ViewedImage warpableImage(const sensor_msgs::ImageConstPtr& message) {
+cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message) {
   return converted(message, isMosaicked(message->encoding) ? encodings::BGR8 : "");
 }
 
 cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message) {
   const std::string& encoding = message->encoding;
   const bool colour = encodings::isColor(encoding) || isMosaicked(encoding);
-  return colour ? converted(message, encodings::BGR8).image : greyImage(message);
+  return colour ? converted(message, encodings::BGR8)->image : greyImage(message);
+}
+
+cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp) {
+  cv::Mat homography;
+  cv::eigen2cv(warp, homography);
+  cv::Mat steady;
+  cv::warpPerspective(image, steady, homography, image.size(), cv::INTER_LINEAR,
+                      cv::BORDER_REPLICATE);
+  return steady;
 }
 
 }  // namespace ktgp_orb

@@ -9,10 +9,7 @@ using util::GreyStretch;
 using util::requireInRange;
 
 GreyStretch stretchFrom(const Parameters& parameters) {
-  GreyStretch stretch;
-  const bool adapts = parameters.stretch == "percentile";
-  stretch.kind = adapts ? GreyStretch::Kind::percentile : GreyStretch::Kind::range;
-  return stretch;
+  return parameters.stretch == "percentile" ? GreyStretch::percentile : GreyStretch::range;
 }
 
 }  // namespace

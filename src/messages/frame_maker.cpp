@@ -6,14 +6,13 @@
 #include <sstream>
 #include <stdexcept>
 
-#include "messages/image_conversion.h"
+#include "core/util/format.h"
+#include "core/util/shared_matrix.h"
 
 namespace ktgp_orb {
 namespace {
 
-std::string text(const cv::Size& size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
-}
+using util::text;
 
 /// Restricts `mask` to `other`.
 void narrow(const cv::Mat& other, const std::string& name, cv::Mat& mask) {
@@ -48,7 +47,10 @@ cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message) {
 }
 
 void FrameMaker::make(const sensor_msgs::ImageConstPtr& message, Frame& frame) {
-  toFrame(message, stretch_, memory_.take(), frame);
+  const std::shared_ptr<PixelMemory> memory = memory_.take();
+  // A caller may hold the matrix without the frame.
+  if (util::isShared(memory->grey)) memory->grey.release();
+  toFrame(message, stretch_, memory, frame);
   frame.mask = maskOf(frame.image.size());
   frame.lens = view_.lens;
   if (frame.lens && frame.lens->calibration().image_size != frame.image.size()) {

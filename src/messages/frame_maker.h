@@ -8,9 +8,10 @@
 #include <string>
 
 #include "core/util/grey_levels.h"
+#include "core/util/pool.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "messages/camera.h"
-#include "messages/pixel_memory.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb {
 
@@ -34,8 +35,7 @@ cv::Mat maskFrom(const sensor_msgs::ImageConstPtr& message);
 /// Creates frames from a camera's images. An instance belongs to one thread at a time.
 class FrameMaker {
  public:
-  FrameMaker(const util::GreyStretch& stretch, const CameraView& view)
-      : stretch_(stretch), view_(view) {}
+  FrameMaker(util::GreyStretch stretch, const CameraView& view) : stretch_(stretch), view_(view) {}
 
   /// Sets `frame` to the image of the message, without features. Throws RefusedImage as greyImage
   /// does, for a mask of another size than the image, and for a roi outside of it.
@@ -47,7 +47,8 @@ class FrameMaker {
 
   util::GreyStretch stretch_;
   CameraView view_;
-  PixelMemoryPool memory_;
+  // In steady state no image needs an allocation.
+  util::Pool<PixelMemory> memory_{8, [](PixelMemory& memory) { memory.message.reset(); }};
   std::optional<PixelCamera> camera_;  // of images of `camera_size_`
   cv::Size camera_size_;
   cv::Mat mask_;  // all masks of view_ combined, for images of its size

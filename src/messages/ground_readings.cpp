@@ -6,10 +6,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <stdexcept>
 
 #include "core/util/constants.h"
+#include "core/util/format.h"
 #include "core/util/frame_name.h"
 #include "messages/answer_message.h"
 #include "messages/pose_message.h"
@@ -22,12 +22,6 @@ constexpr double kDegree = util::kPi / 180.0;
 constexpr std::size_t kKept = 1000;  // messages
 using util::withoutSlash;
 using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
-
-std::string seconds(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3f s", value);
-  return text;
-}
 
 template <typename Message>
 const Message* nearest(const std::deque<Message>& messages, const ros::Time& stamp) {
@@ -303,6 +297,12 @@ std::optional<HeightReading> GroundReadings::height(const std_msgs::Header& imag
   return std::nullopt;
 }
 
+std::string GroundReadings::tooFar(const std::string& what, double age) const {
+  return util::format(
+      "the nearest %s is %.3f s away from the image; expected at most max_age, %.3f s",
+      what.c_str(), std::abs(age), config_.max_age);
+}
+
 std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Header& image) {
   const sensor_msgs::Range* range = nearest(ranges_, image.stamp);
   if (range == nullptr) {
@@ -312,8 +312,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
   HeightReading reading;
   reading.age = (image.stamp - range->header.stamp).toSec();
   if (std::abs(reading.age) > config_.max_age) {
-    no_height_ = "the nearest range on " + range_topic_ + " is " + seconds(std::abs(reading.age)) +
-                 " away from the image; expected at most max_age, " + seconds(config_.max_age);
+    no_height_ = tooFar("range on " + range_topic_, reading.age);
     return std::nullopt;
   }
   no_height_ = whyNone(*range);
@@ -359,8 +358,7 @@ std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& ima
   }
   const double age = (image.stamp - imu->header.stamp).toSec();
   if (std::abs(age) > config_.max_age) {
-    no_normal_ = "the nearest Imu on " + imu_topic_ + " is " + seconds(std::abs(age)) +
-                 " away from the image; expected at most max_age, " + seconds(config_.max_age);
+    no_normal_ = tooFar("Imu on " + imu_topic_, age);
     return std::nullopt;
   }
   const Eigen::Quaterniond turn(imu->orientation.w, imu->orientation.x, imu->orientation.y,
@@ -430,11 +428,8 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
 std::string shutterReport(const GroundEstimate& estimate) {
   constexpr double kCertain = 5.0;  // deviations
   if (!(estimate.readout_time > kCertain * estimate.readout_deviation)) return "";
-  char text[80];
-  std::snprintf(text, sizeof text,
-                "the shutter rolls: about %.1f ms from the first row to the last",
-                1e3 * estimate.readout_time);
-  return text;
+  return util::format("the shutter rolls: about %.1f ms from the first row to the last",
+                      1e3 * estimate.readout_time);
 }
 
 GroundMotionConfig usable(GroundMotionConfig config) {

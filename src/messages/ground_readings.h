@@ -67,6 +67,7 @@ class GroundReadings {
 
  private:
   std::optional<HeightReading> height(const std_msgs::Header& image);
+  std::string tooFar(const std::string& what, double age) const;
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
   std::string turnTrouble(const GroundEstimate& estimate) const;

@@ -154,13 +154,12 @@ void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>
   throw RefusedImage(text.str());
 }
 
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch) {
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch) {
   cv::Mat buffer;
   return greyImage(message, stretch, buffer);
 }
 
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
-                  cv::Mat& buffer) {
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch, cv::Mat& buffer) {
   const Format& format = formatOf(message->encoding);
   requireConsistent(*message, format);
   try {
@@ -219,11 +218,11 @@ cv::Mat maskImage(const sensor_msgs::ImageConstPtr& message) {
   return notBlack(luma);
 }
 
-void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch, Frame& frame) {
+void toFrame(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch, Frame& frame) {
   toFrame(message, stretch, std::make_shared<PixelMemory>(), frame);
 }
 
-void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stretch,
+void toFrame(const sensor_msgs::ImageConstPtr& message, GreyStretch stretch,
              const std::shared_ptr<PixelMemory>& memory, Frame& frame) {
   frame.image = greyImage(message, stretch, memory->grey);
   frame.stamp = static_cast<std::int64_t>(message->header.stamp.toNSec());
@@ -233,7 +232,7 @@ void toFrame(const sensor_msgs::ImageConstPtr& message, const GreyStretch& stret
 }
 
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
-                   const GreyStretch& stretch) {
+                   GreyStretch stretch) {
   auto frame = std::make_shared<Frame>();
   toFrame(message, stretch, *frame);
   extractFeatures(extractor, *frame);

@@ -3,6 +3,7 @@
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
+#include <memory>
 #include <opencv2/core.hpp>
 #include <stdexcept>
 #include <string>
@@ -10,7 +11,6 @@
 
 #include "core/util/grey_levels.h"
 #include "ktgp_orb/sequence_matcher.h"
-#include "messages/pixel_memory.h"
 
 namespace ktgp_orb {
 
@@ -31,27 +31,33 @@ void requireSmall(const std::string& name, const std::vector<sensor_msgs::Image>
 /// ones are converted, then stretched. Throws RefusedImage for an empty image, for a step or amount
 /// of data that does not fit the size, and for an encoding that is not grey, colour, yuv422 or
 /// Bayer. More data than needed is legal.
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch = {});
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
+                  util::GreyStretch stretch = util::GreyStretch::percentile);
 /// The same; colour and Bayer images are converted into `buffer`, whose memory is reused if it
 /// fits.
-cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
+cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
                   cv::Mat& buffer);
 
 /// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
 /// the Bayer pattern that begins the message's format. Null for data that is no image.
 sensor_msgs::ImageConstPtr decodedImage(const sensor_msgs::CompressedImage& message);
 
+/// The memory of a frame's pixels: the message, or a matrix with the converted pixels.
+struct PixelMemory {
+  sensor_msgs::ImageConstPtr message;
+  cv::Mat grey;
+};
+
 /// Sets `frame` to the image of the message, without features. The frame holds a mono8 message, so
 /// that no pixel is copied within one nodelet manager. Throws as greyImage does.
-void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
-             Frame& frame);
+void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch, Frame& frame);
 /// The same, with memory from `memory`.
-void toFrame(const sensor_msgs::ImageConstPtr& message, const util::GreyStretch& stretch,
+void toFrame(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
              const std::shared_ptr<PixelMemory>& memory, Frame& frame);
 
 /// A frame of the image with its features.
 FramePtr makeFrame(const sensor_msgs::ImageConstPtr& message, OrbExtractor& extractor,
-                   const util::GreyStretch& stretch = {});
+                   util::GreyStretch stretch = util::GreyStretch::percentile);
 
 /// CV_8UC1: 0 where the image is black, 255 elsewhere. Accepts the encodings of greyImage; a Bayer
 /// pixel counts by itself, a yuv422 pixel by its brightness. Throws RefusedImage.

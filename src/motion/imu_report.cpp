@@ -1,9 +1,9 @@
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 
 #include "core/util/constants.h"
+#include "core/util/format.h"
 #include "ktgp_orb/ground_motion.h"
 
 namespace ktgp_orb {
@@ -16,9 +16,7 @@ constexpr double kMilliseconds = 1e3;           // per s
 std::string plusMinus(double value, double deviation, const std::string& unit) {
   const double places = -std::floor(std::log10(std::max(deviation, 1e-6)));
   const int digits = static_cast<int>(std::max(places, 0.0));
-  char text[64];
-  std::snprintf(text, sizeof text, "%.*f +- %.*f", digits, value, digits, deviation);
-  return text + (" " + unit);
+  return util::format("%.*f +- %.*f %s", digits, value, digits, deviation, unit.c_str());
 }
 
 /// The axes that are shown, e.g. "1.0 +- 0.1 degrees off about x".

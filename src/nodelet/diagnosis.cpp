@@ -6,6 +6,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/util/milliseconds.h"
 #include "core/util/printable.h"
 
 namespace ktgp_orb {
@@ -102,8 +103,7 @@ void Diagnosis::refuse(const std::string& reason) {
 }
 
 double Diagnosis::done(const ros::Time& stamp, Clock::time_point start) {
-  const double milliseconds =
-      std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  const double milliseconds = util::millisecondsSince(start);
   const ros::Time now = ros::Time::now();
   // ros::Duration throws beyond 68 years; this accepts the stamps of any camera.
   const double latency = stamp.isZero() || now.isZero() ? 0.0 : now.toSec() - stamp.toSec();
@@ -147,11 +147,6 @@ void Diagnosis::setState(const std::string& text) {
 void Diagnosis::setValue(const std::string& name, const std::string& value) {
   const Lock lock(mutex_);
   values_[name] = value;
-}
-
-void Diagnosis::setLatencyValue(const std::string& name, const std::string& value) {
-  const Lock lock(mutex_);
-  latency_values_[name] = value;
 }
 
 void Diagnosis::setMaxLatency(double seconds) {
@@ -225,7 +220,7 @@ std::string Diagnosis::inputMessage(unsigned char& level) const {
   if (!mixture_.empty()) return mixture_;
   if (refused > 0) return whats_ + " refused: " + last_error_;
   if (recentOf(kForgotten) > 0) {
-    return whats_ + " were dropped before their homography arrived: max_memory is too small";
+    return whats_ + " were dropped to save memory before their homography arrived";
   }
   if (ratio(static_cast<double>(recentOf(kDropped)), arrived) > kMaxDropShare) {
     return "many " + whats_ + " dropped: they arrive faster than they are worked on";
@@ -290,7 +285,6 @@ void Diagnosis::reportLatency(Report& report) {
   report.addf("mean (ms)", "%.2f", 1e3 * mean);
   report.addf("maximum (ms)", "%.2f", 1e3 * sum.max_latency);
   report.addf("work per frame, mean (ms)", "%.2f", ratio(sum.milliseconds, frames));
-  for (const auto& [name, value] : latency_values_) report.add(name, value);
 }
 
 }  // namespace ktgp_orb

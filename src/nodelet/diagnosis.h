@@ -28,7 +28,7 @@ class Diagnosis {
 
   // Names of counters that all nodelets share; others are free. They are keys of the reports.
   static constexpr const char* kDropped = "dropped";
-  static constexpr const char* kForgotten = "dropped because of max_memory";
+  static constexpr const char* kForgotten = "dropped because of memory";
   static constexpr const char* kLost = "lost on the way";
   static constexpr const char* kSkipped = "skipped because of max_rate";
   static constexpr const char* kRefused = "refused";
@@ -53,7 +53,6 @@ class Diagnosis {
   void setState(const std::string& text);
   /// Shown as it is.
   void setValue(const std::string& name, const std::string& value);
-  void setLatencyValue(const std::string& name, const std::string& value);
   /// Latency that is reported as late, s.
   void setMaxLatency(double seconds);
 
@@ -109,7 +108,6 @@ class Diagnosis {
   Problems faults_;
   std::string state_ = "works";
   std::map<std::string, std::string> values_;
-  std::map<std::string, std::string> latency_values_;
   double max_latency_ = std::numeric_limits<double>::infinity();
   bool listening_ = false;
   bool paused_ = false;

@@ -4,7 +4,6 @@
 #include <ktgp_orb/MatchStatus.h>
 
 #include <cstddef>
-#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -18,10 +17,7 @@ namespace ktgp_orb {
 /// other way round.
 class FrameWork {
  public:
-  static constexpr std::size_t kImages = 40;  // that wait: more than a second
-
   explicit FrameWork(Diagnosis& diagnosis) : diagnosis_(diagnosis) {}
-  void setStoreBytes(std::size_t bytes) { images_.setMostBytes(bytes); }
 
  protected:
   void keep(const sensor_msgs::ImageConstPtr& image) {
@@ -29,7 +25,7 @@ class FrameWork {
   }
 
   Diagnosis& diagnosis_;
-  ImageStore images_{kImages};
+  ImageStore images_;
 };
 
 /// Base of nodelets that use images and the matcher's homographies. `Work`, a FrameWork, has
@@ -47,22 +43,15 @@ class FrameConsumer : public ImageNode<Config, Work> {
       this->diagnosis_.count(Diagnosis::kDropped, this->worker_.template put<&Work::add>(
                                                       kImage, image->data.size(), image));
     });
+    this->worker_.setLimits(kImage, {10, ImageStore::kBytes / 2});
     // Each homography is a link of the chain, so none should be lost.
     homographies_ = &this->template addInput<HomographyStamped>(
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });
-    this->worker_.setLimits(kHomography, {300, std::numeric_limits<std::size_t>::max()});
+    this->worker_.setLimits(kHomography, {300});
     this->serveParameters();
   }
 
-  /// Limit for images, MB: a quarter for those that wait for the worker, the rest for those that
-  /// wait for their homography.
-  void setMaxMemory(int megabytes) {
-    const std::size_t bytes = static_cast<std::size_t>(megabytes) * 1000 * 1000;
-    constexpr std::size_t kMost = 10;  // for the worker
-    this->worker_.setLimits(kImage, {kMost, bytes / 4});
-    this->worker_.post([bytes](Work& work) { work.setStoreBytes(bytes - bytes / 4); });
-  }
   void startWorker(std::unique_ptr<Work> work) {
     ImageNode<Config, Work>::startWorker(std::move(work), [](Work& state) { state.finish(); });
   }

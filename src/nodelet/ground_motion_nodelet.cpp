@@ -8,11 +8,10 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
-#include <cstdio>
 #include <deque>
-#include <limits>
 #include <memory>
 
+#include "core/util/format.h"
 #include "messages/ground_readings.h"
 #include "messages/pose_message.h"
 #include "nodelet/image_node.h"
@@ -23,9 +22,7 @@ namespace {
 using std_srvs::Trigger;
 
 std::string number(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.6g", value);
-  return text;
+  return util::format("%.6g", value);
 }
 
 }  // namespace
@@ -194,7 +191,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   /// Each match is a link of the chain; of the others the newest counts.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
-    worker_.setLimits(kind, {most, std::numeric_limits<std::size_t>::max()});
+    worker_.setLimits(kind, {most});
     return addInput<Message>(name, name, 200, kind == kMatch,
                              [this, kind](const boost::shared_ptr<const Message>& message) {
                                if (kind == kMatch) diagnosis_.arrived();

@@ -5,30 +5,30 @@
 
 #include <cstddef>
 #include <deque>
-#include <limits>
 #include <map>
 
 namespace ktgp_orb {
 
-/// Stores the newest images by their stamps until they are taken. Limits their number and their
-/// bytes; the newest image always stays.
+/// Stores the newest images by their stamps until they are taken: kImages at most, and no more than
+/// kLeast of them where they have more than kBytes.
 class ImageStore {
  public:
-  explicit ImageStore(std::size_t most) : most_(most) {}
+  static constexpr std::size_t kImages = 40;  // more than a second
+  static constexpr std::size_t kLeast = 4;
+  static constexpr std::size_t kBytes = 256 * 1000 * 1000;  // 7 colour images of 12 megapixels
 
-  void setMost(std::size_t images) { most_ = images; }
-  void setMostBytes(std::size_t bytes) { most_bytes_ = bytes; }
+  /// So many images more may wait, however large they are. Valid from the next image.
+  void setLag(std::size_t images) { lag_ = images; }
 
-  /// How many were dropped because of the bytes. Those beyond the number are too old for a
-  /// homography.
+  /// How many were dropped because of kBytes. Those beyond kImages are too old for a homography.
   std::size_t put(const sensor_msgs::ImageConstPtr& image) {
     take(image->header.stamp);  // of two images with one stamp the newer stays
     images_[image->header.stamp] = image;
     bytes_ += image->data.size();
     order_.push_back(image->header.stamp);
-    while (order_.size() > most_) dropOldest();
+    while (order_.size() > kImages + lag_) dropOldest();
     std::size_t gone = 0;
-    while (bytes_ > most_bytes_ && images_.size() > 1) gone += dropOldest();
+    while (bytes_ > kBytes && images_.size() > kLeast + lag_) gone += dropOldest();
     return gone;
   }
 
@@ -60,8 +60,7 @@ class ImageStore {
     return take(oldest) ? 1 : 0;
   }
 
-  std::size_t most_;
-  std::size_t most_bytes_ = std::numeric_limits<std::size_t>::max();
+  std::size_t lag_ = 0;
   std::size_t bytes_ = 0;
   std::map<ros::Time, sensor_msgs::ImageConstPtr> images_;
   std::deque<ros::Time> order_;  // in order of arrival; includes those that were taken

@@ -7,7 +7,6 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
-#include <limits>
 #include <stdexcept>
 
 #include "messages/image_conversion.h"
@@ -88,8 +87,8 @@ void MatcherNodelet::start() {
         cameraArrived(info);
       },
       &settings_queue_);
-  worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
-  worker_.setLimits(kConfiguration, {1, std::numeric_limits<std::size_t>::max()});
+  worker_.setLimits(kImage, {1});
+  worker_.setLimits(kConfiguration, {1});
   serveParameters();
 }
 

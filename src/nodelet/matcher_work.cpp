@@ -4,6 +4,8 @@
 #include <cstdio>
 #include <utility>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -88,9 +90,8 @@ std::string MatcherWork::lensProblem(const SequenceMatch& match) const {
   if (!configuration.rectify || match.frame->lens) return "";
   std::string reason = configuration.lens_problem;
   if (configuration.view.lens) {
-    const cv::Size size = configuration.view.lens->calibration().image_size;
     reason =
-        "it is of " + std::to_string(size.width) + "x" + std::to_string(size.height) + " images";
+        "it is of " + util::text(configuration.view.lens->calibration().image_size) + " images";
   }
   return "rectify is on, but points are in raw pixels: no camera_info of a calibrated camera and "
          "of this image size on " +

@@ -4,10 +4,10 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include <chrono>
-#include <cstdio>
 #include <deque>
 #include <vector>
 
+#include "core/util/format.h"
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "messages/colour_image.h"
@@ -20,6 +20,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using std_srvs::Trigger;
 
+constexpr std::chrono::seconds kPeriod{1};  // of published pictures, at least
+
 MosaicOptions optionsFrom(const MosaicConfig& config) {
   MosaicOptions options;
   options.max_megapixels = config.max_megapixels;
@@ -27,9 +29,7 @@ MosaicOptions optionsFrom(const MosaicConfig& config) {
 }
 
 std::string withOneDigit(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.1f", value);
-  return text;
+  return util::format("%.1f", value);
 }
 
 }  // namespace
@@ -73,7 +73,7 @@ void MosaicWork::follow(const HomographyStampedConstPtr& message) {
   mosaic_.follow(stampOf(message->header.stamp), stampOf(message->reference_stamp),
                  homographyOf(*message));
   unplaced_.push_back(message);
-  while (unplaced_.size() > kImages) unplaced_.pop_front();
+  while (unplaced_.size() > ImageStore::kImages) unplaced_.pop_front();
 }
 
 /// Places the newest image with a homography; a late worker skips the others.
@@ -98,8 +98,7 @@ void MosaicWork::place(const HomographyStamped& message, const sensor_msgs::Imag
   if (poses_.getNumSubscribers() > 0) publishPose(message);
   diagnosis_.done(message.header.stamp, start);
   report();
-  const auto period = std::chrono::duration<double>(1.0 / config_.rate);
-  if (pictures_.getNumSubscribers() > 0 && Clock::now() - last_picture_ >= period) {
+  if (pictures_.getNumSubscribers() > 0 && Clock::now() - last_picture_ >= kPeriod) {
     last_picture_ = Clock::now();
     publishPicture();
   }
@@ -156,7 +155,6 @@ class MosaicNodelet : public FrameConsumer<MosaicConfig, MosaicWork> {
 };
 
 void MosaicNodelet::configure(MosaicConfig& config) {
-  setMaxMemory(config.max_memory);
   worker_.post([config](MosaicWork& work) { work.configure(config); });
   lazy_ = config.lazy;
   connectionsChanged();

@@ -4,8 +4,6 @@
 #include <Eigen/Core>
 #include <chrono>
 #include <deque>
-#include <opencv2/core/eigen.hpp>
-#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "ktgp_orb/stabilizer.h"
@@ -23,19 +21,6 @@ StabilizerOptions optionsFrom(const StabilizerConfig& config) {
   options.lag = config.lag;
   options.max_crop = config.max_crop;
   return options;
-}
-
-/// The warped frame, with the header of the frame.
-sensor_msgs::ImagePtr warped(const sensor_msgs::ImageConstPtr& image, const Eigen::Matrix3d& warp) {
-  const ViewedImage frame = warpableImage(image);
-  cv::Mat homography;
-  cv::eigen2cv(warp, homography);
-  cv::Mat pixels;
-  cv::warpPerspective(frame.image, pixels, homography, frame.image.size(), cv::INTER_LINEAR,
-                      cv::BORDER_REPLICATE);
-  sensor_msgs::ImagePtr steady = toImage(image->header, frame.encoding, pixels);
-  steady->is_bigendian = image->is_bigendian;
-  return steady;
 }
 
 }  // namespace
@@ -69,7 +54,7 @@ class StabilizerWork : public FrameWork {
 
 void StabilizerWork::configure(const StabilizerOptions& options) {
   stabilizer_.setOptions(options);
-  images_.setMost(kImages + static_cast<std::size_t>(options.lag));
+  images_.setLag(static_cast<std::size_t>(options.lag));
 }
 
 void StabilizerWork::restart() {
@@ -108,7 +93,7 @@ void StabilizerWork::finish() {
     const SteadyFrame frame = due_.front();
     const ros::Time stamp = timeOf(frame.stamp);
     const auto image = images_.take(stamp);
-    if (!image && newest_ <= stamp && due_.size() <= kImages) return;
+    if (!image && newest_ <= stamp && due_.size() <= ImageStore::kImages) return;
     due_.pop_front();
     if (!image || complete-- > most) {
       diagnosis_.count(Diagnosis::kDropped);
@@ -129,7 +114,10 @@ void StabilizerWork::publish(const SteadyFrame& frame, const sensor_msgs::ImageC
   }
   if (steady_images_.getNumSubscribers() > 0) {
     try {
-      steady_images_.publish(warped(image, frame.warp));
+      const auto seen = warpableImage(image);
+      const auto steady = toImage(header, seen->encoding, warped(seen->image, frame.warp));
+      steady->is_bigendian = image->is_bigendian;
+      steady_images_.publish(steady);
     } catch (const RefusedImage& error) {
       diagnosis_.refuse(error.what());
       return;
@@ -146,7 +134,6 @@ class StabilizerNodelet : public FrameConsumer<StabilizerConfig, StabilizerWork>
  private:
   std::string nodelet() const override { return "stabilizer"; }
   void configure(StabilizerConfig& config) override {
-    setMaxMemory(config.max_memory);
     const StabilizerOptions options = optionsFrom(config);
     worker_.post([options](StabilizerWork& work) { work.configure(options); });
   }

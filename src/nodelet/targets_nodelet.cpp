@@ -8,7 +8,6 @@
 
 #include <atomic>
 #include <boost/make_shared.hpp>
-#include <limits>
 #include <memory>
 #include <utility>
 
@@ -28,17 +27,16 @@ struct TargetSettings {
   Pixels pixels = Pixels::raw;
 };
 
-struct TargetOutputs {
-  ros::Publisher detections;
-  ros::Publisher markers;
-  image_transport::Publisher image;
-};
-
 /// The known targets, what is followed, and where the detections go.
 class TargetsWork {
  public:
-  TargetsWork(Diagnosis& diagnosis, TargetOutputs outputs, std::string info_topic)
-      : diagnosis_(diagnosis), outputs_(std::move(outputs)), info_topic_(std::move(info_topic)) {}
+  TargetsWork(Diagnosis& diagnosis, const ros::Publisher& detections, const ros::Publisher& markers,
+              image_transport::Publisher pictures, std::string info_topic)
+      : diagnosis_(diagnosis),
+        detections_(detections),
+        markers_(markers),
+        pictures_(std::move(pictures)),
+        info_topic_(std::move(info_topic)) {}
 
   void configure(const TargetSettings& settings);
   void addCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; }
@@ -60,7 +58,9 @@ class TargetsWork {
   sensor_msgs::CameraInfoConstPtr info_;
   ImageSequence sequence_;
   Diagnosis& diagnosis_;
-  TargetOutputs outputs_;
+  ros::Publisher detections_;
+  ros::Publisher markers_;
+  image_transport::Publisher pictures_;
   std::string info_topic_;
   tf2_ros::TransformBroadcaster broadcaster_;
 };
@@ -124,13 +124,13 @@ void TargetsWork::sendTransforms(const TargetDetections& message) {
 
 void TargetsWork::publish(const TargetDetectionsPtr& message,
                           const sensor_msgs::ImageConstPtr& image, const TargetFrame& frame) {
-  outputs_.detections.publish(message);
-  if (outputs_.markers.getNumSubscribers() > 0) outputs_.markers.publish(markersOf(*message));
+  detections_.publish(message);
+  if (markers_.getNumSubscribers() > 0) markers_.publish(markersOf(*message));
   sendTransforms(*message);
-  if (outputs_.image.getNumSubscribers() == 0) return;
+  if (pictures_.getNumSubscribers() == 0) return;
   cv::Mat canvas;
   drawTargets(colourImage(image), frame.detections, canvas);
-  outputs_.image.publish(toImage(message->header, "bgr8", canvas));
+  pictures_.publish(toImage(message->header, "bgr8", canvas));
 }
 
 /// Images in, flat targets out. doc/targets.md describes topics, services and parameters.
@@ -181,8 +181,8 @@ void TargetsNodelet::start() {
       [this](const sensor_msgs::CameraInfoConstPtr& info) {
         worker_.put<&TargetsWork::addCameraInfo>(kCameraInfo, 0, info);
       });
-  worker_.setLimits(kImage, {1, std::numeric_limits<std::size_t>::max()});
-  worker_.setLimits(kCameraInfo, {1, std::numeric_limits<std::size_t>::max()});
+  worker_.setLimits(kImage, {1});
+  worker_.setLimits(kCameraInfo, {1});
   serveParameters();
   book_.open(config_.targets, config_.file);
 }
@@ -194,9 +194,9 @@ std::string TargetsNodelet::greeting() const {
 }
 
 void TargetsNodelet::advertise() {
-  const TargetOutputs outputs{outputs_.advertise<TargetDetections>("detections", 10),
-                              outputs_.advertise<visualization_msgs::MarkerArray>("markers", 2),
-                              outputs_.advertiseImage("image", 2)};
+  const auto detections = outputs_.advertise<TargetDetections>("detections", 10);
+  const auto markers = outputs_.advertise<visualization_msgs::MarkerArray>("markers", 2);
+  const auto pictures = outputs_.advertiseImage("image", 2);
   addChange<SetTarget>("add", [this](auto& request) {
     book_.add(request);
     return sayAmbiguity(request.id);
@@ -213,7 +213,8 @@ void TargetsNodelet::advertise() {
                             [this](auto& request, auto& response) { detect(request, response); });
   // One by one, so that the nodelet can be unloaded at any time.
   load_ = addTimer(long_queue_, 0.001, [this] { loadNext(); });
-  startWorker(std::make_unique<TargetsWork>(diagnosis_, outputs, camera_info_->topic()));
+  startWorker(std::make_unique<TargetsWork>(diagnosis_, detections, markers, pictures,
+                                            camera_info_->topic()));
 }
 
 template <typename Service, typename Change>

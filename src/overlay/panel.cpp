@@ -3,16 +3,18 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <opencv2/imgproc.hpp>
 #include <string>
 
 #include "core/homography/transform.h"
+#include "core/util/format.h"
 #include "overlay/palette.h"
 #include "overlay/text.h"
 
 namespace ktgp_orb::overlay {
 namespace {
+
+using util::format;
 
 constexpr std::array<Level, 4> kLevels{Level::ktgp, Level::ktg, Level::kt, Level::knn};
 
@@ -25,15 +27,12 @@ std::array<std::size_t, 4> countLevels(const std::vector<Correspondence>& corres
 }
 
 std::string headline(const MatchResult& result, const cv::Size& reference_size) {
-  char buffer[96];
   const bool epipolar = result.geometry == Geometry::epipolar;
-  std::snprintf(buffer, sizeof buffer, "%s  %.1f ms",
-                epipolar ? toString(result.geometry) : toString(result.status),
-                result.milliseconds());
-  std::string text = buffer;
+  std::string text =
+      format("%s  %.1f ms", epipolar ? toString(result.geometry) : toString(result.status),
+             result.milliseconds());
   if (epipolar && std::isfinite(result.two_view.view.parallax)) {
-    std::snprintf(buffer, sizeof buffer, "  parallax %.1f deg", result.two_view.view.parallax);
-    return text + buffer;
+    return text + format("  parallax %.1f deg", result.two_view.view.parallax);
   }
   if (result.status != Status::ok) return text;
   const double deviation =
@@ -41,11 +40,9 @@ std::string headline(const MatchResult& result, const cv::Size& reference_size) 
                                   homography::imageCorners(reference_size, {}))
           .target;
   if (!std::isfinite(deviation)) return text;
-  std::snprintf(buffer, sizeof buffer, "  corners +-%.*f px", deviation < 10.0 ? 2 : 0, deviation);
-  text += buffer;
+  text += format("  corners +-%.*f px", deviation < 10.0 ? 2 : 0, deviation);
   if (result.answer.plane_deviation > 0.0) {
-    std::snprintf(buffer, sizeof buffer, "  plane %.2f px", result.answer.plane_deviation);
-    text += buffer;
+    text += format("  plane %.2f px", result.answer.plane_deviation);
   }
   return text;
 }

@@ -7,6 +7,7 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
+#include "core/util/format.h"
 #include "core/util/grey_levels.h"
 
 namespace ktgp_orb::python {
@@ -110,7 +111,7 @@ void requireInside(const Features& features) {
                           ", " + std::to_string(k.pt.y) + "), size " + std::to_string(k.size) +
                           ", angle " + std::to_string(k.angle) +
                           "; expected finite numbers, and a position in the image of " +
-                          std::to_string(size.width) + "x" + std::to_string(size.height) + " px");
+                          util::text(size) + " px");
   }
 }
 

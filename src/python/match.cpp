@@ -311,17 +311,6 @@ void restore(const py::tuple& state, Match& m) {
   take_array(m.levels);
 }
 
-// New memory for the images of each frame would cost 2 % of its time.
-std::shared_ptr<Features> Extractor::unusedFeatures() {
-  constexpr std::size_t kMost = 4;
-  for (const auto& features : made_) {
-    if (features.use_count() == 1) return features;
-  }
-  auto features = std::make_shared<Features>();
-  if (made_.size() < kMost) made_.push_back(features);
-  return features;
-}
-
 Extractor::Extractor(const Settings& settings)
     : settings_(settings), extractor_(pipelineOptions(parametersFrom(settings, Scope::pair)).orb) {}
 
@@ -329,7 +318,7 @@ std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::
   const ImageArray grey = greyImage(image, "image");
   const ImageArray where = maskImage(mask);
   const Shared::Use use(shared_);
-  auto features = unusedFeatures();
+  auto features = made_.take();
   extractor_.extract(grey.pixels, where.pixels, *features);
   return features;
 }

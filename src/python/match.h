@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "core/util/pool.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "python/options.h"
@@ -62,11 +63,10 @@ class Extractor {
   const Settings& settings() const { return settings_; }
 
  private:
-  std::shared_ptr<Features> unusedFeatures();
-
   Settings settings_;
   OrbExtractor extractor_;
-  std::vector<std::shared_ptr<Features>> made_;  ///< used again when Python holds them no more
+  // New memory for the images of each frame would cost 2 % of its time.
+  util::Pool<Features> made_{4, [](Features&) {}};
   Shared shared_;
 };
 

@@ -1,32 +1,18 @@
 #include "tools/bag_views.h"
 
-#include <ktgp_orb/MatchStatus.h>
-
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <utility>
 
+#include "core/util/format.h"
+#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "messages/colour_image.h"
+#include "messages/message_conversion.h"
 #include "tools/view_text.h"
 
 namespace ktgp_orb {
-namespace {
-
-class Stopwatch {
- public:
-  double milliseconds() const {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start_).count();
-  }
-
- private:
-  using Clock = std::chrono::steady_clock;
-  Clock::time_point start_ = Clock::now();
-};
-
-}  // namespace
 
 std::string mosaicOf(const std::string& path, std::size_t number) {
   if (number == 1) return path;
@@ -45,18 +31,15 @@ BagViews::BagViews(const ViewOptions& options, Reopen reopen)
 }
 
 void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& message) {
-  std::optional<Eigen::Matrix3d> h;
-  if (message.status == MatchStatus::STATUS_OK) {
-    h = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(message.homography.data());
-  }
+  const std::optional<Eigen::Matrix3d> h = homographyOf(message);
   const std::int64_t stamp = nanosecondsOf(image->header.stamp);
   const std::int64_t reference = nanosecondsOf(message.reference_stamp);
   if (steady_) steady_->add(image, stamp, reference, h);
   if (options_.mosaic.empty()) return;
-  const Stopwatch watch;
+  const auto start = std::chrono::steady_clock::now();
   mosaic_.follow(stamp, reference, h);
   const Placement placement = mosaic_.place(stamp, colourImage(image));
-  place_milliseconds_ += watch.milliseconds();
+  place_milliseconds_ += util::millisecondsSince(start);
   ++placed_;
   lost_ += placement == Placement::lost ? 1 : 0;
   ambiguous_ += mosaic_.isAmbiguous() ? 1 : 0;
@@ -88,7 +71,6 @@ void BagViews::close() {
 }
 
 std::string BagViews::report() const {
-  char line[256];
   std::string text;
   if (steady_) text += steady_->report();
   if (!options_.mosaic.empty() && maps_.empty()) {
@@ -99,25 +81,20 @@ std::string BagViews::report() const {
       text += " to " + mosaicOf(options_.mosaic, maps_.size()) + ": " +
               std::to_string(maps_.size()) + " maps, each in a file; the last";
     }
-    std::snprintf(line, sizeof line,
-                  ": %dx%d px; %zu frames, %zu of them lost, %zu keyframes, %.2f ms a frame%s\n",
-                  mosaic_.area().width, mosaic_.area().height, placed_, lost_, mosaic_.keyframes(),
-                  place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
-                  mosaic_.full() ? "; full, some was left out" : "");
-    text += line;
+    text += util::format(
+        ": %dx%d px; %zu frames, %zu of them lost, %zu keyframes, %.2f ms a frame%s\n",
+        mosaic_.area().width, mosaic_.area().height, placed_, lost_, mosaic_.keyframes(),
+        place_milliseconds_ / static_cast<double>(std::max<std::size_t>(placed_, 1)),
+        mosaic_.full() ? "; full, some was left out" : "");
     if (ambiguous_ > 0) {
-      std::snprintf(line, sizeof line,
-                    "%s: the ground repeats: %zu frames after a gap fit in several places, and are "
-                    "lost\n",
-                    options_.mosaic.c_str(), ambiguous_);
-      text += line;
+      text += options_.mosaic + ": the ground repeats: " + std::to_string(ambiguous_) +
+              " frames after a gap fit in several places, and are lost\n";
     }
     if (mosaic_.hasParallax()) {
-      std::snprintf(line, sizeof line,
-                    "%s: the scene is no plane: points are about %.1f px off the map, and what is "
-                    "near is drawn several times\n",
-                    options_.mosaic.c_str(), mosaic_.planeDeviation());
-      text += line;
+      text += util::format(
+          "%s: the scene is no plane: points are about %.1f px off the map, and what is near is "
+          "drawn several times\n",
+          options_.mosaic.c_str(), mosaic_.planeDeviation());
     }
   }
   return text;

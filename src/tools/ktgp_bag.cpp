@@ -23,6 +23,7 @@
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "cli/video_file.h"
+#include "core/util/format.h"
 #include "core/util/printable.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -157,11 +158,9 @@ class Run {
                   toString(status);
       }
     }
-    char text[128];
-    std::snprintf(text, sizeof text, "%zu homographies, median of %.0f inliers, %.2f ms an image",
-                  found, inliers_.empty() ? 0.0 : evaluation::median(inliers_),
-                  milliseconds_.empty() ? 0.0 : evaluation::median(milliseconds_));
-    return text + others + '\n';
+    return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
+                        evaluation::median(inliers_), evaluation::median(milliseconds_)) +
+           others + '\n';
   }
   std::uint64_t skipped() const { return skipped_; }
   std::uint64_t refused() const { return refused_; }

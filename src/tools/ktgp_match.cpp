@@ -1,6 +1,4 @@
 // ktgp_match A B: matches two images and prints what each of the four stages kept.
-#include <unistd.h>
-
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -13,7 +11,9 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
+#include "cli/progress_bar.h"
 #include "core/homography/transform.h"
+#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -89,18 +89,6 @@ struct Outcome {
   std::optional<Eigen::Matrix3d> truth;
 };
 
-/// A status line on a terminal's stderr, since large images take a while.
-class Progress {
- public:
-  void say(const std::string& what) const {
-    if (shown_) std::cerr << "\r\033[K" << what << std::flush;
-  }
-  ~Progress() { say(""); }
-
- private:
-  bool shown_ = isatty(STDERR_FILENO) != 0;
-};
-
 /// Preset photo's keypoints are for up to a megapixel; larger images have more details to tell
 /// apart.
 int featuresFor(double pixels, int up_to_a_megapixel) {
@@ -109,17 +97,15 @@ int featuresFor(double pixels, int up_to_a_megapixel) {
 }
 
 void extract(OrbExtractor& extractor, Frame& frame) {
-  using Clock = std::chrono::steady_clock;
-  const auto start = Clock::now();
+  const auto start = std::chrono::steady_clock::now();
   extractor.extract(frame.image, frame.features);
-  frame.extraction_milliseconds =
-      std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  frame.extraction_milliseconds = util::millisecondsSince(start);
 }
 
 /// Simulated views take longer than all the rest, so they come where the growth finds nothing
 /// without them.
-void match(const PipelineOptions& options, const std::vector<double>& camera,
-           const Progress& progress, Outcome& outcome) {
+void match(const PipelineOptions& options, const std::vector<double>& camera, ProgressBar& progress,
+           Outcome& outcome) {
   KtgpMatcher matcher(options.matcher);
   MatchHints hints;
   if (!camera.empty()) {
@@ -138,7 +124,7 @@ void match(const PipelineOptions& options, const std::vector<double>& camera,
 }
 
 Outcome run(Arguments& arguments) {
-  const Progress progress;
+  ProgressBar progress(0);
   Outcome outcome;
   if (!arguments.ground_truth.empty())
     outcome.truth = files::readHomography(arguments.ground_truth);

@@ -4,12 +4,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
-#include <opencv2/core/eigen.hpp>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
 
+#include "core/util/format.h"
+#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "messages/colour_image.h"
@@ -110,14 +109,9 @@ void SteadyVideo::writeWhole() {
 
 void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
                         const std::optional<Eigen::Matrix3d>& step) {
-  using Clock = std::chrono::steady_clock;
-  const auto start = Clock::now();
-  cv::Mat homography;
-  cv::eigen2cv(steady.warp, homography);
-  cv::Mat picture;
-  cv::warpPerspective(frame, picture, homography, frame.size(), cv::INTER_LINEAR,
-                      cv::BORDER_REPLICATE);
-  milliseconds_ += std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  const auto start = std::chrono::steady_clock::now();
+  const cv::Mat picture = warped(frame, steady.warp);
+  milliseconds_ += util::millisecondsSince(start);
   ++written_;
   video_.write(picture);
   if (!options_.warps.empty()) {
@@ -160,12 +154,11 @@ std::string SteadyVideo::report() const {
                                ? "the path of the whole recording"
                                : std::to_string(options_.stabilizer.lag) + " frames late";
   const double before = std::sqrt(before_.mean());
-  char line[256];
-  std::snprintf(line, sizeof line,
-                ": %zu frames, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n", written_,
-                before, before < kNoShake ? " (none to remove)" : "", std::sqrt(after_.mean()),
-                path.c_str(), milliseconds_ / static_cast<double>(written_));
-  return options_.video + line;
+  return options_.video +
+         util::format(": %zu frames, shake %.2f px before%s, %.2f after, %s, %.2f ms a frame\n",
+                      written_, before, before < kNoShake ? " (none to remove)" : "",
+                      std::sqrt(after_.mean()), path.c_str(),
+                      milliseconds_ / static_cast<double>(written_));
 }
 
 }  // namespace ktgp_orb

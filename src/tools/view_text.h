@@ -3,8 +3,9 @@
 #include <ros/time.h>
 
 #include <cstdint>
-#include <cstdio>
 #include <string>
+
+#include "core/util/format.h"
 
 namespace ktgp_orb {
 
@@ -14,9 +15,7 @@ inline std::int64_t nanosecondsOf(const ros::Time& time) {
 
 /// "sec.nsec"
 inline std::string textOf(const ros::Time& time) {
-  char buffer[32];
-  std::snprintf(buffer, sizeof buffer, "%u.%09u", time.sec, time.nsec);
-  return buffer;
+  return util::format("%u.%09u", time.sec, time.nsec);
 }
 
 inline std::string textOf(std::int64_t nanoseconds) {

@@ -107,38 +107,40 @@ TEST(Worker, DoesJobsInTheirOrderAndGoesOnAfterOneThatThrows) {
 }
 
 TEST(ImageStore, KeepsTheNewestOfANumberOfImages) {
-  ImageStore store(3);
-  for (int i = 1; i <= 5; ++i) EXPECT_EQ(store.put(image(i, 10)), 0U);
-  EXPECT_EQ(store.size(), 3U);
-  EXPECT_EQ(store.bytes(), 30U);
+  ImageStore store;
+  for (int i = 1; i <= 42; ++i) EXPECT_EQ(store.put(image(i, 10)), 0U);
+  EXPECT_EQ(store.size(), 40U);
+  EXPECT_EQ(store.bytes(), 400U);
   EXPECT_FALSE(store.has(second(2)));
   EXPECT_EQ(store.take(second(4))->header.stamp, second(4));
   EXPECT_EQ(store.take(second(4)), nullptr);
-  EXPECT_EQ(store.bytes(), 20U);
-  store.setMost(1);
-  EXPECT_EQ(store.put(image(6, 10)), 0U);
-  EXPECT_EQ(store.size(), 1U);
+  EXPECT_EQ(store.bytes(), 390U);
+  store.clear();
+  store.setLag(2);
+  for (int i = 1; i <= 50; ++i) EXPECT_EQ(store.put(image(i, 10)), 0U);
+  EXPECT_EQ(store.size(), 42U);
 }
 
 TEST(ImageStore, KeepsTheNewestOfANumberOfBytesAndCountsTheOthers) {
-  ImageStore store(40);
-  store.setMostBytes(100);
+  ImageStore store;
   std::size_t gone = 0;
-  for (int i = 1; i <= 40; ++i) {
-    gone += store.put(image(i, 30));
-    EXPECT_LE(store.bytes(), 100U);
-  }
-  EXPECT_EQ(gone, 37U);
-  EXPECT_TRUE(store.has(second(40)));
-  EXPECT_EQ(store.put(image(50, 1000)), 3U) << "the newest stays whatever it takes";
-  EXPECT_EQ(store.bytes(), 1000U);
+  for (int i = 1; i <= 10; ++i) gone += store.put(image(i, 36000000));
+  EXPECT_EQ(gone, 3U);
+  EXPECT_EQ(store.bytes(), 7U * 36000000U);
+  EXPECT_TRUE(store.has(second(10)));
+  EXPECT_EQ(store.put(image(11, 256000000)), 4U) << "four stay whatever they take";
+  store.setLag(2);
+  EXPECT_EQ(store.put(image(12, 10)), 0U) << "and those of a lag";
+  EXPECT_EQ(store.put(image(13, 10)), 0U);
+  EXPECT_EQ(store.put(image(14, 10)), 1U);
+  EXPECT_EQ(store.size(), 6U);
   store.clear();
   EXPECT_EQ(store.bytes(), 0U);
-  EXPECT_EQ(store.put(image(51, 30)), 0U);
+  EXPECT_EQ(store.put(image(15, 30)), 0U);
 }
 
 TEST(ImageStore, OfTwoImagesWithOneStampKeepsTheNewer) {
-  ImageStore store(5);
+  ImageStore store;
   store.put(image(1, 10));
   store.put(image(1, 20));
   EXPECT_EQ(store.size(), 1U);

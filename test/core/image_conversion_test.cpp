@@ -37,7 +37,7 @@ cv::Mat grey() {
 }
 
 /// All grey values once, so that stretching does not change them.
-const GreyStretch kAsTheyAre{GreyStretch::Kind::range, 0.0, 0, 65535};
+constexpr GreyStretch kAsTheyAre = GreyStretch::range;
 
 cv::Mat sixteenBits(const cv::Mat& image) {
   cv::Mat out;

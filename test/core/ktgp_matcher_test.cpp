@@ -198,8 +198,8 @@ TEST(MatchResult, IsThatOfAFrameWithoutAReferenceOnceCleared) {
   EXPECT_EQ(result.prosac.status, Status::no_model);
   EXPECT_TRUE(result.prosac.mask.empty());
   EXPECT_EQ(result.prosac.inliers, 0u);
-  EXPECT_EQ(result.prosac.diagnostics.iterations, 0);
-  EXPECT_EQ(result.prosac.diagnostics.stop, ProsacStop::not_run);
+  EXPECT_EQ(result.prosac.iterations, 0);
+  EXPECT_EQ(result.prosac.stop, ProsacStop::not_run);
   EXPECT_EQ(result.inliers, 0u);
   EXPECT_EQ(result.rmse, 0.0);
   EXPECT_TRUE(result.answer.homography.isZero() && result.prosac.answer.homography.isZero());

@@ -43,7 +43,7 @@ void expectConsistent(const PointPairs& pairs, const ProsacResult& result, doubl
   }
   EXPECT_EQ(result.inliers, inliers);
   EXPECT_NEAR(result.rmse, inliers > 0 ? std::sqrt(sum / static_cast<double>(inliers)) : 0.0, 1e-9);
-  EXPECT_LE(result.diagnostics.iterations, ProsacOptions().max_iterations);
+  EXPECT_LE(result.iterations, ProsacOptions().max_iterations);
   if (result.status != Status::ok) {
     EXPECT_TRUE(result.answer.homography.isZero());
     EXPECT_TRUE(result.answer.covariance.isZero());
@@ -161,7 +161,7 @@ TEST(ProsacHomography, GivesTheSameBitsForTheSameSeed) {
     EXPECT_EQ(again.answer.homography, first.answer.homography);
     EXPECT_EQ(again.answer.covariance, first.answer.covariance);
     EXPECT_EQ(again.mask, first.mask);
-    EXPECT_EQ(again.diagnostics.iterations, first.diagnostics.iterations);
+    EXPECT_EQ(again.iterations, first.iterations);
     EXPECT_EQ(again.rmse, first.rmse);
   }
 }
@@ -191,28 +191,16 @@ TEST(ProsacHomography, SaysWhichRuleEndedItAndHowFarItCame) {
   ProsacHomography prosac;
   ProsacResult result;
   prosac.estimate(makePairs(scene, numbers), kSize, result);
-  EXPECT_EQ(result.diagnostics.stop, ProsacStop::maximality);
-  EXPECT_LT(result.diagnostics.iterations, 20);
+  EXPECT_EQ(result.stop, ProsacStop::maximality);
+  EXPECT_LT(result.iterations, 20);
 
   scene.inliers = 0;
   prosac.estimate(makePairs(scene, numbers), kSize, result);
-  EXPECT_EQ(result.diagnostics.stop, ProsacStop::max_iterations);
-  EXPECT_EQ(result.diagnostics.iterations, 2000);
+  EXPECT_EQ(result.stop, ProsacStop::max_iterations);
+  EXPECT_EQ(result.iterations, 2000);
 
   prosac.estimate(PointPairs(), kSize, result);
-  EXPECT_EQ(result.diagnostics.stop, ProsacStop::not_run);
-}
-
-TEST(ProsacHomography, NeverDrawsMoreThanItsBudget) {
-  Numbers numbers(7);
-  const PointPairs pairs = makePairs({3000, 0}, numbers);
-  for (int budget : {1, 7, 500, 2000}) {
-    ProsacOptions options;
-    options.max_iterations = budget;
-    ProsacResult result;
-    ProsacHomography(options).estimate(pairs, kSize, result);
-    EXPECT_EQ(result.diagnostics.iterations, budget);
-  }
+  EXPECT_EQ(result.stop, ProsacStop::not_run);
 }
 
 TEST(ProsacHomography, CovarianceAgreesWithMonteCarlo) {
@@ -273,8 +261,8 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     expectConsistent(pairs, result, 3.0);
     ASSERT_EQ(result.status, Status::ok);
     EXPECT_LT(cornerError(result.answer.homography, scene.homography, kSize), 8.0);
-    samples += result.diagnostics.iterations;
-    samples_from_scratch += from_scratch.diagnostics.iterations;
+    samples += result.iterations;
+    samples_from_scratch += from_scratch.iterations;
   }
   EXPECT_LE(samples, samples_from_scratch);
   // With too small a budget for sampling, only the prediction helps.
@@ -289,7 +277,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     hurried.estimate(pairs, kSize, result);
     found_by_sampling += result.status == Status::ok ? 1 : 0;
     hurried.estimate(pairs, kSize, scene.homography, result);
-    EXPECT_EQ(result.diagnostics.iterations, 10);
+    EXPECT_EQ(result.iterations, 10);
     found += result.status == Status::ok ? 1 : 0;
   }
   EXPECT_LT(found_by_sampling, 10);
@@ -316,7 +304,7 @@ TEST(ProsacHomography, IsNotMisledByAWrongInitialHomography) {
                                         Eigen::Matrix3d(Eigen::Matrix3d::Ones())}) {
       prosac.estimate(pairs, kSize, none, result);
       EXPECT_EQ(result.answer.homography, from_scratch.answer.homography);
-      EXPECT_EQ(result.diagnostics.iterations, from_scratch.diagnostics.iterations);
+      EXPECT_EQ(result.iterations, from_scratch.iterations);
     }
   }
   const PointPairs pairs = makePairs(Scene(), numbers);

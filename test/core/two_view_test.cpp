@@ -207,9 +207,9 @@ TEST(Solvers, SevenExactPointsGiveTheTruth) {
 TEST(Solvers, MotionsOfAnEssentialMatrixHoldTheTrueOne) {
   Numbers numbers(3);
   for (int run = 0; run < 200; ++run) {
-    const Motion truth{randomRotation(3.0, numbers), randomVector(numbers).normalized()};
+    const RelativePose truth{randomRotation(3.0, numbers), randomVector(numbers).normalized()};
     int found = 0;
-    for (const Motion& motion : motionsOf(crossed(truth.translation) * truth.rotation)) {
+    for (const RelativePose& motion : motionsOf(crossed(truth.translation) * truth.rotation)) {
       EXPECT_NEAR(motion.rotation.determinant(), 1.0, 1e-9);
       found += (motion.rotation - truth.rotation).norm() < 1e-9 &&
                (motion.translation - truth.translation).norm() < 1e-9;

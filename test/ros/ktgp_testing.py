@@ -153,7 +153,8 @@ class Program:
 
     def __init__(self, *command, **options):
         self.lines = []
-        environment = dict(os.environ, PYTHONUNBUFFERED='1', ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
+        environment = dict(options.pop('env', os.environ), PYTHONUNBUFFERED='1',
+                           ROSCONSOLE_STDOUT_LINE_BUFFERED='1')
         self.process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                                         universal_newlines=True, **options)
         self.reader = threading.Thread(target=self._read)

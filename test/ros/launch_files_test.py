@@ -243,7 +243,7 @@ class LaunchFilesTest(unittest.TestCase):
                     self.assertEqual(got['levels'], 6, launch)
 
     def test_parameters_of_the_consumers_reach_them(self):
-        for name, values in (('stabilizer', {'lag': 7}), ('mosaic', {'rate': 0.5, 'gain': False})):
+        for name, values in (('stabilizer', {'lag': 7}), ('mosaic', {'max_megapixels': 0.5, 'lazy': True})):
             config = self.configuration(name + '.launch', ['set:=' + flow(values)])
             got = {key: config.params['/camera/%s/%s' % (name, key)].value for key in values}
             self.assertEqual(got, values)

@@ -109,11 +109,11 @@ class MosaicTest(unittest.TestCase):
     def test_numbers_that_are_none_are_refused(self):
         client = Client('/camera/mosaic', timeout=TIMEOUT)
         diagnostics = Diagnostics(self)
-        answer = client.update_configuration({'rate': float('nan')})
-        self.assertEqual(answer['rate'], 10.0)
-        wait_until(lambda: [s for s in diagnostics.of('mosaic: frames') if 'rate is nan' in s.message],
+        answer = client.update_configuration({'max_megapixels': float('nan')})
+        self.assertEqual(answer['max_megapixels'], 64.0)
+        wait_until(lambda: [s for s in diagnostics.of('mosaic: frames') if 'max_megapixels is nan' in s.message],
                    'diagnostics say what is refused')
-        client.update_configuration({'rate': 10.0})
+        client.update_configuration({'max_megapixels': 64.0})
         self.begin()  # and it goes on
 
 

@@ -12,9 +12,8 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
-BYTES = 640 * 480 * 3  # of an image
-KEPT = 12000000 // BYTES  # three quarters of max_memory, which is 16 MB
-MANY = 40
+KEPT = 7  # of 36 MB, in 256 MB
+MANY = 16
 
 
 class ConsumersTest(unittest.TestCase):
@@ -25,16 +24,16 @@ class ConsumersTest(unittest.TestCase):
         # What is said before it listens is lost, and the consumers begin to wait when they have subscribers.
         wait_until(lambda: '/manager' in cls.log.names_of_publishers(), 'it hears the manager')
         cls.words = rospy.Publisher('/camera/words', String, queue_size=1)
-        cls.homographies = rospy.Publisher('/small/matcher/homography', HomographyStamped,
+        cls.homographies = rospy.Publisher('/large/matcher/homography', HomographyStamped,
                                            queue_size=100)
         cls.camera = Camera()
-        cls.small = Camera('/small/image_raw')
+        cls.large = Camera('/large/image_raw')
         cls.steady = [Recorder('%s/image' % name, Image) for name in (
-            '/camera/stabilizer_of_a_name', '/camera/stabilizer_of_a_type', '/small/stabilizer')]
+            '/camera/stabilizer_of_a_name', '/camera/stabilizer_of_a_type', '/large/stabilizer')]
         cls.poses = [Recorder(name + '/homography', HomographyStamped) for name in (
-            '/camera/mosaic_of_a_name', '/camera/mosaic_of_a_type', '/small/mosaic')]
+            '/camera/mosaic_of_a_name', '/camera/mosaic_of_a_type', '/large/mosaic')]
         wait_until(lambda: all(r.publishers() for r in cls.steady + cls.poses), 'they run')
-        for camera in (cls.camera, cls.small):
+        for camera in (cls.camera, cls.large):
             camera.wait_for_subscriber()
         wait_until(lambda: cls.homographies.get_num_connections() == 1, 'the homography is connected')
 
@@ -75,19 +74,24 @@ class ConsumersTest(unittest.TestCase):
 
     def send_small(self):
         """One colour image, 0.9 MB."""
-        return self.small.show(np.dstack([view(100, 100)] * 3), 'rgb8')
+        return self.large.show(np.dstack([view(100, 100)] * 3), 'rgb8')
+
+    def send_large(self):
+        """One colour image of 12 megapixels; not faster than it is sent."""
+        stamp = self.large.show(np.zeros((3000, 4000, 3), np.uint8), 'rgb8')
+        rospy.rostime.wallsleep(0.2)
+        return stamp
 
     def counts(self, name):
         values = self.diagnostics.values(name + ': input')[-1]
-        return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped because of max_memory')])
+        return np.array([int(values[key]) for key in ('images', 'dropped', 'dropped because of memory')])
 
     def test_images_that_wait_are_bounded_in_megabytes_and_counted(self):
-        names = ('small/stabilizer', 'small/mosaic')
+        names = ('large/stabilizer', 'large/mosaic')
         wait_until(lambda: all(self.reports(name) for name in names), 'they report')
         before = {name: self.counts(name) for name in names}
         for _ in range(MANY):
-            self.send_small()
-            rospy.rostime.wallsleep(0.02)  # 50 a second
+            self.send_large()
 
         def check(name):
             def settled():
@@ -96,17 +100,17 @@ class ConsumersTest(unittest.TestCase):
                 return images == MANY and MANY - KEPT <= dropped + forgotten <= MANY
             wait_until(settled, 'all but %d of %d images are gone' % (KEPT, MANY))
             _, dropped, forgotten = self.counts(name) - before[name]
-            print('%s: %d dropped, %d for max_memory' % (name, dropped, forgotten))
+            print('%s: %d dropped, %d for memory' % (name, dropped, forgotten))
             self.assertGreater(forgotten, 0)
         check_each(names, check)
 
         def said():
             for name in names:
-                stamp = self.send_small() - rospy.Duration(500.0)  # of an image that never comes
+                stamp = self.send_large() - rospy.Duration(500.0)  # of an image that never comes
                 self.homographies.publish(HomographyStamped(status=MatchStatus.STATUS_NO_MODEL))
                 self.homographies.publish(self.homography(stamp, False))
-            return all('max_memory is too small' in self.reports(name)[-1].message for name in names)
-        wait_until(said, 'diagnostics say that max_memory is too small')
+            return all('dropped to save memory' in self.reports(name)[-1].message for name in names)
+        wait_until(said, 'diagnostics say that memory is short')
 
     @staticmethod
     def homography(stamp, rectified):
@@ -123,7 +127,7 @@ class ConsumersTest(unittest.TestCase):
 
     def test_small_messages_are_not_held_back(self):
         self.assertEqual(no_delay(self.homographies), {True})
-        self.assertEqual(no_delay(self.small.publisher), {False}, 'else it shows nothing')
+        self.assertEqual(no_delay(self.large.publisher), {False}, 'else it shows nothing')
 
 
 if __name__ == '__main__':

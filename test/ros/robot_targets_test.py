@@ -28,6 +28,10 @@ def now():
     return rospy.Time(1)
 
 
+def transforms_at(stamp, transforms):
+    return [t for m in transforms.messages() for t in m.transforms if t.header.stamp == stamp]
+
+
 class TargetsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
@@ -132,6 +136,12 @@ class TargetsTest(unittest.TestCase):
         overlay = pictures.messages()[-1]
         self.assertEqual((overlay.encoding, overlay.width, overlay.height), ('bgr8', 640, 480))
         self.assertEqual(message.header.frame_id, 'camera')
+        pose = message.detections[0].pose.pose
+        wait_until(lambda: transforms_at(message.header.stamp, transforms), 'its transform comes')
+        transform, = transforms_at(message.header.stamp, transforms)
+        self.assertEqual((transform.header.frame_id, transform.transform.rotation), ('camera', pose.orientation))
+        for axis in 'xyz':
+            self.assertEqual(getattr(transform.transform.translation, axis), getattr(pose.position, axis))
 
     def test_tf_gets_only_frames_that_it_can_use(self):
         self.info.publish(information())
@@ -145,8 +155,7 @@ class TargetsTest(unittest.TestCase):
             """The detections in it, and the transforms of its time."""
             stamp = self.camera.show(picture, frame_id=frame_id)
             message = self.detections.wait_for(stamp)
-            return message, [(t.header.frame_id, t.child_frame_id) for m in transforms.messages()
-                             for t in m.transforms if t.header.stamp == stamp]
+            return message, [(t.header.frame_id, t.child_frame_id) for t in transforms_at(stamp, transforms)]
 
         def until(picture, frame_id, expected):
             answers = []
@@ -178,6 +187,11 @@ class TargetsTest(unittest.TestCase):
             lambda: self.send(picture))
         self.info.publish(information())
         self.send_until(picture, lambda m: m.detections[0].has_pose, 'the pose comes')
+        # A frame for tf is of no use without a width.
+        self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 0.0, 'poster')
+        message = self.send(picture)
+        self.assertFalse(message.detections[0].has_pose)
+        self.assertEqual(message.no_pose, 'the width of poster, which has the frame poster, is not known')
 
     def test_detects_in_the_image_of_a_request(self):
         request = image_message(rendered(K), rospy.Time(7))

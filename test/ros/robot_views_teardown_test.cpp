@@ -86,9 +86,7 @@ void changeParameters(int i) {
       .send(kStabilizer);
   Change()
       .set("lazy", i % 2 == 0)
-      .set("keyframes", i % 3 != 0)
-      .set("features", i % 5 == 0 ? 2000 : 500)
-      .set("rate", 10.0)
+      .set("picture_size", i % 5 == 0 ? 1600 : 400)
       .set("max_megapixels", i % 7 == 0 ? 1.0 : 64.0)
       .send(kMosaic);
   sleepMilliseconds(i % 30);

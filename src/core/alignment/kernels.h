@@ -17,8 +17,6 @@ constexpr std::ptrdiff_t kWarpPitch = 24;
 constexpr int kWindowSide = 28;
 constexpr int kRawWindowSide = kWindowSide + 2 * kPatchBorder;
 constexpr std::ptrdiff_t kWindowPitch = 32;
-/// Largest shift of the patch from the middle of that part, for any fraction of a pixel, px.
-constexpr int kMaxReach = (kWindowSide - kPatchSide) / 2 - 2;
 
 /// Sampling on a slanted grid: positions of samples (row, column), in 1/65536 px from the given
 /// pixel.

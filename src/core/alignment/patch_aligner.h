@@ -40,7 +40,7 @@ class PatchAligner {
   void setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
   /// `point`: px in the reference; the patch is centred between the four nearest pixels. `reach`:
-  /// px of the target's level, up to kMaxReach.
+  /// px of the target's level, up to (kWindowSide - kPatchSide) / 2 - 2.
   AlignedPatch align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point, double reach);
 
  private:

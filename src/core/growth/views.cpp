@@ -12,11 +12,8 @@
 namespace ktgp_orb {
 namespace {
 
-struct Tilt {
-  double tilt;     // ratio by which the image is compressed
-  int directions;  // within half a turn
-};
-constexpr Tilt kTilts[] = {{2.0, 4}, {4.0, 8}};
+/// Ratios by which the image is compressed, in so many directions within half a turn.
+constexpr std::pair<double, int> kTilts[] = {{2.0, 4}, {4.0, 8}};
 
 /// The image rotated by `angle` and compressed in one direction, large enough to contain all of it.
 Eigen::Matrix<double, 2, 3> toView(const cv::Size& size, double angle, double tilt,

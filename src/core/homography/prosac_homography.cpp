@@ -118,8 +118,8 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
   problem.setPairs(normalised);
   const prosac::ProsacRun run = search.run(rules, start ? &*start : nullptr, problem);
-  result.diagnostics = {run.iterations,
-                        run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality};
+  result.iterations = run.iterations;
+  result.stop = run.exhausted ? ProsacStop::max_iterations : ProsacStop::maximality;
   return run.found;
 }
 

@@ -6,6 +6,7 @@
 
 #include "core/orb/kernels.h"
 #include "core/orb/pipeline.h"
+#include "core/util/format.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -32,10 +33,9 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
   }
   if (mask.empty()) return;
   if (mask.type() != CV_8UC1 || mask.size() != image.size()) {
-    throw std::invalid_argument("mask is " + cv::typeToString(mask.type()) + ", " +
-                                std::to_string(mask.cols) + "x" + std::to_string(mask.rows) +
-                                "; expected CV_8UC1 of the image's size, " +
-                                std::to_string(image.cols) + "x" + std::to_string(image.rows));
+    throw std::invalid_argument(
+        "mask is " + cv::typeToString(mask.type()) + ", " + util::text(mask.size()) +
+        "; expected CV_8UC1 of the image's size, " + util::text(image.size()));
   }
 }
 

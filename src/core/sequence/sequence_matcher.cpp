@@ -9,6 +9,7 @@
 #include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
 #include "core/sequence/track_numbers.h"
+#include "core/util/milliseconds.h"
 #include "core/util/names.h"
 
 namespace ktgp_orb {
@@ -70,8 +71,7 @@ void extractFeatures(OrbExtractor& extractor, Frame& frame) {
     frame.features.images
         .clear();  // rectified keypoints are no longer at their positions in these images
   }
-  frame.extraction_milliseconds =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  frame.extraction_milliseconds = util::millisecondsSince(start);
   frame.orb = extractor.options();
 }
 

@@ -11,6 +11,7 @@
 #include "core/two_view/epipolar.h"
 #include "core/util/camera_check.h"
 #include "core/util/constants.h"
+#include "core/util/format.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb::two_view {
@@ -25,8 +26,7 @@ void requireCamera(const Eigen::Matrix3d& k, const cv::Size& size, const std::st
   if (!(k(0, 2) >= 0.0 && k(0, 2) < size.width && k(1, 2) >= 0.0 && k(1, 2) < size.height)) {
     throw std::invalid_argument(name + " has its principal point at " + std::to_string(k(0, 2)) +
                                 ", " + std::to_string(k(1, 2)) + ", outside the image of " +
-                                std::to_string(size.width) + "x" + std::to_string(size.height) +
-                                " px; does it belong to another image size?");
+                                util::text(size) + " px; does it belong to another image size?");
   }
 }
 
@@ -64,13 +64,13 @@ Eigen::Matrix3d Cameras::homographyOf(const Eigen::Matrix3d& rotation) const {
   return target * rotation * reference_inverse;
 }
 
-Eigen::Matrix3d Cameras::fundamentalOf(const Motion& motion) const {
+Eigen::Matrix3d Cameras::fundamentalOf(const RelativePose& motion) const {
   return target_inverse.transpose() * crossed(motion.translation) * motion.rotation *
          reference_inverse;
 }
 
-bool Cameras::seeInFront(const Motion& motion, const Eigen::Vector2d& x, const Eigen::Vector2d& u,
-                         double max_error) const {
+bool Cameras::seeInFront(const RelativePose& motion, const Eigen::Vector2d& x,
+                         const Eigen::Vector2d& u, double max_error) const {
   if (inFront(motion, referenceRay(x), targetRay(u))) return true;
   return homography::errorOf(homographyOf(motion.rotation), x, u) < max_error;
 }
@@ -92,7 +92,7 @@ void label(const PointPairs& pairs, const std::optional<Cameras>& cameras, doubl
            TwoView& view) {
   const bool epipolar = view.geometry == Geometry::epipolar;
   const double limit = epipolar ? kSampsonShare * max_error : max_error;
-  const Motion motion{view.pose.rotation, view.pose.translation};
+  const RelativePose& motion = view.pose;
   view.mask.assign(pairs.size(), 0);
   view.inliers = 0;
   double sum = 0.0;

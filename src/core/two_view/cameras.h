@@ -23,10 +23,10 @@ struct Cameras {
   /// K' R K^-1.
   Eigen::Matrix3d homographyOf(const Eigen::Matrix3d& rotation) const;
   /// K'^-T [t]x R K^-1.
-  Eigen::Matrix3d fundamentalOf(const Motion& motion) const;
+  Eigen::Matrix3d fundamentalOf(const RelativePose& motion) const;
   /// Whether the point of a pair is in front of both cameras, or so far away that its rays are
   /// parallel within `max_error`, px.
-  bool seeInFront(const Motion& motion, const Eigen::Vector2d& reference,
+  bool seeInFront(const RelativePose& motion, const Eigen::Vector2d& reference,
                   const Eigen::Vector2d& target, double max_error) const;
 };
 

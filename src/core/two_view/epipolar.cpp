@@ -116,7 +116,7 @@ Eigen::Matrix3d EpipolarPairs::by_motion(const Eigen::Matrix3d& essential) const
   return target_ray_.transpose() * essential * reference_ray_;
 }
 
-Epipolar EpipolarPairs::fromMotion(const Motion& motion) const {
+Epipolar EpipolarPairs::fromMotion(const RelativePose& motion) const {
   Epipolar geometry;
   geometry.motion = motion;
   geometry.matrix = by_motion(crossed(motion.translation) * motion.rotation);
@@ -236,7 +236,7 @@ void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
   if constexpr (Sample == 5) {
     solveFivePoints(reference, target, solutions_);
     for (std::size_t i = 0; i < solutions_.count; ++i) {
-      for (const Motion& motion : motionsOf(solutions_.matrix[i])) {
+      for (const RelativePose& motion : motionsOf(solutions_.matrix[i])) {
         int front = 0;
         for (int k = 0; k < 5; ++k) front += inFront(motion, reference.col(k), target.col(k));
         if (front == 5) models_.push_back(pairs_->fromMotion(motion));
@@ -261,7 +261,7 @@ template class EpipolarProblem<7>;
 
 /// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
 /// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
-bool EpipolarFit::isBehind(const EpipolarPairs& pairs, const Motion& motion, std::size_t i) {
+bool EpipolarFit::isBehind(const EpipolarPairs& pairs, const RelativePose& motion, std::size_t i) {
   const Eigen::Vector3d q = pairs.referenceRay(i);
   const Eigen::Vector3d u = pairs.targetRay(i);
   if (inFront(motion, q, u)) return false;

@@ -19,7 +19,7 @@ namespace ktgp_orb::two_view {
 /// F = U diag(1, s, 0) V^T (seven).
 struct Epipolar {
   Eigen::Matrix3d matrix = Eigen::Matrix3d::Zero();  ///< F
-  Motion motion;                                     ///< with cameras
+  RelativePose motion;                               ///< with cameras
   Eigen::Matrix3d u = Eigen::Matrix3d::Identity();   ///< without
   Eigen::Matrix3d v = Eigen::Matrix3d::Identity();
   double s = 1.0;
@@ -45,7 +45,7 @@ class EpipolarPairs {
 
   /// Degrees of freedom: 5 with cameras, 7 without.
   Eigen::Index freedom() const { return calibrated_ ? 5 : 7; }
-  Epipolar fromMotion(const Motion& motion) const;
+  Epipolar fromMotion(const RelativePose& motion) const;
   Epipolar fromMatrix(const Eigen::Matrix3d& normalised) const;
   /// F between pixels, of norm 1.
   Eigen::Matrix3d inPixels(const Epipolar& geometry) const;
@@ -119,7 +119,7 @@ class EpipolarFit {
 
   std::size_t select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
                      std::size_t most);
-  static bool isBehind(const EpipolarPairs& pairs, const Motion& motion, std::size_t i);
+  static bool isBehind(const EpipolarPairs& pairs, const RelativePose& motion, std::size_t i);
   void reweight(const Epipolar& geometry, Sums& sums);
   void estimateScale(double freedom);
   bool findStep(const EpipolarPairs& pairs, const Epipolar& geometry, const Sums& sums,

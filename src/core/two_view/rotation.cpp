@@ -46,7 +46,7 @@ Eigen::Matrix3d turnOf(const EpipolarPairs& pairs) {
   return turn;
 }
 
-bool isForward(const EpipolarPairs& pairs, const Motion& motion) {
+bool isForward(const EpipolarPairs& pairs, const RelativePose& motion) {
   const std::size_t n = std::min<std::size_t>(pairs.size(), 64);
   std::size_t front = 0;
   for (std::size_t i = 0; i < n; ++i) {

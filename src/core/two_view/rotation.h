@@ -24,6 +24,6 @@ bool fitRotation(const PointPairs& pairs, const Cameras& cameras, const Eigen::M
 Eigen::Matrix3d turnOf(const EpipolarPairs& pairs);
 
 /// Whether most of the first pairs are in front of both cameras.
-bool isForward(const EpipolarPairs& pairs, const Motion& motion);
+bool isForward(const EpipolarPairs& pairs, const RelativePose& motion);
 
 }  // namespace ktgp_orb::two_view

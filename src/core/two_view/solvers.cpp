@@ -299,7 +299,7 @@ Eigen::Matrix3d crossed(const Eigen::Vector3d& v) {
 
 // With E = [t] R, the cross products of E's columns are the columns of t t^T R, and [t] E is
 // t t^T R - R. So R = t t^T R - [t] E; with -t, + [t] E.
-std::array<Motion, 4> motionsOf(const Eigen::Matrix3d& e) {
+std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& e) {
   Eigen::Matrix3d products;
   products << e.col(1).cross(e.col(2)), e.col(2).cross(e.col(0)), e.col(0).cross(e.col(1));
   Eigen::Index longest = 0;
@@ -308,10 +308,11 @@ std::array<Motion, 4> motionsOf(const Eigen::Matrix3d& e) {
   const Eigen::Matrix3d te = crossed(t) * e;
   const Eigen::Matrix3d first = products - te;
   const Eigen::Matrix3d second = products + te;
-  return {Motion{first, t}, Motion{first, -t}, Motion{second, t}, Motion{second, -t}};
+  return {RelativePose{first, t}, RelativePose{first, -t}, RelativePose{second, t},
+          RelativePose{second, -t}};
 }
 
-bool inFront(const Motion& motion, const Eigen::Vector3d& reference,
+bool inFront(const RelativePose& motion, const Eigen::Vector3d& reference,
              const Eigen::Vector3d& target) {
   const Eigen::Vector3d ray = motion.rotation * reference;
   const double along = ray.dot(target);

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstddef>
 
+#include "ktgp_orb/two_view.h"
+
 namespace ktgp_orb::two_view {
 
 /// Real roots of sum of coefficients[i] z^i, at most Degree of them, ascending within |z| <= 1 and
@@ -35,17 +37,12 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
 /// [v]x: crossed(v) w = v × w.
 Eigen::Matrix3d crossed(const Eigen::Vector3d& v);
 
-/// A motion x_target ~ R X + t with unit t.
-struct Motion {
-  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
-};
-
 /// The four motions of an essential matrix of norm sqrt(2), in closed form (Horn, 1990).
-std::array<Motion, 4> motionsOf(const Eigen::Matrix3d& essential);
+std::array<RelativePose, 4> motionsOf(const Eigen::Matrix3d& essential);
 
 /// Whether the point that two rays see best, q in the reference and q' in the target, is in front
 /// of both cameras.
-bool inFront(const Motion& motion, const Eigen::Vector3d& reference, const Eigen::Vector3d& target);
+bool inFront(const RelativePose& motion, const Eigen::Vector3d& reference,
+             const Eigen::Vector3d& target);
 
 }  // namespace ktgp_orb::two_view

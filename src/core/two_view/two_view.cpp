@@ -187,7 +187,7 @@ bool TwoViewEstimator::Impl::startElsewhere() {
   float least = five.cost(epipolar, std::numeric_limits<float>::infinity());
   bool is_better = false;
   for (const Eigen::Vector3d& direction : kDirections) {
-    two_view::Motion motion{turn, direction.normalized()};
+    RelativePose motion{turn, direction.normalized()};
     if (!two_view::isForward(normalised, motion)) motion.translation *= -1.0;
     Epipolar start = normalised.fromMotion(motion);
     for (int step = 0; step < kSteps && five.refine(1.0, start); ++step) {

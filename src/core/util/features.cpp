@@ -2,6 +2,8 @@
 
 #include <stdexcept>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 
 const char* toString(DescriptorKind kind) {
@@ -26,9 +28,7 @@ void requireDescriptors(const cv::Mat& descriptors, const std::string& name) {
 
 void requireImageSize(const Features& features, const std::string& name) {
   if (features.empty() || (features.image_size.width > 0 && features.image_size.height > 0)) return;
-  throw std::invalid_argument(name + " has image size " +
-                              std::to_string(features.image_size.width) + "x" +
-                              std::to_string(features.image_size.height) +
+  throw std::invalid_argument(name + " has image size " + util::text(features.image_size) +
                               "; expected the width and height of its image in pixels");
 }
 

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <chrono>
+
+namespace ktgp_orb::util {
+
+/// Wall-clock time since `start`.
+inline double millisecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start)
+      .count();
+}
+
+}  // namespace ktgp_orb::util
