@@ -214,9 +214,11 @@ using GridPoints = std::array<Eigen::Vector2d, kGridPoints>;
 
 GridPoints gridOf(const cv::Size& size) {
   GridPoints points;
-  for (int i = 0; i < kGridPoints; ++i) {
-    points.at(i) << (i % kGridColumns + 0.5) * size.width / kGridColumns,
-        (i / kGridColumns + 0.5) * size.height / kGridRows;
+  for (int row = 0; row < kGridRows; ++row) {
+    for (int column = 0; column < kGridColumns; ++column) {
+      points.at(row * kGridColumns + column) << (column + 0.5) * size.width / kGridColumns,
+          (row + 0.5) * size.height / kGridRows;
+    }
   }
   return points;
 }
