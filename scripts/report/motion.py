@@ -175,9 +175,9 @@ def main():
                         '--motion_base_frame', arguments.base, *options], check=True, stdout=sys.stderr)
         with open(table, encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
+    times = ' / '.join(f'{seconds:g} s' for seconds in arguments.drift)
     print("| above | frames | without an answer | velocity error, RMS / median / worst, mm/s | of the speed | e'S⁻¹e, "
-          'mean / median (3 / 2.4) | within 99.9 % | drift after ' + ' / '.join(f'{seconds:g} s' for seconds in arguments.drift) +
-          ' |\n|---|---|---|---|---|---|---|---|')
+          f'mean / median (3 / 2.4) | within 99.9 % | drift after {times} |\n|---|---|---|---|---|---|---|---|')
     for above in arguments.above:
         print(measure(rows, truth, above, arguments.drift))
 

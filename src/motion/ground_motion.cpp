@@ -557,8 +557,8 @@ void GroundMotion::Impl::measureTwist(double seconds, double since_last) {
 }
 
 /// A Kalman update by the last velocity, from which this one differs by an unknown acceleration. It
-/// counts where the pictures tell less: near the ground, where few features are in view, a turn
-/// looks like a way.
+/// matters where the pictures tell less: near the ground few features are in view, and a rotation
+/// looks like a translation.
 void GroundMotion::Impl::followLastVelocity(const Vector6& last, const Matrix6& last_covariance,
                                             double since_last) {
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;

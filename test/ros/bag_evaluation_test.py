@@ -174,8 +174,9 @@ class RealMotionTest(unittest.TestCase):
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
         self.assertEqual(run.returncode, 0, run.stderr)
         print(run.stdout)
-        # In flight, and above 0.3 m.
-        for line, least_frames, most_lost in zip(run.stdout.splitlines()[2:], (500, 400), (7.0, 3.0)):
+        rows = run.stdout.splitlines()[2:]
+        self.assertEqual(len(rows), 2, 'in flight, and above 0.3 m')
+        for line, least_frames, most_lost in zip(rows, (500, 400), (7.0, 3.0)):
             cells = [[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
             frames, lost, error, _, squares, within, drift = cells
             self.assertGreater(frames[0], least_frames)
