@@ -28,7 +28,10 @@ struct OrbOptions {
   int max_features = 2000;    ///< most keypoints, >= 1
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
-  int fast_threshold = 20;    ///< FAST corner threshold in grey values, 1..255
+  /// The level that is the image itself, in [0, levels - 1], as in cv::ORB. Those before it are
+  /// larger, by scale_factor each: they find what is too small for a patch of 31 px. 0 for TEBLID.
+  int first_level = 0;
+  int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
   /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.
   DescriptorKind descriptor = DescriptorKind::orb;
   KeypointDistribution distribution = KeypointDistribution::ranked;
@@ -47,11 +50,11 @@ struct OrbOptions {
 /// TEBLID descriptors equal those of OpenCV's xfeatures2d (scale factor 1), to the last bit.
 ///
 /// With KeypointDistribution::ranked, the keypoints, their order and the rBRIEF descriptors equal
-/// those of cv::ORB::create(features, scale_factor, levels, 31, 0, 2, HARRIS_SCORE, 31,
-/// fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On other processors
-/// cv::ORB rounds its blur differently, which changes a descriptor bit in some frames; this class
-/// does not.) For equal Harris responses cv::ORB keeps more keypoints than the limit, and so does
-/// this class.
+/// those of cv::ORB::create(features, scale_factor, levels, 31, first_level, 2,
+/// HARRIS_SCORE, 31, fast_threshold) of OpenCV 4.6 on a processor with AVX2, to the last bit. (On
+/// other processors cv::ORB rounds its blur differently, which changes a descriptor bit in some
+/// frames; this class does not.) For equal Harris responses cv::ORB keeps more keypoints than the
+/// limit, and so does this class.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class OrbExtractor {
@@ -64,9 +67,9 @@ class OrbExtractor {
 
   const OrbOptions& options() const;
 
-  /// `image`: 8-bit grey, any stride. An empty image, or one smaller than a 63 px patch, gives no
-  /// features. Throws std::invalid_argument for any other type. The buffers of `features` are
-  /// reused.
+  /// `image`: 8-bit grey, any stride. An empty image, or one whose largest level is smaller than a
+  /// 63 px patch, gives no features. Throws std::invalid_argument for any other type. The buffers
+  /// of `features` are reused.
   void extract(const cv::Mat& image, Features& features);
   /// Finds keypoints only where `mask` is not zero (8-bit, the size of `image`; empty: everywhere).
   /// Throws std::invalid_argument for any other mask.

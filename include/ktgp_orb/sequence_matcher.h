@@ -26,6 +26,10 @@ struct ReferenceOptions {
   double max_age = 1.0;  ///< s between the previous frame and this one, > 0; not used in fixed mode
   double min_overlap = 0.5;  ///< keyframe: share of the target image that it must cover, 0..1
   int min_inliers = 100;     ///< keyframe: final matches that it must give, >= 4
+  /// fixed: if the longer side of the reference is below this, px, its features and those of the
+  /// frames are also searched in images that are up to four times as large
+  /// (OrbOptions::first_level), as if the pictures had that many pixels. 0: never.
+  int enlarge_below = 0;
 };
 
 /// Options of the extractor, of the stages and of the reference.
@@ -76,7 +80,7 @@ struct Frame {
   /// is matched to from frame to frame: a final match continues the track of its reference
   /// keypoint. Set by SequenceMatcher::match; empty before.
   std::vector<std::uint64_t> tracks;
-  /// Options that `features` were found with. If the matcher's extractor has others, the features
+  /// Options that `features` were found with. If the matcher needs others, the features
   /// are found again in a new frame of the same image; this frame does not change. Without an image
   /// the features are used as they are.
   std::optional<OrbOptions> orb;

@@ -21,6 +21,7 @@ struct LabelledTarget {
   std::string source;      ///< photograph or video, the same
   std::size_t frames = 0;  ///< with a label
   std::array<std::size_t, kLabelledSizes.size()> found{};
+  std::size_t fixed = 0;  ///< labelled frames found by the matcher in fixed mode with its defaults
   std::size_t wrong = 0;  ///< of all answers, those beyond kWrongTargetBeyond at any size
   /// A video is also searched from its first frame to its last one.
   std::size_t all_frames = 0;

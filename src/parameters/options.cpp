@@ -61,7 +61,9 @@ bool choosesForFixed(const Parameters& parameters) {
 std::string noteOnFixed(const Parameters& parameters) {
   if (!choosesForFixed(parameters)) return {};
   return "reference_mode is fixed, and nothing was set that decides how far views may differ: uses "
-         "preset robust with views 13, features 5000 and distribution uniform";
+         "preset robust with views 13, features 5000, distribution uniform and search_radius 48, "
+         "and "
+         "enlarges a reference below 160 px and the frames with it";
 }
 
 PipelineOptions pipelineOptions(const Parameters& given) {
@@ -81,8 +83,11 @@ SequenceOptions sequenceOptions(const Parameters& given) {
     parameters.mutual = parameters.growth = parameters.guided = true;
     parameters.gms = false;
     parameters.views = 13;
+    parameters.search_radius = 48.0;  // as preset video: a target moves little from frame to frame
   }
-  return optionsFrom(pipelineOptions(parameters).parameters);
+  SequenceOptions options = optionsFrom(pipelineOptions(parameters).parameters);
+  if (choosesForFixed(given)) options.reference.enlarge_below = 160;
+  return options;
 }
 
 OverlayStyle overlayStyleFrom(const Parameters& parameters) {

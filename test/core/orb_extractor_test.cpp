@@ -29,7 +29,7 @@ Features opencvFeatures(const cv::Mat& image, const OrbOptions& options,
                         const cv::Mat& mask = cv::Mat()) {
   Features features;
   cv::ORB::create(options.max_features, static_cast<float>(options.scale_factor), options.levels,
-                  31, 0, 2, cv::ORB::HARRIS_SCORE, 31, options.fast_threshold)
+                  31, options.first_level, 2, cv::ORB::HARRIS_SCORE, 31, options.fast_threshold)
       ->detectAndCompute(image, mask, features.keypoints, features.descriptors);
   return features;
 }
@@ -124,6 +124,32 @@ TEST_F(OrbBesideOpencv, AgreesForOtherOptions) {
       }
     }
   }
+}
+
+TEST_F(OrbBesideOpencv, AgreesWithLevelsLargerThanTheImage) {
+  OrbOptions options;
+  options.max_features = 700;
+  options.levels = 16;
+  cv::Mat disc = cv::Mat::zeros(240, 320, CV_8U);
+  cv::circle(disc, {180, 150}, 90, cv::Scalar(255), cv::FILLED);
+  for (const int first : {1, 4, 8, 15}) {
+    options.first_level = first;
+    const std::string level = "first level " + std::to_string(first);
+    expectOpencvsAnswer(test::textureImage(Size(320, 240), 4), options, level);
+    expectOpencvsAnswer(test::noiseImage(Size(40, 50), 5), options, level + ", small");
+    expectOpencvsAnswer(test::blockImage(Size(320, 240), 6), options, level + ", disc", disc);
+  }
+}
+
+TEST(OrbExtractor, RefusesAFirstLevelThatIsNone) {
+  OrbOptions options;
+  for (const int first : {-1, 8}) {
+    options.first_level = first;
+    EXPECT_THROW(OrbExtractor{options}, std::invalid_argument) << first;
+  }
+  options.first_level = 3;
+  options.descriptor = DescriptorKind::teblid;
+  EXPECT_THROW(OrbExtractor{options}, std::invalid_argument);
 }
 
 TEST_F(OrbBesideOpencv, AgreesForEverySmallSize) {

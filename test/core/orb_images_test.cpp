@@ -37,6 +37,21 @@ TEST(OrbImages, AreTheImageItselfAndLevelsOfTheWantedRatio) {
   }
 }
 
+TEST(OrbImages, AreTheSameWithLevelsLargerThanTheImage) {
+  const cv::Mat image = test::textureImage(cv::Size(120, 90), 2);
+  OrbOptions options;
+  Features plain, larger;
+  OrbExtractor(options).extract(image, plain);
+  options.first_level = 4;
+  options.levels += 4;
+  OrbExtractor(options).extract(image, larger);
+  EXPECT_GT(larger.size(), plain.size());
+  ASSERT_EQ(larger.images.size(), plain.images.size());
+  for (std::size_t i = 0; i < plain.images.size(); ++i) {
+    EXPECT_EQ(cv::norm(larger.images[i], plain.images[i], cv::NORM_INF), 0.0) << i;
+  }
+}
+
 // A camera's loop reads every frame into the same matrix.
 TEST(OrbImages, AreCopiedUnlessTheyAreShared) {
   cv::Mat image = test::textureImage(cv::Size(320, 240), 8);

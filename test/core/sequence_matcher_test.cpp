@@ -17,6 +17,7 @@
 #include "core/homography/transform.h"
 #include "core/sequence/motion_predictor.h"
 #include "moving_view.h"
+#include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
@@ -69,6 +70,54 @@ TEST(SequenceMatcher, MatchesEveryFrameToTheOneBefore) {
     EXPECT_EQ(match.accumulated->first_stamp, 1'000'000'000'000'000'000);
     expectTranslation(match.accumulated->homography, -kStepX * i, -kStepY * i, 0.2 * i);
   }
+}
+
+// A patch of ORB is as large as half of this reference.
+TEST(SequenceMatcher, ASmallFixedReferenceIsFoundWhereItMayBeEnlarged) {
+  const cv::Mat picture = test::blockImage(cv::Size(340, 260), 3, 60);
+  const cv::Rect where(130, 90, 76, 70);
+  for (const int enlarge_below : {0, 160}) {
+    SequenceOptions options;
+    options.orb.max_features = 5000;
+    options.orb.distribution = KeypointDistribution::uniform;
+    options.matcher = MatcherOptions::robust();
+    options.reference.mode = ReferenceMode::fixed;
+    options.reference.enlarge_below = enlarge_below;
+    SequenceMatcher matcher(options);
+    const FramePtr reference = matcher.newFrame();
+    reference->image = picture(where).clone();
+    matcher.setFixedReference(reference);
+    for (int i = 0; i < 4; ++i) {
+      const cv::Rect seen(kStepX * i, kStepY * i, test::kView.width, test::kView.height);
+      const SequenceMatch& match = matcher.match(picture(seen).clone(), 0.1 * i);
+      EXPECT_EQ(match.match.status == Status::ok, enlarge_below > 0) << i;
+      if (match.match.status != Status::ok) continue;
+      expectTranslation(match.match.answer.homography, where.x - seen.x, where.y - seen.y);
+      EXPECT_EQ(match.frame->features.image_size, test::kView);
+    }
+  }
+}
+
+TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
+  SequenceOptions options = withMode(ReferenceMode::fixed);
+  options.reference.enlarge_below = 160;
+  SequenceMatcher matcher(options);
+  for (const int side : {75, 200, 75}) {
+    const FramePtr reference = matcher.newFrame();
+    reference->image = view(0)(cv::Rect(0, 0, side, side)).clone();
+    matcher.setFixedReference(reference);
+    const SequenceMatch& match = matcher.match(view(0), side);
+    EXPECT_EQ(match.frame->orb->first_level, side == 75 ? 7 : 0);
+    EXPECT_EQ(match.frame->orb->levels, side == 75 ? 15 : 8);
+    // Features of the matcher's options, as a worker finds them.
+    const FramePtr frame = matcher.newFrame();
+    frame->image = view(0);
+    OrbExtractor extractor(matcher.options().orb);
+    extractFeatures(extractor, *frame);
+    EXPECT_EQ(matcher.match(frame).frame == frame, side != 75);
+  }
+  options.reference.enlarge_below = -1;
+  EXPECT_THROW(matcher.setOptions(options), std::invalid_argument);
 }
 
 // The camera moves by whole pixels, so a keypoint stays at its place in the world.

@@ -33,6 +33,9 @@ TEST(TargetFrames, AreFoundAtAllSizesAndFollowed) {
           << row.target << " in " << row.source << " at " << kLabelledSizes[s];
     }
     if (row.all_frames == 0) continue;
+    // Its picture has 80 px.
+    EXPECT_GE(static_cast<double>(row.fixed),
+              (is_small ? 0.7 : 1.0) * static_cast<double>(row.frames));
     EXPECT_GE(static_cast<double>(row.followed), 0.9 * static_cast<double>(row.frames));
     EXPECT_LE(row.longest_gap, 3U) << row.source;
   }

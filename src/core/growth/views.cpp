@@ -36,8 +36,9 @@ cv::Matx23d matrixOf(const Eigen::Matrix<double, 2, 3>& m) {
 }
 
 ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double angle, double tilt) {
-  constexpr double kBlur = 0.8;     // px of the rotated image per unit of tilt: Morel & Yu
-  constexpr double kMargin = 31.0;  // px, width of a patch
+  constexpr double kBlur = 0.8;  // px of the rotated image per unit of tilt: Morel & Yu
+  // Width of a patch, px.
+  const double margin = 31.0 / std::pow(options.scale_factor, options.first_level);
   cv::Size size, turned_size;
   ReferenceView view;
   view.to_view = toView(image.size(), angle, tilt, size);
@@ -62,11 +63,10 @@ ReferenceView simulate(const cv::Mat& image, const OrbOptions& options, double a
   // Keypoints only inside the image, not in its extended border.
   cv::Mat mask = cv::Mat::zeros(size, CV_8U);
   std::vector<cv::Point> outline;
-  const double far_x = image.cols - 1.0 - 0.5 * kMargin;
-  const double far_y = image.rows - 1.0 - 0.5 * kMargin;
-  for (const auto& [x, y] :
-       {std::pair(0.5 * kMargin, 0.5 * kMargin), std::pair(far_x, 0.5 * kMargin),
-        std::pair(far_x, far_y), std::pair(0.5 * kMargin, far_y)}) {
+  const double far_x = image.cols - 1.0 - 0.5 * margin;
+  const double far_y = image.rows - 1.0 - 0.5 * margin;
+  for (const auto& [x, y] : {std::pair(0.5 * margin, 0.5 * margin), std::pair(far_x, 0.5 * margin),
+                             std::pair(far_x, far_y), std::pair(0.5 * margin, far_y)}) {
     const Eigen::Vector2d p = view.to_view * Eigen::Vector3d(x, y, 1.0);
     outline.emplace_back(cvRound(p.x()), cvRound(p.y()));
   }

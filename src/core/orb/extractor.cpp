@@ -13,7 +13,6 @@ namespace ktgp_orb {
 namespace {
 
 using orb::bestOrbKernels;
-using orb::kEdgeMargin;
 using orb::OrbPipeline;
 using util::requireInRange;
 
@@ -21,6 +20,11 @@ void requireValid(const OrbOptions& options) {
   requireInRange("max_features", options.max_features, 1, 1000000);
   requireInRange("scale_factor", options.scale_factor, 1.01, 2.0);
   requireInRange("levels", options.levels, 1, 16);
+  requireInRange("first_level", options.first_level, 0, options.levels - 1);
+  if (options.first_level != 0 && options.descriptor == DescriptorKind::teblid) {
+    throw std::invalid_argument("first_level is " + std::to_string(options.first_level) +
+                                " with the descriptor teblid; expected 0");
+  }
   requireInRange("fast_threshold", options.fast_threshold, 1, 255);
   requireInRange("keypoints_per_cell", options.keypoints_per_cell, 1, 1000000);
   requireInRange("threads", options.threads, 0, 1024);
@@ -40,8 +44,8 @@ void requireValid(const cv::Mat& image, const cv::Mat& mask) {
 }
 
 auto asTuple(const OrbOptions& o) {
-  return std::tie(o.max_features, o.scale_factor, o.levels, o.fast_threshold, o.descriptor,
-                  o.distribution, o.keypoints_per_cell, o.images, o.threads);
+  return std::tie(o.max_features, o.scale_factor, o.levels, o.first_level, o.fast_threshold,
+                  o.descriptor, o.distribution, o.keypoints_per_cell, o.images, o.threads);
 }
 
 }  // namespace
@@ -79,14 +83,10 @@ void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& 
   features.descriptor = impl_->options.descriptor;
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
-  // Every level is smaller than a patch.
-  if (std::min(image.cols, image.rows) < 2 * kEdgeMargin + 1) {
-    features.descriptors.release();
-    features.images.clear();
-    return;
-  }
   if (impl_->options.images == ImageKeeping::none) features.images.clear();
-  impl_->pipeline.extract(image, mask, features);
+  if (impl_->pipeline.extract(image, mask, features)) return;
+  features.descriptors.release();
+  features.images.clear();
 }
 
 }  // namespace ktgp_orb

@@ -42,7 +42,8 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
     : options_(options),
       kernels_(kernels),
       pool_(options.threads),
-      pyramid_(options.max_features, static_cast<float>(options.scale_factor), options.levels),
+      pyramid_(options.max_features, static_cast<float>(options.scale_factor), options.levels,
+               options.first_level),
       levels_(options.levels),
       uniform_choice_(options.max_features, options.fast_threshold, options.keypoints_per_cell,
                       options.levels) {
@@ -52,12 +53,13 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
   }
 }
 
-void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
+bool OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   pyramid_.setImage(image, mask);
+  if (pyramid_.used() == 0) return false;
   if (options_.images != ImageKeeping::none) pyramid_.takeBuffers(features.images);
   cutIntoBands();
-  // Level 0 is the image itself: threads can begin with it while one thread computes the other
-  // levels.
+  // Level 0 is there: threads can begin with it while one thread computes the levels that are
+  // smaller than the image.
   const int ready = levels_[0].last_band;
   pool_.parallelFor(2 + ready, [&](int i) {
     if (i == 0) {
@@ -85,6 +87,7 @@ void OrbPipeline::extract(const cv::Mat& image, const cv::Mat& mask, Features& f
   if (options_.images != ImageKeeping::none) {
     pyramid_.handOut(options_.images == ImageKeeping::copy, features.images);
   }
+  return true;
 }
 
 void OrbPipeline::cutIntoBands() {

@@ -21,8 +21,9 @@ class OrbPipeline {
  public:
   OrbPipeline(const OrbOptions& options, const OrbKernels& kernels);
 
-  /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet.
-  void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
+  /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet. False if no
+  /// level has room for a patch.
+  bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
   /// Rows of one level that one task processes through FAST and blur, with its own memory.

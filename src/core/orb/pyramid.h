@@ -11,9 +11,9 @@ namespace ktgp_orb::orb {
 /// One level of the pyramid.
 struct PyramidLevel {
   cv::Size size;           ///< px
-  cv::Mat image;           ///< 8-bit grey; level 0 is the caller's image itself
+  cv::Mat image;           ///< 8-bit grey; one level is the caller's image itself
   cv::Mat mask;            ///< 8-bit, non-zero where keypoints may lie; empty: everywhere
-  float scale = 1.f;       ///< size of level 0 divided by the size of this one
+  float scale = 1.f;       ///< size of the caller's image divided by the size of this one
   int features_quota = 0;  ///< keypoints wanted from this level
 };
 
@@ -24,19 +24,19 @@ std::vector<int> featuresPerLevel(int features, double scale_factor, int levels)
 /// The image pyramid. Buffers are kept from image to image.
 class OrbPyramid {
  public:
-  OrbPyramid(int features, double scale_factor, int levels);
+  OrbPyramid(int features, double scale_factor, int levels, int first_level);
 
-  /// Sets level 0 (without a copy) and the size of all others. Levels with room for a keypoint come
-  /// first; the rest are left out.
+  /// Sets `first_level` (without a copy), computes the larger ones from it, and sets the size of
+  /// all others. Levels with room for a keypoint come first; the rest are left out.
   void setImage(const cv::Mat& image, const cv::Mat& mask);
-  /// Computes the levels from 1 on, each from the previous one.
+  /// Computes the levels after `first_level`, each from the previous one.
   void shrink(const OrbKernels& kernels);
 
   /// Uses the memory of `images` for the computed levels if it is not shared, and never the memory
   /// of images shared before.
   void takeBuffers(std::vector<cv::Mat>& images);
-  /// `images` become the levels in use: the first a copy or the caller's own image, the others
-  /// without a copy.
+  /// `images` become the caller's image, a copy or itself, and the smaller levels in use, without a
+  /// copy.
   void handOut(bool copy_first, std::vector<cv::Mat>& images) const;
 
   std::vector<PyramidLevel>& levels() { return levels_; }
@@ -46,6 +46,7 @@ class OrbPyramid {
  private:
   std::vector<PyramidLevel> levels_;
   std::vector<Shrinker> shrinkers_;  // of level i into level i + 1
+  int first_level_;                  // the caller's image
   int used_ = 0;
 };
 

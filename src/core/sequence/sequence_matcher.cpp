@@ -1,5 +1,6 @@
 #include "ktgp_orb/sequence_matcher.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
@@ -30,6 +31,7 @@ void requireValid(const ReferenceOptions& options) {
     refuse("min_overlap", options.min_overlap, "a share in [0, 1]");
   }
   if (options.min_inliers < 4) refuse("min_inliers", options.min_inliers, "at least 4");
+  if (options.enlarge_below < 0) refuse("enlarge_below", options.enlarge_below, "at least 0 px");
 }
 
 std::int64_t stampOf(double seconds) {
@@ -39,6 +41,34 @@ std::int64_t stampOf(double seconds) {
                                 " s; expected a finite one within 9.2e9 s of zero");
   }
   return std::llround(1e9 * seconds);
+}
+
+/// How many times as large as it is the fixed reference should be.
+double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
+  constexpr double kWanted = 320.0;  // px: ten patches
+  constexpr double kMost = 4.0;
+  if (options.mode != ReferenceMode::fixed || fixed == nullptr) return 1.0;
+  const int longer = std::max(fixed->image.cols, fixed->image.rows);
+  const bool is_small = longer > 0 && longer < options.enlarge_below;
+  return is_small ? std::clamp(kWanted / longer, 1.0, kMost) : 1.0;
+}
+
+/// `options` with levels that are larger than the image: by up to `scale`, and as long as the image
+/// stays below 2500 px.
+OrbOptions enlarged(OrbOptions options, const cv::Size& size, double scale) {
+  constexpr double kLargest = 2500.0;  // px
+  constexpr int kMostLevels = 16;
+  if (scale <= 1.0 || options.descriptor == DescriptorKind::teblid) return options;
+  const double most = std::min(scale, kLargest / std::max(size.width, size.height));
+  const int more = static_cast<int>(std::log(std::max(most, 1.0)) / std::log(options.scale_factor));
+  options.first_level += std::min(more, kMostLevels - 1 - options.first_level);
+  options.levels = std::max(std::min(options.levels + more, kMostLevels), options.first_level + 1);
+  return options;
+}
+
+/// Features found before a change of the options would mix two configurations.
+bool isOutdated(const Frame& frame, const OrbOptions& wanted) {
+  return !frame.image.empty() && frame.orb != wanted;
 }
 
 void setCameras(const Frame& reference, const Frame& target, MatchHints& hints) {
@@ -84,9 +114,10 @@ struct SequenceMatcher::Impl {
   }
 
   void setOptions(const SequenceOptions& as_given);
-  bool isOutdated(const Frame& frame) const;
-  FramePtr withFeatures(const FramePtr& frame);
-  FramePtr foundAnew(const FramePtr& frame);
+  OrbOptions orbFor(const Frame& frame, const Frame* fixed) const;
+  void extract(Frame& frame, const OrbOptions& orb);
+  FramePtr withFeatures(const FramePtr& frame, const OrbOptions& orb);
+  FramePtr foundAnew(const FramePtr& frame, const OrbOptions& orb);
   const ReferenceViews* viewsOf(const FramePtr& reference);
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
   void fallBack(const Frame& reference, const Frame& target, const MatchHints& hints,
@@ -119,16 +150,21 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
-  if (wanted.orb != options.orb) extractor = std::move(new_extractor);
+  if (wanted.orb != extractor.options()) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
   viewed.reset();
   keeper.setOptions(wanted.reference);
   options = wanted;
 }
 
-/// Features found before a change of the extractor's options would mix two configurations.
-bool SequenceMatcher::Impl::isOutdated(const Frame& frame) const {
-  return !frame.image.empty() && frame.orb != options.orb;
+/// Of `frame`, where `fixed` is the fixed reference; null: none.
+OrbOptions SequenceMatcher::Impl::orbFor(const Frame& frame, const Frame* fixed) const {
+  return enlarged(options.orb, frame.image.size(), enlargementOf(fixed, options.reference));
+}
+
+void SequenceMatcher::Impl::extract(Frame& frame, const OrbOptions& orb) {
+  if (orb != extractor.options()) extractor = OrbExtractor(orb);
+  extractFeatures(extractor, frame);
 }
 
 /// Simulated views are worth their time only for a reference that stays. With a lens there are
@@ -141,23 +177,23 @@ const ReferenceViews* SequenceMatcher::Impl::viewsOf(const FramePtr& reference) 
   if (!wanted) return nullptr;
   if (viewed != reference) {
     viewed.reset();
-    views = simulateViews(reference->image, options.orb, growth.views);
+    views = simulateViews(reference->image, orbFor(*reference, reference.get()), growth.views);
     viewed = reference;
   }
   return &views;
 }
 
-/// An incoming frame with features of the current options: extracted in place if it has none yet.
-FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame) {
-  if (!isOutdated(*frame)) return frame;
-  if (frame->orb) return foundAnew(frame);
-  extractFeatures(extractor, *frame);
+/// `frame` with features of the given options, extracted in place if it has none yet.
+FramePtr SequenceMatcher::Impl::withFeatures(const FramePtr& frame, const OrbOptions& orb) {
+  if (!isOutdated(*frame, orb)) return frame;
+  if (frame->orb) return foundAnew(frame, orb);
+  extract(*frame, orb);
   return frame;
 }
 
 /// A new frame of the same image, which replaces `frame`. The old frame may be in use elsewhere, so
 /// it does not change.
-FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
+FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame, const OrbOptions& orb) {
   FramePtr fresh = pool.take();
   fresh->stamp = frame->stamp;
   fresh->encoding = frame->encoding;
@@ -167,7 +203,7 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
   fresh->camera = frame->camera;
   fresh->camera_lens = frame->camera_lens;
   fresh->source = frame;  // owns the pixels
-  extractFeatures(extractor, *fresh);
+  extract(*fresh, orb);
   keeper.replace(frame, fresh);
   predictor.replace(*frame, *fresh);
   if (answer.reference == frame) answer.reference = fresh;
@@ -176,7 +212,8 @@ FramePtr SequenceMatcher::Impl::foundAnew(const FramePtr& frame) {
 
 void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, MatchResult& result) {
   MatchHints hints;
-  if (isOutdated(*reference)) reference = foundAnew(reference);
+  const OrbOptions orb = orbFor(*reference, keeper.fixed().get());
+  if (isOutdated(*reference, orb)) reference = foundAnew(reference, orb);
   hints.views = viewsOf(reference);
   setCameras(*reference, target, hints);
   if (options.reference.mode == ReferenceMode::previous) hints.motion = last_motion;
@@ -224,7 +261,8 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
 }
 
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAhead* ahead) {
-  const FramePtr frame = withFeatures(given);
+  const Frame* const fixed = fix_next_frame ? given.get() : keeper.fixed().get();
+  const FramePtr frame = withFeatures(given, orbFor(*given, fixed));
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -288,7 +326,7 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   frame->stamp = stamp;
   frame->encoding = encoding;
   // An empty image has no features; old ones must not remain.
-  extractFeatures(impl_->extractor, *frame);
+  impl_->extract(*frame, impl_->orbFor(*frame, impl_->keeper.fixed().get()));
   return impl_->match(frame, nullptr);
 }
 
@@ -315,7 +353,8 @@ FramePtr SequenceMatcher::newFrame() {
 void SequenceMatcher::setFixedReference(const FramePtr& frame) {
   // Other modes do not use it yet: its features are extracted when the first frame needs them.
   const bool now = impl_->options.reference.mode == ReferenceMode::fixed;
-  const FramePtr fixed = frame && now ? impl_->withFeatures(frame) : frame;
+  const FramePtr fixed =
+      frame && now ? impl_->withFeatures(frame, impl_->orbFor(*frame, frame.get())) : frame;
   if (fixed) ktgp_orb::requireValid(fixed->features, "reference");
   impl_->keeper.setFixed(fixed);
 }
