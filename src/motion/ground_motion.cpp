@@ -45,22 +45,32 @@ double yawOf(const Eigen::Matrix3d& axes) {
 /// What the innovations of measurements of one kind tell about their noise: covariance matching
 /// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
 struct Innovations {
-  double variance = 1.0;   // as a multiple of the given one: running mean
-  int contradictions = 0;  // one after the other
+  double variance = 1.0;     // as a multiple of the given one: running mean
+  int contradictions = 0;    // one after the other, each on other ground
+  bool is_another = false;   // the newest measurement is one of them
+  std::int64_t ground = -1;  // of the newest measurement
 
-  void add(const Innovation& innovation) {
+  /// `on`: a number for the ground that the measurement is about. What contradicts twice on the
+  /// same ground does so for the same reason, and says no more than once.
+  void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
     constexpr double kMost = 100.0;  // that a single one counts
     constexpr double kDoubt = 4.0;   // deviations
     variance += (std::clamp(innovation.noise, 0.0, kMost) - variance) / kMeasurements;
-    contradictions = innovation.misfit > kDoubt ? contradictions + 1 : 0;
+    const bool contradicts = innovation.misfit > kDoubt;
+    if (!contradicts) contradictions = 0;
+    is_another = contradicts && (contradictions == 0 || on != ground);
+    contradictions += is_another ? 1 : 0;
+    ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
   /// The variance of the state that lets it follow readings that contradict again and again: a
-  /// single one does no harm, after about five of them they are right.
-  double doubt(double residual) const {
+  /// single one does no harm, after about five of them they are right. The first `ignored` ones
+  /// change nothing.
+  double doubt(double residual, int ignored) const {
     constexpr double kShare = 0.02;
-    return kShare * contradictions * residual * residual;
+    if (!is_another) return 0.0;
+    return kShare * std::max(contradictions - ignored, 0) * residual * residual;
   }
 };
 
@@ -97,7 +107,7 @@ struct GroundMotion::Impl {
   void predict(double seconds);
   void useReadings(const GroundFrame& frame);
   template <int kRows>
-  double use(motion::PoseRows<kRows> rows, Innovations& of_kind);
+  double use(motion::PoseRows<kRows> rows, Innovations& of_kind, std::int64_t ground);
   void addTurn(const GroundFrame& frame);
   void useTurn(const TurnReading& turn);
   Eigen::Vector3d newestVelocity(double seconds) const;
@@ -110,6 +120,9 @@ struct GroundMotion::Impl {
   void beginMap(const GroundFrame& frame, const ImageMotion& image);
   void measureTwist(double seconds, double since_last);
   void followLastVelocity(const Vector6& last, const Matrix6& last_covariance, double since_last);
+  /// Over relief each keyframe sees a plane of its own, which slopes as the ground does there. All
+  /// readings until the next keyframe contradict it together.
+  std::int64_t seenSlope() const { return relief.isSeen() ? keyframe_stamp : newest_stamp; }
   double sinceLast(const GroundFrame& frame) const {
     return 1e-9 * static_cast<double>(frame.stamp - last_stamp);
   }
@@ -303,7 +316,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
   const auto innovation = filter.advance(image);
   if (innovation) {
     estimate.homography_misfit = innovation->misfit;
-    of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise});
+    of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise},
+                      frame.stamp);
   }
   const bool fits = innovation && estimate.homography_misfit < kHomographyLimit;
   if (!fits || isJump(sinceLast(frame), sinceLast(frame))) {
@@ -401,9 +415,10 @@ void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
 
 /// Uses a reading with the noise that readings of its kind have shown. Returns its misfit.
 template <int kRows>
-double GroundMotion::Impl::use(motion::PoseRows<kRows> rows, Innovations& of_kind) {
+double GroundMotion::Impl::use(motion::PoseRows<kRows> rows, Innovations& of_kind,
+                               std::int64_t ground) {
   const Innovation innovation = filter.innovationOf(rows);
-  of_kind.add(innovation);
+  of_kind.add(innovation, ground);
   rows.deviation *= std::sqrt(of_kind.factor());
   filter.use(rows);
   return innovation.misfit;
@@ -417,15 +432,17 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const motion::PoseRows<1> rows = rowsOf(relief.widened(*frame.height), now, rise);
     estimate.height_misfit = std::numeric_limits<double>::infinity();
     if (std::isfinite(rows.residual(0))) {
-      estimate.height_misfit = use(rows, of_height);
-      filter.widen(of_height.doubt(rows.residual(0) / now.position.z()), 0.0);
+      estimate.height_misfit = use(rows, of_height, newest_stamp);
+      filter.widen(of_height.doubt(rows.residual(0) / now.position.z(), 0), 0.0);
     }
     estimate.height_used = estimate.height_misfit <= limit;
   }
   if (frame.down) {
     const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
-    estimate.down_misfit = use(rows, of_down);
-    filter.widen(0.0, of_down.doubt(rows.residual.norm()));
+    estimate.down_misfit = use(rows, of_down, seenSlope());
+    // The pictures tell the tilt as well, so that a reading counts against them when another one
+    // says the same.
+    filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= limit;
   }
   const Eigen::Matrix3d& axes = filter.now().axes;
@@ -450,7 +467,7 @@ void GroundMotion::Impl::useTurn(const TurnReading& turn) {
   turn_given_and_seen = kForget * turn_given_and_seen + given.dot(seen);
   turn_seen = kForget * turn_seen + seen.squaredNorm();
   estimate.turn_ratio = turn_seen > kLeast ? turn_given_and_seen / turn_seen : 0.0;
-  estimate.turn_misfit = use(rowsOf(turn, filter.now(), filter.before()), of_turn);
+  estimate.turn_misfit = use(rowsOf(turn, filter.now(), filter.before()), of_turn, newest_stamp);
 }
 
 /// Of the camera in its frame, since the pose before.

@@ -399,6 +399,23 @@ TEST(GroundMotion, OverReliefReadingsCountLess) {
   }
 }
 
+/// Readings of the tilt that contradict again and again make it uncertain. Over relief they
+/// contradict the slope that a keyframe sees, all together, and count once.
+TEST(GroundMotion, OverReliefReadingsContradictAKeyframeOnce) {
+  for (const bool relief : {false, true}) {
+    Flight flight = Flight::noisy(downward(), 3e-5, 1, 0.1 * kDegree);
+    flight.plane_deviation = relief ? 0.3 : 0.0;
+    EXPECT_LT(flight.steps(301).tilt_deviation, 0.001);
+    int uncertain = 0;
+    for (int i = 0; i < 30; ++i) {  // three keyframes
+      GroundFrame frame = flight.next();
+      frame.down->direction = motion::rotationAbout({0.2, 0.0, 0.0}) * frame.down->direction;
+      if (flight.ground.add(frame).tilt_deviation > 0.01) ++uncertain;
+    }
+    EXPECT_EQ(uncertain, relief ? 2 : 29) << "a single one changes nothing";
+  }
+}
+
 TEST(GroundMotion, TheFirstVelocityOfAKeyframeHasTheErrorsOfTheKeyframe) {
   Flight flight = Flight::noisy(downward(), 3e-5);
   flight.claimed = 4.0;
