@@ -259,6 +259,7 @@ GroundFilter::State GroundFilter::groundStep(const Eigen::Vector3d& turn, double
 }
 
 void GroundFilter::widen(double scale_variance, double tilt_variance) {
+  if (scale_variance == 0.0 && tilt_variance == 0.0) return;
   const auto keyframe = poseFrom(map_.inverse());
   if (!keyframe) return;
   const auto add = [&](const Eigen::Vector3d& turn, double scale) {
