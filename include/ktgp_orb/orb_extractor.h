@@ -29,7 +29,8 @@ struct OrbOptions {
   double scale_factor = 1.2;  ///< size ratio of neighbouring pyramid levels, in [1.01, 2]
   int levels = 8;             ///< pyramid levels, 1..16
   /// The level that is the image itself, in [0, levels - 1], as in cv::ORB. Those before it are
-  /// larger, by scale_factor each: they find what is too small for a patch of 31 px. 0 for TEBLID.
+  /// larger, by scale_factor each: they find what is too small for a patch of 31 px. With TEBLID it
+  /// must be 0.
   int first_level = 0;
   int fast_threshold = 20;  ///< FAST corner threshold in grey values, 1..255
   /// rBRIEF, or TEBLID-256: the same size, better under changes of light and viewpoint.

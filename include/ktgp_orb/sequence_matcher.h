@@ -26,9 +26,10 @@ struct ReferenceOptions {
   double max_age = 1.0;  ///< s between the previous frame and this one, > 0; not used in fixed mode
   double min_overlap = 0.5;  ///< keyframe: share of the target image that it must cover, 0..1
   int min_inliers = 100;     ///< keyframe: final matches that it must give, >= 4
-  /// fixed: if the longer side of the reference is below this, px, its features and those of the
-  /// frames are also searched in images that are up to four times as large
-  /// (OrbOptions::first_level), as if the pictures had that many pixels. 0: never.
+  /// fixed: if the shorter side of the reference is below this, px, its features and those of the
+  /// frames are also searched in larger copies (OrbOptions::first_level): up to four times as
+  /// large, and at most 2500 px long. Not with TEBLID. 0: never. OpenCV makes the copies, with its
+  /// own threads and a little memory for each frame.
   int enlarge_below = 0;
 };
 
@@ -41,7 +42,8 @@ struct SequenceOptions {
 
 /// `options` as the sequence needs them: `orb.images` is shared with alignment and none without,
 /// and growth is off in mode previous, since a video does not need it. SequenceMatcher applies it.
-/// Use the same options when you extract features elsewhere.
+/// Use the same options when you extract features elsewhere. (Where a small fixed reference is
+/// enlarged, the features are found again.)
 SequenceOptions withImages(SequenceOptions options);
 
 /// Why a frame had no reference. The numbers are those of the REASON_ constants in the messages.
@@ -146,7 +148,8 @@ struct MatchAhead {
 /// inliers of the previous frame, the frame is matched again over the whole image, and the better
 /// result counts.
 ///
-/// An instance belongs to one thread at a time. In the steady state nothing is allocated.
+/// An instance belongs to one thread at a time. In the steady state nothing is allocated, unless
+/// frames are enlarged (ReferenceOptions::enlarge_below).
 class SequenceMatcher {
  public:
   /// Throws std::invalid_argument naming the option and its range.

@@ -375,8 +375,13 @@ std::optional<GrowthStart> KtgpMatcher::Impl::doubtful(const MatchResult& result
 void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
                              const ReferenceViews* views, MatchResult& result) {
   result.growth.clear();
-  if (!options.growth.enabled || result.search != Search::whole) return;
+  if (!options.growth.enabled) return;
   const std::optional<GrowthStart> start = doubtful(result);
+  if (result.search != Search::whole) {
+    // The search in the whole image, which follows, judges it.
+    if (start) result.status = Status::model_rejected;
+    return;
+  }
   if (result.status == Status::ok && !start) return;
   const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
   const auto mutual =

@@ -22,7 +22,7 @@ struct LabelledTarget {
   std::size_t frames = 0;  ///< with a label
   std::array<std::size_t, kLabelledSizes.size()> found{};
   std::size_t fixed = 0;  ///< labelled frames found by the matcher in fixed mode with its defaults
-  std::size_t wrong = 0;  ///< of all answers, those beyond kWrongTargetBeyond at any size
+  std::size_t wrong = 0;  ///< of all answers, also of fixed mode, those beyond kWrongTargetBeyond
   /// A video is also searched from its first frame to its last one.
   std::size_t all_frames = 0;
   std::size_t followed = 0;     ///< labelled frames in which it was found

@@ -61,9 +61,8 @@ bool choosesForFixed(const Parameters& parameters) {
 std::string noteOnFixed(const Parameters& parameters) {
   if (!choosesForFixed(parameters)) return {};
   return "reference_mode is fixed, and nothing was set that decides how far views may differ: uses "
-         "preset robust with views 13, features 5000, distribution uniform and search_radius 48, "
-         "and "
-         "enlarges a reference below 160 px and the frames with it";
+         "preset robust with views 13, features 5000, distribution uniform and, unless it is set, "
+         "search_radius 48; enlarges a reference below 150 px and the frames with it";
 }
 
 PipelineOptions pipelineOptions(const Parameters& given) {
@@ -83,10 +82,11 @@ SequenceOptions sequenceOptions(const Parameters& given) {
     parameters.mutual = parameters.growth = parameters.guided = true;
     parameters.gms = false;
     parameters.views = 13;
-    parameters.search_radius = 48.0;  // as preset video: a target moves little from frame to frame
+    // As preset video. What moves farther is searched in the whole image.
+    if (parameters.search_radius == 0.0) parameters.search_radius = 48.0;
   }
   SequenceOptions options = optionsFrom(pipelineOptions(parameters).parameters);
-  if (choosesForFixed(given)) options.reference.enlarge_below = 160;
+  if (choosesForFixed(given)) options.reference.enlarge_below = 150;
   return options;
 }
 

@@ -64,7 +64,13 @@ TEST(Parameters, ChooseTheMethodForAFixedReferenceUnlessOneIsSet) {
   EXPECT_TRUE(chosen.matcher.growth.enabled && chosen.matcher.guided.enabled);
   EXPECT_FALSE(chosen.matcher.gms.enabled);
   EXPECT_EQ(chosen.matcher.growth.views, 13);
+  EXPECT_EQ(chosen.matcher.knn.search_radius, 48.0);
+  EXPECT_EQ(chosen.reference.enlarge_below, 150);
   EXPECT_NE(noteOnFixed(parameters), "");
+  parameters.search_radius = 16.0;
+  EXPECT_EQ(sequenceOptions(parameters).matcher.knn.search_radius, 16.0);
+  EXPECT_TRUE(sequenceOptions(parameters).matcher.growth.enabled);
+  parameters.search_radius = 0.0;
   for (const auto& [name, value] :
        {std::pair("growth", "true"), std::pair("T_w", "0.7"), std::pair("features", "3000")}) {
     Parameters set = parameters;

@@ -114,8 +114,19 @@ TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
     frame->image = view(0);
     OrbExtractor extractor(matcher.options().orb);
     extractFeatures(extractor, *frame);
-    EXPECT_EQ(matcher.match(frame).frame == frame, side != 75);
+    MatchAhead ahead;  // of the features that the matcher finds anew
+    ahead.reference = matcher.fixedReference();
+    ahead.result.correspondences = {{1, 1000000, 0, 0}};
+    const SequenceMatch& again = matcher.match(frame, side == 75 ? &ahead : nullptr);
+    EXPECT_EQ(again.frame == frame, side != 75);
+    for (const Correspondence& c : again.match.correspondences) {
+      ASSERT_LT(static_cast<std::size_t>(c.target_index), again.frame->features.size());
+    }
   }
+  // A frame that becomes the reference is enlarged at once.
+  matcher.fixNextFrame();
+  EXPECT_EQ(matcher.match(view(0)(cv::Rect(0, 0, 300, 60)).clone(), 1000.0).frame->orb->first_level,
+            7);
   options.reference.enlarge_below = -1;
   EXPECT_THROW(matcher.setOptions(options), std::invalid_argument);
 }

@@ -45,12 +45,12 @@ std::int64_t stampOf(double seconds) {
 
 /// How many times as large as it is the fixed reference should be.
 double enlargementOf(const Frame* fixed, const ReferenceOptions& options) {
-  constexpr double kWanted = 320.0;  // px: ten patches
+  constexpr double kWanted = 300.0;  // px: ten patches
   constexpr double kMost = 4.0;
   if (options.mode != ReferenceMode::fixed || fixed == nullptr) return 1.0;
-  const int longer = std::max(fixed->image.cols, fixed->image.rows);
-  const bool is_small = longer > 0 && longer < options.enlarge_below;
-  return is_small ? std::clamp(kWanted / longer, 1.0, kMost) : 1.0;
+  const int shorter = std::min(fixed->image.cols, fixed->image.rows);
+  const bool is_small = shorter > 0 && shorter < options.enlarge_below;
+  return is_small ? std::clamp(kWanted / shorter, 1.0, kMost) : 1.0;
 }
 
 /// `options` with levels that are larger than the image: by up to `scale`, and as long as the image
@@ -115,6 +115,10 @@ struct SequenceMatcher::Impl {
 
   void setOptions(const SequenceOptions& as_given);
   OrbOptions orbFor(const Frame& frame, const Frame* fixed) const;
+  /// The fixed reference, once `frame` is the next frame; null: none.
+  const Frame* fixedFor(const Frame& frame) const {
+    return fix_next_frame ? &frame : keeper.fixed().get();
+  }
   void extract(Frame& frame, const OrbOptions& orb);
   FramePtr withFeatures(const FramePtr& frame, const OrbOptions& orb);
   FramePtr foundAnew(const FramePtr& frame, const OrbOptions& orb);
@@ -150,7 +154,7 @@ void SequenceMatcher::Impl::setOptions(const SequenceOptions& as_given) {
   requireValid(wanted.reference);
   OrbExtractor new_extractor(wanted.orb);
   KtgpMatcher new_matcher(wanted.matcher);
-  if (wanted.orb != extractor.options()) extractor = std::move(new_extractor);
+  if (wanted.orb != options.orb) extractor = std::move(new_extractor);
   matcher = std::move(new_matcher);
   viewed.reset();
   keeper.setOptions(wanted.reference);
@@ -261,8 +265,8 @@ void SequenceMatcher::Impl::matchToBest(const Frame& frame, FramePtr& reference,
 }
 
 const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAhead* ahead) {
-  const Frame* const fixed = fix_next_frame ? given.get() : keeper.fixed().get();
-  const FramePtr frame = withFeatures(given, orbFor(*given, fixed));
+  const FramePtr frame = withFeatures(given, orbFor(*given, fixedFor(*given)));
+  if (frame != given) ahead = nullptr;  // its indices are those of the old features
   ktgp_orb::requireValid(frame->features, "target");
   if (std::exchange(fix_next_frame, false)) keeper.setFixed(frame);
   FramePtr reference = keeper.referenceFor(*frame);
@@ -326,7 +330,7 @@ const SequenceMatch& SequenceMatcher::match(const cv::Mat& image, double seconds
   frame->stamp = stamp;
   frame->encoding = encoding;
   // An empty image has no features; old ones must not remain.
-  impl_->extract(*frame, impl_->orbFor(*frame, impl_->keeper.fixed().get()));
+  impl_->extract(*frame, impl_->orbFor(*frame, impl_->fixedFor(*frame)));
   return impl_->match(frame, nullptr);
 }
 
