@@ -32,9 +32,12 @@ class MessageMatcher {
   /// The reference of the fixed mode, or null.
   FrameConstPtr fixedReference() const { return sequence_.fixedReference(); }
 
-  /// The reference of the fixed mode is a frame of the camera, not the configured image.
+  /// The reference of the fixed mode is a frame of the camera, not the configured image. (With
+  /// other options it is another frame of the same image.)
   bool holdsSetReference() const {
-    return fixedReference() && fixedReference() != configured_reference_;
+    const FrameConstPtr fixed = fixedReference();
+    return fixed &&
+           !(configured_reference_ && fixed->image.data == configured_reference_->image.data);
   }
 
   /// Forgets the reference, except a fixed one.

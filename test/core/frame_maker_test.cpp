@@ -147,6 +147,28 @@ TEST(MatcherOverlay, HasTheColoursOfTheCamera) {
       << "12 bits are stretched";
 }
 
+// Other options find its features anew, in another frame of the same image.
+TEST(MessageMatcher, AConfiguredReferenceStaysOneWithOtherOptions) {
+  cv::Mat grey(240, 320, CV_8UC1);
+  cv::RNG(1).fill(grey, cv::RNG::UNIFORM, 0, 256);
+  const sensor_msgs::ImagePtr seen = toImage({}, "mono8", grey);
+  Parameters parameters;
+  parameters.reference_mode = "fixed";
+  Configuration configuration = configurationFrom(parameters, 0);
+  configuration.reference_image = seen;
+  MessageMatcher matcher(configuration);
+  for (const int features : {500, 1000}) {
+    parameters.features = features;
+    configuration.sequence = configurationFrom(parameters, 0).sequence;
+    matcher.configure(configuration);
+    matcher.process(seen);
+    EXPECT_FALSE(matcher.holdsSetReference()) << features;
+  }
+  matcher.fixNextFrame();
+  matcher.process(toImage({}, "mono8", grey));
+  EXPECT_TRUE(matcher.holdsSetReference());
+}
+
 TEST(Lens, IsThatOfTheCameraInfo) {
   const LensCalibration c = lensFrom(calibrated())->calibration();
   EXPECT_EQ(c.image_size, cv::Size(640, 480));
