@@ -88,6 +88,8 @@ const char* toString(FoundBy found_by);
 struct MatchHints {
   /// A predicted homography, reference to target, px. PROSAC scores it before its first sample (see
   /// ProsacHomography::estimate). With a search radius, KNN searches only near its positions.
+  /// Growth does not run then, and a homography that it would have to judge, since few matches
+  /// agree with it, is rejected: match again with `whole_image`, as SequenceMatcher does.
   std::optional<Eigen::Matrix3d> prediction;
   /// Searches the whole image, even with a search radius and a prediction.
   bool whole_image = false;

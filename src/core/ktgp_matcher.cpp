@@ -378,8 +378,11 @@ void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
   if (!options.growth.enabled) return;
   const std::optional<GrowthStart> start = doubtful(result);
   if (result.search != Search::whole) {
-    // The search in the whole image, which follows, judges it.
-    if (start) result.status = Status::model_rejected;
+    // Growth needs the matches of the whole image: see MatchHints::prediction.
+    if (start) {
+      result.status = Status::model_rejected;
+      result.found_by = FoundBy::none;
+    }
     return;
   }
   if (result.status == Status::ok && !start) return;

@@ -50,8 +50,8 @@ struct Innovations {
   bool is_another = false;   // the newest measurement is one of them
   std::int64_t ground = -1;  // of the newest measurement
 
-  /// `on`: a number for the ground that the measurement is about. What contradicts twice on the
-  /// same ground does so for the same reason, and says no more than once.
+  /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
+  /// have the same cause, so they count once.
   void add(const Innovation& innovation, std::int64_t on) {
     constexpr double kMeasurements = 30.0;
     constexpr double kMost = 100.0;  // that a single one counts
@@ -440,8 +440,7 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   if (frame.down) {
     const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
     estimate.down_misfit = use(rows, of_down, seenSlope());
-    // The pictures tell the tilt as well, so that a reading counts against them when another one
-    // says the same.
+    // The pictures tell the tilt as well: one reading alone does not count against them.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= limit;
   }

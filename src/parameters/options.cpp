@@ -62,7 +62,8 @@ std::string noteOnFixed(const Parameters& parameters) {
   if (!choosesForFixed(parameters)) return {};
   return "reference_mode is fixed, and nothing was set that decides how far views may differ: uses "
          "preset robust with views 13, features 5000, distribution uniform and, unless it is set, "
-         "search_radius 48; enlarges a reference below 150 px and the frames with it";
+         "search_radius 48; enlarges a reference whose shorter side is below 150 px, "
+         "and the frames with it";
 }
 
 PipelineOptions pipelineOptions(const Parameters& given) {
@@ -74,19 +75,18 @@ PipelineOptions pipelineOptions(const Parameters& given) {
 }
 
 SequenceOptions sequenceOptions(const Parameters& given) {
+  if (!choosesForFixed(given)) return optionsFrom(pipelineOptions(given).parameters);
   Parameters parameters = given;
-  if (choosesForFixed(given)) {
-    parameters.features = 5000;
-    parameters.distribution = "uniform";
-    parameters.T_w = 1.0;
-    parameters.mutual = parameters.growth = parameters.guided = true;
-    parameters.gms = false;
-    parameters.views = 13;
-    // As preset video. What moves farther is searched in the whole image.
-    if (parameters.search_radius == 0.0) parameters.search_radius = 48.0;
-  }
+  parameters.features = 5000;
+  parameters.distribution = "uniform";
+  parameters.T_w = 1.0;
+  parameters.mutual = parameters.growth = parameters.guided = true;
+  parameters.gms = false;
+  parameters.views = 13;
+  // As preset video. What moves farther is searched in the whole image.
+  if (parameters.search_radius == 0.0) parameters.search_radius = 48.0;
   SequenceOptions options = optionsFrom(pipelineOptions(parameters).parameters);
-  if (choosesForFixed(given)) options.reference.enlarge_below = 150;
+  options.reference.enlarge_below = 150;
   return options;
 }
 

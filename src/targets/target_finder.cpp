@@ -60,8 +60,8 @@ void requireUsable(const TargetFinderOptions& options) {
   if (options.views != 1 && options.views != 5) {
     throw std::invalid_argument("views is " + std::to_string(options.views) + "; expected 1 or 5");
   }
-  util::requireInRange("orb.first_level", options.orb.first_level, 0,
-                       0);  // smallest_side decides it
+  // Frames are made larger as smallest_side needs it.
+  util::requireInRange("orb.first_level", options.orb.first_level, 0, 0);
   util::requireInRange("smallest_side", options.smallest_side, 40.0, 1000.0);
   util::requireInRange("search_ms", options.search_ms, 0.0, kUnlimited);
   util::requireInRange("max_instances", options.max_instances, 1, 1000);

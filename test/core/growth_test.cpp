@@ -229,6 +229,29 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   }
 }
 
+// A search near a prediction has not the matches that growth needs to judge it.
+TEST(Growth, WhatFewMatchesOfANearSearchAgreeWithIsRejected) {
+  const FramePair pair = doubtfulPair(true);
+  MatcherOptions options = growing();
+  options.knn.search_radius = 10000.0;
+  MatchHints hints;
+  hints.prediction = tilted();
+  for (const bool grows : {false, true}) {
+    options.growth.enabled = grows;
+    KtgpMatcher matcher(options);
+    MatchResult result;
+    matcher.match(pair.reference, pair.target, hints, result);
+    EXPECT_EQ(result.search, Search::near);
+    EXPECT_EQ(result.status, grows ? Status::model_rejected : Status::ok);
+    EXPECT_EQ(result.found_by, grows ? FoundBy::none : FoundBy::prosac);
+    EXPECT_EQ(result.answer.homography.isZero(), grows);
+  }
+  hints.whole_image = true;
+  MatchResult result;
+  KtgpMatcher(options).match(pair.reference, pair.target, hints, result);
+  EXPECT_EQ(result.found_by, FoundBy::growth);
+}
+
 TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   for (const bool gms : {false, true}) {

@@ -102,7 +102,7 @@ TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
   SequenceOptions options = withMode(ReferenceMode::fixed);
   options.reference.enlarge_below = 160;
   SequenceMatcher matcher(options);
-  for (const int side : {75, 200, 75}) {
+  for (const int side : {75, 200, 75, 200}) {
     const FramePtr reference = matcher.newFrame();
     reference->image = view(0)(cv::Rect(0, 0, side, side)).clone();
     matcher.setFixedReference(reference);
@@ -123,7 +123,21 @@ TEST(SequenceMatcher, OnlyASmallReferenceEnlargesTheFrames) {
       ASSERT_LT(static_cast<std::size_t>(c.target_index), again.frame->features.size());
     }
   }
-  // A frame that becomes the reference is enlarged at once.
+  const FramePtr small = matcher.newFrame();
+  small->image = view(0)(cv::Rect(0, 0, 75, 75)).clone();
+  matcher.setFixedReference(small);
+  // At most 2500 px, and not with TEBLID.
+  EXPECT_EQ(matcher.match(cv::Mat::zeros(900, 1300, CV_8U), 900.0).frame->orb->first_level, 3);
+  EXPECT_EQ(matcher.match(cv::Mat::zeros(900, 2600, CV_8U), 901.0).frame->orb->first_level, 0);
+  options.orb.descriptor = DescriptorKind::teblid;
+  matcher.setOptions(options);
+  EXPECT_EQ(matcher.match(view(0), 902.0).frame->orb->first_level, 0);
+  options.orb.descriptor = DescriptorKind::orb;
+  matcher.setOptions(options);
+  // A frame that becomes the reference is enlarged at once, also after one that was not small.
+  const FramePtr large = matcher.newFrame();
+  large->image = view(0);
+  matcher.setFixedReference(large);
   matcher.fixNextFrame();
   EXPECT_EQ(matcher.match(view(0)(cv::Rect(0, 0, 300, 60)).clone(), 1000.0).frame->orb->first_level,
             7);

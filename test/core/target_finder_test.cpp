@@ -361,6 +361,9 @@ TEST(TargetFinder, RefusesWhatCannotBeATarget) {
   TargetFinderOptions options;
   options.views = 3;
   EXPECT_THROW(TargetFinder{options}, std::invalid_argument);
+  options.views = 5;
+  options.orb.first_level = 2;
+  EXPECT_THROW(TargetFinder{options}, std::invalid_argument);
 }
 
 /// They have no place for keypoints, or for few, whatever they show.

@@ -35,7 +35,7 @@ TEST(TargetFrames, AreFoundAtAllSizesAndFollowed) {
     if (row.all_frames == 0) continue;
     // Its picture has 80 px.
     EXPECT_GE(static_cast<double>(row.fixed),
-              (is_small ? 0.6 : 1.0) * static_cast<double>(row.frames));
+              (is_small ? 0.7 : 1.0) * static_cast<double>(row.frames));
     EXPECT_GE(static_cast<double>(row.followed), 0.9 * static_cast<double>(row.frames));
     EXPECT_LE(row.longest_gap, 3U) << row.source;
   }
