@@ -14,6 +14,7 @@
 
 #include "allocation_counter.h"
 #include "ground_flight.h"
+#include "ktgp_orb/prosac_homography.h"
 #include "refusal.h"
 
 namespace ktgp_orb {
@@ -917,6 +918,82 @@ TEST(GroundMotion, AnImperfectRigHasVelocitiesWithATrueCovariance) {
     EXPECT_GT(squares, 2.0 * answers) << keyframe_every;
     EXPECT_LT(squares, 8.0 * answers) << keyframe_every;
     EXPECT_GE(within, 0.96 * answers) << keyframe_every;
+  }
+}
+
+/// A camera flies at 1 m/s, and from the third to the sixth second a lorry, which drives at 1.5 m/s
+/// to the side, covers a part of the picture. The homography is PROSAC's.
+class FlightOverALorry {
+ public:
+  /// `covered`: share of the picture.
+  explicit FlightOverALorry(double covered) : covered_(covered) {
+    flight_.noise = 2e-4;
+    flight_.posed = [](double t) {
+      return CameraPose{
+          downward().linear() * motion::rotationAbout({0.05 * std::sin(1.9 * t), 0.0, 0.1 * t}),
+          {t, 0.3 * std::sin(t), 3.0}};
+    };
+  }
+  static bool isThere(int i) { return i >= 90 && i < 180; }
+
+  GroundFrame at(int i) {
+    GroundFrame frame = flight_.at(i, i - 1);
+    std::mt19937 random(i);
+    std::normal_distribution<double> normal(0.0, 0.2);
+    std::uniform_real_distribution<double> quality(0.3, 0.9);
+    const Eigen::Matrix3d to_ground =
+        motion::imageFromGround(flight_.posed((i - 1) / kRate)).inverse() * camera().inverse();
+    pairs_.clear();
+    for (int y = 20; y < 480; y += 40) {
+      for (int x = 10; x < 640; x += 20) {
+        Eigen::Vector2d point = (to_ground * Eigen::Vector3d(x, y, 1.0)).hnormalized();
+        if (isThere(i) && x < 640.0 * covered_) point.y() += 1.5 / kRate;
+        const Eigen::Vector3d seen = camera() * flight_.seen(point, i).homogeneous();
+        pairs_.reference.emplace_back(x, y);
+        pairs_.target.emplace_back(seen.hnormalized() +
+                                   Eigen::Vector2d(normal(random), normal(random)));
+        pairs_.quality.push_back(quality(random));
+      }
+    }
+    prosac_.estimate(pairs_, flight_.size, found_);
+    frame.answer.reset();
+    if (found_.status == Status::ok) frame.answer = found_.answer;
+    return frame;
+  }
+  Vector6 twist(int i) const {
+    return kRate * motion::constantTwist(baseOf(flight_.posed((i - 1) / kRate), downward()),
+                                         baseOf(flight_.posed(i / kRate), downward()));
+  }
+
+ private:
+  RollingFlight flight_;
+  double covered_;
+  PointPairs pairs_;
+  ProsacHomography prosac_;
+  ProsacResult found_;
+};
+
+// What covers less than half of the picture makes velocities uncertain at most. What covers more is
+// taken for the ground while it is there.
+TEST(GroundMotion, SomethingThatMovesInAPartOfThePicture) {
+  for (const double covered : {0.3, 0.45, 0.6}) {
+    FlightOverALorry lorry(covered);
+    GroundMotion ground(optionsWith(downward()));
+    double squares = 0.0, answers = 0.0, frames = 0.0, largest = 0.0;
+    for (int i = 1; i < 270; ++i) {
+      const GroundEstimate& found = ground.add(lorry.at(i));
+      const bool is_measured = i >= 30 && (covered < 0.5 || i < 90 || i >= 182);
+      if (!is_measured) continue;
+      ++frames;
+      if (!found.hasTwist()) continue;
+      ++answers;
+      const Eigen::Vector3d error = (found.twist - lorry.twist(i)).head<3>();
+      squares += normalisedSquare<3>(error, found.twist_covariance);
+      if (covered != 0.45 || !lorry.isThere(i)) largest = std::max(largest, error.norm());
+    }
+    EXPECT_GE(answers, 0.97 * frames) << covered;
+    EXPECT_LT(squares, 8.0 * answers) << covered;
+    EXPECT_LT(largest, 0.15) << covered;
   }
 }
 
