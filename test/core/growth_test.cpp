@@ -229,7 +229,8 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
   }
 }
 
-// A search near a prediction has not the matches that growth needs to judge it.
+// Growth needs the matches of the whole image to judge a homography. A search near a prediction
+// does not have them.
 TEST(Growth, WhatFewMatchesOfANearSearchAgreeWithIsRejected) {
   const FramePair pair = doubtfulPair(true);
   MatcherOptions options = growing();
