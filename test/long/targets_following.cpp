@@ -1,6 +1,7 @@
 // Many flat targets known, few of them or none in view: time while they are followed, corners and
 // poses with their covariance, and wrong ids in other scenes. Run by `ctest -L long`.
-//   targets_following TARGETS FRAMES FRAMES_OF_OTHER_SCENES
+//   targets_following TARGETS FRAMES FRAMES_OF_OTHER_SCENES FIRST_OF_THEM
+// The last one goes on where an earlier run has ended.
 // Prints the tables of doc/targets.md.
 
 #include <Eigen/Geometry>
@@ -188,11 +189,12 @@ cv::Mat otherScene(const std::vector<cv::Mat>& scenes, std::size_t number) {
   return test::lit(frame, numbers, rng);
 }
 
-void searchElsewhere(const World& world, TargetFinder& finder, std::size_t frames) {
+void searchElsewhere(const World& world, TargetFinder& finder, std::size_t frames,
+                     std::size_t first) {
   const std::vector<cv::Mat> scenes = otherScenes(world);
   finder.setSearch(std::numeric_limits<double>::infinity(), finder.options().smallest_side, 8);
   std::size_t wrong = 0, wrong_frames = 0, tried = 0;
-  for (std::size_t f = 0; f < frames; ++f) {
+  for (std::size_t f = first; f < first + frames; ++f) {
     finder.restart();
     const TargetFrame& answer = finder.find(otherScene(scenes, f));
     tried += answer.search.tried;
@@ -233,6 +235,6 @@ int main(int argc, char** argv) {
   const std::size_t frames = number(2, 600);
   for (const double search_ms : {20.0, 4.0}) follow(world, finder, search_ms, false, frames);
   follow(world, finder, 20.0, true, frames);
-  searchElsewhere(world, finder, number(3, 5000));
+  searchElsewhere(world, finder, number(3, 5000), number(4, 0));
   return 0;
 }
