@@ -84,6 +84,7 @@ class GroundReadings {
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
   ros::Time used_range_;
+  ros::Time range_stamp_;  // of the newest frame's reading; 0: it has none
   std::string range_frame_;
   ros::Time last_image_;
   ros::Time last_height_;  // that counted
