@@ -6,6 +6,10 @@
 
 #include "ktgp_orb/features.h"
 
+namespace ktgp_orb::orb {
+class OrbPipeline;
+}
+
 namespace ktgp_orb {
 
 /// Which of the corners become keypoints.
@@ -77,8 +81,7 @@ class OrbExtractor {
   void extract(const cv::Mat& image, const cv::Mat& mask, Features& features);
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  std::unique_ptr<orb::OrbPipeline> pipeline_;
 };
 
 }  // namespace ktgp_orb

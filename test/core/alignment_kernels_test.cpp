@@ -55,20 +55,19 @@ TEST(AlignmentKernels, EqualThePlainLoopsToTheLastBit) {
       alignas(64) float window[2][kWindowSide * kWindowPitch];
       PatchTemplate prepared[2];
       const AlignmentKernels* kernels[2] = {&plain, set};
-      TemplateSums sums[2];
       MatchSums matched[2];
       const float fx = fraction(generator);
       const float fy = fraction(generator);
       for (int k = 0; k < 2; ++k) {
         std::memset(window[k], 0, sizeof window[k]);
+        std::memset(&prepared[k], 0, sizeof prepared[k]);  // also what lies behind its last member
         kernels[k]->warp(image.ptr<std::uint8_t>(50) + 55, stride, walk, patch[k]);
-        sums[k] = kernels[k]->prepare(patch[k], prepared[k]);
+        kernels[k]->prepare(patch[k], prepared[k]);
         kernels[k]->smooth(image.ptr<std::uint8_t>(20) + 31, stride, window[k]);
         matched[k] = kernels[k]->compare(window[k] + 3 * kWindowPitch + 7, fx, fy, prepared[k]);
       }
       ASSERT_EQ(std::memcmp(patch[0], patch[1], sizeof patch[0]), 0);
       ASSERT_EQ(std::memcmp(&prepared[0], &prepared[1], sizeof prepared[0]), 0);
-      ASSERT_EQ(std::memcmp(&sums[0], &sums[1], sizeof sums[0]), 0);
       for (int row = 0; row < kWindowSide; ++row) {
         const int first = row * kWindowPitch;
         ASSERT_EQ(std::memcmp(window[0] + first, window[1] + first, sizeof(float) * kWindowSide),

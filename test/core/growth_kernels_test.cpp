@@ -20,40 +20,43 @@ std::string nameOf(const testing::TestParamInfo<const growth::AlikeKernel*>& inf
 class AlikeKernelTest : public testing::TestWithParam<const growth::AlikeKernel*> {};
 
 TEST_P(AlikeKernelTest, FindsKeypointsThatAreNearAndAlike) {
-  using growth::AlikeQuery;
   constexpr std::uint32_t kCount = 60;
   std::mt19937 random(1);
   std::uniform_real_distribution<float> place(0.F, 30.F), turn(0.F, 6.2832F), size(2.F, 5.F);
-  std::array<std::vector<float>, 5> columns;
-  for (std::vector<float>& column : columns) column.resize(kCount + growth::kReadBeyond);
-  const growth::KeypointColumns keypoints{columns[0].data(), columns[1].data(), columns[2].data(),
-                                          columns[3].data(), columns[4].data()};
+  constexpr std::size_t kPitch = kCount + growth::kReadBeyond;
+  std::vector<float> columns(growth::kLocalFrameValues * kPitch);
   std::size_t found = 0, near = 0;
   for (int round = 0; round < 500; ++round) {
     for (std::size_t i = 0; i < kCount; ++i) {
       const float angle = turn(random);
       const std::array<float, 5> values{place(random), place(random), std::cos(angle),
                                         std::sin(angle), size(random)};
-      for (std::size_t c = 0; c < 5; ++c) columns[c][i] = values[c];
+      for (std::size_t c = 0; c < 5; ++c) columns[c * kPitch + i] = values[c];
     }
     const float angle = turn(random);
-    const AlikeQuery query{place(random),   place(random), std::cos(angle),
-                           std::sin(angle), size(random),  place(random) * 5};
+    const growth::LocalFrame predicted{place(random), place(random), std::cos(angle),
+                                       std::sin(angle), size(random)};
+    const float squared_radius = place(random) * 5;
     const std::uint32_t begin = random() % 20;
     const std::uint32_t end = begin + random() % (kCount - begin);
     std::vector<std::uint32_t> expected(kCount), alike(kCount);
     bool any_expected = false, any = false;
-    expected.resize(growth::portableAlikeKernel().find(keypoints, begin, end, query,
-                                                       expected.data(), any_expected));
-    alike.resize(GetParam()->find(keypoints, begin, end, query, alike.data(), any));
+    const auto find = [&](const growth::AlikeKernel& kernel, std::vector<std::uint32_t>& numbers,
+                          bool& is_near) {
+      numbers.resize(kernel.find(columns.data(), kPitch, begin, end, predicted, squared_radius,
+                                 numbers.data(), is_near));
+    };
+    find(growth::portableAlikeKernel(), expected, any_expected);
+    find(*GetParam(), alike, any);
     ASSERT_EQ(alike, expected) << begin << " to " << end;
     ASSERT_EQ(any, any_expected);
     for (const std::uint32_t i : alike) {
-      ASSERT_LT(std::hypot(columns[0][i] - query.x, columns[1][i] - query.y),
-                std::sqrt(query.squared_radius) + 1e-3F);
-      const float cosine = columns[2][i] * query.dx + columns[3][i] * query.dy;
+      const auto value = [&](std::size_t c) { return columns[c * kPitch + i]; };
+      ASSERT_LT(std::hypot(value(0) - predicted.x, value(1) - predicted.y),
+                std::sqrt(squared_radius) + 1e-3F);
+      const float cosine = value(2) * predicted.dx + value(3) * predicted.dy;
       ASSERT_LT(std::acos(std::min(cosine, 1.F)), 0.601F);
-      ASSERT_LT(std::exp(std::abs(columns[4][i] - query.log_size)), 1.801F);
+      ASSERT_LT(std::exp(std::abs(value(4) - predicted.log_size)), 1.801F);
     }
     found += alike.size();
     near += any ? 1 : 0;

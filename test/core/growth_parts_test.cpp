@@ -9,7 +9,6 @@
 
 #include "core/growth/local_matcher.h"
 #include "core/growth/map_fit.h"
-#include "core/growth/rivals.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "synthetic_pairs.h"
@@ -25,6 +24,11 @@ LocalFrame frameAt(const Eigen::Vector2d& p, double angle, double size) {
   return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(std::cos(angle)),
           static_cast<float>(std::sin(angle)), static_cast<float>(std::log(size))};
 }
+
+/// Two keypoints that may show the same point.
+struct FramePair {
+  LocalFrame from, to;
+};
 
 double angleOf(const LocalFrame& frame) {
   return std::atan2(frame.dy, frame.dx);
@@ -44,6 +48,12 @@ bool votesFor(const FramePair& voter, const FramePair& pair) {
          (where - Eigen::Vector2d(voter.to.x, voter.to.y)).norm() <= 4.0 + 0.45 * scale * d.norm();
 }
 
+void count(const std::vector<FramePair>& pairs, Votes& votes) {
+  votes.clear();
+  for (const FramePair& pair : pairs) votes.add(pair.from, pair.to);
+  votes.count(kSize, kSize);
+}
+
 TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
   Numbers numbers(1);
   std::vector<FramePair> pairs;
@@ -56,7 +66,7 @@ TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
                                           31.0 * 0.8 * std::exp(numbers.uniform(-0.6, 0.6)))});
   }
   Votes votes;
-  votes.count(pairs, kSize, kSize);
+  count(pairs, votes);
   std::size_t all = 0;
   std::vector<std::int32_t> voters;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -64,7 +74,7 @@ TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       if (k != i && votesFor(pairs[k], pairs[i])) expected.insert(static_cast<std::int32_t>(k));
     }
-    votes.voters(i, voters);
+    votes.voters(static_cast<std::int32_t>(i), voters);
     EXPECT_EQ(std::set<std::int32_t>(voters.begin(), voters.end()), expected) << i;
     // Once per cell of either image.
     EXPECT_LE(votes.votes()[i], static_cast<std::int32_t>(expected.size()));
@@ -79,9 +89,9 @@ TEST(GrowthVotes, AClusterHasOneVote) {
     return FramePair{frameAt({x, 140}, 0, 31), frameAt({x + 100, 240}, 0, 31)};
   };
   Votes votes;
-  votes.count({seed, near(120.5), near(121.5), near(122.5)}, kSize, kSize);
+  count({seed, near(120.5), near(121.5), near(122.5)}, votes);
   EXPECT_EQ(votes.votes()[0], 1);
-  votes.count({seed, near(120.5), near(150.5), near(170.5)}, kSize, kSize);
+  count({seed, near(120.5), near(150.5), near(170.5)}, votes);
   EXPECT_EQ(votes.votes()[0], 3);
 }
 
@@ -133,13 +143,16 @@ Grown grownFrom(const Eigen::Vector2d& shift, std::size_t matched) {
 }
 
 TEST(GrowthRivals, ContradictWhereTheSameIsSeenElsewhere) {
-  Rivals rivals;
   const Grown grown = grownFrom({0.0, 0.0}, 40);
-  EXPECT_TRUE(rivals.contradicts(grownFrom({40.0, 0.0}, 40), grown, kSize));
-  EXPECT_FALSE(rivals.contradicts(grownFrom({40.0, 0.0}, 20), grown, kSize));   // much poorer
-  EXPECT_TRUE(rivals.contradicts(grownFrom({40.0, 0.0}, 28), grown, kSize));    // within chance
-  EXPECT_FALSE(rivals.contradicts(grownFrom({2.0, 0.0}, 40), grown, kSize));    // the same
-  EXPECT_FALSE(rivals.contradicts(grownFrom({250.0, 0.0}, 40), grown, kSize));  // another plane
+  std::vector<std::uint8_t> covered;
+  const auto contradict = [&](const Grown& rival) {
+    return contradicts(rival, grown, kSize, covered);
+  };
+  EXPECT_TRUE(contradict(grownFrom({40.0, 0.0}, 40)));
+  EXPECT_FALSE(contradict(grownFrom({40.0, 0.0}, 20)));   // much poorer
+  EXPECT_TRUE(contradict(grownFrom({40.0, 0.0}, 28)));    // within chance
+  EXPECT_FALSE(contradict(grownFrom({2.0, 0.0}, 40)));    // the same
+  EXPECT_FALSE(contradict(grownFrom({250.0, 0.0}, 40)));  // another plane
 }
 
 }  // namespace

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
+#include <utility>
 
 #include "core/alignment/patch_aligner.h"
 #include "core/alignment/spread.h"
@@ -23,30 +22,10 @@ using alignment::PatchOutcome;
 using alignment::PointSpread;
 using util::position;
 using util::requireInRange;
+using util::requireKeypoint;
 
 constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
-
-Eigen::Vector2d checkedPosition(const Features& features, std::int32_t index, const char* frame) {
-  if (index < 0 || static_cast<std::size_t>(index) >= features.size()) {
-    throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
-                                std::to_string(index) + "; expected one of 0.." +
-                                std::to_string(features.size()) + " - 1");
-  }
-  return position(features, index);
-}
-
-bool hasImages(const Features& features) {
-  return !features.images.empty() && !features.images[0].empty();
-}
-
-void reset(const UncertainHomography& start, AlignmentResult& result) {
-  std::vector<AlignedPoint> points = std::move(result.points);  // keep the buffer
-  points.clear();
-  result = {};
-  result.points = std::move(points);
-  result.answer = start;
-}
 
 std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
   switch (outcome) {
@@ -138,15 +117,15 @@ const AlignmentOptions& Alignment::options() const {
 void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
-  reset(start, result);
+  result.points.clear();
+  result = {AlignmentStatus::not_run, start, std::move(result.points)};  // keeps the buffer
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
-  if (!hasImages(reference) || !hasImages(target)) {
+  if (!impl.aligner.setImages(reference.images, target.images)) {
     result.status = AlignmentStatus::no_images;
     return;
   }
   impl.choosePoints(reference, target, matches);
-  impl.aligner.setImages(reference.images, target.images);
   impl.alignPoints(matches, result);
   impl.estimate(reference.image_size, result);
 }
@@ -156,8 +135,10 @@ void Alignment::Impl::choosePoints(const Features& reference, const Features& ta
   reference_points.clear();
   target_points.clear();
   for (const Correspondence& match : matches) {
-    reference_points.push_back(checkedPosition(reference, match.reference_index, "reference"));
-    target_points.push_back(checkedPosition(target, match.target_index, "target"));
+    requireKeypoint(reference, match.reference_index, "reference");
+    requireKeypoint(target, match.target_index, "target");
+    reference_points.push_back(position(reference, match.reference_index));
+    target_points.push_back(position(target, match.target_index));
   }
   spread.choose(reference_points, reference.image_size, static_cast<std::size_t>(options.points),
                 chosen);

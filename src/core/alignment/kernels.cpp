@@ -60,7 +60,7 @@ float product(const Rows& a, const Rows& b) {
   return sums.total();
 }
 
-TemplateSums prepare(const float* patch, PatchTemplate& out) {
+void prepare(const float* patch, PatchTemplate& out) {
   for (int r = 0; r < kPatchSide; ++r) {
     float smooth[kWarpPitch];
     float slope[kWarpPitch];
@@ -81,8 +81,12 @@ TemplateSums prepare(const float* patch, PatchTemplate& out) {
   removeMean(out.value);
   removeMean(out.dx);
   removeMean(out.dy);
-  return {product(out.value, out.value), product(out.value, out.dx), product(out.value, out.dy),
-          product(out.dx, out.dx),       product(out.dx, out.dy),    product(out.dy, out.dy)};
+  out.tt = product(out.value, out.value);
+  out.tx = product(out.value, out.dx);
+  out.ty = product(out.value, out.dy);
+  out.xx = product(out.dx, out.dx);
+  out.xy = product(out.dx, out.dy);
+  out.yy = product(out.dy, out.dy);
 }
 
 /// 1 4 6 4 1 across and down: 256 times the smoothed value, which fits sixteen bits.

@@ -31,11 +31,7 @@ struct alignas(64) PatchTemplate {
   float value[kPatchSide][kPatchSide];
   float dx[kPatchSide][kPatchSide];
   float dy[kPatchSide][kPatchSide];
-};
-
-/// Sums over a patch of products of the template's value t and derivatives x, y.
-struct TemplateSums {
-  float tt, tx, ty, xx, xy, yy;
+  float tt, tx, ty, xx, xy, yy;  ///< sums of products of the value t and the derivatives x, y
 };
 
 /// Sums over a patch of the target's values i and their products with the template's.
@@ -54,8 +50,8 @@ struct AlignmentKernels {
   void (*warp)(const std::uint8_t* pixel, std::ptrdiff_t stride, const AffineWalk& walk,
                float* patch);
 
-  /// Smooths the patch (binomial of five, sigma 1) and takes its derivatives.
-  TemplateSums (*prepare)(const float* patch, PatchTemplate& out);
+  /// Smooths the patch (binomial of five, sigma 1), takes its derivatives and sums up the products.
+  void (*prepare)(const float* patch, PatchTemplate& out);
 
   /// Smooths the kRawWindowSide rows and columns from `pixel` on into kWindowSide rows of
   /// kWindowPitch. Four more columns must be readable.

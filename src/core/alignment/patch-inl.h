@@ -105,7 +105,7 @@ void removeMean(const ColumnSums& sums, Rows& rows) {
   }
 }
 
-TemplateSums products(const PatchTemplate& patch) {
+void sumProducts(PatchTemplate& patch) {
   ColumnSums tt, tx, ty, xx, xy, yy;
   for (int r = 0; r < kPatchSide; ++r) {
     for (int c = 0; c < kPatchSide; c += kFloatLanes) {
@@ -120,11 +120,16 @@ TemplateSums products(const PatchTemplate& patch) {
       yy.add(c, hn::Mul(y, y));
     }
   }
-  return {tt.total(), tx.total(), ty.total(), xx.total(), xy.total(), yy.total()};
+  patch.tt = tt.total();
+  patch.tx = tx.total();
+  patch.ty = ty.total();
+  patch.xx = xx.total();
+  patch.xy = xy.total();
+  patch.yy = yy.total();
 }
 
 // First all columns, then all rows: a load that overlaps two recent stores would wait for both.
-TemplateSums prepare(const float* patch, PatchTemplate& out) {
+void prepare(const float* patch, PatchTemplate& out) {
   const hn::CappedTag<float, 8> wide;
   alignas(64) float smooth[kPatchSide][kWarpPitch];
   alignas(64) float slope[kPatchSide][kWarpPitch];
@@ -154,7 +159,7 @@ TemplateSums prepare(const float* patch, PatchTemplate& out) {
   removeMean(value, out.value);
   removeMean(dx, out.dx);
   removeMean(dy, out.dy);
-  return products(out);
+  sumProducts(out);
 }
 
 /// 1 4 6 4 1 of sixteen-bit numbers.

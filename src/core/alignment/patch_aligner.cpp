@@ -64,10 +64,14 @@ Eigen::Vector2d betweenPixels(const Eigen::Vector2d& x) {
 
 }  // namespace
 
-void PatchAligner::setImages(const std::vector<cv::Mat>& reference,
+bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
                              const std::vector<cv::Mat>& target) {
   reference_ = &reference;
   target_ = &target;
+  const auto has_image = [](const std::vector<cv::Mat>& levels) {
+    return !levels.empty() && !levels[0].empty();
+  };
+  return has_image(reference) && has_image(target);
 }
 
 AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point,
@@ -135,7 +139,7 @@ bool PatchAligner::takePatch(const cv::Mat& level, const Eigen::Vector2d& centre
                         fixed(back(1, 1))};
   kernels_.warp(level.ptr<std::uint8_t>(y) + x, static_cast<std::ptrdiff_t>(level.step), walk,
                 patch_);
-  sums_ = kernels_.prepare(patch_, template_);
+  kernels_.prepare(patch_, template_);
   return true;
 }
 
@@ -151,13 +155,13 @@ PatchOutcome PatchAligner::settle(const cv::Mat& level, double reach, Eigen::Vec
   constexpr int kSlack = (kWindowSide - kPatchSide) / 2 - 1;  // whole px that the patch can move
 
   // Gain and bias projected out of the derivatives.
-  const double tt = sums_.tt;
+  const double tt = template_.tt;
   if (!(tt > kLeastTexture)) return PatchOutcome::textureless;
-  const double sx = sums_.tx / tt;
-  const double sy = sums_.ty / tt;
-  const double xx = sums_.xx - sx * sums_.tx;
-  const double xy = sums_.xy - sx * sums_.ty;
-  const double yy = sums_.yy - sy * sums_.ty;
+  const double sx = template_.tx / tt;
+  const double sy = template_.ty / tt;
+  const double xx = template_.xx - sx * template_.tx;
+  const double xy = template_.xy - sx * template_.ty;
+  const double yy = template_.yy - sy * template_.ty;
   const double determinant = xx * yy - xy * xy;
   const double least = 0.5 * (xx + yy) - std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
   if (!(least > kLeastTexture)) return PatchOutcome::textureless;

@@ -36,8 +36,9 @@ class PatchAligner {
  public:
   explicit PatchAligner(const AlignmentKernels& kernels) : kernels_(kernels) {}
 
-  /// The grey image pyramids, level 0 first; stored by reference.
-  void setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
+  /// The grey image pyramids, level 0 first; stored by reference. False if one of them has no
+  /// image: then nothing can be aligned.
+  bool setImages(const std::vector<cv::Mat>& reference, const std::vector<cv::Mat>& target);
 
   /// `point`: px in the reference; the patch is centred between the four nearest pixels. `reach`:
   /// px of the target's level, up to (kWindowSide - kPatchSide) / 2 - 2.
@@ -52,7 +53,6 @@ class PatchAligner {
   const AlignmentKernels& kernels_;
   const std::vector<cv::Mat>* reference_ = nullptr;
   const std::vector<cv::Mat>* target_ = nullptr;
-  TemplateSums sums_{};
   PatchTemplate template_;
   alignas(64) float patch_[kWarpSide * kWarpPitch];
   alignas(64) float window_[kWindowSide * kWindowPitch];

@@ -9,10 +9,12 @@ void PointSpread::choose(const std::vector<Eigen::Vector2d>& points, const cv::S
                          std::size_t wanted, std::vector<std::uint32_t>& chosen) {
   chosen.clear();
   sortIntoCells(points, image, wanted);
+  dropTwins(points);
   for (std::uint32_t turn = 0; chosen.size() < wanted; ++turn) {
     round_.clear();
-    for (const Cell& cell : cells_) {
-      if (turn < cell.size) round_.push_back(order_[cell.first + turn]);
+    for (std::size_t cell = 0; cell + 1 < begin_.size(); ++cell) {
+      const std::uint32_t place = begin_[cell] + turn;
+      if (place < begin_[cell + 1]) round_.push_back(kept_[place]);
     }
     if (round_.empty()) break;
     const std::size_t count = std::min(round_.size(), wanted - chosen.size());
@@ -30,40 +32,32 @@ void PointSpread::sortIntoCells(const std::vector<Eigen::Vector2d>& points, cons
   const auto number = [side](double x, int count) {
     return static_cast<std::uint32_t>(std::clamp(x / side, 0.0, count - 1.0));
   };
-  cells_.assign(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), Cell());
-  cell_of_.resize(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    cell_of_[i] = number(points[i].y(), rows) * static_cast<std::uint32_t>(columns) +
-                  number(points[i].x(), columns);
-    ++cells_[cell_of_[i]].size;
-  }
-  std::uint32_t first = 0;
-  for (Cell& cell : cells_) {
-    cell.first = first;
-    first += cell.size;
-    cell.size = 0;
-  }
-  order_.resize(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
-    Cell& cell = cells_[cell_of_[i]];
-    order_[cell.first + cell.size++] = static_cast<std::uint32_t>(i);
-  }
-  for (Cell& cell : cells_) dropTwins(points, cell);
+  const std::size_t cells = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+  begin_.resize(cells + 1);
+  cells_.sort(points.size(), cells, [&](std::size_t i) {
+    return number(points[i].y(), rows) * static_cast<std::uint32_t>(columns) +
+           number(points[i].x(), columns);
+  });
 }
 
-void PointSpread::dropTwins(const std::vector<Eigen::Vector2d>& points, Cell& cell) {
+void PointSpread::dropTwins(const std::vector<Eigen::Vector2d>& points) {
   constexpr double kApart = 4.0;  // px
-  constexpr std::uint32_t kEnough = 16;
-  const auto begin = order_.begin() + cell.first;
-  std::uint32_t kept = 0;
-  for (std::uint32_t i = 0; i < cell.size && kept < kEnough; ++i) {
-    const std::uint32_t candidate = begin[i];
-    const bool apart = std::all_of(begin, begin + kept, [&](std::uint32_t other) {
-      return (points[candidate] - points[other]).squaredNorm() >= kApart * kApart;
-    });
-    if (apart) begin[kept++] = candidate;
+  constexpr std::size_t kEnough = 16;
+  kept_.clear();
+  for (std::size_t cell = 0; cell + 1 < begin_.size(); ++cell) {
+    const std::size_t first = kept_.size();
+    begin_[cell] = static_cast<std::uint32_t>(first);
+    const std::uint32_t end = cells_.end(cell);
+    for (std::uint32_t i = cells_.begin(cell); i < end && kept_.size() < first + kEnough; ++i) {
+      const auto candidate = static_cast<std::uint32_t>(cells_.order()[i]);
+      const auto is_apart = [&](std::uint32_t other) {
+        return (points[candidate] - points[other]).squaredNorm() >= kApart * kApart;
+      };
+      const auto begin = kept_.begin() + static_cast<std::ptrdiff_t>(first);
+      if (std::all_of(begin, kept_.end(), is_apart)) kept_.push_back(candidate);
+    }
   }
-  cell.size = kept;
+  begin_.back() = static_cast<std::uint32_t>(kept_.size());
 }
 
 }  // namespace ktgp_orb::alignment

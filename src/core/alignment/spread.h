@@ -6,6 +6,8 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/util/buckets.h"
+
 namespace ktgp_orb::alignment {
 
 /// Chooses points spread over an image. Keeps its buffers.
@@ -20,18 +22,13 @@ class PointSpread {
               std::vector<std::uint32_t>& chosen);
 
  private:
-  struct Cell {
-    std::uint32_t first = 0;  ///< index into order_
-    std::uint32_t size = 0;
-  };
-
   void sortIntoCells(const std::vector<Eigen::Vector2d>& points, const cv::Size& image,
                      std::size_t wanted);
-  void dropTwins(const std::vector<Eigen::Vector2d>& points, Cell& cell);
+  void dropTwins(const std::vector<Eigen::Vector2d>& points);
 
-  std::vector<std::uint32_t> cell_of_;
-  std::vector<Cell> cells_;
-  std::vector<std::uint32_t> order_;  // points, cell by cell
+  util::Buckets cells_;
+  std::vector<std::uint32_t> kept_;   // points without twins, cell by cell
+  std::vector<std::uint32_t> begin_;  // of each cell in kept_; the end of the last one follows
   std::vector<std::uint32_t> round_;
 };
 

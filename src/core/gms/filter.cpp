@@ -4,8 +4,6 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <stdexcept>
-#include <string>
 
 #include "core/gms/cell_pairs.h"
 #include "core/gms/grid.h"
@@ -31,17 +29,6 @@ int cellsFor(std::size_t matches) {
 
 int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
-}
-
-bool isIndexOf(const Features& features, std::int32_t index) {
-  return index >= 0 && static_cast<std::size_t>(index) < features.size();
-}
-
-[[noreturn]] void refuseIndex(const Features& features, std::int32_t index,
-                              const std::string& name) {
-  throw std::invalid_argument(name + " index of a correspondence is " + std::to_string(index) +
-                              "; expected one of the frame's " + std::to_string(features.size()) +
-                              " keypoints, counted from 0");
 }
 
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
@@ -149,10 +136,8 @@ void GmsFilter::Impl::takeIn(const Features& reference, const Features& target,
   for (std::size_t i = 0; i < correspondences.size(); ++i) {
     const Correspondence& c = correspondences[i];
     if (c.level != Level::kt) continue;
-    if (!isIndexOf(reference, c.reference_index)) {
-      refuseIndex(reference, c.reference_index, "reference");
-    }
-    if (!isIndexOf(target, c.target_index)) refuseIndex(target, c.target_index, "target");
+    util::requireKeypoint(reference, c.reference_index, "reference");
+    util::requireKeypoint(target, c.target_index, "target");
     const cv::Point2f p = inCells(normalised(target, c.target_index), target_grid);
     if (target_grid.cellAt(p.x, p.y) == target_grid.noCell()) {
       ++outside;

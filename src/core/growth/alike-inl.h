@@ -12,22 +12,25 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // A run has few keypoints: lanes past the end are masked out.
-std::size_t findAlike(const KeypointColumns& keypoints, std::uint32_t begin, std::uint32_t end,
-                      const AlikeQuery& query, std::uint32_t* alike, bool& is_near) {
+std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
+                      std::uint32_t end, const LocalFrame& predicted, float squared_radius,
+                      std::uint32_t* alike, bool& is_near) {
   const hn::CappedTag<float, kReadBeyond> d;
   std::size_t count = 0;
   for (std::uint32_t i = begin; i < end; i += static_cast<std::uint32_t>(hn::Lanes(d))) {
-    const auto x = hn::Sub(hn::LoadU(d, keypoints.x + i), hn::Set(d, query.x));
-    const auto y = hn::Sub(hn::LoadU(d, keypoints.y + i), hn::Set(d, query.y));
+    const auto values = [&](std::size_t column) {
+      return hn::LoadU(d, columns + column * pitch + i);
+    };
+    const auto x = hn::Sub(values(0), hn::Set(d, predicted.x));
+    const auto y = hn::Sub(values(1), hn::Set(d, predicted.y));
     const auto squared = hn::Add(hn::Mul(x, x), hn::Mul(y, y));
     const auto is_inside =
-        hn::And(hn::FirstN(d, end - i), hn::Le(squared, hn::Set(d, query.squared_radius)));
+        hn::And(hn::FirstN(d, end - i), hn::Le(squared, hn::Set(d, squared_radius)));
     if (hn::AllFalse(d, is_inside)) continue;
     is_near = true;
-    const auto cosine = hn::Add(hn::Mul(hn::LoadU(d, keypoints.dx + i), hn::Set(d, query.dx)),
-                                hn::Mul(hn::LoadU(d, keypoints.dy + i), hn::Set(d, query.dy)));
-    const auto log_scale =
-        hn::Abs(hn::Sub(hn::LoadU(d, keypoints.log_size + i), hn::Set(d, query.log_size)));
+    const auto cosine = hn::Add(hn::Mul(values(2), hn::Set(d, predicted.dx)),
+                                hn::Mul(values(3), hn::Set(d, predicted.dy)));
+    const auto log_scale = hn::Abs(hn::Sub(values(4), hn::Set(d, predicted.log_size)));
     const auto is_alike = hn::And(hn::Ge(cosine, hn::Set(d, kAlikeCosine)),
                                   hn::Le(log_scale, hn::Set(d, kAlikeLogScale)));
     std::uint8_t bits[8] = {};

@@ -6,16 +6,18 @@
 namespace ktgp_orb::growth {
 namespace {
 
-std::size_t findAlike(const KeypointColumns& keypoints, std::uint32_t begin, std::uint32_t end,
-                      const AlikeQuery& query, std::uint32_t* alike, bool& is_near) {
+std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
+                      std::uint32_t end, const LocalFrame& predicted, float squared_radius,
+                      std::uint32_t* alike, bool& is_near) {
   std::size_t count = 0;
   for (std::uint32_t i = begin; i < end; ++i) {
-    const float x = keypoints.x[i] - query.x;
-    const float y = keypoints.y[i] - query.y;
-    if (!(x * x + y * y <= query.squared_radius)) continue;
+    const auto value = [&](std::size_t column) { return columns[column * pitch + i]; };
+    const float x = value(0) - predicted.x;
+    const float y = value(1) - predicted.y;
+    if (!(x * x + y * y <= squared_radius)) continue;
     is_near = true;
-    const float cosine = keypoints.dx[i] * query.dx + keypoints.dy[i] * query.dy;
-    const float log_scale = std::abs(keypoints.log_size[i] - query.log_size);
+    const float cosine = value(2) * predicted.dx + value(3) * predicted.dy;
+    const float log_scale = std::abs(value(4) - predicted.log_size);
     if (cosine >= kAlikeCosine && log_scale <= kAlikeLogScale) alike[count++] = i;
   }
   return count;

@@ -8,22 +8,14 @@ namespace ktgp_orb::growth {
 /// Entries past the last keypoint that the kernels may read.
 constexpr std::size_t kReadBeyond = 8;
 
-/// Each property of the keypoints of an image in an array of its own; see LocalFrame.
-struct KeypointColumns {
-  const float* x;
-  const float* y;
-  const float* dx;
-  const float* dy;
-  const float* log_size;
+/// A keypoint as a position, a direction of length 1 and a size. It is defined here, since the
+/// kernels are compiled without Eigen.
+struct LocalFrame {
+  float x, y;      ///< px
+  float dx, dy;    ///< direction
+  float log_size;  ///< natural logarithm of the diameter in px
 };
-
-/// The keypoint that is predicted; see LocalFrame.
-struct AlikeQuery {
-  float x, y;
-  float dx, dy;
-  float log_size;
-  float squared_radius;  ///< px²
-};
+constexpr std::size_t kLocalFrameValues = 5;
 
 constexpr float kAlikeCosine = 0.825336F;    ///< of the largest rotation, 0.6 rad
 constexpr float kAlikeLogScale = 0.587787F;  ///< of the largest ratio of sizes, 1.8
@@ -32,11 +24,14 @@ constexpr float kAlikeLogScale = 0.587787F;  ///< of the largest ratio of sizes,
 struct AlikeKernel {
   const char* name;  ///< instruction set, e.g. "AVX2"
 
-  /// The keypoints `begin` to `end` (excluded) within the radius, with similar direction and size:
-  /// writes their numbers to `alike`, ascending, and returns how many. `is_near` becomes true if
-  /// any of them is within the radius. `alike`: room for all of them.
-  std::size_t (*find)(const KeypointColumns& keypoints, std::uint32_t begin, std::uint32_t end,
-                      const AlikeQuery& query, std::uint32_t* alike, bool& is_near);
+  /// The keypoints `begin` to `end` (excluded) within the radius (px, squared) of the predicted
+  /// one, with similar direction and size: writes their numbers to `alike`, ascending, and returns
+  /// how many. `is_near` becomes true if any of them is within the radius. `columns`: the first
+  /// value of LocalFrame of all keypoints, `pitch` floats later the second one of all, and so on.
+  /// `alike`: room for all of them.
+  std::size_t (*find)(const float* columns, std::size_t pitch, std::uint32_t begin,
+                      std::uint32_t end, const LocalFrame& predicted, float squared_radius,
+                      std::uint32_t* alike, bool& is_near);
 };
 
 /// Plain C++, the reference for the others.

@@ -1,14 +1,12 @@
 #include "ktgp_orb/growth.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
 
 #include "core/growth/grower.h"
 #include "core/growth/reference_frames.h"
-#include "core/growth/rivals.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "core/homography/fit.h"
@@ -44,7 +42,6 @@ Eigen::Vector2d middleOf(const std::vector<PlacePair>& pairs) {
 }  // namespace
 }  // namespace growth
 
-using growth::FramePair;
 using growth::Grown;
 using growth::PlacePair;
 using growth::Seed;
@@ -55,8 +52,7 @@ struct HomographyGrowth::Impl {
     Eigen::Matrix<double, 2, 3> to_view;
     KnnMatcher knn;
     std::vector<Correspondence> matches;
-    std::vector<FramePair> pairs;  // in px of the view
-    growth::Votes votes;
+    growth::Votes votes;  // in px of the view
   };
 
   void setReference(const Features& reference, const ReferenceViews* given);
@@ -92,10 +88,10 @@ struct HomographyGrowth::Impl {
   std::vector<Eigen::Matrix3d> tried;  // maps that the seeds grew to
   std::vector<Grown> grown;            // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
-  std::size_t start_place = 0;       // of the start among them; behind them all if there is none
-  std::vector<std::size_t> order;    // of `grown`, the best first
-  std::vector<cv::Point2f> repeats;  // of one map
-  growth::Rivals rivals;
+  std::size_t start_place = 0;        // of the start among them; behind them all if there is none
+  std::vector<std::size_t> order;     // of `grown`, the best first
+  std::vector<cv::Point2f> repeats;   // of one map
+  std::vector<std::uint8_t> covered;  // buffer of growth::contradicts
 };
 
 void HomographyGrowth::Impl::setReference(const Features& features, const ReferenceViews* given) {
@@ -111,14 +107,13 @@ void HomographyGrowth::Impl::setReference(const Features& features, const Refere
 
 void HomographyGrowth::Impl::vote(View& view, const Features& features, const Features& target,
                                   const std::vector<Correspondence>& matches) {
-  view.pairs.clear();
+  view.votes.clear();
   for (const Correspondence& c : matches) {
     if (!c.mutual || c.reference_index < 0) continue;
-    view.pairs.push_back(
-        {growth::frameOf(features.keypoints[static_cast<std::size_t>(c.reference_index)]),
-         growth::frameOf(target.keypoints[static_cast<std::size_t>(c.target_index)])});
+    view.votes.add(growth::frameOf(features.keypoints[static_cast<std::size_t>(c.reference_index)]),
+                   growth::frameOf(target.keypoints[static_cast<std::size_t>(c.target_index)]));
   }
-  view.votes.count(view.pairs, features.image_size, target.image_size);
+  view.votes.count(features.image_size, target.image_size);
 }
 
 void HomographyGrowth::Impl::collectSeeds() {
@@ -139,19 +134,17 @@ void HomographyGrowth::Impl::collectSeeds() {
 /// Reference to target, from the seed and its voters.
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
   constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
-  View& view = views[static_cast<std::size_t>(seed.view)];
-  const auto place = [](const FramePair& pair) {
-    return PlacePair{{pair.from.x, pair.from.y}, {pair.to.x, pair.to.y}};
+  const View& view = views[static_cast<std::size_t>(seed.view)];
+  const auto place = [](const growth::Votes::Similarity& pair) {
+    return PlacePair{{pair.x, pair.y}, {pair.u, pair.v}};
   };
-  const FramePair& pair = view.pairs[static_cast<std::size_t>(seed.pair)];
-  view.votes.voters(static_cast<std::size_t>(seed.pair), voters);
+  const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
+  view.votes.voters(seed.pair, voters);
   near.clear();
-  for (const std::int32_t voter : voters) {
-    near.push_back(place(view.pairs[static_cast<std::size_t>(voter)]));
-  }
-  const double scale = std::exp(pair.to.log_size - pair.from.log_size);
-  const double c = scale * (pair.from.dx * pair.to.dx + pair.from.dy * pair.to.dy);
-  const double s = scale * (pair.from.dx * pair.to.dy - pair.from.dy * pair.to.dx);
+  for (const std::int32_t voter : voters) near.push_back(place(view.votes.pair(voter)));
+  const double scale = pair.scale;
+  const double c = scale * pair.cosine;
+  const double s = scale * pair.sine;
   const Eigen::Matrix2d turn = (Eigen::Matrix2d() << c, -s, s, c).finished();
   Eigen::Matrix3d to_view = Eigen::Matrix3d::Identity();
   to_view.topRows<2>() = view.to_view;
@@ -161,18 +154,18 @@ Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
 /// In px of the reference.
 Eigen::Vector2d HomographyGrowth::Impl::placeOf(const Seed& seed) const {
   const View& view = views[static_cast<std::size_t>(seed.view)];
-  const growth::LocalFrame& frame = view.pairs[static_cast<std::size_t>(seed.pair)].from;
-  const Eigen::Vector2d p = Eigen::Vector2d(frame.x, frame.y) - view.to_view.col(2);
+  const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
+  const Eigen::Vector2d p = Eigen::Vector2d(pair.x, pair.y) - view.to_view.col(2);
   return view.to_view.leftCols<2>().inverse() * p;
 }
 
 bool HomographyGrowth::Impl::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;  // px
-  const growth::LocalFrame& to =
-      views[static_cast<std::size_t>(seed.view)].pairs[static_cast<std::size_t>(seed.pair)].to;
+  const growth::Votes::Similarity& pair =
+      views[static_cast<std::size_t>(seed.view)].votes.pair(seed.pair);
   const Eigen::Vector2d from = placeOf(seed);
   return std::any_of(tried.begin(), tried.end(), [&](const Eigen::Matrix3d& map) {
-    return reprojectionError(map, from, {to.x, to.y}) < kNear;
+    return reprojectionError(map, from, {pair.u, pair.v}) < kNear;
   });
 }
 
@@ -256,7 +249,8 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
   for (const std::size_t i : order) {
     if (!growth::isAccepted(grown[i])) return;
     const auto is_rival = [&](std::size_t other) {
-      return other != i && rivals.contradicts(grown[other], grown[i], matcher.imageSize());
+      return other != i &&
+             growth::contradicts(grown[other], grown[i], matcher.imageSize(), covered);
     };
     if (std::any_of(order.begin(), order.end(), is_rival)) return;
     if (store(grown[i], result)) return;

@@ -8,17 +8,11 @@
 #include <cstring>
 #include <opencv2/core/types.hpp>
 
+#include "core/growth/alike_kernel.h"
 #include "core/util/constants.h"
 #include "ktgp_orb/features.h"
 
 namespace ktgp_orb::growth {
-
-/// A keypoint as a position, a direction of length 1 and a size.
-struct LocalFrame {
-  float x, y;      ///< px
-  float dx, dy;    ///< direction
-  float log_size;  ///< natural logarithm of the diameter in px
-};
 
 inline LocalFrame frameOf(const cv::KeyPoint& keypoint) {
   const float angle = keypoint.angle * static_cast<float>(util::kPi / 180.0);

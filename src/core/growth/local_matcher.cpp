@@ -30,20 +30,14 @@ void LocalMatcher::setTarget(const Features& target) {
     bits_[i] = bitsOf(target, index);
     position_[index] = static_cast<std::uint32_t>(i);
   }
-  const std::size_t pitch = target.size() + kReadBeyond;
-  columns_.assign(5 * pitch, 0.F);
+  pitch_ = target.size() + kReadBeyond;
+  columns_.assign(kLocalFrameValues * pitch_, 0.F);
   for (std::size_t i = 0; i < target.size(); ++i) {
     const LocalFrame& frame = frames_[i];
-    const float values[] = {frame.x, frame.y, frame.dx, frame.dy, frame.log_size};
-    for (std::size_t c = 0; c < 5; ++c) columns_[c * pitch + i] = values[c];
+    const float values[kLocalFrameValues] = {frame.x, frame.y, frame.dx, frame.dy, frame.log_size};
+    for (std::size_t c = 0; c < kLocalFrameValues; ++c) columns_[c * pitch_ + i] = values[c];
   }
   alike_.resize(target.size());
-}
-
-KeypointColumns LocalMatcher::columns() const {
-  const std::size_t pitch = frames_.size() + kReadBeyond;
-  const float* x = columns_.data();
-  return {x, x + pitch, x + 2 * pitch, x + 3 * pitch, x + 4 * pitch};
 }
 
 std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
@@ -52,22 +46,21 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
   matches.clear();
   best_reference_.assign(frames_.size(), kNoKey);
   const float squared_radius = radius * radius;
-  const KeypointColumns keypoints = columns();
   std::size_t near = 0;
   candidates_ = 0;
   for (const Prediction& prediction : predictions) {
-    const LocalFrame& wanted = prediction.frame;
+    LocalFrame wanted = prediction.frame;
+    wanted.x += shift.x;
+    wanted.y += shift.y;
     const std::int32_t index = prediction.reference;
-    const float x = wanted.x + shift.x;
-    const float y = wanted.y + shift.y;
     const Bits& bits = reference[static_cast<std::size_t>(index)];
     bool is_near = false;
     std::int64_t best = kNoKey;
     std::uint32_t best_place = 0;
-    const AlikeQuery query{x, y, wanted.dx, wanted.dy, wanted.log_size, squared_radius};
     std::size_t count = 0;
-    cells_.visitRuns(x, y, radius, [&](std::uint32_t begin, std::uint32_t end) {
-      count += kernel_->find(keypoints, begin, end, query, alike_.data() + count, is_near);
+    cells_.visitRuns(wanted.x, wanted.y, radius, [&](std::uint32_t begin, std::uint32_t end) {
+      count += kernel_->find(columns_.data(), pitch_, begin, end, wanted, squared_radius,
+                             alike_.data() + count, is_near);
     });
     for (std::size_t k = 0; k < count; ++k) {
       const std::uint32_t i = alike_[k];
@@ -83,8 +76,8 @@ std::size_t LocalMatcher::match(const std::vector<Prediction>& predictions,
     }
     near += is_near ? 1 : 0;
     if (best == kNoKey) continue;
-    const float error_x = frames_[best_place].x - x;
-    const float error_y = frames_[best_place].y - y;
+    const float error_x = frames_[best_place].x - wanted.x;
+    const float error_y = frames_[best_place].y - wanted.y;
     matches.push_back({index, static_cast<std::int32_t>(best_place),
                        static_cast<std::int32_t>(best >> 32),
                        error_x * error_x + error_y * error_y});

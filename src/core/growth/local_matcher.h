@@ -67,14 +67,13 @@ class LocalMatcher {
  private:
   static constexpr float kCell = 8.F;  // px
 
-  KeypointColumns columns() const;
-
   const AlikeKernel* kernel_ = &bestAlikeKernel();
   util::CellGrid cells_;
   cv::Size image_size_;
   // Cell by cell.
   std::vector<LocalFrame> frames_;
   std::vector<float> columns_;  // the same, for the kernel: x of all, y of all ...
+  std::size_t pitch_ = 0;       // of the columns
   std::vector<Bits> bits_;
   std::vector<std::uint32_t> position_;       // of each keypoint among them
   std::vector<std::int64_t> best_reference_;  // for each keypoint, key of the nearest prediction

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/util/constants.h"
+#include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
 namespace {
@@ -27,6 +28,11 @@ cv::Point2f shiftOf(int direction, double length) {
   const double angle = 2.0 * util::kPi * direction / kDirections;
   return {static_cast<float>(length * std::cos(angle)),
           static_cast<float>(length * std::sin(angle))};
+}
+
+/// Cells with matches, beyond the four that any homography has.
+double evidence(const Grown& grown) {
+  return static_cast<double>(grown.judgement.matched) - 4.0;
 }
 
 }  // namespace
@@ -186,6 +192,36 @@ Verdict::Chance Verdict::chanceAt(std::size_t k) const {
   }
   chance.spread = std::max(1.0, squares / double{kDecoys});
   return chance;
+}
+
+bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
+                 std::vector<std::uint8_t>& covered) {
+  constexpr double kDeviations = 2.0;  // of the difference of two counts
+  constexpr double kElsewhere = 10.0;  // px of the target
+  constexpr std::size_t kShare = 4;    // one in so many
+  constexpr double kSide = 32.0;       // of a cell, px
+  const double difference = evidence(grown) - evidence(rival);
+  const double both = std::max(evidence(grown) + evidence(rival), 0.0);
+  if (difference > kDeviations * std::sqrt(both)) return false;
+  const auto cells_along = [](int length) {
+    return static_cast<std::size_t>(std::max(length, 0) / kSide) + 1;
+  };
+  const std::size_t columns = cells_along(target.width);
+  const std::size_t rows = cells_along(target.height);
+  const auto covered_at = [&](const Eigen::Vector2d& place) -> std::uint8_t& {
+    const auto clamped = [](double v, std::size_t count) {
+      return static_cast<std::size_t>(std::clamp(v / kSide, 0.0, static_cast<double>(count - 1)));
+    };
+    return covered[clamped(place.y(), rows) * columns + clamped(place.x(), columns)];
+  };
+  covered.assign(columns * rows, 0);
+  for (const PlacePair& pair : grown.pairs) covered_at(pair.target) = 1;
+  const auto is_contrary = [&](const PlacePair& pair) {
+    return covered_at(pair.target) != 0 &&
+           !(reprojectionError(grown.map, pair.reference, pair.target) < kElsewhere);
+  };
+  const auto contrary = std::count_if(rival.pairs.begin(), rival.pairs.end(), is_contrary);
+  return kShare * static_cast<std::size_t>(contrary) > rival.pairs.size();
 }
 
 }  // namespace ktgp_orb::growth

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "core/growth/local_matcher.h"
+#include "core/growth/map_fit.h"
 #include "core/growth/reference_frames.h"
 #include "core/growth/repeats.h"
 
@@ -97,5 +98,22 @@ class Verdict {
   std::vector<std::uint64_t> reference_cells_;  // hash tables
   std::vector<std::uint64_t> target_cells_;
 };
+
+/// The result for a seed.
+struct Grown {
+  Eigen::Matrix3d map;
+  Judgement judgement;
+  std::vector<LocalMatch> matches;
+  std::vector<PlacePair> pairs;      // the same
+  std::vector<cv::Point2f> repeats;  // see Verdict::repeats
+  bool grew_from_repeats = false;    // it was also grown from the repetitions
+};
+
+/// A facade also fits itself shifted by one window, and a rose window rotated by one spoke. Such a
+/// homography is not due to chance, but may be wrong. Whether `rival` has not significantly fewer
+/// matches than `grown`, and many of them lie where those of `grown` are in the target but come
+/// from elsewhere. `target`: its size. `covered`: a buffer.
+bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
+                 std::vector<std::uint8_t>& covered);
 
 }  // namespace ktgp_orb::growth

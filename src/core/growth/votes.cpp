@@ -50,28 +50,30 @@ bool Votes::votesFor(const Similarity& voter, const Similarity& pair) const {
   return u * u + v * v <= slack * slack;
 }
 
-void Votes::count(const std::vector<FramePair>& pairs, const cv::Size& from_size,
-                  const cv::Size& to_size) {
-  similarities_.clear();
-  for (const auto& [from, to] : pairs) {
-    const float log_scale = to.log_size - from.log_size;
-    similarities_.push_back({from.x, from.y, to.x, to.y, from.dx * to.dx + from.dy * to.dy,
-                             from.dx * to.dy - from.dy * to.dx, std::exp(log_scale), log_scale,
-                             cellOf(from.x, from.y, from_size), cellOf(to.x, to.y, to_size)});
+void Votes::add(const LocalFrame& from, const LocalFrame& to) {
+  const float log_scale = to.log_size - from.log_size;
+  pairs_.push_back({from.x, from.y, to.x, to.y, from.dx * to.dx + from.dy * to.dy,
+                    from.dx * to.dy - from.dy * to.dx, std::exp(log_scale), log_scale, 0, 0});
+}
+
+void Votes::count(const cv::Size& from_size, const cv::Size& to_size) {
+  for (Similarity& pair : pairs_) {
+    pair.from_cell = cellOf(pair.x, pair.y, from_size);
+    pair.to_cell = cellOf(pair.u, pair.v, to_size);
   }
   cells_.build(
-      pairs.size(), [&](std::size_t i) { return cv::Point2f(pairs[i].from.x, pairs[i].from.y); },
+      pairs_.size(), [&](std::size_t i) { return cv::Point2f(pairs_[i].x, pairs_[i].y); },
       from_size, kReach);
   from_voted_.assign(columns(from_size) * rows(from_size), 0);
   to_voted_.assign(columns(to_size) * rows(to_size), 0);
-  votes_.assign(pairs.size(), 0);
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Similarity& pair = similarities_[i];
+  votes_.assign(pairs_.size(), 0);
+  for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    const Similarity& pair = pairs_[i];
     const auto number = static_cast<std::uint32_t>(i + 1);
     from_voted_[pair.from_cell] = to_voted_[pair.to_cell] = number;
     std::int32_t votes = 0;
     cells_.visitNear(pair.x, pair.y, kReach, [&](std::int32_t other) {
-      const Similarity& voter = similarities_[static_cast<std::size_t>(other)];
+      const Similarity& voter = pairs_[static_cast<std::size_t>(other)];
       if (from_voted_[voter.from_cell] == number || to_voted_[voter.to_cell] == number) return;
       if (!votesFor(voter, pair)) return;
       from_voted_[voter.from_cell] = to_voted_[voter.to_cell] = number;
@@ -81,12 +83,11 @@ void Votes::count(const std::vector<FramePair>& pairs, const cv::Size& from_size
   }
 }
 
-void Votes::voters(std::size_t pair, std::vector<std::int32_t>& voters) const {
+void Votes::voters(std::int32_t number, std::vector<std::int32_t>& voters) const {
   voters.clear();
-  const Similarity& wanted = similarities_[pair];
+  const Similarity& wanted = pair(number);
   cells_.visitNear(wanted.x, wanted.y, kReach, [&](std::int32_t other) {
-    if (static_cast<std::size_t>(other) == pair) return;
-    if (votesFor(similarities_[static_cast<std::size_t>(other)], wanted)) voters.push_back(other);
+    if (other != number && votesFor(pair(other), wanted)) voters.push_back(other);
   });
 }
 

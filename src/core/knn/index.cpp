@@ -71,22 +71,4 @@ void KnnIndex::layOut(const cv::Mat& reference) {
   }
 }
 
-void NearIndex::setReference(const Features& reference) {
-  if (holds(reference)) return;
-  laid_out_.clear();
-  table_.build(
-      reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
-      side_);
-  image_size_ = reference.image_size;
-  laid_out_.assign(reference.descriptors);
-}
-
-bool NearIndex::holds(const Features& reference) const {
-  if (reference.image_size != image_size_ || !laid_out_.equals(reference.descriptors)) return false;
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    if (table_.place(static_cast<std::int32_t>(i)) != reference.keypoints[i].pt) return false;
-  }
-  return true;
-}
-
 }  // namespace ktgp_orb::knn

@@ -5,9 +5,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "core/knn/near_table.h"
 #include "core/knn/nearest_queries.h"
-#include "ktgp_orb/features.h"
 
 namespace ktgp_orb::knn {
 
@@ -44,25 +42,6 @@ class KnnIndex {
   int candidates_ = 0;  // reference descriptors
   int group_count_ = 0;
   std::vector<CacheLine> groups_;
-  DescriptorCopy laid_out_;
-};
-
-/// The same for the search near predicted positions: compares descriptors and positions.
-class NearIndex {
- public:
-  /// `side` of a cell, px.
-  explicit NearIndex(double side) : side_(side) {}
-
-  void setReference(const Features& reference);
-
-  const NearTable& table() const { return table_; }
-
- private:
-  bool holds(const Features& reference) const;
-
-  double side_;
-  NearTable table_;
-  cv::Size image_size_;
   DescriptorCopy laid_out_;
 };
 

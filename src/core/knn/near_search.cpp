@@ -51,7 +51,6 @@ NearSearch::NearSearch(const NearKernel& kernel, double radius, ThreadPool& pool
     : kernel_(kernel),
       radius_(radius),
       pool_(pool),
-      index_(radius / kCellsPerRadius),
       nearest_queries_(static_cast<std::size_t>(pool.threads())) {}
 
 void NearSearch::match(const Features& reference, const Features& target,
@@ -62,7 +61,7 @@ void NearSearch::match(const Features& reference, const Features& target,
   correspondences.clear();
   if (reference.empty() || target.empty()) return;
   placeQueries(target, prediction);
-  index_.setReference(reference);
+  setReference(reference);
   correspondences.resize(target.size());
   const int chunks = ceilDivide(static_cast<int>(target.size()), kQueriesPerChunk);
   if (!mutual) {
@@ -73,12 +72,30 @@ void NearSearch::match(const Features& reference, const Features& target,
   std::atomic<int> next_chunk{0};
   pool_.parallelFor(pool_.threads(), [&](int thread) {
     auto& nearest = nearest_queries_[static_cast<std::size_t>(thread)];
-    nearest.assign(index_.table().columns(), kNoNearKey);
+    nearest.assign(table_.columns(), kNoNearKey);
     for (int chunk = next_chunk++; chunk < chunks; chunk = next_chunk++) {
       searchChunk(target, chunk, nearest.data(), correspondences.data());
     }
   });
   markMutual(correspondences);
+}
+
+void NearSearch::setReference(const Features& reference) {
+  if (holds(reference)) return;
+  laid_out_.clear();  // in case memory runs out
+  table_.build(
+      reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
+      radius_ / kCellsPerRadius);
+  image_size_ = reference.image_size;
+  laid_out_.assign(reference.descriptors);
+}
+
+bool NearSearch::holds(const Features& reference) const {
+  if (reference.image_size != image_size_ || !laid_out_.equals(reference.descriptors)) return false;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    if (table_.place(static_cast<std::int32_t>(i)) != reference.keypoints[i].pt) return false;
+  }
+  return true;
 }
 
 void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& prediction) {
@@ -110,21 +127,19 @@ void NearSearch::searchChunk(const Features& target, int chunk, std::int32_t* ne
 Correspondence NearSearch::search(const std::uint8_t* descriptor, std::int32_t number,
                                   std::int32_t* nearest_queries) const {
   const cv::Point2f& place = places_[static_cast<std::size_t>(number)];
-  return fromKeys(
-      index_.table().search(kernel_, descriptor, place, radius_, number, nearest_queries), number);
+  return fromKeys(table_.search(kernel_, descriptor, place, radius_, number, nearest_queries),
+                  number);
 }
 
 void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {
   auto& nearest = nearest_queries_.front();
   for (std::size_t thread = 1; thread < nearest_queries_.size(); ++thread) {
     const auto& other = nearest_queries_[thread];
-    for (std::size_t i = 0; i < index_.table().size(); ++i)
-      nearest[i] = std::min(nearest[i], other[i]);
+    for (std::size_t i = 0; i < table_.size(); ++i) nearest[i] = std::min(nearest[i], other[i]);
   }
   for (Correspondence& c : correspondences) {
     if (c.reference_index < 0) continue;
-    c.mutual =
-        (nearest[index_.table().column(c.reference_index)] & kNearIndexMask) == c.target_index;
+    c.mutual = (nearest[table_.column(c.reference_index)] & kNearIndexMask) == c.target_index;
   }
 }
 

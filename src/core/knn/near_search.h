@@ -7,6 +7,7 @@
 
 #include "core/knn/index.h"
 #include "core/knn/near_kernel.h"
+#include "core/knn/near_table.h"
 #include "core/util/cell_grid.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
@@ -27,6 +28,9 @@ class NearSearch {
              bool mutual, std::vector<Correspondence>& correspondences);
 
  private:
+  /// Lays the reference out, unless it is that of the last call.
+  void setReference(const Features& reference);
+  bool holds(const Features& reference) const;
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
                    Correspondence* correspondences) const;
@@ -37,7 +41,10 @@ class NearSearch {
   NearKernel kernel_;
   double radius_;
   util::ThreadPool& pool_;
-  NearIndex index_;  // the reference
+  // The reference.
+  NearTable table_;
+  cv::Size image_size_;
+  DescriptorCopy laid_out_;
   // The target.
   util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // predicted positions of the keypoints

@@ -54,16 +54,9 @@ bool OrbOptions::operator==(const OrbOptions& other) const {
   return asTuple(*this) == asTuple(other);
 }
 
-struct OrbExtractor::Impl {
-  explicit Impl(const OrbOptions& o) : options(o), pipeline(o, bestOrbKernels()) {}
-
-  OrbOptions options;
-  OrbPipeline pipeline;
-};
-
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
   requireValid(options);
-  impl_ = std::make_unique<Impl>(options);
+  pipeline_ = std::make_unique<OrbPipeline>(options, bestOrbKernels());
 }
 
 OrbExtractor::~OrbExtractor() = default;
@@ -71,7 +64,7 @@ OrbExtractor::OrbExtractor(OrbExtractor&&) noexcept = default;
 OrbExtractor& OrbExtractor::operator=(OrbExtractor&&) noexcept = default;
 
 const OrbOptions& OrbExtractor::options() const {
-  return impl_->options;
+  return pipeline_->options();
 }
 
 void OrbExtractor::extract(const cv::Mat& image, Features& features) {
@@ -80,11 +73,11 @@ void OrbExtractor::extract(const cv::Mat& image, Features& features) {
 
 void OrbExtractor::extract(const cv::Mat& image, const cv::Mat& mask, Features& features) {
   features.image_size = image.size();
-  features.descriptor = impl_->options.descriptor;
+  features.descriptor = options().descriptor;
   features.keypoints.clear();
   if (!image.empty()) requireValid(image, mask);
-  if (impl_->options.images == ImageKeeping::none) features.images.clear();
-  if (impl_->pipeline.extract(image, mask, features)) return;
+  if (options().images == ImageKeeping::none) features.images.clear();
+  if (pipeline_->extract(image, mask, features)) return;
   features.descriptors.release();
   features.images.clear();
 }

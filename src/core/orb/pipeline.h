@@ -21,6 +21,8 @@ class OrbPipeline {
  public:
   OrbPipeline(const OrbOptions& options, const OrbKernels& kernels);
 
+  const OrbOptions& options() const { return options_; }
+
   /// `image` and `mask` are valid (see OrbExtractor); `features` has no keypoints yet. False if no
   /// level has room for a patch.
   bool extract(const cv::Mat& image, const cv::Mat& mask, Features& features);

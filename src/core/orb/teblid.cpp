@@ -18,44 +18,30 @@ int toPixel(float v) {
   return static_cast<int>(std::min(v, kFar));
 }
 
-// A range of whole pixels, at least one, along one axis of the image.
-struct Extent {
-  int begin;
-  int end;
-  int length() const { return end - begin; }
-};
-
-Extent extentInImage(int centre, int radius, int size) {
+// The pixels along one axis of an image of that size, at least one.
+cv::Range rangeInImage(int centre, int radius, int size) {
   return {std::clamp(centre - radius, 0, size - 1), std::clamp(centre + radius + 1, 1, size)};
 }
 
-class BoxSums {
- public:
-  explicit BoxSums(const cv::Mat& integral) : integral_(integral) {}
+std::int32_t boxSum(const cv::Mat& integral, const cv::Range& columns, const cv::Range& rows) {
+  const auto* top = integral.ptr<std::uint32_t>(rows.start);
+  const auto* bottom = integral.ptr<std::uint32_t>(rows.end);
+  // Unsigned, since the sums of a large image overflow; their differences are still right.
+  return static_cast<std::int32_t>(top[columns.start] + bottom[columns.end] - top[columns.end] -
+                                   bottom[columns.start]);
+}
 
-  std::int32_t sum(const Extent& columns, const Extent& rows) const {
-    const auto* top = integral_.ptr<std::uint32_t>(rows.begin);
-    const auto* bottom = integral_.ptr<std::uint32_t>(rows.end);
-    // Unsigned, since the sums of a large image overflow; their differences are still right.
-    return static_cast<std::int32_t>(top[columns.begin] + bottom[columns.end] - top[columns.end] -
-                                     bottom[columns.begin]);
-  }
+std::int32_t boxSum(const cv::Mat& integral, const cv::Point& centre, int radius) {
+  return boxSum(integral, {centre.x - radius, centre.x + radius + 1},
+                {centre.y - radius, centre.y + radius + 1});
+}
 
-  std::int32_t sum(const cv::Point& centre, int radius) const {
-    return sum({centre.x - radius, centre.x + radius + 1},
-               {centre.y - radius, centre.y + radius + 1});
-  }
-
-  float meanInImage(const cv::Point& centre, int radius) const {
-    const Extent columns = extentInImage(centre.x, radius, integral_.cols - 1);
-    const Extent rows = extentInImage(centre.y, radius, integral_.rows - 1);
-    return static_cast<float>(sum(columns, rows)) /
-           static_cast<float>(columns.length() * rows.length());
-  }
-
- private:
-  const cv::Mat& integral_;
-};
+float meanInImage(const cv::Mat& integral, const cv::Point& centre, int radius) {
+  const cv::Range columns = rangeInImage(centre.x, radius, integral.cols - 1);
+  const cv::Range rows = rangeInImage(centre.y, radius, integral.rows - 1);
+  return static_cast<float>(boxSum(integral, columns, rows)) /
+         static_cast<float>(columns.size() * rows.size());
+}
 
 cv::Point placed(const TeblidPlacement& p, int u, int v) {
   const auto fu = static_cast<float>(u);
@@ -74,7 +60,6 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
                     std::uint8_t* descriptor) {
   const TeblidPlacement placement(keypoint);
   const bool inside = isFarFromBorder(keypoint, {integral.cols - 1, integral.rows - 1});
-  const BoxSums boxes(integral);
   std::fill_n(descriptor, kTeblidBits / 8, std::uint8_t{0});
   for (int i = 0; i < kTeblidBits; ++i) {
     const cv::Point first = placed(placement, kTeblidTable.first_x[i], kTeblidTable.first_y[i]);
@@ -84,10 +69,12 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
     bool bit;
     if (inside) {  // both boxes have the same number of pixels: compare the sums
       const int area = (2 * radius + 1) * (2 * radius + 1);
-      bit = static_cast<float>(boxes.sum(first, radius) - boxes.sum(second, radius)) <=
-            threshold * static_cast<float>(area);
+      bit =
+          static_cast<float>(boxSum(integral, first, radius) - boxSum(integral, second, radius)) <=
+          threshold * static_cast<float>(area);
     } else {
-      bit = boxes.meanInImage(first, radius) - boxes.meanInImage(second, radius) <= threshold;
+      bit =
+          meanInImage(integral, first, radius) - meanInImage(integral, second, radius) <= threshold;
     }
     if (bit) descriptor[i / 8] |= static_cast<std::uint8_t>(0x80 >> (i % 8));
   }

@@ -1,7 +1,5 @@
 #include <Eigen/Core>
 #include <algorithm>
-#include <stdexcept>
-#include <string>
 
 #include "core/alignment/local_maps.h"
 #include "core/alignment/patch_aligner.h"
@@ -14,19 +12,6 @@ namespace {
 
 constexpr double kReach = 4.0;                   // px
 constexpr double kLeastCorrelation = 0.8 * 0.8;  // squared
-
-bool hasImages(const Features& features) {
-  return !features.images.empty() && !features.images[0].empty();
-}
-
-std::size_t checked(std::int32_t index, const Features& features, const char* frame) {
-  if (index >= 0 && static_cast<std::size_t>(index) < features.size()) {
-    return static_cast<std::size_t>(index);
-  }
-  throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
-                              std::to_string(index) + "; expected one of 0.." +
-                              std::to_string(features.size()) + " - 1");
-}
 
 }  // namespace
 
@@ -58,8 +43,8 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
     const Correspondence& match = matches[i];
     result.levels.push_back(std::min(match.level, Level::ktg));
     if (match.level < Level::ktg) continue;
-    checked(match.reference_index, reference, "reference");
-    checked(match.target_index, target, "target");
+    util::requireKeypoint(reference, match.reference_index, "reference");
+    util::requireKeypoint(target, match.target_index, "target");
     result.match.push_back(i);
     keypoints.reference.push_back(util::position(reference, match.reference_index));
     keypoints.target.push_back(util::position(target, match.target_index));
@@ -73,9 +58,9 @@ void TwoViewMatcher::Impl::align(const Features& reference, const Features& targ
   constexpr double kLater = 1.0;  // more than any ratio
   result.pairs = keypoints;
   result.aligned.assign(keypoints.size(), 0);
-  if (!estimator.options().alignment || !hasImages(reference) || !hasImages(target)) return;
+  if (!estimator.options().alignment) return;
+  if (!aligner.setImages(reference.images, target.images)) return;
   maps.load(keypoints.reference, keypoints.target, reference.image_size);
-  aligner.setImages(reference.images, target.images);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const alignment::AlignedPatch patch = aligner.align(maps.at(i), keypoints.reference[i], kReach);
     if (patch.outcome != alignment::PatchOutcome::aligned ||

@@ -3,6 +3,7 @@
 #include <stdexcept>
 
 #include "core/util/format.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb {
 
@@ -41,6 +42,12 @@ void requireValid(const Features& features, const std::string& name) {
                                 " descriptor rows; expected one row per keypoint");
   }
   requireImageSize(features, name);
+}
+
+void util::refuseKeypoint(const Features& features, std::int32_t index, const char* frame) {
+  throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
+                              std::to_string(index) + "; expected one of the frame's " +
+                              std::to_string(features.size()) + ", counted from 0");
 }
 
 }  // namespace ktgp_orb

@@ -13,6 +13,15 @@ namespace ktgp_orb::util {
 /// position, per coordinate, in px of the finest level.
 constexpr double kKeypointRounding = 0.288675;  // 1/sqrt(12)
 
+[[noreturn]] void refuseKeypoint(const Features& features, std::int32_t index, const char* frame);
+/// Throws std::invalid_argument unless the keypoint of a match exists. `frame`: "reference" or
+/// "target".
+inline void requireKeypoint(const Features& features, std::int32_t index, const char* frame) {
+  if (index < 0 || static_cast<std::size_t>(index) >= features.size()) {
+    refuseKeypoint(features, index, frame);
+  }
+}
+
 /// Position of keypoint `index`, px; it must exist. For drawing and messages, in OpenCV's type.
 inline const cv::Point2f& imagePoint(const Features& features, std::int32_t index) {
   return features.keypoints[static_cast<std::size_t>(index)].pt;
