@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -49,11 +48,6 @@ struct PlanarPoses {
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);
-
-/// The likeliest of these.
-std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
-                                     const Covariance8& covariance, const Eigen::Matrix3d& camera,
-                                     const cv::Size& reference_size, double target_width);
 
 /// What `now`, the homography reference image -> camera image, would be if all rows had been
 /// exposed with the middle one.

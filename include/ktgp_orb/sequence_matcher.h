@@ -97,17 +97,6 @@ using FrameConstPtr = std::shared_ptr<const Frame>;
 /// Finds the features of `frame.image` with its mask and lens; stores the options and the time.
 void extractFeatures(OrbExtractor& extractor, Frame& frame);
 
-/// Homography from the first frame of an unbroken sequence to the newest one.
-struct AccumulatedHomography {
-  std::int64_t first_stamp = 0;                              ///< of that first frame, ns
-  Eigen::Matrix3d homography = Eigen::Matrix3d::Identity();  ///< H(2,2) = 1 unless near zero
-  /// Of H's first eight entries, row by row, with H(2,2) = 1: the covariances of the multiplied
-  /// homographies propagated to first order, as if their errors were independent. (The keypoint
-  /// errors of a frame enter two of them with opposite signs, so this is rather too large.) NaN
-  /// where one of the covariances is NaN.
-  Covariance8 covariance = Covariance8::Zero();
-};
-
 /// The result for one frame.
 struct SequenceMatch {
   /// The target: the given frame, or a new one of its image (see Frame::orb).
@@ -116,8 +105,13 @@ struct SequenceMatch {
   NoReference no_reference = NoReference::none;  ///< none: there was a reference
   bool reference_changed = false;  ///< it differs from the reference of the previous frame
   MatchResult match;               ///< status no_reference, all empty without one
-  std::optional<AccumulatedHomography>
-      accumulated;  ///< empty at the start of a chain, in fixed mode and without a homography
+  /// From the first frame of an unbroken sequence to this one; empty at its start, in fixed mode
+  /// and without a homography. The covariance is propagated to first order: noise adds up in
+  /// squares, smooth errors linearly. (The keypoint errors of a frame enter two of the multiplied
+  /// homographies with opposite signs, so this is rather too large.) It is NaN where that of one
+  /// of them is. The deviation from a plane is the largest of them.
+  std::optional<UncertainHomography> accumulated;
+  std::int64_t first_stamp = 0;  ///< with `accumulated`: of that first frame, ns
   /// Number of frames so far whose search near the prediction failed (Search::fell_back); see
   /// KnnOptions::search_radius.
   std::uint64_t fall_backs = 0;

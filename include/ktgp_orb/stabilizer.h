@@ -65,11 +65,6 @@ class Stabilizer {
  private:
   using Corners = std::array<Eigen::Vector2d, 4>;
 
-  struct Waiting {
-    std::int64_t stamp = 0;
-    bool starts_anew = false;
-  };
-
   void finishOldest(std::vector<SteadyFrame>& ready);
   Corners smoothed(std::int64_t stamp, const Eigen::Matrix3d& to_newest) const;
   Eigen::Matrix3d limited(const Corners& wanted);
@@ -77,7 +72,7 @@ class Stabilizer {
   StabilizerOptions options_;
   FramePath path_;
   cv::Size size_;
-  std::deque<Waiting> waiting_;
+  std::deque<SteadyFrame> waiting_;  // without their warps
   Corners correction_;  // of the newest finished frame: where its corners were moved to, px
   Corners fading_;      // the rest of the correction before the path began anew
   std::int64_t fading_since_ = 0;

@@ -91,8 +91,12 @@ struct DetectedTarget {
   PointPairs pairs;
 };
 
-/// What was done on a frame.
-struct TargetSearch {
+/// Result for one frame; valid until the next call.
+struct TargetFrame {
+  /// Ordered by id, then by instance.
+  std::vector<DetectedTarget> detections;
+
+  // What was done on the frame.
   std::size_t known = 0;       ///< targets
   std::size_t candidates = 0;  ///< targets with a chance: some keypoints that fit together
   std::size_t tried = 0;       ///< of these
@@ -104,13 +108,6 @@ struct TargetSearch {
   std::size_t features = 0;  ///< keypoints of the frame
   double extraction_milliseconds = 0.0;
   double milliseconds = 0.0;  ///< extraction and search
-};
-
-/// Result for one frame; valid until the next call.
-struct TargetFrame {
-  /// Ordered by id, then by instance.
-  std::vector<DetectedTarget> detections;
-  TargetSearch search;
 };
 
 /// Finds many flat targets in the frames of a camera.

@@ -159,7 +159,7 @@ class Searcher {
         if (isFound(answer, label, in_small)) ++searched_.rows[label.row].found[s];
       }
       countOthers(answer, source);
-      if (source.labels[0].in_frame.size() > 1) times_[s].push_back(answer.search.milliseconds);
+      if (source.labels[0].in_frame.size() > 1) times_[s].push_back(answer.milliseconds);
     }
   }
 

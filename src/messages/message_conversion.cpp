@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <boost/make_shared.hpp>
-#include <cmath>
 #include <limits>
 #include <utility>
 
 #include "core/util/keypoint_position.h"
 #include "core/util/names.h"
+#include "ktgp_orb/evaluation.h"
 #include "messages/answer_message.h"
 #include "messages/colour_image.h"
 
@@ -76,22 +76,6 @@ void reserve(std::size_t size, Correspondences& message) {
   message.target_index.reserve(size);
   message.level.reserve(size);
   message.track.reserve(size);
-}
-
-/// Mean and root mean square of the final matches' Hamming distances.
-void setDistances(const MatchResult& result, MatchStatistics& message) {
-  double sum = 0.0;
-  double squares = 0.0;
-  double count = 0.0;
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level < Level::ktgp) continue;
-    sum += c.distance;
-    squares += static_cast<double>(c.distance) * c.distance;
-    ++count;
-  }
-  if (count == 0.0) return;
-  message.mean_distance = sum / count;
-  message.rms_distance = std::sqrt(squares / count);
 }
 
 /// Index in the message of an aligned point's correspondence; empty for a guided match that
@@ -210,15 +194,13 @@ HomographyStampedPtr toAccumulated(const MatchedFrame& frame) {
   if (!match.reference || !match.accumulated) return nullptr;
   auto message = boost::make_shared<HomographyStamped>();
   message->header = frame.header;
-  message->reference_stamp = timeOf(match.accumulated->first_stamp);
+  message->reference_stamp = timeOf(match.first_stamp);
   message->status = MatchStatus::STATUS_OK;
   message->rectified = match.frame->lens != nullptr;
   message->inliers = static_cast<std::uint32_t>(match.match.inliers);
   message->reprojection_rmse = match.match.rmse;
-  UncertainHomography answer = match.match.answer;
-  answer.homography = match.accumulated->homography;
-  answer.covariance = match.accumulated->covariance;
-  copyAnswer(answer, *message);
+  copyAnswer(*match.accumulated, *message);
+  message->plane_deviation = match.match.answer.plane_deviation;  // as the others: of the last one
   return message;
 }
 
@@ -248,7 +230,9 @@ MatchStatisticsPtr toStatistics(const MatchedFrame& frame) {
 
   message->reference_stamp = timeOf(match.reference->stamp);
   message->reference_features = static_cast<std::uint32_t>(match.reference->features.size());
-  setDistances(match.match, *message);
+  const auto distance = evaluation::descriptorDistance(match.match.correspondences, Level::ktgp);
+  message->mean_distance = distance.mean;
+  message->rms_distance = distance.rms;
   if (match.match.status == Status::ok) {
     message->reprojection_rmse = match.match.rmse;
     homography::visitNumbers(CopyField(), match.match.answer, *message);

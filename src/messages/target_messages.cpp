@@ -149,12 +149,12 @@ TargetDetectionsPtr toMessage(const std_msgs::Header& header, const TargetFrame&
     std::string& name = message->detections.back().frame;
     if (!name.empty()) name = util::withoutSlash(name.insert(0, frame_prefix));
   }
-  message->known = static_cast<std::uint32_t>(frame.search.known);
-  message->candidates = static_cast<std::uint32_t>(frame.search.candidates);
-  message->tried = static_cast<std::uint32_t>(frame.search.tried);
-  message->frames_for_all = static_cast<std::uint32_t>(frame.search.frames_for_all);
-  message->milliseconds = frame.search.milliseconds;
-  message->at_limit = frame.search.at_limit;
+  message->known = static_cast<std::uint32_t>(frame.known);
+  message->candidates = static_cast<std::uint32_t>(frame.candidates);
+  message->tried = static_cast<std::uint32_t>(frame.tried);
+  message->frames_for_all = static_cast<std::uint32_t>(frame.frames_for_all);
+  message->milliseconds = frame.milliseconds;
+  message->at_limit = frame.at_limit;
   return message;
 }
 

@@ -43,12 +43,12 @@ class FrameConsumer : public ImageNode<Config, Work> {
       this->diagnosis_.count(Diagnosis::kDropped, this->worker_.template put<&Work::add>(
                                                       kImage, image->data.size(), image));
     });
-    this->worker_.setLimits(kImage, {10, ImageStore::kBytes / 2});
+    this->worker_.setLimits(kImage, 10, ImageStore::kBytes / 2);
     // Each homography is a link of the chain, so none should be lost.
     homographies_ = &this->template addInput<HomographyStamped>(
         "homography", "homography", 100, true,
         [this](const HomographyStampedConstPtr& message) { arrived(message); });
-    this->worker_.setLimits(kHomography, {300});
+    this->worker_.setLimits(kHomography, 300);
     this->serveParameters();
   }
 

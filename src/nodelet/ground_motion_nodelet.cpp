@@ -10,6 +10,8 @@
 #include <boost/make_shared.hpp>
 #include <deque>
 #include <memory>
+#include <string>
+#include <utility>
 
 #include "core/util/format.h"
 #include "messages/ground_readings.h"
@@ -27,27 +29,24 @@ std::string number(double value) {
 
 }  // namespace
 
-/// The parameters, and what the nodelet knows beside them.
-struct GroundSettings {
-  GroundMotionConfig config;
-  std::string image_topic;
-  std::string camera_info_topic;
-  std::string range_topic;
-  std::string imu_topic;
-};
-
 /// The state of the motion, and what a match waits for.
 class GroundWork {
  public:
-  GroundWork(const tf2::BufferCore& tf, Diagnosis& diagnosis, const ros::Publisher& twists,
-             const ros::Publisher& odometry, std::atomic<bool>& is_waiting)
-      : readings_(tf),
+  /// `names` resolves the names of topics.
+  GroundWork(const ros::NodeHandle& names, const tf2::BufferCore& tf, Diagnosis& diagnosis,
+             const ros::Publisher& twists, const ros::Publisher& odometry,
+             std::atomic<bool>& is_waiting)
+      : image_topic_(names.resolveName("image")),
+        camera_info_topic_(names.resolveName("camera_info")),
+        range_topic_(names.resolveName("range")),
+        imu_topic_(names.resolveName("imu")),
+        readings_(tf),
         diagnosis_(diagnosis),
         twists_(twists),
         odometry_(odometry),
         is_waiting_(is_waiting) {}
 
-  void configure(const GroundSettings& settings);
+  void configure(const GroundMotionConfig& config);
   void addMatch(const MatchConstPtr& match);
   void addRange(const sensor_msgs::RangeConstPtr& range) { readings_.add(*range); }
   void addImu(const sensor_msgs::ImuConstPtr& imu) { readings_.add(*imu); }
@@ -64,7 +63,11 @@ class GroundWork {
   void report(const GroundEstimate& estimate, double plane_deviation);
   void publish(const GroundEstimate& estimate, const std_msgs::Header& image);
 
-  GroundSettings settings_;
+  const std::string image_topic_;
+  const std::string camera_info_topic_;
+  const std::string range_topic_;
+  const std::string imu_topic_;
+  GroundMotionConfig config_;
   GroundReadings readings_;
   GroundMotion motion_;
   sensor_msgs::CameraInfoConstPtr info_;
@@ -77,9 +80,9 @@ class GroundWork {
 };
 
 /// Other sources take effect with the next frame.
-void GroundWork::configure(const GroundSettings& settings) {
-  settings_ = settings;
-  readings_.configure(settings.config, settings.range_topic, settings.imu_topic);
+void GroundWork::configure(const GroundMotionConfig& config) {
+  config_ = config;
+  readings_.configure(config, range_topic_, imu_topic_);
   diagnosis_.setValue("sources", "height from " + readings_.heightSource() + ", normal from " +
                                      readings_.normalSource());
 }
@@ -99,7 +102,7 @@ void GroundWork::processComplete() {
     const auto& [match, arrival] = waiting_.front();
     const double waited = (ros::WallTime::now() - arrival).toSec();
     const bool ready = info_ && readings_.complete(match->header.stamp, match->header.frame_id);
-    if (!ready && waited < settings_.config.max_age) break;
+    if (!ready && waited < config_.max_age) break;
     process(match);
     waiting_.pop_front();
   }
@@ -110,8 +113,8 @@ void GroundWork::process(const MatchConstPtr& match) {
   const auto start = Diagnosis::Clock::now();
   std::string problem;
   try {
-    if (!info_) throw std::invalid_argument("no camera_info on " + settings_.camera_info_topic);
-    const Pixels pixels = pixelsFrom(settings_.config.calibration, settings_.image_topic);
+    if (!info_) throw std::invalid_argument("no camera_info on " + camera_info_topic_);
+    const Pixels pixels = pixelsFrom(config_.calibration, image_topic_);
     const cv::Size size(static_cast<int>(match->correspondences.image_width),
                         static_cast<int>(match->correspondences.image_height));
     motion_.setOptions(readings_.optionsFor(match->header));
@@ -158,14 +161,15 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
 }
 
 void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header& image) {
-  const GroundMotionConfig& config = settings_.config;
-  const auto odometry = boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config));
-  odometry_.publish(odometry);
   if (estimate.hasTwist() && twists_.getNumSubscribers() > 0) {
     twists_.publish(boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>(
-        twistOf(estimate, image, config)));
+        twistOf(estimate, image, config_)));
   }
-  if (!config.publish_tf) return;
+  if (odometry_.getNumSubscribers() == 0 && !config_.publish_tf) return;
+  const auto odometry =
+      boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config_));
+  odometry_.publish(odometry);
+  if (!config_.publish_tf) return;
   broadcaster_.sendTransform(
       transformOf(odometry->header, odometry->child_frame_id, odometry->pose.pose));
 }
@@ -192,7 +196,7 @@ class GroundMotionNodelet : public ImageNode<GroundMotionConfig, GroundWork> {
   /// Each match is a link of the chain; of the others the newest counts.
   template <auto Use, typename Message>
   Input& addReadings(const std::string& name, std::size_t kind, std::size_t most) {
-    worker_.setLimits(kind, {most});
+    worker_.setLimits(kind, most);
     return addInput<Message>(name, name, 200, kind == kMatch,
                              [this, kind](const boost::shared_ptr<const Message>& message) {
                                if (kind == kMatch) diagnosis_.arrived();
@@ -231,10 +235,7 @@ std::string GroundMotionNodelet::greeting() const {
 
 void GroundMotionNodelet::configure(GroundMotionConfig& config) {
   config = usable(config);
-  const ros::NodeHandle names = getNodeHandle();
-  const GroundSettings settings{config, names.resolveName("image"),
-                                names.resolveName("camera_info"), ranges_->topic(), imus_->topic()};
-  worker_.post([settings](GroundWork& work) { work.configure(settings); });
+  worker_.post([config](GroundWork& work) { work.configure(config); });
   ranges_->enable(config.height_source == "range");
   imus_->enable(config.normal_source == "imu" || config.gyro);
   sends_tf_ = config.publish_tf;
@@ -258,8 +259,9 @@ void GroundMotionNodelet::advertise() {
     if (is_waiting_.exchange(false)) worker_.post([](GroundWork&) {});
   });
   poll_.stop();
-  startWorker(std::make_unique<GroundWork>(tf_, diagnosis_, twists, odometry, is_waiting_),
-              [](GroundWork& work) { work.processComplete(); });
+  startWorker(
+      std::make_unique<GroundWork>(getNodeHandle(), tf_, diagnosis_, twists, odometry, is_waiting_),
+      [](GroundWork& work) { work.processComplete(); });
 }
 
 void GroundMotionNodelet::listeningChanged(bool listening) {

@@ -93,12 +93,8 @@ ImageInput& NodeBase::addImages(int queue_size, ImageInput::Callback callback) {
     if (lost > 0 && !paused_) diagnosis_.count(Diagnosis::kLost, lost);
     callback(image, lost);
   };
-  const ros::NodeHandle private_node = privateNode(data_queue_);
-  // Read once, so that a later change cannot fail during the work.
-  const ImageSource source =
-      imageSource(node(data_queue_), private_node.param<std::string>("image_transport", "raw"));
-  auto input =
-      std::make_unique<ImageInput>(source, node(data_queue_), private_node, queue_size, arrived);
+  auto input = std::make_unique<ImageInput>(node(data_queue_), privateNode(data_queue_), queue_size,
+                                            arrived);
   ImageInput& added = *input;
   inputs_.push_back(std::move(input));
   return added;

@@ -10,12 +10,6 @@
 
 namespace ktgp_orb {
 
-/// Of the waiting items of a kind; bytes: memory that they hold.
-struct InboxLimits {
-  std::size_t items = std::numeric_limits<std::size_t>::max();
-  std::size_t bytes = std::numeric_limits<std::size_t>::max();
-};
-
 /// Passes items from any number of threads to one, in the order of their arrival. What arrives
 /// faster than it is taken is dropped, the oldest first, by the limits of its kind; the newest item
 /// of a kind always stays.
@@ -23,10 +17,14 @@ template <typename Item>
 class Inbox {
  public:
   static constexpr std::size_t kKinds = 5;
-  /// Without a call there is no limit. `kind`: 0 to kKinds - 1.
-  void setLimits(std::size_t kind, const InboxLimits& limits) {
+  static constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
+
+  /// Of the waiting items of a kind, 0 to kKinds - 1, and of the memory that they hold. Without a
+  /// call there is no limit.
+  void setLimits(std::size_t kind, std::size_t items, std::size_t bytes = kNoLimit) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    kinds_[kind].limits = limits;
+    kinds_[kind].most_items = items;
+    kinds_[kind].most_bytes = bytes;
   }
 
   /// Returns how many older ones were dropped. `bytes`: memory that the item holds.
@@ -39,7 +37,7 @@ class Inbox {
       Kind& own = kinds_[kind];
       ++own.items;
       own.bytes += bytes;
-      for (; own.items > 1 && (own.items > own.limits.items || own.bytes > own.limits.bytes);
+      for (; own.items > 1 && (own.items > own.most_items || own.bytes > own.most_bytes);
            ++dropped) {
         dropOldest(kind);
       }
@@ -87,7 +85,8 @@ class Inbox {
     Item item;
   };
   struct Kind {
-    InboxLimits limits;
+    std::size_t most_items = kNoLimit;
+    std::size_t most_bytes = kNoLimit;
     std::size_t items = 0;
     std::size_t bytes = 0;
   };

@@ -29,8 +29,8 @@ bool Input::isNew(const boost::shared_ptr<const void>& message) {
   return true;
 }
 
-ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport) {
-  ImageSource source{node.resolveName("image"), transport, transport};
+ImageInput::Source ImageInput::sourceOf(const ros::NodeHandle& node, const std::string& transport) {
+  Source source{node.resolveName("image"), transport, transport};
   const std::string suffix = "/" + kCompressedTransport;
   const std::size_t stem = source.topic.size() - std::min(source.topic.size(), suffix.size());
   const bool named = source.topic.compare(stem, std::string::npos, suffix) == 0;
@@ -58,7 +58,12 @@ ImageSource imageSource(const ros::NodeHandle& node, const std::string& transpor
                               transport + "-image-transport)");
 }
 
-ImageInput::ImageInput(const ImageSource& source, const ros::NodeHandle& node,
+ImageInput::ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
+                       int queue_size, Callback callback)
+    : ImageInput(sourceOf(node, private_node.param<std::string>("image_transport", "raw")), node,
+                 private_node, queue_size, std::move(callback)) {}
+
+ImageInput::ImageInput(const Source& source, const ros::NodeHandle& node,
                        const ros::NodeHandle& private_node, int queue_size, Callback callback)
     : Input(source.topic, "image"),
       transport_(node),

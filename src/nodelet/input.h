@@ -94,30 +94,31 @@ class MessageInput : public Input {
   ros::Subscriber subscriber_;
 };
 
-/// The images that a node's topic `image` and its parameter ~image_transport mean.
-struct ImageSource {
-  std::string topic;      ///< resolved, without the name of the transport
-  std::string transport;  ///< raw, compressed, ...
-  std::string plugin;     ///< of image_transport, for that transport
-};
-
-/// A topic that ends in /compressed has that transport, whether or not `transport` says so. Without
-/// the package compressed_image_transport the decoder of this package is used. Throws
-/// std::invalid_argument, with advice, for a transport that is not installed.
-ImageSource imageSource(const ros::NodeHandle& node, const std::string& transport);
-
-/// Images.
+/// The images that a node's topic `image` and its parameter ~image_transport mean. A topic that
+/// ends in /compressed has that transport, whether or not the parameter says so. Without the
+/// package compressed_image_transport the decoder of this package is used.
 class ImageInput : public Input {
  public:
   /// `lost`: images that were sent, by header.seq, and did not arrive.
   using Callback = std::function<void(const sensor_msgs::ImageConstPtr& image, std::uint32_t lost)>;
 
-  ImageInput(const ImageSource& source, const ros::NodeHandle& node,
-             const ros::NodeHandle& private_node, int queue_size, Callback callback);
+  /// Reads the parameters once, so that a later change cannot fail during the work. Throws
+  /// std::invalid_argument, with advice, for a transport that is not installed.
+  ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node, int queue_size,
+             Callback callback);
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
   const std::string& transport() const { return transport_name_; }
 
  private:
+  struct Source {
+    std::string topic;      // resolved, without the name of the transport
+    std::string transport;  // raw, compressed, ...
+    std::string plugin;     // of image_transport, for that transport
+  };
+
+  ImageInput(const Source& source, const ros::NodeHandle& node, const ros::NodeHandle& private_node,
+             int queue_size, Callback callback);
+  static Source sourceOf(const ros::NodeHandle& node, const std::string& transport);
   void open() override;
   void close() override { subscriber_.shutdown(); }
   std::uint32_t lostBefore(const sensor_msgs::Image& image);

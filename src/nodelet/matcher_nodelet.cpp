@@ -87,8 +87,8 @@ void MatcherNodelet::start() {
         cameraArrived(info);
       },
       &settings_queue_);
-  worker_.setLimits(kImage, {1});
-  worker_.setLimits(kConfiguration, {1});
+  worker_.setLimits(kImage, 1);
+  worker_.setLimits(kConfiguration, 1);
   serveParameters();
 }
 

@@ -1,12 +1,22 @@
 #include "nodelet/matcher_settings.h"
 
 #include <stdexcept>
+#include <system_error>
 #include <utility>
 
 #include "messages/camera.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb {
+
+MatcherSettings::FileState MatcherSettings::stateOf(const std::string& path) {
+  std::error_code error;
+  const auto time = std::filesystem::last_write_time(path, error);
+  if (error) return {};
+  const std::uintmax_t size = std::filesystem::file_size(path, error);
+  if (error) return {};
+  return {size, time};
+}
 
 void MatcherSettings::configure(const KtgpConfig& config, const std::string& image_topic) {
   Configuration wanted = configurationFrom(config, configuration_.number);
@@ -17,7 +27,7 @@ void MatcherSettings::configure(const KtgpConfig& config, const std::string& ima
   }
   // The reference stays unless it changed: the file's content, or a reference from ~reference.
   const bool same_image = is_configured_ && config.reference_image == reference_file_;
-  const FileState state = same_image ? file_state_ : FileState::of(config.reference_image);
+  const FileState state = same_image ? file_state_ : stateOf(config.reference_image);
   const auto file =
       same_image ? file_reference_ : readImageFile("reference_image", config.reference_image);
   wanted.reference_image = same_image ? configuration_.reference_image : file;
@@ -89,7 +99,7 @@ void MatcherSettings::setReference(const sensor_msgs::ImageConstPtr& image) {
 
 bool MatcherSettings::rereadReference(bool at_once) {
   if (reference_file_.empty()) return false;
-  const FileState now = FileState::of(reference_file_);
+  const FileState now = stateOf(reference_file_);
   const bool settled = at_once || now == file_seen_;
   file_seen_ = now;
   if (now == file_state_ || !settled) return false;

@@ -4,10 +4,12 @@
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <cstdint>
+#include <filesystem>
 #include <string>
+#include <utility>
 
 #include "messages/configuration.h"
-#include "nodelet/file_state.h"
 
 namespace ktgp_orb {
 
@@ -33,6 +35,11 @@ class MatcherSettings {
   const std::string& referenceFile() const { return reference_file_; }
 
  private:
+  /// Size and time stamp: they identify a version of a file. Zero if there is none.
+  using FileState = std::pair<std::uintmax_t, std::filesystem::file_time_type>;
+
+  static FileState stateOf(const std::string& path);
+
   Configuration configuration_;
   bool is_configured_ = false;
   LensConstPtr lens_;  // of the last camera_info

@@ -116,7 +116,9 @@ void TargetBook::loadNext() {
   const TargetEntry entry = lists_.waiting.front();
   lists_.waiting.pop_front();
   try {
-    addTarget(entry, user_.add);
+    addTarget(entry, [this](const Target& target) {
+      use_finder_([&](TargetFinder& finder) { finder.add(target); });
+    });
     lists_.used.push_back(entry);
   } catch (const std::exception& error) {
     lists_.refused.push_back(entry);
@@ -143,7 +145,7 @@ void TargetBook::add(const SetTarget::Request& request) {
     throw std::invalid_argument("target " + util::quoted(request.id) +
                                 " exists already, and is still to be read; expected a new id");
   }
-  set(request, user_.add);
+  set(request, &TargetFinder::add);
 }
 
 /// A target that is still to be read, or was refused, is replaced, too.
@@ -151,11 +153,11 @@ void TargetBook::replace(const SetTarget::Request& request) {
   const bool is_unused =
       !areThere(lists_.used, request.id) &&
       (areThere(lists_.waiting, request.id) || areThere(lists_.refused, request.id));
-  set(request, is_unused ? user_.add : user_.replace);
+  set(request, is_unused ? &TargetFinder::add : &TargetFinder::replace);
 }
 
 /// Writes the files first: if the disk is full, nothing has changed.
-void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
+void TargetBook::set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&)) {
   const Target target = targetOf(request);
   TargetEntry entry{target.id, {}, target.width, target.frame, ""};
   Lists next = lists_;
@@ -164,7 +166,7 @@ void TargetBook::set(const SetTarget::Request& request, const UseTarget& use) {
     writeImages(target, entry.files);
     next.used.push_back(entry);
     const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
-    use(target);
+    use_finder_([&](TargetFinder& finder) { (finder.*use)(target); });
     if (list) list->commit();
   } catch (...) {
     deleteImages({entry});
@@ -180,7 +182,7 @@ void TargetBook::remove(const std::string& id) {
   if (removed.empty())
     throw std::invalid_argument("target " + util::quoted(id) + " does not exist");
   const std::unique_ptr<files::OutputFile> list = writtenBeside(next);
-  user_.remove(id);
+  use_finder_([&](TargetFinder& finder) { finder.remove(id); });
   if (list) list->commit();
   lists_ = std::move(next);
   deleteImages(removed);

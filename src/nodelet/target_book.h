@@ -16,18 +16,14 @@
 
 namespace ktgp_orb {
 
-/// Where a TargetBook puts its targets. The functions throw as those of TargetFinder do.
-struct TargetUser {
-  std::function<void(const Target&)> add;
-  std::function<void(const Target&)> replace;
-  std::function<void(const std::string& id)> remove;
-};
-
 /// The targets of the nodelet: from a folder or a list, and from services; kept in a file. Not for
 /// several threads.
 class TargetBook {
  public:
-  explicit TargetBook(TargetUser user) : user_(std::move(user)) {}
+  /// Calls a function with the TargetFinder that gets the targets, and throws what it throws.
+  using UseFinder = std::function<void(const std::function<void(TargetFinder&)>&)>;
+
+  explicit TargetBook(UseFinder use_finder) : use_finder_(std::move(use_finder)) {}
   ~TargetBook();
   TargetBook(const TargetBook&) = delete;
   TargetBook& operator=(const TargetBook&) = delete;
@@ -64,9 +60,8 @@ class TargetBook {
     /// Those with this id, which are no longer there.
     std::vector<TargetEntry> takeOut(const std::string& id);
   };
-  using UseTarget = std::function<void(const Target&)>;
 
-  void set(const SetTarget::Request& request, const UseTarget& use);
+  void set(const SetTarget::Request& request, void (TargetFinder::*use)(const Target&));
   void writeImages(const Target& target, std::vector<std::string>& files) const;
   void lock();
   /// The list beside the kept one, which it replaces by its commit(); empty if none is kept.
@@ -74,7 +69,7 @@ class TargetBook {
   void deleteImages(const std::vector<TargetEntry>& of) const;
   void deleteAllBut(const std::vector<TargetEntry>& entries) const;
 
-  TargetUser user_;
+  UseFinder use_finder_;
   std::string file_;
   int lock_ = -1;  // the folder of the images, open
   Lists lists_;

@@ -21,30 +21,26 @@
 
 namespace ktgp_orb {
 
-/// The parameters that the frames need.
-struct TargetSettings {
-  TargetsConfig config;
-  Pixels pixels = Pixels::raw;
-};
-
 /// The known targets, what is followed, and where the detections go.
 class TargetsWork {
  public:
   TargetsWork(Diagnosis& diagnosis, const ros::Publisher& detections, const ros::Publisher& markers,
-              image_transport::Publisher pictures, std::string info_topic)
+              image_transport::Publisher pictures, std::string image_topic, std::string info_topic)
       : diagnosis_(diagnosis),
         detections_(detections),
         markers_(markers),
         pictures_(std::move(pictures)),
+        image_topic_(std::move(image_topic)),
         info_topic_(std::move(info_topic)) {}
 
-  void configure(const TargetSettings& settings);
+  void configure(const TargetsConfig& config);
   void addCameraInfo(const sensor_msgs::CameraInfoConstPtr& info) { info_ = info; }
   void search(const sensor_msgs::ImageConstPtr& image);
   void restart();
 
   TargetFinder& finder() { return finder_; }
-  const TargetSettings& settings() const { return settings_; }
+  const TargetsConfig& config() const { return config_; }
+  Pixels pixels() const { return pixelsFrom(config_.calibration, image_topic_); }
 
  private:
   void report(const TargetDetections& message);
@@ -52,7 +48,7 @@ class TargetsWork {
   void publish(const TargetDetectionsPtr& message, const sensor_msgs::ImageConstPtr& image,
                const TargetFrame& frame);
 
-  TargetSettings settings_;
+  TargetsConfig config_;
   TargetFinder finder_;
   DetectedPose pose_;
   sensor_msgs::CameraInfoConstPtr info_;
@@ -61,15 +57,15 @@ class TargetsWork {
   ros::Publisher detections_;
   ros::Publisher markers_;
   image_transport::Publisher pictures_;
-  std::string info_topic_;
+  const std::string image_topic_;
+  const std::string info_topic_;
   tf2_ros::TransformBroadcaster broadcaster_;
 };
 
-void TargetsWork::configure(const TargetSettings& settings) {
-  settings_ = settings;
-  finder_.setSearch(settings.config.search_ms, settings.config.smallest_side,
-                    settings.config.max_instances);
-  pose_.setReadoutTime(settings.config.readout_time);
+void TargetsWork::configure(const TargetsConfig& config) {
+  config_ = config;
+  finder_.setSearch(config.search_ms, config.smallest_side, config.max_instances);
+  pose_.setReadoutTime(config.readout_time);
 }
 
 void TargetsWork::restart() {
@@ -82,9 +78,8 @@ void TargetsWork::search(const sensor_msgs::ImageConstPtr& image) {
   const cv::Mat grey = greyImage(image);
   sequence_.next(image->header.stamp, grey.size(), finder_);
   const TargetFrame& frame = finder_.find(grey);
-  const TargetDetectionsPtr message =
-      toMessage(image->header, frame, settings_.config.frame_prefix);
-  addPoses(frame, grey.size(), info_.get(), info_topic_, settings_.pixels, pose_, *message);
+  const TargetDetectionsPtr message = toMessage(image->header, frame, config_.frame_prefix);
+  addPoses(frame, grey.size(), info_.get(), info_topic_, pixels(), pose_, *message);
   report(*message);
   publish(message, image, frame);
   diagnosis_.done(image->header.stamp, start);
@@ -115,7 +110,7 @@ void TargetsWork::report(const TargetDetections& message) {
 void TargetsWork::sendTransforms(const TargetDetections& message) {
   std::string problem;
   try {
-    if (settings_.config.publish_tf) broadcaster_.sendTransform(transformsOf(message));
+    if (config_.publish_tf) broadcaster_.sendTransform(transformsOf(message));
   } catch (const std::invalid_argument& error) {
     problem = error.what();
   }
@@ -158,7 +153,6 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
   void loadNext();
   void targetsChanged();
   void detect(DetectTargets::Request& request, DetectTargets::Response& response);
-  TargetUser targetUser();
   std::string sayAmbiguity(const std::string& id);
 
   static constexpr std::size_t kImage = 1;  // kinds of jobs
@@ -166,7 +160,9 @@ class TargetsNodelet : public ImageNode<TargetsConfig, TargetsWork> {
 
   ImageInput* images_ = nullptr;
   Input* camera_info_ = nullptr;
-  TargetBook book_{targetUser()};  // used only in the long queue, after the start
+  TargetBook book_{[this](const auto& use) {  // used only in the long queue, after the start
+    worker_.ask([&](TargetsWork& work) { use(work.finder()); });
+  }};
   ros::WallTimer load_;
   std::atomic<bool> publishes_tf_{false};
   std::atomic<bool> has_frames_{false};
@@ -181,8 +177,8 @@ void TargetsNodelet::start() {
       [this](const sensor_msgs::CameraInfoConstPtr& info) {
         worker_.put<&TargetsWork::addCameraInfo>(kCameraInfo, 0, info);
       });
-  worker_.setLimits(kImage, {1});
-  worker_.setLimits(kCameraInfo, {1});
+  worker_.setLimits(kImage, 1);
+  worker_.setLimits(kCameraInfo, 1);
   serveParameters();
   book_.open(config_.targets, config_.file);
 }
@@ -214,7 +210,7 @@ void TargetsNodelet::advertise() {
   // One by one, so that the nodelet can be unloaded at any time.
   load_ = addTimer(long_queue_, 0.001, [this] { loadNext(); });
   startWorker(std::make_unique<TargetsWork>(diagnosis_, detections, markers, pictures,
-                                            camera_info_->topic()));
+                                            images_->topic(), camera_info_->topic()));
 }
 
 template <typename Service, typename Change>
@@ -223,19 +219,6 @@ void TargetsNodelet::addChange(const std::string& name, const Change& change) {
     response.message = change(request);
     targetsChanged();
   });
-}
-
-/// In the long queue.
-TargetUser TargetsNodelet::targetUser() {
-  return {[this](const Target& target) {
-            worker_.ask([&](TargetsWork& work) { work.finder().add(target); });
-          },
-          [this](const Target& target) {
-            worker_.ask([&](TargetsWork& work) { work.finder().replace(target); });
-          },
-          [this](const std::string& id) {
-            worker_.ask([&](TargetsWork& work) { work.finder().remove(id); });
-          }};
 }
 
 /// How the new target looks like itself in another pose, also in the log; else an empty text.
@@ -249,8 +232,7 @@ std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
 }
 
 void TargetsNodelet::configure(TargetsConfig& config) {
-  const TargetSettings settings{config, pixelsFrom(config.calibration, images_->topic())};
-  worker_.post([settings](TargetsWork& work) { work.configure(settings); });
+  worker_.post([config](TargetsWork& work) { work.configure(config); });
   publishes_tf_ = config.publish_tf;
   connectionsChanged();
 }
@@ -284,16 +266,18 @@ void TargetsNodelet::detect(DetectTargets::Request& request, DetectTargets::Resp
   requireSmall("the image", request.image);
   const auto image = boost::make_shared<sensor_msgs::Image>(request.image);
   const cv::Mat grey = greyImage(image);
-  TargetSettings settings;
+  std::string frame_prefix;
+  Pixels pixels = Pixels::raw;
   const TargetFrame frame = worker_.ask([&](TargetsWork& work) {
-    settings = work.settings();
+    frame_prefix = work.config().frame_prefix;
+    pixels = work.pixels();
     return work.finder().findAlone(grey);
   });
   DetectedPose pose;
-  response.detections = *toMessage(image->header, frame, settings.config.frame_prefix);
+  response.detections = *toMessage(image->header, frame, frame_prefix);
   const bool has_info = request.camera_info.width > 0;
-  addPoses(frame, grey.size(), has_info ? &request.camera_info : nullptr, "the request",
-           settings.pixels, pose, response.detections);
+  addPoses(frame, grey.size(), has_info ? &request.camera_info : nullptr, "the request", pixels,
+           pose, response.detections);
 }
 
 }  // namespace ktgp_orb

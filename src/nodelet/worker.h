@@ -21,7 +21,6 @@ class Worker {
  public:
   using Job = std::function<void(State&)>;
   using Failed = std::function<void(const std::exception&)>;
-  using Limits = InboxLimits;
   static constexpr std::size_t kCommand = 0;  // kind of job that is never dropped
 
   ~Worker() { stop(); }
@@ -40,7 +39,9 @@ class Worker {
   }
 
   /// The following may be called from any thread; what is sent before start() waits for it.
-  void setLimits(std::size_t kind, const Limits& limits) { inbox_.setLimits(kind, limits); }
+  void setLimits(std::size_t kind, std::size_t items, std::size_t bytes = Inbox<Entry>::kNoLimit) {
+    inbox_.setLimits(kind, items, bytes);
+  }
   void post(Job job) { inbox_.put(kCommand, 0, {std::move(job), nullptr, nullptr}); }
   /// Calls `Use`, a function of the state, with the message. The job may be dropped, see Inbox;
   /// returns how many older ones were. Asks the heap for nothing in steady state.

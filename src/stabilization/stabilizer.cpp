@@ -128,7 +128,7 @@ void Stabilizer::add(std::int64_t stamp, std::int64_t reference_stamp,
     fading_ = correction_;
     fading_since_ = stamp;
   }
-  waiting_.push_back({stamp, !connected});
+  waiting_.push_back({stamp, Eigen::Matrix3d::Identity(), !connected});
   while (waiting_.size() > static_cast<std::size_t>(options_.lag)) finishOldest(ready);
 }
 
@@ -190,11 +190,8 @@ Eigen::Matrix3d Stabilizer::limited(const Corners& wanted) {
 }
 
 void Stabilizer::finishOldest(std::vector<SteadyFrame>& ready) {
-  const Waiting frame = waiting_.front();
+  SteadyFrame frame = waiting_.front();
   waiting_.pop_front();
-  SteadyFrame steady;
-  steady.stamp = frame.stamp;
-  steady.starts_anew = frame.starts_anew;
   const Corners corners = homography::imageCorners(size_, {});
   const auto to_newest = path_.between(frame.stamp, path_.steps().back().stamp);
   Corners wanted = smoothed(frame.stamp, *to_newest);
@@ -206,9 +203,9 @@ void Stabilizer::finishOldest(std::vector<SteadyFrame>& ready) {
   const Eigen::Vector2d centre = 0.5 * (corners[0] + corners[2]);
   Eigen::Matrix3d crop;
   crop << zoom, 0.0, (1.0 - zoom) * centre.x(), 0.0, zoom, (1.0 - zoom) * centre.y(), 0.0, 0.0, 1.0;
-  steady.warp = crop * correction;
-  steady.warp /= steady.warp(2, 2);
-  ready.push_back(steady);
+  frame.warp = crop * correction;
+  frame.warp /= frame.warp(2, 2);
+  ready.push_back(frame);
 }
 
 double shakeOf(const std::vector<Eigen::Matrix3d>& steps, const cv::Size& size) {

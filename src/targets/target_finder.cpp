@@ -262,8 +262,8 @@ void TargetFinder::Impl::remove(const StoredTarget& target) {
 
 void TargetFinder::Impl::tryTarget(StoredTarget& target) {
   sequence.last_tried[&target] = sequence.number;
-  ++answer.search.tried;
-  if (search.search(target, found) == options.max_instances) answer.search.at_limit = target.id;
+  ++answer.tried;
+  if (search.search(target, found) == options.max_instances) answer.at_limit = target.id;
 }
 
 void TargetFinder::Impl::searchFollowed() {
@@ -299,20 +299,20 @@ double TargetFinder::Impl::timeForOthers() const {
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
   const Budget budget(timeForOthers());
-  const std::size_t frames = lookUp(answer.search.features, budget);
+  const std::size_t frames = lookUp(answer.features, budget);
   std::vector<Candidate> others;
   for (const Candidate& candidate : search.candidates()) {
     const auto tried = sequence.last_tried.find(candidate.target);
     const bool is_tried = tried != sequence.last_tried.end() && tried->second == sequence.number;
     if (!is_tried) others.push_back(candidate);
   }
-  answer.search.candidates = answer.search.tried + others.size();
+  answer.candidates = answer.tried + others.size();
   std::size_t tried = 0;
   for (const Candidate& candidate : inOrder(std::move(others), sequence)) {
     if (tried++ >= kAlways && budget.isOver()) break;
     tryTarget(*candidate.target);
   }
-  answer.search.frames_for_all = frames + answer.search.candidates - answer.search.tried;
+  answer.frames_for_all = frames + answer.candidates - answer.tried;
 }
 
 void TargetFinder::Impl::searchMissing() {
@@ -396,10 +396,11 @@ const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
   const Features& given = frame->features();
   targets::Tracks& tracks = sequence.tracks;
   tracks.setScale(frame->scale());
-  answer.search = {};
-  answer.search.known = store.targets().size();
-  answer.search.features = given.size();
-  answer.search.extraction_milliseconds = millisecondsSince(start);
+  answer.tried = 0;
+  answer.at_limit.clear();
+  answer.known = store.targets().size();
+  answer.features = given.size();
+  answer.extraction_milliseconds = millisecondsSince(start);
   found.clear();
   store.index().optimise();
   search.setFrame(given, frame->scale());
@@ -415,7 +416,7 @@ const TargetFrame& TargetFinder::Impl::find(Clock::time_point start) {
   tracks.assign({found.begin() + static_cast<std::ptrdiff_t>(count), found.end()}, store, track_of);
   publish();
   tracks.endFrame();
-  answer.search.milliseconds = millisecondsSince(start);
+  answer.milliseconds = millisecondsSince(start);
   return answer;
 }
 

@@ -10,6 +10,8 @@
 
 namespace ktgp_orb::targets {
 
+struct StoredTarget;
+
 /// An image of a target and its keypoints, in px of `image`.
 struct TargetPicture {
   cv::Mat image;                ///< 8-bit grey, at most the largest side
@@ -17,7 +19,8 @@ struct TargetPicture {
   cv::Size full_size;           ///< of the given image, px
   double scale = 1.0;           ///< of `image` to the given image
   growth::ReferenceFrames frames;
-  std::size_t own = 0;  ///< keypoints of the image itself; those of its views follow
+  std::size_t own = 0;            ///< keypoints of the image itself; those of its views follow
+  StoredTarget* owner = nullptr;  ///< null: not in a store
 };
 
 /// Creates the views and extracts their features. `features`, `largest_side`, `views`: see

@@ -91,10 +91,9 @@ StoredTarget& TargetStore::add(const Target& target, std::vector<TargetPicture> 
   std::uint32_t number = freeNumbers(pictures.size());
   pictures_.resize(std::max(pictures_.size(), number + pictures.size()));
   for (TargetPicture& picture : pictures) {
-    Slot& slot = pictures_[number];
-    slot.picture = std::make_unique<TargetPicture>(std::move(picture));
-    slot.owner = stored.get();
-    index_.add(number, slot.picture->frames.bits());
+    picture.owner = stored.get();
+    pictures_[number] = std::make_unique<TargetPicture>(std::move(picture));
+    index_.add(number, pictures_[number]->frames.bits());
     stored->pictures.push_back(number++);
     ++count_;
   }
@@ -111,7 +110,7 @@ std::uint32_t TargetStore::freeNumbers(std::size_t count) const {
 void TargetStore::remove(const StoredTarget& target) {
   for (const std::uint32_t number : target.pictures) {
     index_.remove(number);
-    pictures_[number] = {};
+    pictures_[number].reset();
     --count_;
   }
   const auto is_this = [&](const auto& stored) { return stored.get() == &target; };

@@ -34,8 +34,8 @@ class TargetStore {
   StoredTarget* find(const std::string& id);
   const std::vector<std::unique_ptr<StoredTarget>>& targets() const { return targets_; }
 
-  TargetPicture& picture(std::uint32_t number) { return *pictures_[number].picture; }
-  StoredTarget& owner(std::uint32_t number) { return *pictures_[number].owner; }
+  TargetPicture& picture(std::uint32_t number) { return *pictures_[number]; }
+  StoredTarget& owner(std::uint32_t number) { return *pictures_[number]->owner; }
   std::size_t pictureCount() const { return count_; }
   TargetIndex& index() { return index_; }
 
@@ -43,14 +43,9 @@ class TargetStore {
   /// The first of `count` free numbers in a row.
   std::uint32_t freeNumbers(std::size_t count) const;
 
-  struct Slot {
-    std::unique_ptr<TargetPicture> picture;  // null: removed
-    StoredTarget* owner = nullptr;
-  };
-
   const TargetFinderOptions& options_;
   std::vector<std::unique_ptr<StoredTarget>> targets_;
-  std::vector<Slot> pictures_;
+  std::vector<std::unique_ptr<TargetPicture>> pictures_;  // by number; null: removed
   std::size_t count_ = 0;
   TargetIndex index_;
 };

@@ -71,13 +71,13 @@ json toJson(const Arguments& arguments, const TargetFrame& frame,
   json detections = json::array();
   for (const DetectedTarget& detection : frame.detections) detections.push_back(toJson(detection));
   return {{"image", arguments.image},
-          {"targets", frame.search.known},
+          {"targets", frame.known},
           {"refused", refused},
-          {"keypoints", frame.search.features},
-          {"candidates", frame.search.candidates},
-          {"tried", frame.search.tried},
-          {"milliseconds", frame.search.milliseconds},
-          {"at_limit", frame.search.at_limit},
+          {"keypoints", frame.features},
+          {"candidates", frame.candidates},
+          {"tried", frame.tried},
+          {"milliseconds", frame.milliseconds},
+          {"at_limit", frame.at_limit},
           {"detections", detections}};
 }
 
@@ -87,9 +87,8 @@ bool isFound(const TargetFrame& frame) {
 }
 
 void print(const TargetFrame& frame, const TargetFinderOptions& options) {
-  std::printf("known targets: %zu, with a chance: %zu, keypoints: %zu, %.1f ms\n",
-              frame.search.known, frame.search.candidates, frame.search.features,
-              frame.search.milliseconds);
+  std::printf("known targets: %zu, with a chance: %zu, keypoints: %zu, %.1f ms\n", frame.known,
+              frame.candidates, frame.features, frame.milliseconds);
   for (const DetectedTarget& d : frame.detections) {
     std::printf("%s %d: %s, %zu inliers, corners", util::printable(d.id).c_str(), d.instance,
                 toString(d.status), d.inliers);
@@ -99,9 +98,9 @@ void print(const TargetFrame& frame, const TargetFinderOptions& options) {
     }
     std::printf("\n");
   }
-  if (!frame.search.at_limit.empty()) {
+  if (!frame.at_limit.empty()) {
     std::printf("%d of %s were found; there may be more: --max-instances\n", options.max_instances,
-                util::printable(frame.search.at_limit).c_str());
+                util::printable(frame.at_limit).c_str());
   }
   const bool is_default = options.orb.max_features == TargetFinderOptions().orb.max_features;
   if (!isFound(frame)) {

@@ -39,7 +39,7 @@ std::vector<int> taken(Inbox<int>& inbox) {
 
 TEST(Inbox, KeepsTheOrderOfArrivalAndDropsTheOldestOfAKindAlone) {
   Inbox<int> inbox;
-  inbox.setLimits(kData, {2, 1000});
+  inbox.setLimits(kData, 2, 1000);
   inbox.put(0, 0, 100);
   EXPECT_EQ(inbox.put(kData, 0, 1), 0U);
   EXPECT_EQ(inbox.put(kData, 0, 2), 0U);
@@ -57,7 +57,7 @@ TEST(Inbox, KeepsTheOrderOfArrivalAndDropsTheOldestOfAKindAlone) {
 
 TEST(Inbox, IsBoundedInBytesButTheNewestStays) {
   Inbox<int> inbox;
-  inbox.setLimits(kData, {100, 100});
+  inbox.setLimits(kData, 100, 100);
   std::size_t gone = 0;
   for (int i = 1; i <= 10; ++i) gone += inbox.put(kData, 30, i);
   EXPECT_EQ(gone, 7U);

@@ -86,13 +86,14 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
     matcher.match(reference, test::featuresOf(view(picture, homographyOf(truth), i)), result);
     if (result.status != Status::ok) continue;
     const auto found =
-        planarPose(result.answer.homography, result.answer.covariance, camera(), kSize, kWidth);
-    ASSERT_TRUE(found);
-    const Eigen::Isometry3d pose = found->target_to_camera;
+        planarPoses(result.answer.homography, result.answer.covariance, camera(), kSize, kWidth)
+            .poses;
+    ASSERT_FALSE(found.empty());
+    const Eigen::Isometry3d pose = found[0].target_to_camera;
     const Eigen::AngleAxisd turn(Eigen::Matrix3d(pose.linear() * truth.linear().transpose()));
     Eigen::Matrix<double, 6, 1> error;
     error << pose.translation() - truth.translation(), turn.angle() * turn.axis();
-    const Eigen::Matrix<double, 6, 6> covariance = found->covariance;
+    const Eigen::Matrix<double, 6, 6> covariance = found[0].covariance;
     normalised.push_back(error.dot(covariance.ldlt().solve(error)));
   }
   ASSERT_GE(normalised.size(), 50u) << "found";

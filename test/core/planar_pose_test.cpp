@@ -91,9 +91,9 @@ TEST(PlanarPose, IsTheTruthForATrueHomography) {
   const Covariance8 covariance = covarianceOf(truth, 0.5, random);
   const Eigen::Matrix3d h = fit(truth, 0.0, random);
   for (const double scale : {1.0, -3.0}) {  // a homography has no scale
-    const auto found = planarPose(scale * h, covariance, camera(), kReference, kWidth);
-    ASSERT_TRUE(found);
-    EXPECT_LT(difference(found->target_to_camera, truth).norm(), 1e-6);
+    const auto found = planarPoses(scale * h, covariance, camera(), kReference, kWidth).poses;
+    ASSERT_FALSE(found.empty());
+    EXPECT_LT(difference(found[0].target_to_camera, truth).norm(), 1e-6);
   }
 }
 
@@ -106,10 +106,10 @@ TEST(PlanarPose, CovarianceIsWhatHappens) {
   constexpr int kTrials = 2000;
   for (int i = 0; i < kTrials; ++i) {
     const auto found =
-        planarPose(fit(truth, 0.5, random), covariance, camera(), kReference, kWidth);
-    ASSERT_TRUE(found);
-    const auto d = difference(found->target_to_camera, truth);
-    sum += d.dot(found->covariance.ldlt().solve(d));
+        planarPoses(fit(truth, 0.5, random), covariance, camera(), kReference, kWidth).poses;
+    ASSERT_FALSE(found.empty());
+    const auto d = difference(found[0].target_to_camera, truth);
+    sum += d.dot(found[0].covariance.ldlt().solve(d));
     translation += d.head<3>().squaredNorm();
   }
   EXPECT_NEAR(sum / kTrials, 6.0, 0.6) << "normalised squared error of six numbers";
@@ -207,10 +207,10 @@ TEST(PlanarPose, IsThereWithoutACovariance) {
   Covariance8 unknown;
   unknown.setConstant(std::nan(""));
   const auto found =
-      planarPose(fit(somePose(), 0.0, random), unknown, camera(), kReference, kWidth);
-  ASSERT_TRUE(found);
-  EXPECT_LT(difference(found->target_to_camera, somePose()).norm(), 1e-6);
-  EXPECT_TRUE(found->covariance.array().isNaN().all());
+      planarPoses(fit(somePose(), 0.0, random), unknown, camera(), kReference, kWidth).poses;
+  ASSERT_FALSE(found.empty());
+  EXPECT_LT(difference(found[0].target_to_camera, somePose()).norm(), 1e-6);
+  EXPECT_TRUE(found[0].covariance.array().isNaN().all());
 }
 
 TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {
@@ -218,8 +218,9 @@ TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {
   Eigen::Matrix3d mirrored = fit(somePose(), 0.0, random);
   mirrored.col(0) *= -1.0;
   const Covariance8 one = Covariance8::Identity();
-  EXPECT_FALSE(planarPose(Eigen::Matrix3d::Zero(), one, camera(), kReference, kWidth));
-  EXPECT_FALSE(planarPose(mirrored, one, camera(), kReference, kWidth));
+  EXPECT_TRUE(
+      planarPoses(Eigen::Matrix3d::Zero(), one, camera(), kReference, kWidth).poses.empty());
+  EXPECT_TRUE(planarPoses(mirrored, one, camera(), kReference, kWidth).poses.empty());
   EXPECT_NE(planarPoses(mirrored, one, camera(), kReference, kWidth).problem, "");
 }
 
@@ -297,15 +298,16 @@ ShutterErrors errorsOf(bool corrected, double noise) {
     const UncertainHomography before = passing.seen(-kPeriod, noise, random);
     UncertainHomography now = passing.seen(0.0, noise, random);
     if (corrected) now = withoutShutter(now, before, kPeriod, kReadout, kReference, kRows);
-    const auto found = planarPose(now.homography, now.covariance, camera(), kReference, kWidth);
-    if (!found) {
+    const auto found =
+        planarPoses(now.homography, now.covariance, camera(), kReference, kWidth).poses;
+    if (found.empty()) {
       ADD_FAILURE();
       continue;
     }
-    const auto d = difference(found->target_to_camera, passing.pose);
+    const auto d = difference(found[0].target_to_camera, passing.pose);
     metres.push_back(d.head<3>().norm());
     degrees.push_back(d.tail<3>().norm() * 180.0 / CV_PI);
-    sum += d.dot(found->covariance.ldlt().solve(d));
+    sum += d.dot(found[0].covariance.ldlt().solve(d));
   }
   const auto median = [](std::vector<double>& values) {
     std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
@@ -352,9 +354,10 @@ TEST(PlanarPose, StaysAsItIsWithoutAShutterOrWithoutMotion) {
 TEST(PlanarPose, RefusesACameraOrATargetOfNoSize) {
   const Covariance8 one = Covariance8::Identity();
   const Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
-  EXPECT_THROW(planarPose(h, one, camera(), kReference, 0.0), std::invalid_argument);
-  EXPECT_THROW(planarPose(h, one, Eigen::Matrix3d::Zero(), kReference, 1.0), std::invalid_argument);
-  EXPECT_THROW(planarPose(h, one, camera(), {}, 1.0), std::invalid_argument);
+  EXPECT_THROW(planarPoses(h, one, camera(), kReference, 0.0), std::invalid_argument);
+  EXPECT_THROW(planarPoses(h, one, Eigen::Matrix3d::Zero(), kReference, 1.0),
+               std::invalid_argument);
+  EXPECT_THROW(planarPoses(h, one, camera(), {}, 1.0), std::invalid_argument);
 }
 
 }  // namespace

@@ -638,10 +638,10 @@ TEST(TargetFinder, SaysThatThereMayBeMoreCopies) {
   for (int i = 0; i < 3; ++i) copies.push_back(shown(1, 110.0 + 210 * i, 240, 0.1, 0.6, 0.0));
   const TargetFrame& frame = finder.find(frameOf(copies));
   EXPECT_EQ(frame.detections.size(), 2U);
-  EXPECT_EQ(frame.search.at_limit, "poster1");
+  EXPECT_EQ(frame.at_limit, "poster1");
   finder.setSearch(20.0, 45.0, 4);
   EXPECT_EQ(finder.find(frameOf(copies)).detections.size(), 3U);
-  EXPECT_EQ(frame.search.at_limit, "");
+  EXPECT_EQ(frame.at_limit, "");
 }
 
 TEST(TargetFinder, ForgetsRemovedTargetsAndFindsReplacedOnes) {
@@ -744,8 +744,8 @@ TEST(TargetFinder, TheBudgetDecidesWhatIsTriedNotWhatIsFound) {
   const cv::Mat image = frameOf({shown(4, 170, 240), shown(11, 470, 240)});
   const std::vector<DetectedTarget> expected = all.find(image).detections;
   ASSERT_EQ(expected.size(), 2U);
-  EXPECT_EQ(all.find(image).search.frames_for_all, 1U);
-  const std::size_t bound = few.find(image).search.frames_for_all;
+  EXPECT_EQ(all.find(image).frames_for_all, 1U);
+  const std::size_t bound = few.find(image).frames_for_all;
   EXPECT_GT(bound, 1U);
   few.restart();
   std::size_t seen = 0;
@@ -775,7 +775,7 @@ TEST(TargetFinder, WhatIsFollowedDoesNotWaitForTheBudget) {
       expectSame(frame.detections[i], expected[i]);
       EXPECT_EQ(frame.detections[i].age, age);
     }
-    EXPECT_GT(frame.search.frames_for_all, 5U);  // 128 of the 3000 keypoints on each frame
+    EXPECT_GT(frame.frames_for_all, 5U);  // 128 of the 3000 keypoints on each frame
   }
 }
 

@@ -54,16 +54,18 @@ Eigen::Matrix3d camera() {
 /// Error of the found pose in units of its covariance, squared.
 double normalisedError(const DetectedTarget& found, const Eigen::Matrix3d& truth) {
   const Covariance8 any = Covariance8::Identity();
-  const auto right = planarPose(truth, any, camera(), found.image_size, kWidth);
-  const auto pose = planarPose(found.homography.homography, found.homography.covariance, camera(),
-                               found.image_size, kWidth);
-  if (!right || !pose) return std::numeric_limits<double>::infinity();
-  const Eigen::AngleAxisd turn(pose->target_to_camera.linear() *
-                               right->target_to_camera.linear().transpose());
+  const auto right = planarPoses(truth, any, camera(), found.image_size, kWidth).poses;
+  const auto pose = planarPoses(found.homography.homography, found.homography.covariance, camera(),
+                                found.image_size, kWidth)
+                        .poses;
+  if (right.empty() || pose.empty()) return std::numeric_limits<double>::infinity();
+  const Eigen::AngleAxisd turn(pose[0].target_to_camera.linear() *
+                               right[0].target_to_camera.linear().transpose());
   Vector6 error;
-  error.head<3>() = pose->target_to_camera.translation() - right->target_to_camera.translation();
+  error.head<3>() =
+      pose[0].target_to_camera.translation() - right[0].target_to_camera.translation();
   error.tail<3>() = turn.angle() * turn.axis();
-  return error.dot(pose->covariance.inverse() * error);
+  return error.dot(pose[0].covariance.inverse() * error);
 }
 
 struct Score {
@@ -124,7 +126,7 @@ void follow(const World& world, TargetFinder& finder, double search_ms, bool noi
     constexpr std::size_t kUntilFollowed = 10;
     if (in_scene < kUntilFollowed) continue;
     score.milliseconds.push_back(milliseconds);
-    score.frames_for_all = std::max(score.frames_for_all, answer.search.frames_for_all);
+    score.frames_for_all = std::max(score.frames_for_all, answer.frames_for_all);
     score.shown += kShown;
     for (const DetectedTarget& found : answer.detections) {
       if (found.status != Status::ok) continue;
@@ -197,7 +199,7 @@ void searchElsewhere(const World& world, TargetFinder& finder, std::size_t frame
   for (std::size_t f = first; f < first + frames; ++f) {
     finder.restart();
     const TargetFrame& answer = finder.find(otherScene(scenes, f));
-    tried += answer.search.tried;
+    tried += answer.tried;
     for (const DetectedTarget& found : answer.detections) {
       if (found.status != Status::ok) continue;
       ++wrong;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/calib3d.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -286,15 +287,6 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
         "does not converge";
   }
   return result;
-}
-
-std::optional<PlanarPose> planarPose(const Eigen::Matrix3d& homography,
-                                     const Covariance8& covariance, const Eigen::Matrix3d& camera,
-                                     const cv::Size& reference_size, double target_width) {
-  const PlanarPoses found =
-      planarPoses(homography, covariance, camera, reference_size, target_width);
-  if (found.poses.empty()) return std::nullopt;
-  return found.poses.front();
 }
 
 UncertainHomography withoutShutter(const UncertainHomography& now,

@@ -70,7 +70,7 @@ void ReferenceKeeper::advance(const FramePtr& frame, const FramePtr& reference,
     to_reference_ = to_previous_;
   }
   to_previous_ = homography::chained(result->answer, to_reference_);
-  accumulated_ = {first_stamp_, to_previous_.homography, to_previous_.covariance};
+  accumulated_ = to_previous_;
   previous_ = frame;
   // Two neighbouring frames with few matches: a keyframe would not help.
   if (options_.mode == ReferenceMode::previous || (adjacent && weak(*frame, *result))) {

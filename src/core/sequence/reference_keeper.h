@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "core/homography/transform.h"
@@ -29,7 +30,8 @@ class ReferenceKeeper {
 
   /// From the first frame of the unbroken sequence to the last frame; empty in fixed mode and where
   /// the chain has just (re)started.
-  const std::optional<AccumulatedHomography>& accumulated() const { return accumulated_; }
+  const std::optional<UncertainHomography>& accumulated() const { return accumulated_; }
+  std::int64_t firstStamp() const { return first_stamp_; }
 
   /// Makes `frame` the fixed reference; null: none.
   void setFixed(const FramePtr& frame) { fixed_ = frame; }
@@ -54,7 +56,7 @@ class ReferenceKeeper {
   std::int64_t first_stamp_ = 0;
   UncertainHomography to_reference_{Eigen::Matrix3d::Identity()};
   UncertainHomography to_previous_{Eigen::Matrix3d::Identity()};
-  std::optional<AccumulatedHomography> accumulated_;
+  std::optional<UncertainHomography> accumulated_;
 };
 
 }  // namespace ktgp_orb::sequence

@@ -293,6 +293,7 @@ const SequenceMatch& SequenceMatcher::Impl::match(const FramePtr& given, MatchAh
   answer.reference = reference;
   answer.no_reference = keeper.reason();
   answer.accumulated = keeper.accumulated();
+  answer.first_stamp = keeper.firstStamp();
   answer.total_milliseconds =
       frame->extraction_milliseconds + answer.match.milliseconds() + lost_milliseconds;
   reference.reset();
