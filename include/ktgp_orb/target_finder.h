@@ -42,15 +42,16 @@ struct TargetFinderOptions {
   }();
   int features = 500;  ///< of each image of a target, 50..5000; its views have five times as many
   int largest_side = 400;  ///< px, 64..4000; larger images of targets are made smaller, for memory
-  /// Images that each image of a target is searched as: 1: itself, at full and at half size; 5:
-  /// also four views of it with a tilt of 2, at both sizes.
+  /// Images that each image of a target is searched as: 1: itself, at full, half and quarter size;
+  /// 5: also four views of it with a tilt of 2, at all these sizes.
   int views = 5;
-  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. Below 80 px
-  /// the frame is made twice as large before the extraction, if it then has at most 2500 px: about
-  /// half of the targets of this size are found by default. A frame below 480 px is made up to four
-  /// times as large: in one of 160 px half of those of 18 px are found. This takes a multiple of
-  /// the time, so it is done while nothing is followed, or something small, or something was lost,
-  /// and in each eighth frame.
+  /// Shorter side of the smallest targets in the frame that are wanted, px, 40..1000. All that
+  /// counts is whether it is below 80. Then the frame is made larger before the extraction: about
+  /// half of the targets of 45 px are found. It is made twice as large, but at most 2500 px long,
+  /// and not if this is less than 1.25 times as large. A frame below 480 px is made up to four
+  /// times as large: in one of 160 px half of the targets of 18 px are found. This takes a multiple
+  /// of the time, so it is done while nothing is followed, or something small, or something was
+  /// lost, and in each eighth frame.
   double smallest_side = 45.0;
   /// Time for the targets that were not seen in the last frame, ms per frame; a tenth of it while
   /// other targets are followed. Infinite: all that have a chance are tried on every frame. A part

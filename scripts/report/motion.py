@@ -10,6 +10,7 @@ doc/motion.md recommends.
 import argparse
 import csv
 import os
+import shlex
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ import tempfile
 import numpy as np
 
 WINDOW = 0.05  # s: the truth at a time is a parabola through the samples this near; capture has noise
+PARTLY = 1  # exit code of ktgp_bag: it has written what it could use, and named the rest
 BOUND = 16.266  # 99.9 % of chi square with three degrees of freedom
 
 
@@ -45,21 +47,39 @@ def matrix_of(q):
                      [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
 
 
+def refuse(text):
+    """Ends with the exit code that all programs have for what cannot be used."""
+    print(f'evaluate: {text}', file=sys.stderr)
+    sys.exit(2)
+
+
+def transforms_of(bag):
+    """Those on /tf, in their order."""
+    import rosbag
+    try:
+        with rosbag.Bag(bag) as recording:
+            for _, message, _ in recording.read_messages(topics=['/tf']):
+                yield from message.transforms
+    except rosbag.ROSBagUnindexedException:
+        refuse(f'{bag} is not complete: the index at its end is missing. Run  rosbag reindex {shlex.quote(bag)}')
+    except OSError as error:
+        refuse(f'{bag} cannot be read: {error.strerror}')
+    except rosbag.ROSBagException as error:
+        refuse(f'{bag} is damaged, or no recording: {error}')
+
+
 class Truth:
     """Poses of the base at any time."""
 
     def __init__(self, bag, ground, base):
-        import rosbag
         rows = []
-        with rosbag.Bag(bag) as recording:
-            for _, message, _ in recording.read_messages(topics=['/tf']):
-                for each in message.transforms:
-                    if (each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')) == (ground, base):
-                        t, q = each.transform.translation, each.transform.rotation
-                        rows.append([each.header.stamp.to_sec(), t.x, t.y, t.z, q.x, q.y, q.z, q.w])
+        for each in transforms_of(bag):
+            if (each.header.frame_id.lstrip('/'), each.child_frame_id.lstrip('/')) == (ground, base):
+                t, q = each.transform.translation, each.transform.rotation
+                rows.append([each.header.stamp.to_sec(), t.x, t.y, t.z, q.x, q.y, q.z, q.w])
         if len(rows) < 10:
-            raise SystemExit(f'evaluate: {bag} has {len(rows)} transforms from {ground} to {base} on /tf; expected '
-                             'the true motion, see --ground and --base')
+            refuse(f'{bag} has {len(rows)} transforms from {ground} to {base} on /tf; expected the true motion, see '
+                   '--ground and --base')
         rows = np.array(sorted(rows))
         self.times, self.positions, self.quaternions = rows[:, 0], rows[:, 1:4], rows[:, 4:8]
 
@@ -170,9 +190,12 @@ def main():
     truth = Truth(arguments.motion, arguments.ground, arguments.base)
     with tempfile.TemporaryDirectory() as folder:
         table = os.path.join(folder, 'motion.csv')
-        subprocess.run([os.path.join(arguments.tools, 'ktgp_bag'), arguments.motion,
-                        os.path.join(folder, 'matched.bag'), '--motion', table,
-                        '--motion_base_frame', arguments.base, *options], check=True, stdout=sys.stderr)
+        code = subprocess.run([os.path.join(arguments.tools, 'ktgp_bag'), arguments.motion,
+                               os.path.join(folder, 'matched.bag'), '--motion', table,
+                               '--motion_base_frame', arguments.base, *options], check=False,
+                              stdout=sys.stderr).returncode
+        if code not in (0, PARTLY) or not os.path.exists(table):
+            refuse(f'ktgp_bag ended with exit code {code} on {arguments.motion}, without a table')
         with open(table, encoding='utf-8') as file:
             rows = list(csv.DictReader(file))
     times = ' / '.join(f'{seconds:g} s' for seconds in arguments.drift)
@@ -180,7 +203,11 @@ def main():
           f'mean / median (3 / 2.4) | within 99.9 % | drift after {times} |\n|---|---|---|---|---|---|---|---|')
     for above in arguments.above:
         print(measure(rows, truth, above, arguments.drift))
+    if code == PARTLY:
+        print('evaluate: ktgp_bag could not use all of the data (see its messages above); the table is of the rest',
+              file=sys.stderr)
+    return code
 
 
 if __name__ == '__main__':
-    main()
+    sys.exit(main())

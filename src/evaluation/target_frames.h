@@ -19,10 +19,13 @@ constexpr double kWrongTargetBeyond = 15.0;  ///< px, the same; a wrong answer
 struct LabelledTarget {
   std::string target;      ///< file in the folder; its name without the ending is the id
   std::string source;      ///< photograph or video, the same
-  std::size_t frames = 0;  ///< with a label
+  std::size_t frames = 0;  ///< with a label that says where the target is
   std::array<std::size_t, kLabelledSizes.size()> found{};
+  std::size_t near = 0;   ///< found within kWrongTargetBeyond, at full size
   std::size_t fixed = 0;  ///< labelled frames found by the matcher in fixed mode with its defaults
-  std::size_t wrong = 0;  ///< of all answers, also of fixed mode, those beyond kWrongTargetBeyond
+  /// Of all answers, also of fixed mode, those beyond kWrongTargetBeyond, and those where a label
+  /// says that the target is not there.
+  std::size_t wrong = 0;
   /// A video is also searched from its first frame to its last one.
   std::size_t all_frames = 0;
   std::size_t followed = 0;     ///< labelled frames in which it was found
@@ -39,8 +42,8 @@ struct LabelledTargets {
 /// Searches all targets of FOLDER/labels.json in all its photographs and videos. The file is an
 /// object with `"TARGET IMAGE": {"target": points, "image": points}` for a photograph and
 /// `"TARGET VIDEO": {"target": points, "frames": {"NUMBER": points, ...}}` for a video. Points are
-/// [x, y] in px, origin at the centre of the top-left pixel. Throws
-/// files::FileError.
+/// [x, y] in px, origin at the centre of the top-left pixel; `[]`: the target is not in the image.
+/// Labels beyond the end of a video are problems. Throws files::FileError.
 LabelledTargets searchLabelled(const std::string& folder, const TargetFinderOptions& options);
 
 /// For the terminal.

@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <tuple>
+#include <variant>
 
 namespace ktgp_orb {
 namespace {
@@ -46,24 +47,61 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// The methods that decide how far the views of a pair may differ.
-auto methodsOf(const Parameters& p) {
-  return std::tie(p.features, p.distribution, p.descriptor, p.T_w, p.mutual, p.gms, p.growth,
-                  p.views, p.guided, p.alignment, p.geometry);
+/// Whether a preset other than video was set. They all set T_w: ktgp and teblid to that of the
+/// descriptor, those for views that differ strongly to 1.
+bool isOfAPreset(const Parameters& p) {
+  return p.T_w == ratioThreshold(descriptorFrom(p.descriptor)) ||
+         (p.T_w == 1.0 && p.mutual && !p.gms);
+}
+
+bool choosesForFixed(const Parameters& parameters) {
+  return parameters.reference_mode == "fixed" && !isOfAPreset(parameters);
+}
+
+/// What views of a fixed reference need, which differ strongly.
+Parameters wantedForFixed() {
+  Parameters wanted;
+  wanted.features = 5000;
+  wanted.distribution = "uniform";
+  wanted.T_w = 1.0;
+  wanted.mutual = wanted.growth = wanted.guided = true;
+  wanted.gms = false;
+  wanted.views = 13;
+  wanted.search_radius =
+      48.0;  // as preset video; what moves farther is searched in the whole image
+  return wanted;
+}
+
+/// That, in place of every default. A default that was set by hand cannot be told from one that
+/// was not.
+Parameters chosenForFixed(const Parameters& given) {
+  const Parameters usual;
+  const Parameters wanted = wantedForFixed();
+  Parameters chosen = given;
+  for (const ParameterRow& row : parameterRows()) {
+    std::visit(
+        [&](auto field) {
+          if (given.*field == usual.*field) chosen.*field = wanted.*field;
+        },
+        row.field);
+  }
+  return chosen;
 }
 
 }  // namespace
 
-bool choosesForFixed(const Parameters& parameters) {
-  return parameters.reference_mode == "fixed" && methodsOf(parameters) == methodsOf(Parameters{});
-}
-
 std::string noteOnFixed(const Parameters& parameters) {
   if (!choosesForFixed(parameters)) return {};
-  return "reference_mode is fixed, and nothing was set that decides how far views may differ: uses "
-         "preset robust with views 13, features 5000, distribution uniform and, unless it is set, "
-         "search_radius 48; enlarges a reference whose shorter side is below 150 px, "
-         "and the frames with it";
+  const Parameters chosen = chosenForFixed(parameters);
+  std::string values;
+  for (const ParameterRow& row : parameterRows()) {
+    const std::string value = valueText(row, chosen);
+    if (value == valueText(row, parameters)) continue;
+    values += (values.empty() ? "" : ", ") + row.name + ' ' + value;
+  }
+  return "reference_mode is fixed, so the reference may be seen from anywhere: uses " + values +
+         ", which were not set; enlarges a reference whose shorter side is below 150 px, and the "
+         "frames with it (not with teblid)";
 }
 
 PipelineOptions pipelineOptions(const Parameters& given) {
@@ -76,16 +114,7 @@ PipelineOptions pipelineOptions(const Parameters& given) {
 
 SequenceOptions sequenceOptions(const Parameters& given) {
   if (!choosesForFixed(given)) return optionsFrom(pipelineOptions(given).parameters);
-  Parameters parameters = given;
-  parameters.features = 5000;
-  parameters.distribution = "uniform";
-  parameters.T_w = 1.0;
-  parameters.mutual = parameters.growth = parameters.guided = true;
-  parameters.gms = false;
-  parameters.views = 13;
-  // As preset video. What moves farther is searched in the whole image.
-  if (parameters.search_radius == 0.0) parameters.search_radius = 48.0;
-  SequenceOptions options = optionsFrom(pipelineOptions(parameters).parameters);
+  SequenceOptions options = optionsFrom(pipelineOptions(chosenForFixed(given)).parameters);
   options.reference.enlarge_below = 150;
   return options;
 }

@@ -21,12 +21,10 @@ PipelineOptions pipelineOptions(const Parameters& parameters);
 
 /// The same for a sequence, with the options of the reference. A fixed reference is seen from
 /// anywhere; the paper's method is for neighbouring frames. So reference_mode fixed uses what pairs
-/// with strongly different views need, unless one of the parameters that decide it was set.
+/// with strongly different views need in place of the defaults, unless a preset decides it.
 SequenceOptions sequenceOptions(const Parameters& parameters);
 
-/// Whether sequenceOptions() chooses for a fixed reference, and the message for the user; else
-/// empty.
-bool choosesForFixed(const Parameters& parameters);
+/// What sequenceOptions() chooses for a fixed reference, as a message for the user; else empty.
 std::string noteOnFixed(const Parameters& parameters);
 
 /// The overlay_style; the reference mode decides "auto": views of a fixed reference move too far

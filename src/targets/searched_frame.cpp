@@ -11,21 +11,31 @@ namespace {
 
 constexpr double kOctave = 2.0;
 
-/// How much larger a frame becomes in which small targets are wanted.
+/// How much larger a frame becomes in which small targets are wanted; 1: as it is.
 double enlargementOf(int longer_side) {
   constexpr double kEnlarged = 960.0;  // px; more takes time, and loses large targets
   constexpr double kMost = 4.0;
-  return std::clamp(kEnlarged / longer_side, kOctave, kMost);
+  constexpr double kLeast = 1.25;  // less finds hardly more than the frame itself
+  if (longer_side <= 0) return 1.0;
+  const double most = static_cast<double>(SearchedFrame::kLargestFrame) / longer_side;
+  const double by = std::min(std::clamp(kEnlarged / longer_side, kOctave, kMost), most);
+  return by >= kLeast ? by : 1.0;
 }
 
-/// With the levels that an octave adds, large targets are reached as before. More enlargement makes
-/// edges softer.
+/// With the levels that the enlargement adds, up to an octave, large targets are reached as before.
+/// More enlargement makes edges softer.
 OrbOptions enlarged(OrbOptions options, double by) {
   constexpr int kMostLevels = 16;
-  const int octave = cvRound(std::log(kOctave) / std::log(options.scale_factor));
-  options.levels = std::min(options.levels + octave, kMostLevels);
-  options.fast_threshold = std::max(1, cvRound(options.fast_threshold * kOctave / by));
+  const double octave = std::min(by, kOctave);
+  const int more = cvRound(std::log(octave) / std::log(options.scale_factor));
+  options.levels = std::min(options.levels + more, kMostLevels);
+  options.fast_threshold = std::max(1, cvRound(options.fast_threshold * octave / by));
   return options;
+}
+
+/// The homography back to the frame needs the ratio of the sizes, which are whole pixels.
+cv::Size resized(const cv::Size& size, double by) {
+  return {std::max(1, cvRound(by * size.width)), std::max(1, cvRound(by * size.height))};
 }
 
 }  // namespace
@@ -41,23 +51,21 @@ void SearchedFrame::setEnlargement(double by) {
 
 void SearchedFrame::set(const cv::Mat& image, bool wants_small) {
   const int longer = std::max(image.cols, image.rows);
-  const bool is_larger = wants_small && longer > 0 && kOctave * longer <= kLargestFrame;
+  const double by = wants_small ? enlargementOf(longer) : 1.0;
   own_ = {image};
   features_ = &extracted_;
   if (longer > kLargestFrame) {
     const double shrink = static_cast<double>(kLargestFrame) / longer;
-    const cv::Size size(std::max(1, cvRound(shrink * image.cols)),
-                        std::max(1, cvRound(shrink * image.rows)));
-    cv::resize(image, resized_, size, 0, 0, cv::INTER_AREA);
-  } else if (is_larger) {
-    setEnlargement(enlargementOf(longer));
+    cv::resize(image, resized_, resized(image.size(), shrink), 0, 0, cv::INTER_AREA);
+  } else if (by > 1.0) {
+    setEnlargement(by);
     // Linear interpolation would blur what little a small frame has.
-    cv::resize(image, resized_, cv::Size(), enlargement_, enlargement_,
-               enlargement_ > kOctave ? cv::INTER_LANCZOS4 : cv::INTER_LINEAR);
+    cv::resize(image, resized_, resized(image.size(), by), 0, 0,
+               by > kOctave ? cv::INTER_LANCZOS4 : cv::INTER_LINEAR);
   } else {
     resized_ = image;
   }
-  (is_larger ? enlarged_extractor_ : extractor_).extract(resized_, extracted_);
+  (by > 1.0 ? enlarged_extractor_ : extractor_).extract(resized_, extracted_);
   scale_ = static_cast<double>(resized_.cols) / std::max(1, image.cols);
   to_frame_ = homography::resizing(resized_.size(), image.size());
 }

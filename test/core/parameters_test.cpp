@@ -55,29 +55,51 @@ TEST(Parameters, EveryNodeletHasItsTableAndNothingIsTakenFromAnother) {
 }
 
 /// The paper's method is for neighbouring frames; a fixed reference is seen from anywhere.
-TEST(Parameters, ChooseTheMethodForAFixedReferenceUnlessOneIsSet) {
+TEST(Parameters, ChooseTheMethodForAFixedReference) {
   Parameters parameters;
   EXPECT_FALSE(sequenceOptions(parameters).matcher.growth.enabled);
   EXPECT_EQ(noteOnFixed(parameters), "");
   parameters.reference_mode = "fixed";
   const SequenceOptions chosen = sequenceOptions(parameters);
-  EXPECT_TRUE(chosen.matcher.growth.enabled && chosen.matcher.guided.enabled);
-  EXPECT_FALSE(chosen.matcher.gms.enabled);
+  EXPECT_TRUE(chosen.matcher.mutual && chosen.matcher.guided.enabled);
+  EXPECT_TRUE(chosen.matcher.growth.enabled && !chosen.matcher.gms.enabled);
+  EXPECT_EQ(chosen.matcher.ratio_threshold, 1.0);
   EXPECT_EQ(chosen.matcher.growth.views, 13);
   EXPECT_EQ(chosen.matcher.knn.search_radius, 48.0);
+  EXPECT_EQ(chosen.orb.max_features, 5000);
+  EXPECT_EQ(chosen.orb.distribution, KeypointDistribution::uniform);
   EXPECT_EQ(chosen.reference.enlarge_below, 150);
-  EXPECT_NE(noteOnFixed(parameters), "");
-  parameters.search_radius = 16.0;
-  EXPECT_EQ(sequenceOptions(parameters).matcher.knn.search_radius, 16.0);
-  EXPECT_TRUE(sequenceOptions(parameters).matcher.growth.enabled);
-  parameters.search_radius = 0.0;
-  for (const auto& [name, value] :
-       {std::pair("growth", "true"), std::pair("T_w", "0.7"), std::pair("features", "3000")}) {
-    Parameters set = parameters;
-    setParameter(*findParameter(name), value, set);
-    EXPECT_TRUE(sequenceOptions(set).matcher.gms.enabled) << name;
-    EXPECT_EQ(noteOnFixed(set), "") << name;
+  for (const char* words : {"T_w 1", "gms false", "growth true", "views 13", "features 5000",
+                            "distribution uniform", "search_radius 48", "below 150 px"}) {
+    EXPECT_NE(noteOnFixed(parameters).find(words), std::string::npos) << words;
   }
+}
+
+/// Who wants fewer features or another descriptor still has a reference that is seen from anywhere.
+TEST(Parameters, KeepWhatWasSetForAFixedReference) {
+  const auto chosenFor = [](const std::string& name, const std::string& value) {
+    Parameters set;
+    set.reference_mode = "fixed";
+    setParameter(*findParameter(name), value, set);
+    const SequenceOptions chosen = sequenceOptions(set);
+    EXPECT_TRUE(chosen.matcher.growth.enabled && !chosen.matcher.gms.enabled) << name;
+    EXPECT_EQ(chosen.reference.enlarge_below, 150) << name;
+    EXPECT_NE(noteOnFixed(set).find("gms false"), std::string::npos) << name;
+    EXPECT_EQ(noteOnFixed(set).find(name + " "), std::string::npos) << "it was not chosen";
+    return chosen;
+  };
+  EXPECT_EQ(chosenFor("features", "3000").orb.max_features, 3000);
+  EXPECT_EQ(chosenFor("features", "3000").matcher.growth.views, 13);
+  EXPECT_EQ(chosenFor("T_w", "0.7").matcher.ratio_threshold, 0.7);
+  EXPECT_EQ(chosenFor("descriptor", "teblid").orb.descriptor, DescriptorKind::teblid);
+  EXPECT_EQ(chosenFor("descriptor", "teblid").matcher.ratio_threshold, 1.0);
+  EXPECT_EQ(chosenFor("prosac_threshold", "2").matcher.prosac.max_error, 2.0);
+  EXPECT_EQ(chosenFor("search_radius", "16").matcher.knn.search_radius, 16.0);
+  EXPECT_EQ(chosenFor("views", "5").matcher.growth.views, 5);
+  EXPECT_EQ(chosenFor("growth", "true").orb.max_features, 5000);
+  EXPECT_EQ(chosenFor("guided", "true").matcher.growth.views, 13);
+  EXPECT_FALSE(chosenFor("alignment", "false").matcher.alignment.enabled);
+  EXPECT_EQ(chosenFor("geometry", "auto").matcher.geometry, GeometryModel::automatic);
 }
 
 TEST(Parameters, ChooseTheOverlayByTheReferenceModeUnlessTold) {

@@ -1,6 +1,8 @@
 // Compares the defaults and the presets in config/ with those of the core.
 #include <gtest/gtest.h>
 
+#include <string>
+
 #include "cli/parameter_file.h"
 #include "parameters/options.h"
 
@@ -52,6 +54,27 @@ TEST(Presets, AreThoseOfTheCore) {
   MatcherOptions video;
   video.knn.search_radius = 48.0;
   expectPreset("video", video);
+}
+
+/// Only video says nothing about how far views may differ.
+TEST(Presets, AreTakenAsTheyAreForAFixedReference) {
+  for (const char* name : {"ktgp", "photo", "robust", "slam", "teblid", "video"}) {
+    SCOPED_TRACE(name);
+    Parameters parameters;
+    tools::readPreset(name, parameters);
+    const SequenceOptions preset = sequenceOptions(parameters);
+    parameters.reference_mode = "fixed";
+    const SequenceOptions fixed = sequenceOptions(parameters);
+    if (name == std::string("video")) {
+      EXPECT_TRUE(fixed.matcher.growth.enabled);
+      continue;
+    }
+    EXPECT_EQ(noteOnFixed(parameters), "");
+    EXPECT_EQ(fixed.orb, preset.orb);
+    expectEqual(fixed.matcher, preset.matcher, preset.orb.descriptor);
+    parameters.features = 1000;
+    EXPECT_EQ(sequenceOptions(parameters).matcher.gms.enabled, preset.matcher.gms.enabled);
+  }
 }
 
 }  // namespace

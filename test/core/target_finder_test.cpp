@@ -147,6 +147,27 @@ TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfTheFrame) {
   EXPECT_LT(found_without, found);
 }
 
+/// Twice as large would be more than 2500 px, so these copies are as large as they may be.
+TEST(TargetFinder, FindsSmallTargetsInALargerCopyOfALargeFrame) {
+  TargetFinder finder = finderOf(3);
+  for (const cv::Size size : {cv::Size(1280, 720), cv::Size(1920, 1080)}) {
+    std::vector<double> errors;  // of those found, px
+    for (int i = 0; i < 8; ++i) {
+      const Shown truth = shown(i % 3, 150.0 + 60 * i, 200.0, 0.1 * i, 45.0 / kPoster.height, i);
+      const cv::Mat background = test::drawnPicture(size, 1000U + static_cast<unsigned>(i));
+      const cv::Mat image =
+          test::inFrontOf(background, poster(truth.number).images[0], truth.homography);
+      const DetectedTarget* small = detectionOf(finder.findAlone(image), truth.number);
+      if (small == nullptr) continue;
+      errors.push_back(
+          test::errorInView(truth.homography, small->homography.homography, kPoster, size));
+    }
+    ASSERT_GE(errors.size(), 5U) << size;
+    std::sort(errors.begin(), errors.end());
+    EXPECT_LT(errors[errors.size() / 2], 0.2) << size;
+  }
+}
+
 /// A copy that is twice as large is twice as blurred, so its patches show less.
 TEST(TargetFinder, BlurredTargetsAreAsExactAsWithoutALargerCopyOfTheFrame) {
   TargetFinderOptions options;

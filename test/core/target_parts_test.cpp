@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <numeric>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "target_world.h"
@@ -48,6 +49,27 @@ TEST(SearchedFrame, HasAtMostItsLargestSize) {
       EXPECT_LE(std::max(searched.width, searched.height), SearchedFrame::kLargestFrame) << size;
       EXPECT_LE(frame.features().size(), 4000U) << size;
     }
+  }
+}
+
+/// Up to its largest size, as long as that is worth it.
+TEST(SearchedFrame, IsLargerWhereSmallTargetsAreWanted) {
+  SearchedFrame frame(oneView());
+  for (const auto& [width, scale] :
+       {std::pair(160, 4.0), std::pair(320, 3.0), std::pair(640, 2.0), std::pair(1250, 2.0),
+        std::pair(1280, 2500.0 / 1280.0), std::pair(1920, 2500.0 / 1920.0), std::pair(2001, 1.0)}) {
+    const cv::Mat image = test::drawnPicture({width, 91}, 1);
+    frame.set(image, true);
+    const cv::Size searched = frame.features().image_size;
+    EXPECT_EQ(searched.width, cvRound(scale * width));
+    EXPECT_NEAR(frame.scale(), scale, 1e-9);
+    // The whole searched frame, from the outer edge of the first pixels to that of the last ones.
+    const Eigen::Vector3d last(searched.width - 0.5, searched.height - 0.5, 1.0);
+    EXPECT_NEAR((frame.toFrame() * last - Eigen::Vector3d(width - 0.5, 90.5, 1.0)).norm(), 0.0,
+                1e-9);
+    frame.set(image, false);
+    EXPECT_EQ(frame.features().image_size, image.size());
+    EXPECT_EQ(frame.scale(), 1.0);
   }
 }
 

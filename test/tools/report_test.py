@@ -19,6 +19,14 @@ try:
     DRAWING = True
 except ImportError:
     DRAWING = False
+try:
+    import rosbag
+    import rospy
+    from geometry_msgs.msg import TransformStamped
+    from tf2_msgs.msg import TFMessage
+    ROS = True
+except ImportError:
+    ROS = False
 
 
 def expected():
@@ -194,6 +202,69 @@ class ReportOfBrokenData(unittest.TestCase):
             page = (output / "index.html").read_text(encoding="utf-8")
             self.assertIn("nowhere", page)
             self.assertIn("fetch_oxford", page)
+
+
+@unittest.skipUnless(ROS, "python3-rosbag is not installed: scripts/evaluate --motion needs ROS")
+class MotionOfBrokenData(unittest.TestCase):
+    """scripts/evaluate --motion with a ktgp_bag that writes a table and ends with the exit code CODE."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.bag = self.folder / "flight.bag"
+        with rosbag.Bag(str(self.bag), "w", chunk_threshold=1000) as bag:
+            for i in range(200):
+                pose = TransformStamped()
+                pose.header.stamp = rospy.Time.from_sec(1 + 0.01 * i)
+                pose.header.frame_id, pose.child_frame_id = "ground", "base_link"
+                pose.transform.translation.x, pose.transform.translation.z = 0.001 * i, 0.01 * i
+                pose.transform.rotation.w = 1
+                bag.write("/tf", TFMessage([pose]), pose.header.stamp)
+        tool = self.folder / "ktgp_bag"
+        tool.write_text("""#!/bin/sh
+[ "$CODE" -lt 2 ] || exit "$CODE"
+while [ "$1" != --motion ]; do shift; done
+echo stamp,x,vx > "$2"
+for i in 5 6 7 8; do echo "2.$i,,"; done >> "$2"
+exit "$CODE"
+""")
+        tool.chmod(0o755)
+
+    def evaluate(self, bag, code=0):
+        run = subprocess.run([sys.executable, "-B", ROOT / "scripts/report/motion.py", "--tools", self.folder,
+                              "--motion", bag], env=dict(os.environ, CODE=str(code)), capture_output=True,
+                             text=True, check=False)
+        self.assertNotIn("Traceback", run.stderr)
+        return run
+
+    def refused(self, bag, *words, code=0):
+        run = self.evaluate(bag, code)
+        self.assertEqual((run.returncode, run.stdout, len(run.stderr.splitlines())), (2, "", 1), run.stderr)
+        for each in ("evaluate: ", str(bag), *words):
+            self.assertIn(each, run.stderr)
+
+    def test_a_bag_that_cannot_be_read_is_named(self):
+        self.refused(self.folder / "none.bag", "No such file")
+        self.refused(self.folder, "directory")
+        whole = self.bag.read_bytes()
+        cut = self.folder / "cut.bag"
+        cut.write_bytes(whole[:4096 + (len(whole) - 4096) // 3])
+        self.refused(cut, "is not complete", f"rosbag reindex {cut}")
+        cut.write_bytes(b"no bag at all\n")
+        self.refused(cut)
+        cut.write_bytes(b"")
+        self.refused(cut)
+
+    def test_a_table_of_a_part_of_the_data_is_shown(self):
+        whole, part = self.evaluate(self.bag), self.evaluate(self.bag, 1)
+        self.assertEqual((whole.returncode, whole.stderr), (0, ""))
+        self.assertIn("| 0.1 m | 3 | 100 % |", whole.stdout)
+        self.assertEqual((part.returncode, part.stdout), (1, whole.stdout))
+        self.assertIn("could not use all of the data", part.stderr)
+
+    def test_without_a_table_the_exit_code_is_said(self):
+        self.refused(self.bag, "ktgp_bag ended with exit code 3", code=3)
 
 
 if __name__ == "__main__":
