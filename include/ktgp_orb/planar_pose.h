@@ -19,11 +19,10 @@ struct PlanarPose {
   /// Target -> camera. The origin of the target is the middle of the reference image; its x axis
   /// points right, y down, and z away from the viewer.
   Pose3 target_to_camera = Pose3::Identity();
-  /// Of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad), in this order;
-  /// NaN where the covariance of the homography is not known.
+  /// Of x, y, z (m) and of small rotations about the camera's x, y, z axes (rad), in this order.
   Covariance6 covariance = Covariance6::Zero();
-  /// Squared distance of its homography from the given one in units of the covariance; 0 where that
-  /// is not known. Two degrees of freedom.
+  /// Squared distance of its homography from the given one in units of the covariance, with two
+  /// degrees of freedom.
   double squared_error = 0.0;
   /// Likelihood of this pose against the other one, 0..1; 1: there is no other one.
   double share = 1.0;
@@ -42,9 +41,9 @@ struct PlanarPoses {
 ///
 /// Starts at both solutions of IPPE (Collins & Bartoli, IJCV 2014), and finds from each the pose
 /// whose homography is nearest to the given one, weighted by its covariance (Levenberg-Marquardt).
-/// None for a homography that no target in front of the camera gives, and where neither start
-/// converges. Throws std::invalid_argument for an empty size, and for a width or focal length that
-/// is not positive.
+/// None for a homography that no target in front of the camera gives, without a covariance that is
+/// positive definite, and where neither start converges. Throws std::invalid_argument for an empty
+/// size, and for a width or focal length that is not positive.
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
                         const Eigen::Matrix3d& camera, const cv::Size& reference_size,
                         double target_width);

@@ -182,9 +182,6 @@ void addPoses(const TargetFrame& frame, const cv::Size& image, const sensor_msgs
           pose.find(frame.detections[i], *camera, message.header.stamp, image.height);
       if (found.poses.empty()) throw std::invalid_argument(detection.id + ": " + found.problem);
       const PlanarPose& best = found.poses.front();
-      if (!best.covariance.allFinite()) {
-        throw std::invalid_argument(detection.id + ": the homography has no covariance");
-      }
       detection.has_pose = 1;
       detection.pose = toMessage(best.target_to_camera, best.covariance);
       detection.pose_share = best.share;

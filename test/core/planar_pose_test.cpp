@@ -202,15 +202,16 @@ TEST(PlanarPose, AFrontalViewAllowsTwo) {
   EXPECT_EQ(one[0].share, 1.0);
 }
 
-TEST(PlanarPose, IsThereWithoutACovariance) {
+/// It tells which of the poses are near enough, and how certain they are.
+TEST(PlanarPose, IsNotThereWithoutACovariance) {
   std::mt19937 random(3);
-  Covariance8 unknown;
-  unknown.setConstant(std::nan(""));
-  const auto found =
-      planarPoses(fit(somePose(), 0.0, random), unknown, camera(), kReference, kWidth).poses;
-  ASSERT_FALSE(found.empty());
-  EXPECT_LT(difference(found[0].target_to_camera, somePose()).norm(), 1e-6);
-  EXPECT_TRUE(found[0].covariance.array().isNaN().all());
+  const Eigen::Matrix3d homography = fit(somePose(), 0.0, random);
+  for (const double value : {std::nan(""), 0.0, -1.0}) {
+    const PlanarPoses found = planarPoses(homography, Covariance8(value * Covariance8::Identity()),
+                                          camera(), kReference, kWidth);
+    EXPECT_TRUE(found.poses.empty()) << value;
+    EXPECT_EQ(found.problem, "the homography has no covariance") << value;
+  }
 }
 
 TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <optional>
 #include <stdexcept>
@@ -271,10 +270,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
   }
   const auto whitening = whiteningOf(covariance);
   if (!whitening) {
-    PlanarPose exact;
-    exact.target_to_camera = starts.front();
-    exact.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
-    result.poses = {exact};
+    result.problem = "the homography has no covariance";
     return result;
   }
   const PoseFit fit(homography, *whitening, camera, scale);
