@@ -27,7 +27,7 @@ struct Correspondence {
   std::int32_t second_distance = 0;  ///< d2, Hamming distance to the second nearest, d1..256
   Level level = Level::knn;
   /// Whether the target feature is also the nearest to the reference feature; false unless
-  /// MatcherOptions::mutual is on.
+  /// MatcherOptions::mutual is on, or growth in a search of the whole image.
   bool mutual = false;
 
   /// W = d1/d2 (Eq. 3), also PROSAC's quality (Eq. 6, smaller is better). 1 for two identical

@@ -166,9 +166,9 @@ bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
   }
   if (reference.empty()) return false;
   pairs_.load(reference, target, InputOrder(), options.max_error);
-  constexpr double kCells = 16.0;  // along the diagonal, as in SmoothField
   const auto corners = imageCorners(reference_size, reference);
-  const double cell = options.by_cell ? (corners[2] - corners[0]).norm() / kCells : 0.0;
+  const double cell =
+      options.by_cell ? (corners[2] - corners[0]).norm() / kCellsAlongDiagonal : 0.0;
   std::optional<Eigen::Matrix3d> h = pairs_.fromPixels(estimate.homography);
   if (!h || fit_.fit(pairs_, options.min_scale, cell, *h) != FitOutcome::fitted) return false;
   const UncertainHomography refined = fit_.inPixels(pairs_, *h, corners, options.errors);

@@ -32,7 +32,6 @@ double traceOfProduct(const Matrix8& a, const Matrix8& b) {
 FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<double>& weights,
                           double curvature, const Eigen::Matrix3d& homography,
                           const FieldScales& scales) {
-  constexpr double kCells = 16.0;  // along the diagonal
   constexpr double kLength = 0.6;  // of the diagonal
   constexpr std::size_t kFewest =
       12;  // pairs; eight entries explain nearly all errors of fewer pairs
@@ -40,8 +39,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   choosePairs(pairs, weights, homography);
   if (pairs_.empty() || !(scales.image_diagonal > 0.0)) return result;
   limitErrors();
-  sortIntoCells(scales.image_diagonal / kCells);
-  step_ = std::exp(-1.0 / (kCells * kLength));
+  sortIntoCells(scales.image_diagonal / kCellsAlongDiagonal);
+  step_ = std::exp(-1.0 / (kCellsAlongDiagonal * kLength));
   smooth();
   const NearPairs shared = findNear(scales.nearby);
   const double chosen = static_cast<double>(pairs_.size());
@@ -56,7 +55,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   const Matrix8 by_field = inverse * expanded(of_cells.spread) * inverse;
   const double length = std::min(scales.rounding_length, kLength * scales.image_diagonal);
   result.of_rounding =
-      inverse * expanded(spreadOfRounding(length, scales.image_diagonal / kCells)) * inverse;
+      inverse * expanded(spreadOfRounding(length, scales.image_diagonal / kCellsAlongDiagonal)) *
+      inverse;
   if (pairs_.size() < kFewest) return result;
   const Matrix8 by_noise = inverse * expanded(of_pairs.second) * inverse;
 

@@ -9,6 +9,9 @@
 
 namespace ktgp_orb::homography {
 
+/// Pairs in one cell of the image may have an error in common.
+inline constexpr double kCellsAlongDiagonal = 16.0;
+
 /// Sizes for the estimation of the smooth field, in the units of the reference points.
 struct FieldScales {
   double image_diagonal = 0.0;

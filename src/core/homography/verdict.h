@@ -78,8 +78,8 @@ struct FinalHomography {
   double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
 };
 
-/// The only place where mask, inliers, RMSE and verdict are derived from a homography, whether
-/// PROSAC, guided matching or alignment found it. Keeps its buffers.
+/// Derives mask, inliers, RMSE and verdict from a homography, whether PROSAC, the growth or a
+/// search for a target found it. Keeps its buffers.
 class Finaliser {
  public:
   /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, in

@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "core/homography/smooth_field.h"
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
 #include "core/prosac/prosac.h"
@@ -300,9 +301,9 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
                                          TwoView& result) {
   constexpr double kMostTurn = 0.1;    // rad, standard deviation
   constexpr double kMostAcross = 0.7;  // rad, of the direction of the translation
-  constexpr double kCells = 16.0;      // along the diagonal, as for homographies
   const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
-  const double cell = (corners[2] - corners[0]).norm() * normalised.scale() / kCells;
+  const double cell =
+      (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
   const auto covariance =
       fit.covariance(normalised, epipolar, cell, options.shared_error * normalised.scale());
   if (!covariance.allFinite()) return false;
