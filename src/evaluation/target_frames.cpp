@@ -89,6 +89,7 @@ std::size_t numberOf(const std::string& text) {
 Label labelOf(const json& entry) {
   Label label;
   label.on_target = pointsOf(entry.at("target"));
+  if (label.on_target.empty()) throw std::invalid_argument("has no points on the target");
   if (entry.contains("image") && entry.contains("frames")) {
     throw std::invalid_argument("has \"image\" and \"frames\"; expected one of them");
   }

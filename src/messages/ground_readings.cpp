@@ -200,6 +200,7 @@ void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
   frame.height.reset();
+  range_stamp_ = {};
   no_height_ =
       "the beam of the range on " + range_topic_ +
       " does not point to the ground; a range sensor looks along the x axis of its frame, " +
@@ -272,8 +273,7 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
     case GroundStatus::contradiction:
       return estimate.homography_misfit > GroundEstimate::kContradiction
                  ? "the homography is not that of flat ground: see the calibration, readout_time, "
-                   "and "
-                   "what moves in the picture"
+                   "and what moves in the picture"
                  : "the homography is a jump after earlier frames: it may be off by a period of "
                    "repetitive ground";
     case GroundStatus::stamp_went_back:

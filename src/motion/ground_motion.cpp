@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -55,8 +56,8 @@ struct Innovations {
   bool is_another = false;   // the newest measurement is one of them
   std::int64_t ground = -1;  // of the newest measurement
   Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // of the newest one, in given deviations
-  double step = 0.0;                                   // squared, from the one before to the newest
-  double scatter = 0.0;                                // half of it: running mean
+  std::array<double, 2> steps{};  // squared, to the newest one and to the one before
+  double scatter = 0.0;           // of the smaller steps: running mean, see addResidual()
 
   /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
   /// have the same cause, so they count once.
@@ -72,13 +73,16 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
-  /// The noise that the differences of successive measurements show (von Neumann, 1941) counts for
-  /// what is called a contradiction. What is wrong always in the same way has none, and a single
-  /// step is none: of two in a row the smaller one counts.
-  void addResidual(const Eigen::Vector3d& newest, double dimensions) {
+  /// What is called a contradiction depends on the noise that the differences of successive
+  /// measurements show (von Neumann, 1941). What is wrong in the same way each time has none. Of
+  /// three steps in a row the smallest counts, since an outlier makes two.
+  void addResidual(const Eigen::Vector3d& newest, int dimensions) {
     constexpr double kMeasurements = 30.0;
-    const double last_step = std::exchange(step, (newest - residual).squaredNorm());
-    scatter += (0.5 * std::min(step, last_step) / dimensions - scatter) / kMeasurements;
+    // Means of the smallest of three squared steps of normal noise with variance 1, simulated.
+    const double usual = dimensions == 1 ? 0.451 : 1.48;
+    const double step = (newest - residual).squaredNorm();
+    scatter += (std::min({step, steps[0], steps[1]}) / usual - scatter) / kMeasurements;
+    steps = {step, steps[0]};
     residual = newest;
   }
   double spread() const { return std::sqrt(std::max(1.0, scatter)); }
@@ -126,6 +130,9 @@ struct GroundMotion::Impl {
   void useReadings(const GroundFrame& frame);
   template <int kRows>
   double use(motion::PoseRows<kRows> rows, Innovations& of_kind, std::int64_t ground);
+  template <int kRows>
+  double useScattered(const motion::PoseRows<kRows>& rows, Innovations& of_kind,
+                      std::int64_t ground);
   void addTurn(const GroundFrame& frame);
   void useTurn(TurnReading turn, double seconds);
   double doubtOf(const Eigen::Vector3d& turn, double seconds);
@@ -179,12 +186,12 @@ struct GroundMotion::Impl {
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
-  std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
+  const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
   motion::requireValid(frame);  // the turn of a frame that is refused is missing in the sum
+  turned = turns;
   if (has_frame && frame.stamp == newest_stamp) {
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
-  turned = turns;
   const std::optional<ImuMounting> imu = estimate.imu;
   estimate = {};
   estimate.imu = imu;  // until this frame's
@@ -308,6 +315,9 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
                                        ? frame.turn->rotation
                                        : motion::rotationAbout(seconds * camera_twist.tail<3>());
       begin.down->direction = turn * begin.down->direction;
+      if (!looksDown(begin.down->direction)) begin.down.reset();
+    }
+    if (begin.down) {
       begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
     }
   }
@@ -316,6 +326,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   if (!follows) return placed(frame, image, GroundStatus::resumed);
   filter.setKeyframe(image, true);
   const auto innovation = filter.advance(image);
+  if (!innovation) estimate.homography_misfit = std::numeric_limits<double>::infinity();
   if (!innovation || (isJump(seconds, estimate.gap) && !isBelieved(newestVelocity(seconds)))) {
     filter = before;
     return GroundStatus::contradiction;
@@ -449,20 +460,27 @@ void GroundMotion::Impl::widenForReadings(const GroundFrame& frame) {
   filter.start(placed, filter.covariance() + more);
 }
 
-/// Uses a reading with the noise that readings of its kind have shown. Returns its misfit, in
-/// deviations of this noise as far as it goes to all sides.
+/// Uses a reading with the noise that readings of its kind have shown. Returns its misfit.
 template <int kRows>
 double GroundMotion::Impl::use(motion::PoseRows<kRows> rows, Innovations& of_kind,
                                std::int64_t ground) {
   const Innovation innovation = filter.innovationOf(rows);
-  const double misfit = innovation.misfit / of_kind.spread();
   of_kind.add(innovation, ground);
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
-  residual.head<kRows>() = rows.residual / rows.deviation;
-  of_kind.addResidual(residual, std::min(kRows, 2));
   rows.deviation *= std::sqrt(of_kind.factor());
   filter.use(rows);
-  return misfit;
+  return innovation.misfit;
+}
+
+/// The same for a height or a normal: the misfit is in multiples of what such readings scatter by,
+/// where that is more than they say. A turn that is wrong scatters, too, with the turn itself.
+template <int kRows>
+double GroundMotion::Impl::useScattered(const motion::PoseRows<kRows>& rows, Innovations& of_kind,
+                                        std::int64_t ground) {
+  const double spread = of_kind.spread();
+  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
+  residual.head<kRows>() = rows.residual / rows.deviation;
+  of_kind.addResidual(residual, std::min(kRows, 2));  // a normal has two directions
+  return use(rows, of_kind, ground) / spread;
 }
 
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
@@ -473,7 +491,7 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const motion::PoseRows<1> rows = rowsOf(relief.widened(*frame.height), now, rise);
     estimate.height_misfit = std::numeric_limits<double>::infinity();
     if (std::isfinite(rows.residual(0))) {
-      estimate.height_misfit = use(rows, of_height, newest_stamp);
+      estimate.height_misfit = useScattered(rows, of_height, newest_stamp);
       filter.widen(of_height.doubt(rows.residual(0) / now.position.z(), 0), 0.0);
     }
     estimate.height_used = estimate.height_misfit <= limit;
@@ -482,7 +500,7 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     estimate.down_misfit = std::numeric_limits<double>::infinity();
   } else if (frame.down) {
     const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
-    estimate.down_misfit = use(rows, of_down, seenSlope());
+    estimate.down_misfit = useScattered(rows, of_down, seenSlope());
     // The pictures tell the tilt as well: one reading alone does not count against them.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= limit;

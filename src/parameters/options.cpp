@@ -47,11 +47,11 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether a preset other than video was set. They all set T_w: ktgp and teblid to that of the
+/// Whether a preset other than video was set. They all set T_w: ktgp and teblid to that of a
 /// descriptor, those for views that differ strongly to 1.
 bool isOfAPreset(const Parameters& p) {
-  return p.T_w == ratioThreshold(descriptorFrom(p.descriptor)) ||
-         (p.T_w == 1.0 && p.mutual && !p.gms);
+  return p.T_w == ratioThreshold(DescriptorKind::orb) ||
+         p.T_w == ratioThreshold(DescriptorKind::teblid) || (p.T_w == 1.0 && p.mutual && !p.gms);
 }
 
 bool choosesForFixed(const Parameters& parameters) {
@@ -99,8 +99,9 @@ std::string noteOnFixed(const Parameters& parameters) {
     if (value == valueText(row, parameters)) continue;
     values += (values.empty() ? "" : ", ") + row.name + ' ' + value;
   }
-  return "reference_mode is fixed, so the reference may be seen from anywhere: uses " + values +
-         ", which were not set; enlarges a reference whose shorter side is below 150 px, and the "
+  const std::string uses = values.empty() ? "" : "uses " + values + ", which were not set; ";
+  return "reference_mode is fixed, so the reference may be seen from anywhere: " + uses +
+         "enlarges a reference whose shorter side is below 150 px, and the "
          "frames with it (not with teblid)";
 }
 

@@ -10,10 +10,11 @@
 namespace ktgp_orb::targets {
 
 /// A frame at the size at which it is searched. A target below kSmallSide has too few keypoints, so
-/// the frame is made twice as large where such targets are wanted, and a frame below 480 px up to
-/// four times: there the same targets are smaller. A frame becomes kLargestFrame at most: beyond
-/// half of that it is made less than twice as large, and beyond four fifths it stays. A larger one
-/// is made smaller: the pyramid does not reach a target that fills it. Keeps its buffers.
+/// the frame is made up to twice as large where such targets are wanted, and a frame below 480 px
+/// up to four times: there the same targets are smaller. A frame becomes kLargestFrame at most:
+/// beyond half of that it is made less than twice as large, and beyond four fifths it stays. A
+/// larger one is made smaller: the pyramid does not reach a target that fills it. Keeps its
+/// buffers.
 class SearchedFrame {
  public:
   explicit SearchedFrame(const TargetFinderOptions& options);

@@ -185,8 +185,7 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
     } else {
       reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
     }
-    const std::string shutter = shutterReport(*estimate);
-    if (!shutter.empty()) shutter_ = shutter;
+    if (estimate->hasPose()) shutter_ = shutterReport(*estimate);
     if (estimate->imu) imu_ = estimate->imu;
   } catch (const std::invalid_argument& error) {
     reason = error.what();

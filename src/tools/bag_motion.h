@@ -60,7 +60,7 @@ class BagMotion {
   std::string rows_;
   /// What was wrong with frames, without its numbers: how many, and the first in full.
   std::map<std::string, std::pair<std::size_t, std::string>> problems_;
-  std::string shutter_;             // the newest that was said
+  std::string shutter_;             // of the newest frame with motion
   std::optional<ImuMounting> imu_;  // the last one that was known
   std::size_t frames_ = 0;
   std::size_t known_ = 0;

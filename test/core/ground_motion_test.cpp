@@ -706,6 +706,22 @@ TEST(GroundMotion, NoiseBeyondItsDeviationIsNoContradictionAndASteadyErrorIs) {
   }
 }
 
+TEST(GroundMotion, AnOutlierDoesNotHideWhatContradictsAfterIt) {
+  Flight flight = Flight::noisy(downward(), 1e-4, 1, 0.05 * kDegree);
+  for (int i = 0; i < 120; ++i) {
+    GroundFrame frame = flight.next();
+    if (i == 100) frame.height->metres *= 0.1;
+    if (i > 104) frame.height->metres *= 0.85;
+    const GroundEstimate& estimate = flight.ground.add(frame);
+    if (i == 100 || i == 105) {
+      EXPECT_FALSE(estimate.height_used) << i;
+    }
+    if (i > 100 && i < 105) {
+      EXPECT_TRUE(estimate.height_used) << i;
+    }
+  }
+}
+
 TEST(GroundMotion, TheTurnOfAFrameThatIsRefusedIsMissing) {
   Flight flight(downward(), 3e-5);
   const auto next = [&](int i) {

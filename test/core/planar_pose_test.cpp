@@ -210,7 +210,9 @@ TEST(PlanarPose, IsNotThereWithoutACovariance) {
     const PlanarPoses found = planarPoses(homography, Covariance8(value * Covariance8::Identity()),
                                           camera(), kReference, kWidth);
     EXPECT_TRUE(found.poses.empty()) << value;
-    EXPECT_EQ(found.problem, "the homography has no covariance") << value;
+    EXPECT_NE(found.problem.find("no covariance, or one that is not positive definite"),
+              std::string::npos)
+        << value;
   }
 }
 

@@ -9,7 +9,7 @@
 
 namespace ktgp_orb::homography {
 
-/// Pairs in one cell of the image may have an error in common.
+/// Cells along the image's diagonal; pairs in one of them may have an error in common.
 inline constexpr double kCellsAlongDiagonal = 16.0;
 
 /// Sizes for the estimation of the smooth field, in the units of the reference points.

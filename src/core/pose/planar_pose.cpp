@@ -270,7 +270,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
   }
   const auto whitening = whiteningOf(covariance);
   if (!whitening) {
-    result.problem = "the homography has no covariance";
+    result.problem = "the homography has no covariance, or one that is not positive definite";
     return result;
   }
   const PoseFit fit(homography, *whitening, camera, scale);
