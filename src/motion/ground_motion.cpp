@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -43,11 +42,6 @@ double yawOf(const Eigen::Matrix3d& axes) {
   return std::atan2(axes(1, 0), axes(0, 0));
 }
 
-/// `down`: to the ground, in the camera's frame.
-bool looksDown(const Eigen::Vector3d& down) {
-  return down.z() > kHorizon;
-}
-
 /// What the innovations of measurements of one kind tell about their noise: covariance matching
 /// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
 struct Innovations {
@@ -55,9 +49,6 @@ struct Innovations {
   int contradictions = 0;    // one after the other, each on other ground
   bool is_another = false;   // the newest measurement is one of them
   std::int64_t ground = -1;  // of the newest measurement
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // of the newest one, in given deviations
-  std::array<double, 2> steps{};  // squared, to the newest one and to the one before
-  double scatter = 0.0;           // of the smaller steps: running mean, see addResidual()
 
   /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
   /// have the same cause, so they count once.
@@ -73,19 +64,6 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
-  /// What is called a contradiction depends on the noise that the differences of successive
-  /// measurements show (von Neumann, 1941). What is wrong in the same way each time has none. Of
-  /// three steps in a row the smallest counts, since an outlier makes two.
-  void addResidual(const Eigen::Vector3d& newest, int dimensions) {
-    constexpr double kMeasurements = 30.0;
-    // Means of the smallest of three squared steps of normal noise with variance 1, simulated.
-    const double usual = dimensions == 1 ? 0.451 : 1.48;
-    const double step = (newest - residual).squaredNorm();
-    scatter += (std::min({step, steps[0], steps[1]}) / usual - scatter) / kMeasurements;
-    steps = {step, steps[0]};
-    residual = newest;
-  }
-  double spread() const { return std::sqrt(std::max(1.0, scatter)); }
   /// The variance of the state that lets it follow readings that contradict again and again: a
   /// single one does no harm, after about five of them they are right. The first `ignored` ones
   /// change nothing.
@@ -130,12 +108,8 @@ struct GroundMotion::Impl {
   void useReadings(const GroundFrame& frame);
   template <int kRows>
   double use(motion::PoseRows<kRows> rows, Innovations& of_kind, std::int64_t ground);
-  template <int kRows>
-  double useScattered(const motion::PoseRows<kRows>& rows, Innovations& of_kind,
-                      std::int64_t ground);
   void addTurn(const GroundFrame& frame);
-  void useTurn(TurnReading turn, double seconds);
-  double doubtOf(const Eigen::Vector3d& turn, double seconds);
+  void useTurn(const TurnReading& turn);
   Eigen::Vector3d newestVelocity(double seconds) const;
   bool isJump(double seconds, double since_last) const;
   double largestChange(double seconds, double since_last) const;
@@ -178,23 +152,18 @@ struct GroundMotion::Impl {
   Innovations of_turn;
   double turn_given_and_seen = 0.0;  // sums of products, rad²
   double turn_seen = 0.0;
-  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // of the newest turn, rad/s
-  bool has_velocity = false;                       // measured since the last gap
-  int contradictions = 0;                          // refused frames one after the other
-  Refused refused;                                 // the newest of them
+  bool has_velocity = false;  // measured since the last gap
+  int contradictions = 0;     // refused frames one after the other
+  Refused refused;            // the newest of them
   std::optional<Destination> destination;
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
-  const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
-  motion::requireValid(frame);  // the turn of a frame that is refused is missing in the sum
-  turned = turns;
+  motion::requireValid(frame);
   if (has_frame && frame.stamp == newest_stamp) {
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
-  const std::optional<ImuMounting> imu = estimate.imu;
   estimate = {};
-  estimate.imu = imu;  // until this frame's
   const bool went_back = has_frame && frame.stamp < newest_stamp;
   before_stamp = newest_stamp;
   newest_stamp = frame.stamp;
@@ -228,12 +197,7 @@ void GroundMotion::Impl::forget() {
   setReadout();
   twist_noise = {};
   relief = {};
-  shutter = {};
   mounting = {};
-  refused = {};
-  of_homography = of_height = of_down = of_turn = {};
-  turn_given_and_seen = turn_seen = 0.0;
-  rate.setZero();
   has_pose = is_connected = false;
 }
 
@@ -245,10 +209,7 @@ void GroundMotion::Impl::setReadout() {
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
-  const bool from_last = frame.reference_stamp == last_stamp;
-  const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
-  const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
-  if (frame.down && !looksDown(frame.down->direction) && !was_down) return GroundStatus::looks_away;
+  if (frame.down && !(frame.down->direction.z() > kHorizon)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
@@ -257,7 +218,8 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
-  if (is_connection) {
+  const bool from_last = frame.reference_stamp == last_stamp;
+  if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
       widenForSlope();
@@ -315,9 +277,6 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
                                        ? frame.turn->rotation
                                        : motion::rotationAbout(seconds * camera_twist.tail<3>());
       begin.down->direction = turn * begin.down->direction;
-      if (!looksDown(begin.down->direction)) begin.down.reset();
-    }
-    if (begin.down) {
       begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
     }
   }
@@ -326,7 +285,6 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   if (!follows) return placed(frame, image, GroundStatus::resumed);
   filter.setKeyframe(image, true);
   const auto innovation = filter.advance(image);
-  if (!innovation) estimate.homography_misfit = std::numeric_limits<double>::infinity();
   if (!innovation || (isJump(seconds, estimate.gap) && !isBelieved(newestVelocity(seconds)))) {
     filter = before;
     return GroundStatus::contradiction;
@@ -334,7 +292,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   twist_noise.beginKeyframe();
   keyframe_stamp = frame.reference_stamp;
   keyframe_position = filter.pose().position;
-  if (frame.turn) useTurn(*frame.turn, seconds);
+  if (frame.turn) useTurn(*frame.turn);
   measureTwist(seconds, estimate.gap);
   if (destination) return placed(frame, image, GroundStatus::resumed);
   is_connected = true;
@@ -360,8 +318,6 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     estimate.homography_misfit = innovation->misfit;
     of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise},
                       frame.stamp);
-  } else {
-    estimate.homography_misfit = std::numeric_limits<double>::infinity();
   }
   const bool fits = innovation && estimate.homography_misfit < kHomographyLimit;
   if (!fits || isJump(sinceLast(frame), sinceLast(frame))) {
@@ -375,7 +331,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
              position.head<2>().norm() / position.z());
   contradictions = 0;
   compareImu(frame, image);
-  if (turned) useTurn(*turned, sinceLast(frame));
+  if (turned) useTurn(*turned);
   useReadings(frame);
   measureTwist(sinceLast(frame), sinceLast(frame));
   if (destination) {
@@ -387,12 +343,9 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
 
 /// With the pictures as they are before they follow the readings.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
-  const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
-  if (!frame.turn && !has_down) return;
+  if (!frame.turn && !(frame.down && frame.down->of_imu)) return;
   const auto seen = filter.turnSinceKeyframe(image);
-  if (seen)
-    mounting.add(*seen, frame.reference_stamp, sinceLast(frame), frame.turn,
-                 has_down ? frame.down : std::nullopt);
+  if (seen) mounting.add(*seen, frame.reference_stamp, sinceLast(frame), frame.turn, frame.down);
 }
 
 /// The pose with the given height and normal, and the base where it was: it turns as little as
@@ -471,18 +424,6 @@ double GroundMotion::Impl::use(motion::PoseRows<kRows> rows, Innovations& of_kin
   return innovation.misfit;
 }
 
-/// The same for a height or a normal: the misfit is in multiples of what such readings scatter by,
-/// where that is more than they say. A turn that is wrong scatters, too, with the turn itself.
-template <int kRows>
-double GroundMotion::Impl::useScattered(const motion::PoseRows<kRows>& rows, Innovations& of_kind,
-                                        std::int64_t ground) {
-  const double spread = of_kind.spread();
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
-  residual.head<kRows>() = rows.residual / rows.deviation;
-  of_kind.addResidual(residual, std::min(kRows, 2));  // a normal has two directions
-  return use(rows, of_kind, ground) / spread;
-}
-
 void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
   const double limit = GroundEstimate::kContradiction;
   if (frame.height) {
@@ -491,16 +432,14 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     const motion::PoseRows<1> rows = rowsOf(relief.widened(*frame.height), now, rise);
     estimate.height_misfit = std::numeric_limits<double>::infinity();
     if (std::isfinite(rows.residual(0))) {
-      estimate.height_misfit = useScattered(rows, of_height, newest_stamp);
+      estimate.height_misfit = use(rows, of_height, newest_stamp);
       filter.widen(of_height.doubt(rows.residual(0) / now.position.z(), 0), 0.0);
     }
     estimate.height_used = estimate.height_misfit <= limit;
   }
-  if (frame.down && !looksDown(frame.down->direction)) {
-    estimate.down_misfit = std::numeric_limits<double>::infinity();
-  } else if (frame.down) {
+  if (frame.down) {
     const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
-    estimate.down_misfit = useScattered(rows, of_down, seenSlope());
+    estimate.down_misfit = use(rows, of_down, seenSlope());
     // The pictures tell the tilt as well: one reading alone does not count against them.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= limit;
@@ -519,24 +458,8 @@ void GroundMotion::Impl::addTurn(const GroundFrame& frame) {
   turned->deviation = std::hypot(turned->deviation, frame.turn->deviation);
 }
 
-/// What a delay of the Imu and its mounting, where the pictures show them, add to the deviation of
-/// a turn, rad.
-double GroundMotion::Impl::doubtOf(const Eigen::Vector3d& turn, double seconds) {
-  constexpr double kCertain = 3.0;  // deviations
-  const Eigen::Vector3d newest = turn / seconds;
-  const double change = (newest - std::exchange(rate, newest)).norm();
-  if (!estimate.imu) return 0.0;
-  const ImuMounting& imu = *estimate.imu;
-  const double delay = std::abs(imu.delay) > kCertain * imu.delay_deviation ? imu.delay : 0.0;
-  const Eigen::Vector3d rotation =
-      (imu.rotation.array().abs() > kCertain * imu.rotation_deviation.array())
-          .select(imu.rotation, 0.0);
-  return std::hypot(delay * change, rotation.cross(options.camera_to_base.linear() * turn).norm());
-}
-
-void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
+void GroundMotion::Impl::useTurn(const TurnReading& turn) {
   const Eigen::Vector3d given = motion::turnOf(turn.rotation);
-  turn.deviation = std::hypot(turn.deviation, doubtOf(given, seconds));
   const Eigen::Vector3d seen = motion::turnOf(filter.before().axes.transpose() * filter.now().axes);
   constexpr double kForget = 0.99;
   constexpr double kLeast = 1e-3;  // rad²
@@ -552,11 +475,11 @@ Eigen::Vector3d GroundMotion::Impl::newestVelocity(double seconds) const {
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;
 }
 
-/// How far velocities can be from each other: a vehicle accelerates, and what is below a pixel or
-/// two is noise, which is metres from a large height.
+/// How far velocities can be from each other: a vehicle accelerates, and what is small in the
+/// picture is noise, which is metres from a large height.
 double GroundMotion::Impl::largestChange(double seconds, double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s
-  constexpr double kPicture = 0.003;      // rad: a pixel or two
+  constexpr double kPicture = 0.018;      // rad: a degree of the picture
   constexpr double kAcceleration = 10.0;  // m/s²
   constexpr double kDeviations = 4.0;
   const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
@@ -568,14 +491,8 @@ double GroundMotion::Impl::largestChange(double seconds, double since_last) cons
 /// homography may be off by a period of repetitive ground.
 bool GroundMotion::Impl::isJump(double seconds, double since_last) const {
   if (!has_velocity) return false;
-  constexpr double kDeviations = 4.0;
-  const double change = (newestVelocity(seconds) - camera_twist.head<3>()).norm();
-  const double largest = largestChange(seconds, since_last);
-  if (change < largest) return false;
-  const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
-  const Matrix6 covariance = propagated(slope, filter.covarianceOfBoth());
-  const double deviation = std::sqrt(covariance.topLeftCorner<3, 3>().trace());
-  return !(change < largest + kDeviations * deviation);
+  const Eigen::Vector3d change = newestVelocity(seconds) - camera_twist.head<3>();
+  return !(change.norm() < largestChange(seconds, since_last));
 }
 
 /// Whether the newest pose, which is a jump, and the refused ones just before it are one motion.

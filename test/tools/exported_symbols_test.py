@@ -17,12 +17,13 @@ def declared():
     for header in glob.glob(INCLUDE):
         with open(header) as file:
             text = file.read()
-        namespace = re.search(r'^namespace ([\w:]+) \{', text, re.MULTILINE)
-        if not namespace:
+        namespaces = re.findall(r'^namespace ([\w:]+) \{', text, re.MULTILINE)
+        if not namespaces:
             continue
-        classes |= {'%s::%s' % (namespace[1], name)
+        namespace = namespaces[-1]  # others only announce a class
+        classes |= {'%s::%s' % (namespace, name)
                     for name in re.findall(r'^(?:class|struct) (\w+)\b[^;]*?\{', text, re.MULTILINE)}
-        functions |= {'%s::%s' % (namespace[1], name)
+        functions |= {'%s::%s' % (namespace, name)
                       for name in re.findall(r'^(?!inline|static)\w[\w:<>&* ]*? (\w+)\((?:[^{}]|\{\})*?\);', text,
                                              re.MULTILINE)}
     return classes, functions
