@@ -254,7 +254,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 }
 
 files::OutputPlan planOutputs(const CLI::App& app, bool force) {
-  std::vector<files::GivenValue> given;
+  files::OutputPlan::Given given;
   for (const CLI::Option* const option : app.get_options()) {
     // get_name() is empty for what --help does not show.
     const std::vector<std::string>& names = option->get_lnames();
