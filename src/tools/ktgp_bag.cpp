@@ -417,24 +417,21 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") > 0;
-  const struct {
-    const char* option;
-    bool used;
-    const char* condition;
-  } options[] = {
-      {"--reference_image", fixed, "--reference_mode fixed"},
-      {"--calibration", posed, "--targets or --motion"},
-      {"--longest_side", kindOf(arguments.in) == InputKind::images, "a pattern of images"},
-      {"--motion_height", motion.height_source == "parameter", "--motion_height_source parameter"},
-      {"--motion_range", motion.height_source == "range", "--motion_height_source range"},
-      {"--motion_imu", motion.normal_source == "imu" || motion.gyro,
-       "--motion_normal_source imu or --motion_gyro"},
-      {"--overlay_style", app.count("--overlay") + app.count("--draw") > 0, "--overlay or --draw"}};
-  for (const auto& [option, used, condition] : options) {
-    if (used || app.count(option) == 0) continue;
+  const auto refuse_unless = [&app](bool used, const char* option, const char* condition) {
+    if (used || app.count(option) == 0) return;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
                                 condition + "; leave it out");
-  }
+  };
+  refuse_unless(fixed, "--reference_image", "--reference_mode fixed");
+  refuse_unless(posed, "--calibration", "--targets or --motion");
+  refuse_unless(kindOf(arguments.in) == InputKind::images, "--longest_side", "a pattern of images");
+  refuse_unless(motion.height_source == "parameter", "--motion_height",
+                "--motion_height_source parameter");
+  refuse_unless(motion.height_source == "range", "--motion_range", "--motion_height_source range");
+  refuse_unless(motion.normal_source == "imu" || motion.gyro, "--motion_imu",
+                "--motion_normal_source imu or --motion_gyro");
+  refuse_unless(app.count("--overlay") + app.count("--draw") > 0, "--overlay_style",
+                "--overlay or --draw");
   if (fixed && parameters.reference_image.empty()) {
     throw std::invalid_argument(
         "reference_mode is fixed, and there is no reference; expected --reference_image FILE");
