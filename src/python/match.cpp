@@ -317,10 +317,11 @@ Extractor::Extractor(const Settings& settings)
 std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
   const ImageArray grey = greyImage(image, "image");
   const ImageArray where = maskImage(mask);
-  const Shared::Use use(shared_);
-  auto features = made_.take();
-  extractor_.extract(grey.pixels, where.pixels, *features);
-  return features;
+  return extractor_.use([&](OrbExtractor& extractor) {
+    auto features = made_.take();
+    extractor.extract(grey.pixels, where.pixels, *features);
+    return features;
+  });
 }
 
 Matcher::Matcher(const Settings& settings)
@@ -330,10 +331,11 @@ Matcher::Matcher(const Settings& settings)
 std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target,
                                       const std::optional<Eigen::Matrix3d>& camera,
                                       const std::optional<Eigen::Matrix3d>& target_camera) {
-  const MatchHints hints = hintsOf(matcher_.options(), camera, target_camera);
-  const Shared::Use use(shared_);
-  matcher_.match(reference, target, hints, result_);
-  return std::make_shared<Match>(result_, reference, target);
+  return matcher_.use([&](KtgpMatcher& matcher) {
+    const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
+    matcher.match(reference, target, hints, result_);
+    return std::make_shared<Match>(result_, reference, target);
+  });
 }
 
 void definePairs(py::module_& module) {

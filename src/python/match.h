@@ -64,10 +64,9 @@ class Extractor {
 
  private:
   Settings settings_;
-  OrbExtractor extractor_;
+  Shared<OrbExtractor> extractor_;
   // New memory for the images of each frame would cost 2 % of its time.
   util::Pool<Features> made_{4, [](Features&) {}};
-  Shared shared_;
 };
 
 /// A matcher that several Python threads may call; one of them works at a time.
@@ -81,9 +80,8 @@ class Matcher {
 
  private:
   Settings settings_;
-  KtgpMatcher matcher_;
-  MatchResult result_;
-  Shared shared_;
+  Shared<KtgpMatcher> matcher_;
+  MatchResult result_;  // of the call that uses matcher_
 };
 
 /// For pickle.
