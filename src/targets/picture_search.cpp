@@ -47,7 +47,7 @@ bool PictureSearch::isExplained(const Seed& seed) const {
 }
 
 bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
-                              std::size_t pictures, FoundPicture& found) {
+                              std::size_t pictures, FoundTarget& found) {
   tried_.clear();
   int count = 0;
   for (const Seed& seed : seeds) {
@@ -87,7 +87,7 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
 /// places around it do. So fewer false alarms are possible than anywhere in the frame for any
 /// picture, and the bar is lower.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
-                           FoundPicture& found) {
+                           FoundTarget& found) {
   constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
   if (frame_.levels.empty()) return false;
   aligned_ = {};
@@ -111,7 +111,7 @@ bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& predic
 }
 
 bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
-                         std::size_t pictures, Eigen::Matrix3d map, FoundPicture& found) {
+                         std::size_t pictures, Eigen::Matrix3d map, FoundTarget& found) {
   if (!grower_.grow(centre, picture.frames, matcher_, map)) return false;
   tried_.push_back(map);
   return accept(picture, map, pictures, found);
@@ -121,7 +121,7 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
 /// few that are found again in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
-                                 FoundPicture& found) {
+                                 FoundTarget& found) {
   if (frame_.levels.empty() ||
       !aligner_.grow(picture, frame_.levels, centre, map, found.estimate)) {
     return false;
@@ -141,7 +141,7 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 /// Fits the homography to what the grower has just found, and judges it: by the images or, where
 /// these do not tell, by decoys of the keypoints.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
-                           FoundPicture& found) {
+                           FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
   if (isSeen(picture, pictures, found)) return true;
   if (!final_.trusted) return false;
@@ -155,15 +155,14 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
 }
 
 Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, std::size_t pictures,
-                                                 const FoundPicture& found) {
+                                                 const FoundTarget& found) {
   const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
   if (frame_.levels.empty()) return {};
   return appearance_.compare(picture, found.estimate.homography, frame_, tests);
 }
 
 /// Whether the images say so.
-bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
-                           FoundPicture& found) {
+bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures, FoundTarget& found) {
   const Appearance::Similarity seen = similarity(picture, pictures, found);
   found.log_false_alarms = seen.log_false_alarms;
   found.agreement = seen.agreement;
@@ -171,7 +170,7 @@ bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
 }
 
 bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
-                            FoundPicture& found) {
+                            FoundTarget& found) {
   constexpr double kMuch = 0.6;
   if (found.agreement >= kMuch) return true;
   const Appearance::Similarity seen = similarity(picture, pictures, found);
@@ -182,7 +181,7 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
 
 /// The homography of maximum likelihood. False if it is not a view of the whole picture.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
-                        FoundPicture& found) {
+                        FoundTarget& found) {
   takePairs(found);
   const cv::Size size = picture.image.size();
   found.estimate = {};
@@ -202,7 +201,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
 }
 
 /// Those of the last search of the grower.
-void PictureSearch::takePairs(FoundPicture& found) const {
+void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
   found.pairs.clear();
   found.keypoints.clear();
@@ -217,7 +216,7 @@ void PictureSearch::takePairs(FoundPicture& found) const {
   }
 }
 
-void PictureSearch::dropOutliers(FoundPicture& found) {
+void PictureSearch::dropOutliers(FoundTarget& found) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < found.pairs.size(); ++i) {
     if (final_.mask[i] == 0) continue;
@@ -232,7 +231,7 @@ void PictureSearch::dropOutliers(FoundPicture& found) {
   found.keypoints.resize(kept);
 }
 
-void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
+void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
   // Keypoints in a small part of the picture do not determine the rest of it.
@@ -250,7 +249,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
   }
 }
 
-bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPicture& found) {
+bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
   constexpr double kMostDeviation = 5.0;  // px, of a corner, in the image where it is smaller
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
@@ -259,7 +258,7 @@ bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPictur
 }
 
 bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
-                              FoundPicture& found) {
+                              FoundTarget& found) {
   aligned_ = start;
   if (!aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
       !homography::keepsPlaneInView(aligned_.homography,
