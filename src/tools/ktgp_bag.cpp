@@ -90,7 +90,7 @@ double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
   const bool video = kindOf(arguments.in) == InputKind::video;
   const double rate = video ? rateOfVideo(arguments.in) : 0.0;
-  return rate > 0.0 ? rate : arguments.views.steady.rate;
+  return rate > 0.0 ? rate : arguments.views.rate;
 }
 
 std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
@@ -209,10 +209,9 @@ class Run {
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage(recorded.problem);
-    FramePipeline::Prepared prepared = pipeline_.pop();
-    if (!prepared.frame->camera) explainNoMotion(prepared.frame->image.size());
-    MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
-                                            prepared.ahead ? &*prepared.ahead : nullptr);
+    auto [frame, ahead] = pipeline_.pop();
+    if (!frame->camera) explainNoMotion(frame->image.size());
+    MatchedFrame matched = matcher_.process(recorded.image->header, frame, &ahead);
     matched.refused = refused_;
     matched.skipped = skipped;
     FrameMessages messages = toMessages(matched);
@@ -309,8 +308,8 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.write(arguments.out);
   plan.write(arguments.csv);
   plan.writeVideo(arguments.draw);
-  plan.writeVideo(arguments.views.steady.video);
-  plan.write(arguments.views.steady.warps);
+  plan.writeVideo(arguments.views.video);
+  plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
@@ -329,7 +328,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   }
   cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openInput(arguments);
-  if (!arguments.views.steady.video.empty()) arguments.views.steady.rate = pictureRate(arguments);
+  if (!arguments.views.video.empty()) arguments.views.rate = pictureRate(arguments);
   Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {

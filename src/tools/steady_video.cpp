@@ -13,6 +13,7 @@
 #include "files/input.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
+#include "messages/message_conversion.h"
 #include "stabilization/steady_path.h"
 #include "tools/view_text.h"
 
@@ -33,7 +34,7 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
   steps.clear();
 }
 
-SteadyVideo::SteadyVideo(const SteadyVideoOptions& options, Reopen reopen)
+SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen)
     : options_(options),
       reopen_(std::move(reopen)),
       video_(options.video, options.rate, options.force),
@@ -95,7 +96,7 @@ void SteadyVideo::writeWhole() {
     if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
     // Images that were skipped or refused have no place in the path.
-    if (nanosecondsOf(recorded->image->header.stamp) != path[next].stamp) continue;
+    if (stampOf(recorded->image->header.stamp) != path[next].stamp) continue;
     cv::Mat frame;
     try {
       frame = colourImage(recorded->image);
@@ -116,7 +117,7 @@ void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
   video_.write(picture);
   if (!options_.warps.empty()) {
     warps_ += files::CsvRow()
-                  .add(textOf(steady.stamp))
+                  .add(textOf(timeOf(steady.stamp)))
                   .add(steady.starts_anew ? 1 : 0)
                   .add(steady.warp)
                   .line();
