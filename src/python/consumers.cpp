@@ -134,22 +134,15 @@ void defineMosaic(py::module_& module) {
       module, "Mosaic",
       "A picture of a plane, made of the frames of a camera. Threads may share an "
       "object.")
-      .def(py::init([](double max_megapixels, bool keyframes, double keyframe_overlap,
-                       double min_motion, bool gain, double patience) {
+      .def(py::init([](double max_megapixels, bool keyframes, bool gain) {
              MosaicOptions options;
              options.max_megapixels = max_megapixels;
              options.keyframes = keyframes;
-             options.keyframe_overlap = keyframe_overlap;
-             options.min_motion = min_motion;
              options.gain = gain;
-             options.patience = patience;
              return std::make_unique<SharedMosaic>(options);
            }),
            py::arg("max_megapixels") = usual.max_megapixels, py::arg("keyframes") = usual.keyframes,
-           py::arg("keyframe_overlap") = usual.keyframe_overlap,
-           py::arg("min_motion") = usual.min_motion, py::arg("gain") = usual.gain,
-           py::arg("patience") = usual.patience,
-           "doc/views.md describes the options. Raises ValueError.")
+           py::arg("gain") = usual.gain, "doc/views.md describes the options. Raises ValueError.")
       .def(
           "add", placeFrame, py::arg("image"), py::arg("frame"),
           "The next image and its FrameMatch. Returns \"drawn\", \"seen\" (hardly moved, or full), "
