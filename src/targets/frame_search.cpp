@@ -143,9 +143,8 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
     return;
   }
   const auto middle_of = [&](const FoundTarget& one) {
-    const cv::Size& size = store_.picture(one.picture).image.size();
     return homography::project(one.estimate.homography,
-                               {0.5 * (size.width - 1), 0.5 * (size.height - 1)});
+                               middleOf(store_.picture(one.picture).image.size()));
   };
   result.target = &target;
   result.picture = number;

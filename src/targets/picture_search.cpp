@@ -16,16 +16,10 @@ using growth::kTargetPlan;
 
 constexpr float kRadiusAfterFit = 7.F;  // px; a fit to many seeds predicts better than one seed
 
-Eigen::Vector2d middleOf(const cv::Size& size) {
-  return {0.5 * (size.width - 1), 0.5 * (size.height - 1)};
-}
-
-/// The shorter side of the picture in the frame, about; px.
-float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middleOf(size));
-  const double across = jacobian.col(0).norm() * size.width;
-  const double down = jacobian.col(1).norm() * size.height;
-  return static_cast<float>(std::min(across, down));
+/// Whether the homography can be a view of the whole picture.
+bool isView(const Eigen::Matrix3d& homography, const TargetPicture& picture) {
+  return homography::keepsPlaneInView(homography,
+                                      homography::imageCorners(picture.image.size(), {}));
 }
 
 }  // namespace
@@ -93,8 +87,7 @@ bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& predic
   aligned_ = {};
   if (!appearance_.locate(picture, prediction, frame_, radius, aligned_.homography) ||
       !aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
-      !homography::keepsPlaneInView(aligned_.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
+      !isView(aligned_.homography, picture)) {
     return false;
   }
   grower_.search(aligned_.homography, middleOf(picture.image.size()), Grower::kEverywhere,
@@ -126,10 +119,7 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
       !aligner_.grow(picture, frame_.levels, centre, map, found.estimate)) {
     return false;
   }
-  if (!homography::keepsPlaneInView(found.estimate.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
-    return false;
-  }
+  if (!isView(found.estimate.homography, picture)) return false;
   if (!grower_.search(found.estimate.homography, centre, Grower::kEverywhere, Grower::kLastRadius,
                       picture.frames, matcher_)) {
     return false;
@@ -146,7 +136,8 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
   if (isSeen(picture, pictures, found)) return true;
   if (!final_.trusted) return false;
   // A copy beside this one is no period of the picture.
-  const float longest_period = 0.6F * extentOf(map, picture.image.size());
+  const cv::Size2d seen = sizeIn(map, picture.image.size());
+  const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
       verdict_.judge(grower_.predictions(), picture.frames, kTargetPlan.first_radius, kAllSeeds,
                      matcher_, longest_period);
@@ -196,8 +187,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
   finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
   dropOutliers(found);
   return found.pairs.size() >= kTargetPlan.fewest_pairs &&
-         homography::keepsPlaneInView(found.estimate.homography,
-                                      homography::imageCorners(size, {}));
+         isView(found.estimate.homography, picture);
 }
 
 /// Those of the last search of the grower.
@@ -261,8 +251,7 @@ bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPict
                               FoundTarget& found) {
   aligned_ = start;
   if (!aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
-      !homography::keepsPlaneInView(aligned_.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
+      !isView(aligned_.homography, picture)) {
     return false;
   }
   // Most keypoints must still agree.

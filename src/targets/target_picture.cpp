@@ -138,6 +138,15 @@ void shrink(const TargetPicture& picture, const cv::Size& size, cv::Interpolatio
   cv::resize(*from, small, size, 0, 0, method);
 }
 
+Eigen::Vector2d middleOf(const cv::Size& image) {
+  return {0.5 * (image.width - 1), 0.5 * (image.height - 1)};
+}
+
+cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image) {
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middleOf(image));
+  return {jacobian.col(0).norm() * image.width, jacobian.col(1).norm() * image.height};
+}
+
 Eigen::Matrix3d toStored(const TargetPicture& picture) {
   return homography::resizing(picture.full_size, picture.image.size());
 }

@@ -14,16 +14,14 @@ constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 /// The track that begins with the detection; its instance is not known yet.
 Track trackOf(const FoundTarget& found, TargetStore& store) {
   const cv::Size size = store.picture(found.picture).image.size();
-  const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
   Track track;
   track.target = found.target;
   track.picture = found.picture;
   track.age = 1;
   track.map = found.estimate.homography;
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(track.map, middle);
-  track.extent =
-      0.5 * std::max(jacobian.col(0).norm() * size.width, jacobian.col(1).norm() * size.height);
-  track.middle = homography::project(track.map, middle);
+  track.middle = homography::project(track.map, middleOf(size));
+  const cv::Size2d seen = sizeIn(track.map, size);
+  track.extent = 0.5 * std::max(seen.width, seen.height);
   track.is_matched = true;
   return track;
 }
