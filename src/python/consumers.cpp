@@ -12,7 +12,6 @@
 #include "ktgp_orb/stabilizer.h"
 #include "ktgp_orb/target_finder.h"
 #include "python/arrays.h"
-#include "python/frame_match.h"
 #include "python/match.h"
 #include "python/shared.h"
 

@@ -6,7 +6,9 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -54,6 +56,21 @@ struct Match {
   std::vector<std::int32_t> distances;
   std::vector<std::uint8_t> levels;
 };
+
+/// The result for a frame of a sequence.
+struct FrameMatch : Match {
+  using Match::Match;
+  std::string no_reference;
+  std::optional<Eigen::Matrix3d> accumulated;
+  std::int64_t stamp = 0;  ///< ns
+  std::int64_t reference_stamp = 0;
+  cv::Size image_size;
+  std::vector<std::uint64_t> tracks;  ///< of the target keypoints, for each match
+};
+
+inline double secondsOf(std::int64_t stamp) {
+  return 1e-9 * static_cast<double>(stamp);
+}
 
 /// An extractor that several Python threads may call; one of them works at a time.
 class Extractor {

@@ -5,7 +5,6 @@
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
-#include "python/frame_match.h"
 #include "python/match.h"
 #include "python/options.h"
 #include "python/shared.h"
