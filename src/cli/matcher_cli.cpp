@@ -13,6 +13,7 @@
 #include "cli/parameter_file.h"
 #include "cli/program.h"
 #include "core/homography/answer_fields.h"
+#include "core/util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -48,9 +49,7 @@ bool isFlag(const ParameterRow& row) {
 
 /// The placeholder that --help shows in place of "TEXT".
 std::string typeName(const ParameterRow& row) {
-  std::string names;
-  for (const std::string& choice : row.choices) names += (names.empty() ? "" : "|") + choice;
-  if (!names.empty()) return names;
+  if (!row.choices.empty()) return util::joined(row.choices, "|");
   if (std::holds_alternative<std::string Parameters::*>(row.field)) return "TEXT";
   const bool whole = std::holds_alternative<int Parameters::*>(row.field);
   return (whole ? "INT in " : "NUMBER in ") + row.limits.text();

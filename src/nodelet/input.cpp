@@ -66,7 +66,8 @@ ImageInput::ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& priva
       queue_size_(
           static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)))),
       callback_(std::move(callback)) {
-  watch_ = std::make_unique<InputWatch>(topic_, transport_name_);
+  watch_ = std::make_unique<InputWatch>(topic_, ros::message_traits::datatype<sensor_msgs::Image>(),
+                                        what_, transport_name_);
 }
 
 void ImageInput::open() {

@@ -71,8 +71,7 @@ class MessageInput : public Input {
         queue_size_(queue_size),
         callback_(std::move(callback)) {
     if (!is_watched) return;
-    watch_ = std::make_unique<InputWatch>(
-        InputWatch::ofMessages(topic_, ros::message_traits::datatype<Message>(), what));
+    watch_ = std::make_unique<InputWatch>(topic_, ros::message_traits::datatype<Message>(), what);
   }
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
 

@@ -8,6 +8,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -84,12 +86,6 @@ std::map<std::string, Reasons> readRemoved() {
 #include "parameters/removed.def"
 #undef KTGP_REMOVED
   return of_nodelets;
-}
-
-std::string joined(const std::vector<std::string>& choices) {
-  std::string list;
-  for (const std::string& choice : choices) list += (list.empty() ? "" : " or ") + choice;
-  return list;
 }
 
 [[noreturn]] void refuse(const ParameterInfo& info, const std::string& name,
@@ -172,7 +168,7 @@ const ParameterRow* findParameter(const std::string& name) {
 
 std::string ParameterInfo::expected() const {
   if (kind == Kind::boolean) return "true or false";
-  if (kind == Kind::text) return choices.empty() ? "a text" : joined(choices);
+  if (kind == Kind::text) return choices.empty() ? "a text" : util::joined(choices, " or ");
   return (kind == Kind::whole ? "a whole number in " : "a number in ") + limits.text();
 }
 
