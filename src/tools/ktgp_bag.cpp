@@ -146,8 +146,25 @@ class Run {
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  std::size_t matched() const { return matched_; }
-  /// Of the homographies, in lines for users.
+  /// Says what was done and what could not be used; `code`: what run() returned.
+  void report(const Arguments& arguments, int code) const {
+    std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << matched_
+              << " images of " << source_->topic() << " matched, " << refused_ << " refused, "
+              << skipped_ << " skipped by max_rate; results in " << arguments.out << '\n'
+              << summary() << views_.report() << motion_.report() << targets_.report();
+    if (refused_ > 0) {
+      std::cerr << "ktgp_bag: " << arguments.in << ": " << refused_
+                << " images could not be used, the first because: " << refusal_ << '\n';
+    }
+    if (source_->damage().empty()) return;
+    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << source_->damage()
+              << "\nWhat could be read is matched"
+              << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
+  }
+
+ private:
+  /// Of the homographies, in a line.
   std::string summary() const {
     std::size_t found = 0;
     std::string others;
@@ -162,15 +179,7 @@ class Run {
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
            others + '\n';
   }
-  std::uint64_t skipped() const { return skipped_; }
-  std::uint64_t refused() const { return refused_; }
-  /// The reason for the first of them.
-  const std::string& refusal() const { return refusal_; }
-  const std::string& topic() const { return source_->topic(); }
-  std::string viewReport() const { return views_.report() + motion_.report() + targets_.report(); }
-  std::string damage() const { return source_->damage(); }
 
- private:
   FrameConstPtr fixedReference(const Configuration& configuration) const {
     const bool fixed = configuration.sequence.reference.mode == ReferenceMode::fixed;
     return fixed ? matcher_.fixedReference() : nullptr;
@@ -255,7 +264,7 @@ class Run {
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
   std::uint64_t refused_ = 0;
-  std::string refusal_;
+  std::string refusal_;  // the first reason
 };
 
 int threadsFrom(const Parameters& parameters) {
@@ -339,19 +348,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   }
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
-  std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
-            << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
-            << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
-            << run.summary() << run.viewReport();
-  if (run.refused() > 0) {
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
-              << " images could not be used, the first because: " << run.refusal() << '\n';
-  }
-  if (!run.damage().empty()) {
-    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
-              << "matched" << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
-  }
+  run.report(arguments, code);
   return code;
 }
 

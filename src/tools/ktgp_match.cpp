@@ -207,6 +207,12 @@ const char* advice(const Outcome& outcome, const PipelineOptions& options) {
          "small details, or cut both images to the common part";
 }
 
+void printMatrix(const Eigen::Matrix3d& m) {
+  for (int row = 0; row < 3; ++row) {
+    std::printf("  %15.8g %15.8g %15.8g\n", m(row, 0), m(row, 1), m(row, 2));
+  }
+}
+
 /// The motion, unless there is none; `text` says which.
 void printPose(const char* text, const RelativePose& pose) {
   std::printf("%s: rotation | translation\n", text);
@@ -245,10 +251,7 @@ void printTwoView(const MatchResult& result) {
     if (view.other_pose) printPose("or, as likely for this plane", *view.other_pose);
   } else if (result.geometry == Geometry::epipolar) {
     std::printf("fundamental matrix (--camera fx,fy,cx,cy gives the motion)\n");
-    for (int row = 0; row < 3; ++row) {
-      std::printf("  %15.8g %15.8g %15.8g\n", view.fundamental(row, 0), view.fundamental(row, 1),
-                  view.fundamental(row, 2));
-    }
+    printMatrix(view.fundamental);
   }
 }
 
@@ -263,10 +266,7 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   }
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
               result.inliers, result.rmse, result.answer.plane_deviation);
-  for (int row = 0; row < 3; ++row) {
-    std::printf("  %15.8g %15.8g %15.8g\n", result.answer.homography(row, 0),
-                result.answer.homography(row, 1), result.answer.homography(row, 2));
-  }
+  printMatrix(result.answer.homography);
   printAlignment(result.alignment);
   const double deviation = cornerDeviation(outcome);
   std::printf("standard deviation of the least certain corner: %.3g px\n", deviation);
