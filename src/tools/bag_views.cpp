@@ -64,9 +64,10 @@ void BagViews::close() {
   for (const auto& file : maps_) file->commit();
   if (steady_) steady_->close();
   if (!options_.mosaic_poses.empty()) {
-    files::writeText(options_.mosaic_poses,
-                     "stamp,placement,map,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + poses_,
-                     options_.force);
+    files::writeText(
+        options_.mosaic_poses,
+        std::string("stamp,placement,map,") + files::kHomographyColumns + '\n' + poses_,
+        options_.force);
   }
 }
 

@@ -52,17 +52,16 @@ void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stam
     frames_.push_back({stamp, frame.size(), step});
     return;
   }
-  waiting_[stamp] = frame.clone();
-  steps_[stamp] = step;
+  waiting_[stamp] = {frame.clone(), step};
   stabilizer_.add(stamp, reference, homography, frame.size(), ready_);
   writeReady();
 }
 
 void SteadyVideo::writeReady() {
   for (const SteadyFrame& steady : ready_) {
-    write(steady, waiting_[steady.stamp], steps_[steady.stamp]);
+    const auto& [frame, step] = waiting_[steady.stamp];
+    write(steady, frame, step);
     waiting_.erase(steady.stamp);
-    steps_.erase(steady.stamp);
   }
   ready_.clear();
 }
@@ -145,7 +144,7 @@ void SteadyVideo::close() {
   if (!video_.empty()) video_.close();
   if (options_.warps.empty()) return;
   files::writeText(options_.warps,
-                   "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
+                   std::string("stamp,starts_anew,") + files::kHomographyColumns + '\n' + warps_,
                    options_.force);
 }
 

@@ -9,6 +9,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bag/reader.h"
@@ -65,8 +66,8 @@ class SteadyVideo {
   std::vector<Frame> frames_;  ///< of the whole recording
 
   Stabilizer stabilizer_;
-  std::map<std::int64_t, cv::Mat> waiting_;  ///< frames whose position is not known yet
-  std::map<std::int64_t, std::optional<Eigen::Matrix3d>> steps_;  ///< of these
+  /// Frames whose position is not known yet, and their steps.
+  std::map<std::int64_t, std::pair<cv::Mat, std::optional<Eigen::Matrix3d>>> waiting_;
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;
