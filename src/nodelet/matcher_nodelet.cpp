@@ -98,11 +98,9 @@ std::string MatcherNodelet::greeting() const {
 }
 
 void MatcherNodelet::advertise() {
-  auto work = std::make_unique<MatcherWork>(
+  startWorker(std::make_unique<MatcherWork>(
       settings_.configuration(), outputs_, diagnosis_, [this] { return worker_.has(kImage); },
-      facts_);
-  work->setCameraInfoTopic(camera_info_->topic());
-  startWorker(std::move(work));
+      camera_info_->topic(), facts_));
   advertiseServices();
   ros::NodeHandle settings = privateNode(settings_queue_);
   if (settings.deleteParam("reference_was_set") && is_fixed_) {

@@ -17,10 +17,12 @@ constexpr std::chrono::seconds kLongestWithoutOverlay{1};
 }  // namespace
 
 MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
-                         std::function<bool()> newer_waits, MatcherFacts& facts)
+                         std::function<bool()> newer_waits, std::string camera_info_topic,
+                         MatcherFacts& facts)
     : matcher_(configuration),
       diagnosis_(diagnosis),
       newer_waits_(std::move(newer_waits)),
+      camera_info_topic_(std::move(camera_info_topic)),
       facts_(facts) {
 #define KTGP_TOPIC(name, Message, make, text) \
   addTopic<Message>(outputs, #name, [](const MatchedFrame& frame) { return make(frame); });

@@ -26,7 +26,8 @@ class MatcherWork {
  public:
   /// `newer_waits`: whether a newer image than the one in work has arrived.
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
-              std::function<bool()> newer_waits, MatcherFacts& facts);
+              std::function<bool()> newer_waits, std::string camera_info_topic,
+              MatcherFacts& facts);
 
   void configure(const ConfigurationConstPtr& configuration) { matcher_.configure(*configuration); }
   const Configuration& configuration() const { return matcher_.configuration(); }
@@ -38,7 +39,6 @@ class MatcherWork {
   }
   /// The next image becomes the fixed reference.
   void fixNextFrame() { matcher_.fixNextFrame(); }
-  void setCameraInfoTopic(const std::string& topic) { camera_info_topic_ = topic; }
 
  private:
   template <typename Message, typename Make>
@@ -53,10 +53,10 @@ class MatcherWork {
   MessageMatcher matcher_;
   Diagnosis& diagnosis_;
   std::function<bool()> newer_waits_;
+  std::string camera_info_topic_;
   MatcherFacts& facts_;
   std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one
   image_transport::Publisher overlay_;
-  std::string camera_info_topic_;
   Diagnosis::Clock::time_point last_overlay_;
   std::uint64_t without_reference_ = 0;  // frames in a row, up to the last one
 };

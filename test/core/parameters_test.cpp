@@ -43,9 +43,7 @@ TEST(Parameters, EveryNodeletHasItsTableAndNothingIsTakenFromAnother) {
       }
     }
     EXPECT_THROW(limitsOf(nodelet, "lazziness"), std::invalid_argument);
-    for (const std::string& name : removedParameters(nodelet)) {
-      EXPECT_NE(whyRemoved(nodelet, name), "");
-    }
+    for (const auto& [name, reason] : removedParameters(nodelet)) EXPECT_NE(reason, "") << name;
   }
   EXPECT_EQ(limitsOf("targets", "search_ms").text(), "[0, 1000]");
   EXPECT_THROW(limitsOf("mosaic", "strength"), std::invalid_argument);
