@@ -28,7 +28,8 @@ struct MosaicOptions {
   /// Whether a frame is multiplied by one factor, so that its brightness fits the map. This avoids
   /// steps when the exposure changes or a cloud passes.
   bool gain = true;
-  /// s: how long a frame that is not connected is searched in the map, before a new map begins.
+  /// s: how long frames that are not connected are searched in the map, before a new map begins: at
+  /// least three of them, however seldom they come; 0: none.
   double patience = 1.0;
   OrbOptions orb;
   MatcherOptions matcher = MatcherOptions::robust();
