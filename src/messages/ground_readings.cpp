@@ -443,10 +443,7 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 GroundMotionConfig usable(GroundMotionConfig config) {
-  if (config.readout_time < 0.0 && config.readout_time != -1.0) {
-    throw std::invalid_argument("readout_time is " + std::to_string(config.readout_time) +
-                                "; expected -1, not known, 0, a global shutter, or more");
-  }
+  requireReadoutTime(config.readout_time);
   for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
     *frame = withoutSlash(*frame);
   }

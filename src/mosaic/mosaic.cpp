@@ -123,7 +123,7 @@ struct Mosaic::Impl {
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
-  bool is_lost = false;
+  int lost_frames = 0;  // since then
   bool is_ambiguous = false;
   bool is_full = false;
   std::size_t maps = 0;
@@ -218,14 +218,16 @@ struct Mosaic::Impl {
                  static_cast<double>(stamp - last->stamp);
     }
     last = Placed{stamp, *pose};
-    is_lost = false;
+    lost_frames = 0;
   }
 
   Placement lose(std::int64_t stamp, Features features) {
+    constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
     pose.reset();
-    if (!std::exchange(is_lost, true)) lost_since = stamp;
+    if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
-    if (last && waited >= 0.0 && waited < kPatience) return Placement::lost;
+    const bool is_patient = waited < kPatience || lost_frames <= kLostFrames;
+    if (last && waited >= 0.0 && is_patient) return Placement::lost;
     startMap(stamp, features.empty() && options.keyframes ? find() : std::move(features));
     return Placement::new_map;
   }
@@ -316,7 +318,7 @@ std::optional<Eigen::Matrix3d> Mosaic::pose() const {
 }
 
 bool Mosaic::isAmbiguous() const {
-  return impl_->is_ambiguous && impl_->is_lost;
+  return impl_->is_ambiguous && impl_->lost_frames > 0;
 }
 
 std::int64_t Mosaic::firstStamp() const {
@@ -389,7 +391,7 @@ void Mosaic::reset() {
   impl_->last.reset();
   impl_->pose.reset();
   impl_->is_full = false;
-  impl_->is_lost = false;
+  impl_->lost_frames = 0;
 }
 
 }  // namespace ktgp_orb

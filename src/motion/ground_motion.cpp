@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "core/homography/shutter.h"
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
 #include "motion/mounting.h"
@@ -238,10 +239,10 @@ void GroundMotion::Impl::forget() {
 }
 
 void GroundMotion::Impl::setReadout() {
-  constexpr double kUnknown = 0.01;  // s; most cameras need less than 30 ms
-  constexpr double kShare = 0.1;     // of what was given
+  constexpr double kShare = 0.1;  // of what was given
   const double known = std::max(options.readout_time, 0.0);
-  filter.setReadout(known, options.readout_time < 0.0 ? kUnknown : kShare * known);
+  filter.setReadout(known,
+                    options.readout_time < 0.0 ? homography::kUnknownReadout : kShare * known);
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {

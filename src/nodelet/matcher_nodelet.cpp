@@ -243,11 +243,12 @@ void MatcherNodelet::beforeReport() {
   const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
   const auto found = static_cast<double>(diagnosis_.recent("homographies"));
   const bool is_rare = frames > 0.0 && found < kMinShare * frames;
+  const std::string size = noteOnSize(facts_.longer_side);
   diagnosis_.setProblem(
       "homographies",
       !is_rare ? ""
                : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
-                     toString(facts_.last_failure),
+                     toString(facts_.last_failure) + (size.empty() ? "" : "; " + size),
       false);
   diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
   diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));

@@ -1,5 +1,6 @@
 #include "nodelet/matcher_work.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <utility>
@@ -66,6 +67,8 @@ void MatcherWork::publish(const MatchedFrame& frame) {
 void MatcherWork::report(const SequenceMatch& match) {
   const Status status = match.match.found();
   const bool has_reference = status != Status::no_reference;
+  const cv::Size& size = match.frame->features.image_size;
+  facts_.longer_side = std::max(size.width, size.height);
   without_reference_ = has_reference ? 0 : without_reference_ + 1;
   diagnosis_.count("frames matched", has_reference ? 1 : 0);
   diagnosis_.count("frames without reference", has_reference ? 0 : 1);

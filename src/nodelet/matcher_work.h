@@ -17,6 +17,7 @@ namespace ktgp_orb {
 /// What the worker tells other threads.
 struct MatcherFacts {
   std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera
+  std::atomic<int> longer_side{0};               ///< of the last image, px
   std::atomic<Status> last_failure{Status::ok};  ///< of a frame with a reference
 };
 

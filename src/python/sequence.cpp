@@ -105,7 +105,11 @@ void defineSequence(py::module_& module) {
       sequence, "video",
       "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
       "\"keyframe\",\n"
-      "\"fixed\") and max_reference_age. Raises ValueError.");
+      "\"fixed\") and max_reference_age. A fixed reference is seen from anywhere: without a "
+      "preset\n"
+      "of another name than \"video\", what views that differ strongly need is used in place of "
+      "the\n"
+      "defaults (doc/views.md). Raises ValueError.");
   sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "

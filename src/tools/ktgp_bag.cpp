@@ -167,14 +167,16 @@ class Run {
   /// Of the homographies, in a line.
   std::string summary() const {
     std::size_t found = 0;
-    std::string others;
+    std::string others, advice;
     for (const auto& [status, count] : statuses_) {
       if (status == Status::ok) found = count;
+      if (status != Status::ok && status != Status::no_reference) advice = noteOnSize(longer_side_);
       if (status != Status::ok) {
         others += (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " +
                   toString(status);
       }
     }
+    if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
            others + '\n';
@@ -230,6 +232,8 @@ class Run {
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     writer_.write(messages, recorded.received);
     ++matched_;
+    const cv::Size size = prepared.frame->image.size();
+    longer_side_ = std::max({longer_side_, size.width, size.height});
     const auto status = static_cast<Status>(messages.homography->status);
     ++statuses_[status];
     if (status == Status::ok) inliers_.push_back(messages.homography->inliers);
@@ -257,6 +261,7 @@ class Run {
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
+  int longer_side_ = 0;  // px
   std::map<Status, std::size_t> statuses_;
   std::vector<double> inliers_;       // where a homography was found
   std::vector<double> milliseconds_;  // of all images

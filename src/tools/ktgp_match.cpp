@@ -1,10 +1,12 @@
 // ktgp_match A B: matches two images and prints what each of the four stages kept.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -192,19 +194,25 @@ double cornerDeviation(const Outcome& outcome) {
 }
 
 /// What to try where nothing was found, and why.
-const char* advice(const Outcome& outcome, const PipelineOptions& options) {
+std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.result.status == Status::too_few_features) {
     return "an image has hardly any corners: is it sharp, bright and textured? A lower "
            "--fast_threshold finds weaker ones";
   }
+  const cv::Size a = outcome.reference.image.size();
+  const cv::Size b = outcome.target.image.size();
+  const std::string size = noteOnSize(std::max({a.width, a.height, b.width, b.height}));
+  const std::string more = size.empty() ? "" : "; " + size;
   if (!matcher.growth.enabled || matcher.growth.views == 0 ||
       options.orb.descriptor != DescriptorKind::teblid) {
     return "these settings are for neighbouring frames of a video; --preset photo finds more "
-           "where the views differ";
+           "where the views differ" +
+           more;
   }
   return "no plane that both images show was recognised. If they do show one: --features 20000 for "
-         "small details, or cut both images to the common part";
+         "small details, or cut both images to the common part" +
+         more;
 }
 
 void printMatrix(const Eigen::Matrix3d& m) {
@@ -261,7 +269,7 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   if (result.geometry == Geometry::epipolar) return;
   if (outcome.result.status != Status::ok) {
     std::printf("\nno homography: %s\ntry: %s\n", toString(outcome.result.status),
-                advice(outcome, options));
+                advice(outcome, options).c_str());
     return;
   }
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",

@@ -73,6 +73,12 @@ TEST(Parameters, ChooseTheMethodForAFixedReference) {
   }
 }
 
+TEST(Parameters, OfLargeImagesSayThatSmallerOnesAreRecognised) {
+  EXPECT_EQ(noteOnSize(2500), "");
+  EXPECT_NE(noteOnSize(4032).find("are 4032 px long; made 1000 to 2500 px long"),
+            std::string::npos);
+}
+
 /// Who wants fewer features or another descriptor still has a reference that is seen from anywhere.
 TEST(Parameters, KeepWhatWasSetForAFixedReference) {
   const auto chosenFor = [](const std::string& name, const std::string& value) {
