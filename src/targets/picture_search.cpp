@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "core/homography/transform.h"
-#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -143,10 +142,19 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundPicture& found) {
   if (!fit(picture, map, found)) return false;
+  const cv::Size size = picture.image.size();
+  const Eigen::Matrix3d& fitted = found.estimate.homography;
+  const bool trusted = trust_.trusts(fitted, found.pairs, size, growth::Verdict::kRadius);
+  homography::label(found.estimate, found.pairs, growth::Verdict::kRadius, labelled_);
+  dropOutliers(found);
+  if (found.pairs.size() < kTargetPlan.fewest_pairs ||
+      !homography::keepsPlaneInView(fitted, homography::imageCorners(size, {}))) {
+    return false;
+  }
   if (isSeen(picture, pictures, found)) return true;
-  if (!final_.trusted) return false;
+  if (!trusted) return false;
   // A copy beside this one is no period of the picture.
-  const float longest_period = 0.6F * extentOf(map, picture.image.size());
+  const float longest_period = 0.6F * extentOf(map, size);
   const growth::Judgement judgement =
       verdict_.judge(grower_.predictions(), picture.frames, kTargetPlan.first_radius, kAllSeeds,
                      matcher_, longest_period);
@@ -180,25 +188,15 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
   return !seen.differs;
 }
 
-/// The homography of maximum likelihood. False if it is not a view of the whole picture.
+/// The homography of maximum likelihood. False if the pairs do not determine one.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
                         FoundPicture& found) {
   takePairs(found);
-  const cv::Size size = picture.image.size();
   found.estimate = {};
   found.estimate.homography = map / map(2, 2);
-  homography::EvidenceOptions evidence;
-  evidence.max_error = growth::Verdict::kRadius;
-  evidence.by_cell = true;
-  evidence.errors.rounding = util::kKeypointRounding;
-  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
-    return false;
-  }
-  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
-  dropOutliers(found);
-  return found.pairs.size() >= kTargetPlan.fewest_pairs &&
-         homography::keepsPlaneInView(found.estimate.homography,
-                                      homography::imageCorners(size, {}));
+  return refiner_.refine(found.pairs.reference, found.pairs.target, picture.image.size(),
+                         homography::evidenceOfKeypoints(growth::Verdict::kRadius, true),
+                         found.estimate);
 }
 
 /// Those of the last search of the grower.
@@ -220,7 +218,7 @@ void PictureSearch::takePairs(FoundPicture& found) const {
 void PictureSearch::dropOutliers(FoundPicture& found) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < found.pairs.size(); ++i) {
-    if (final_.mask[i] == 0) continue;
+    if (labelled_.mask[i] == 0) continue;
     found.pairs.reference[kept] = found.pairs.reference[i];
     found.pairs.target[kept] = found.pairs.target[i];
     found.pairs.quality[kept] = found.pairs.quality[i];
@@ -268,9 +266,8 @@ bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPict
   }
   // Most keypoints must still agree.
   const std::size_t before = found.pairs.size();
-  finaliser_.finalise(aligned_, found.pairs, picture.image.size(), growth::Verdict::kRadius,
-                      final_);
-  if (2 * final_.inliers < before) return false;
+  homography::label(aligned_, found.pairs, growth::Verdict::kRadius, labelled_);
+  if (2 * labelled_.inliers < before) return false;
   found.estimate = aligned_;
   found.aligned = true;
   dropOutliers(found);

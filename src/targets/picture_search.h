@@ -82,7 +82,7 @@ class PictureSearch {
   void takePairs(FoundPicture& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundPicture& found);
   bool isExplained(const Seed& seed) const;
-  /// Those that do not agree with the homography last finalised.
+  /// Those that do not agree with the homography last labelled.
   void dropOutliers(FoundPicture& found);
 
   FramePyramid frame_;
@@ -92,8 +92,8 @@ class PictureSearch {
   std::vector<std::int32_t> numbers_;
   growth::Verdict verdict_;
   homography::HomographyRefiner refiner_;
-  homography::Finaliser finaliser_;
-  homography::FinalHomography final_;
+  homography::HomographyVerdict trust_;
+  ProsacResult labelled_;
   PictureAligner aligner_;
   UncertainHomography aligned_;
   PointPairs aligned_pairs_;

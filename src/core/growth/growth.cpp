@@ -11,7 +11,6 @@
 #include "core/growth/votes.h"
 #include "core/homography/fit.h"
 #include "core/homography/verdict.h"
-#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -77,8 +76,7 @@ struct HomographyGrowth::Impl {
   growth::Grower grower{growth::kScenePlan};
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
-  homography::Finaliser finaliser;
-  homography::FinalHomography final;
+  homography::HomographyVerdict whole_view;
   cv::Size image_size;       // of the reference
   std::size_t own_size = 0;  // number of its own keypoints, without those of its views
   std::vector<View> views;
@@ -262,16 +260,10 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   collect(chosen, result);
   UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
-  homography::EvidenceOptions evidence;
-  evidence.max_error = growth::Verdict::kRadius;
-  evidence.by_cell = true;
-  evidence.errors.rounding = util::kKeypointRounding;
+  const auto evidence = homography::evidenceOfKeypoints(growth::Verdict::kRadius, true);
   result.found =
-      refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
-  if (result.found) {
-    finaliser.finalise(estimate, result.pairs, image_size, growth::Verdict::kRadius, final);
-    result.found = final.trusted;
-  }
+      refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate) &&
+      whole_view.trusts(estimate.homography, result.pairs, image_size, growth::Verdict::kRadius);
   if (!result.found) {
     result.pairs.clear();
     result.matches.clear();

@@ -36,8 +36,7 @@ bool sameOrientation(const Basis& a, const Basis& b) {
 using Points = PointArrays<float>;
 using Lanes = Points::Lanes;
 
-/// Squared reprojection errors of eight pairs, in units of their noise. Points on or beyond the
-/// horizon get a huge one.
+/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge one.
 Lanes squaredErrors(const Points& points, const Eigen::Matrix3f& h, std::size_t first) {
   constexpr float kHorizon = 1e-6F;
   const Lanes x = Points::load(points.x, first);
@@ -45,7 +44,7 @@ Lanes squaredErrors(const Points& points, const Eigen::Matrix3f& h, std::size_t 
   const Lanes w = (h(2, 0) * x + h(2, 1) * y + h(2, 2)).max(kHorizon);
   const Lanes du = h(0, 0) * x + h(0, 1) * y + h(0, 2) - Points::load(points.u, first) * w;
   const Lanes dv = h(1, 0) * x + h(1, 1) * y + h(1, 2) - Points::load(points.v, first) * w;
-  return (du * du + dv * dv) / (w * w) * Points::load(points.precision, first);
+  return (du * du + dv * dv) / (w * w);
 }
 
 }  // namespace

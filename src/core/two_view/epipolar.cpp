@@ -281,11 +281,7 @@ std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geom
       near_[i] = 0;
       continue;
     }
-    selected_.x[n] = from.x[i];
-    selected_.y[n] = from.y[i];
-    selected_.u[n] = from.u[i];
-    selected_.v[n] = from.v[i];
-    ++n;
+    selected_.set(n++, from, i);
   }
   selected_.size = n;
   for (std::vector<double>* array : {&error_, &weight_, &former_weight_}) array->resize(n);
