@@ -34,6 +34,12 @@ struct PointPairs {
   double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
+  void add(const Eigen::Vector2d& in_reference, const Eigen::Vector2d& in_target,
+           double its_quality) {
+    reference.push_back(in_reference);
+    target.push_back(in_target);
+    quality.push_back(its_quality);
+  }
   void clear() {
     reference.clear();
     target.clear();

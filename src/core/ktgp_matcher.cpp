@@ -333,9 +333,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   pairs.rounding = util::kKeypointRounding;
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-    pairs.reference.push_back(position(reference, c.reference_index));
-    pairs.target.push_back(position(target, c.target_index));
-    pairs.quality.push_back(c.ratio());
+    pairs.add(position(reference, c.reference_index), position(target, c.target_index), c.ratio());
   }
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }

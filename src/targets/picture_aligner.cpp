@@ -84,9 +84,8 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   const double near = nearOf(of_small.homography);
   for (std::size_t i = 0; i < reference_.size(); ++i) {
     if (!(homography::errorOf(of_small.homography, reference_[i], target_[i]) < near)) continue;
-    pairs.reference.push_back(homography::project(to_picture, reference_[i]));
-    pairs.target.push_back(target_[i]);
-    pairs.quality.push_back(0.5);  // all are equally good
+    pairs.add(homography::project(to_picture, reference_[i]), target_[i],
+              0.5);  // all are equally good
   }
   return true;
 }

@@ -206,9 +206,8 @@ void PictureSearch::takePairs(FoundPicture& found) const {
   found.keypoints.clear();
   for (std::size_t i = 0; i < grower_.pairs().size(); ++i) {
     const growth::LocalMatch& match = grower_.matches()[i];
-    found.pairs.reference.push_back(grower_.pairs()[i].reference);
-    found.pairs.target.push_back(grower_.pairs()[i].target);
-    found.pairs.quality.push_back(match.distance / 256.0);
+    found.pairs.add(grower_.pairs()[i].reference, grower_.pairs()[i].target,
+                    match.distance / 256.0);
     const std::int32_t keypoint = match.target;
     found.keypoints.push_back(numbers_.empty() ? keypoint
                                                : numbers_[static_cast<std::size_t>(keypoint)]);

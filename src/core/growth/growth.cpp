@@ -279,9 +279,8 @@ void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) 
   const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
   for (std::size_t i = 0; i < chosen.pairs.size(); ++i) {
     const growth::LocalMatch& match = chosen.matches[i];
-    result.pairs.reference.push_back(chosen.pairs[i].reference);
-    result.pairs.target.push_back(chosen.pairs[i].target);
-    result.pairs.quality.push_back(match.distance / double{growth::kDescriptorBits});
+    result.pairs.add(chosen.pairs[i].reference, chosen.pairs[i].target,
+                     match.distance / double{growth::kDescriptorBits});
     if (match.reference >= own) continue;
     result.matches.push_back(
         {match.reference, match.target, match.distance, growth::kDescriptorBits, Level::guided});

@@ -89,18 +89,8 @@ float msacCost(const Points& points, const Eigen::Matrix3d& homography, double l
 std::size_t findInliers(const Points& points, const Eigen::Matrix3d& homography, double limit,
                         std::vector<std::uint8_t>& inlier) {
   const Eigen::Matrix3f h = homography.cast<float>();
-  const float limit2 = static_cast<float>(limit * limit);
-  inlier.resize(points.size);
-  std::size_t count = 0;
-  for (std::size_t first = 0; first < points.size; first += Points::kLanes) {
-    const Lanes errors = squaredErrors(points, h, first);
-    const std::size_t lanes = std::min(Points::kLanes, points.size - first);
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
-      inlier[first + lane] = errors[static_cast<Eigen::Index>(lane)] < limit2 ? 1 : 0;
-      count += inlier[first + lane];
-    }
-  }
-  return count;
+  return points.markNear(
+      limit, [&](std::size_t first) { return squaredErrors(points, h, first); }, inlier);
 }
 
 bool HomographyProblem::solve(const prosac::ProsacSample& sample,

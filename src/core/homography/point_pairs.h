@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -50,6 +51,25 @@ struct PointArrays {
     y[i] = other.y[other_i];
     u[i] = other.u[other_i];
     v[i] = other.v[other_i];
+  }
+
+  /// near[i] = 1 where the error of pair i is below `limit`, else 0; one entry per pair. Returns
+  /// the number of ones. `squared_errors(first)`: of kLanes pairs.
+  template <typename SquaredErrors>
+  std::size_t markNear(double limit, const SquaredErrors& squared_errors,
+                       std::vector<std::uint8_t>& near) const {
+    const Scalar limit2 = static_cast<Scalar>(limit * limit);
+    near.resize(size);
+    std::size_t count = 0;
+    for (std::size_t first = 0; first < size; first += kLanes) {
+      const Lanes errors = squared_errors(first);
+      const std::size_t lanes = std::min(kLanes, size - first);
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        near[first + lane] = errors[static_cast<Eigen::Index>(lane)] < limit2 ? 1 : 0;
+        count += near[first + lane];
+      }
+    }
+    return count;
   }
 
   static Lanes load(const std::vector<Scalar>& array, std::size_t first) {
