@@ -172,7 +172,6 @@ struct KtgpMatcher::Impl {
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result);
-  void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
   std::optional<GrowthStart> doubtful(const MatchResult& result) const;
@@ -241,7 +240,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
     return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
   timeStage(result, "gms", left, [&] {
-    impl.filterByMotion(reference, target, result);
+    result.gms = impl.gms.filter(reference, target, correspondences);
     return result.gms.kept;
   });
   clearTwoView(result);
@@ -319,11 +318,6 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
   }
   return static_cast<std::size_t>(std::count_if(
       found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
-}
-
-void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
-                                       MatchResult& result) {
-  result.gms = gms.filter(reference, target, result.correspondences);
 }
 
 void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,

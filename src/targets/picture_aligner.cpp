@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "core/growth/map_fit.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
@@ -48,13 +49,9 @@ bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Ma
   Eigen::Matrix3d of_small = map * to_small.inverse();
   for (double reach = kFirstReach; reach < all * kReachFactor; reach *= kReachFactor) {
     if (!alignNear(from, reach, kPatchStep, of_small)) return false;
-    pairs_.clear();
-    for (std::size_t i = 0; i < reference_.size(); ++i) {
-      pairs_.push_back({reference_[i], target_[i]});
-    }
-    const bool is_fitted = (pairs_.size() >= kFewestForHomography &&
-                            growth::fitHomography(pairs_, kScale, of_small)) ||
-                           growth::fitAffine(pairs_, kScale, of_small);
+    const bool is_fitted = (reference_.size() >= kFewestForHomography &&
+                            growth::fitHomography(reference_, target_, kScale, of_small)) ||
+                           growth::fitAffine(reference_, target_, kScale, of_small);
     if (!is_fitted) return false;
   }
   UncertainHomography grown{of_small / of_small(2, 2)};

@@ -75,7 +75,7 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
     for (const Seed& seed : seeds) {
       const Eigen::Vector2d from = seed.from.cast<double>();
       const Eigen::Vector2d to = seed.to.cast<double>();
-      if (homography::errorOf(map, from, to) < radius) seed_pairs_.push_back({from, to});
+      if (homography::errorOf(map, from, to) < radius) seed_pairs_.add(from, to, 0.0);
     }
     if (seed_pairs_.size() < kMany || !growth::refit(seed_pairs_, radius, map)) return false;
   }
@@ -202,12 +202,9 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
 /// Those of the last search of the grower.
 void PictureSearch::takePairs(FoundPicture& found) const {
   found.aligned = false;
-  found.pairs.clear();
+  found.pairs = grower_.pairs();
   found.keypoints.clear();
-  for (std::size_t i = 0; i < grower_.pairs().size(); ++i) {
-    const growth::LocalMatch& match = grower_.matches()[i];
-    found.pairs.add(grower_.pairs()[i].reference, grower_.pairs()[i].target,
-                    match.distance / 256.0);
+  for (const growth::LocalMatch& match : grower_.matches()) {
     const std::int32_t keypoint = match.target;
     found.keypoints.push_back(numbers_.empty() ? keypoint
                                                : numbers_[static_cast<std::size_t>(keypoint)]);

@@ -6,7 +6,6 @@
 
 #include "core/growth/grower.h"
 #include "core/growth/local_matcher.h"
-#include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
 #include "core/homography/fit.h"
 #include "core/homography/verdict.h"
@@ -98,7 +97,7 @@ class PictureSearch {
   UncertainHomography aligned_;
   PointPairs aligned_pairs_;
   std::vector<Eigen::Matrix3d> tried_;
-  std::vector<growth::PlacePair> seed_pairs_;
+  PointPairs seed_pairs_;
 };
 
 }  // namespace ktgp_orb::targets

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/growth/grower.h"
+#include "core/growth/map_fit.h"
 #include "core/growth/reference_frames.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
@@ -32,17 +33,16 @@ bool isAccepted(const Grown& grown) {
   return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
 }
 
-Eigen::Vector2d middleOf(const std::vector<PlacePair>& pairs) {
+Eigen::Vector2d middleOf(const Places& places) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (const PlacePair& pair : pairs) sum += pair.reference;
-  return sum / static_cast<double>(pairs.size());
+  for (const Eigen::Vector2d& place : places) sum += place;
+  return sum / static_cast<double>(places.size());
 }
 
 }  // namespace
 }  // namespace growth
 
 using growth::Grown;
-using growth::PlacePair;
 using growth::Seed;
 
 struct HomographyGrowth::Impl {
@@ -82,9 +82,9 @@ struct HomographyGrowth::Impl {
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
-  std::vector<PlacePair> near;
-  std::vector<Eigen::Matrix3d> tried;  // maps that the seeds grew to
-  std::vector<Grown> grown;            // the same; only the first `grown_count` are valid
+  growth::Places near, near_in_target;  // of the voters
+  std::vector<Eigen::Matrix3d> tried;   // maps that the seeds grew to
+  std::vector<Grown> grown;             // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
   std::size_t start_place = 0;        // of the start among them; behind them all if there is none
   std::vector<std::size_t> order;     // of `grown`, the best first
@@ -133,20 +133,24 @@ void HomographyGrowth::Impl::collectSeeds() {
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
   constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
   const View& view = views[static_cast<std::size_t>(seed.view)];
-  const auto place = [](const growth::Votes::Similarity& pair) {
-    return PlacePair{{pair.x, pair.y}, {pair.u, pair.v}};
-  };
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
   view.votes.voters(seed.pair, voters);
   near.clear();
-  for (const std::int32_t voter : voters) near.push_back(place(view.votes.pair(voter)));
+  near_in_target.clear();
+  for (const std::int32_t number : voters) {
+    const growth::Votes::Similarity& voter = view.votes.pair(number);
+    near.emplace_back(voter.x, voter.y);
+    near_in_target.emplace_back(voter.u, voter.v);
+  }
   const double scale = pair.scale;
   const double c = scale * pair.cosine;
   const double s = scale * pair.sine;
   const Eigen::Matrix2d turn = (Eigen::Matrix2d() << c, -s, s, c).finished();
   Eigen::Matrix3d to_view = Eigen::Matrix3d::Identity();
   to_view.topRows<2>() = view.to_view;
-  return growth::fitAffineNear(near, place(pair), turn, kReach) * to_view;
+  return growth::fitAffineNear(near, near_in_target, {pair.x, pair.y}, {pair.u, pair.v}, turn,
+                               kReach) *
+         to_view;
 }
 
 /// In px of the reference.
@@ -214,7 +218,7 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
     sortGrown();
     Grown& best = grown[order.front()];
     if (!growth::isAccepted(best) || std::exchange(best.grew_from_repeats, true)) return;
-    const Eigen::Vector2d middle = growth::middleOf(best.pairs);
+    const Eigen::Vector2d middle = growth::middleOf(best.pairs.reference);
     const Eigen::Matrix3d map = best.map;  // tryFrom may move the buffers
     repeats = best.repeats;
     for (const cv::Point2f& shift : repeats) {
@@ -274,13 +278,10 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
 }
 
 void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) const {
-  result.pairs.clear();
+  result.pairs = chosen.pairs;
   result.matches.clear();
   const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
-  for (std::size_t i = 0; i < chosen.pairs.size(); ++i) {
-    const growth::LocalMatch& match = chosen.matches[i];
-    result.pairs.add(chosen.pairs[i].reference, chosen.pairs[i].target,
-                     match.distance / double{growth::kDescriptorBits});
+  for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;
     result.matches.push_back(
         {match.reference, match.target, match.distance, growth::kDescriptorBits, Level::guided});
