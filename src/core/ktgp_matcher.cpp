@@ -131,11 +131,8 @@ void MatchResult::clear(const MatcherOptions& options) {
   search = Search::whole;
   correspondences.clear();
   gms = {};
-  util::resetKeeping(&ProsacResult::mask, prosac);
-  found_by = FoundBy::none;
-  growth.clear();
   nameStages(options, *this);
-  clearRefinement(*this);
+  clearHomography(*this);
   clearTwoView(*this);
 }
 
