@@ -136,9 +136,7 @@ PointPairs match(const Features& reference, const Features& target, const Filter
   PointPairs points;
   for (const Correspondence& c : correspondences) {
     if (c.level < (filters.gms ? Level::ktg : Level::kt)) continue;
-    points.reference.push_back(position(reference, c.reference_index));
-    points.target.push_back(position(target, c.target_index));
-    points.quality.push_back(c.ratio());
+    points.add(position(reference, c.reference_index), position(target, c.target_index), c.ratio());
   }
   return points;
 }

@@ -15,8 +15,7 @@ namespace ktgp_orb {
 
 /// Options of the homography estimator (Chum & Matas, "Matching with PROSAC", CVPR 2005).
 struct ProsacOptions {
-  /// Largest reprojection error of an inlier in the target (exclusive), > 0: in px, or, with
-  /// PointPairs::noise, in multiples of the pair's noise.
+  /// Largest reprojection error of an inlier in the target (exclusive), px, > 0.
   double max_error = 3.0;
   int max_iterations = 2000;  ///< most samples, 1..1000000
   /// 1 - eta0 of the maximality rule: probability that no better model was missed, in (0, 1).
@@ -29,24 +28,24 @@ struct PointPairs {
   std::vector<Eigen::Vector2d> reference;  ///< px in the reference image, finite
   std::vector<Eigen::Vector2d> target;     ///< px in the target image, finite
   std::vector<double> quality;             ///< beta = d1/d2 (Eq. 6), smaller is better
-  /// Standard deviation of each pair's error per coordinate, px in the target, > 0. Empty: all are
-  /// alike, and nothing is known of their size.
-  std::vector<double> noise{};
   /// Standard deviation per coordinate that rounding gives each position, px, >= 0: 1/sqrt(12) for
   /// whole pixels. Neighbouring pairs that move alike are rounded alike, so their agreement does
   /// not show it.
   double rounding = 0.0;
 
   std::size_t size() const { return reference.size(); }
+  void add(const Eigen::Vector2d& in_reference, const Eigen::Vector2d& in_target,
+           double its_quality) {
+    reference.push_back(in_reference);
+    target.push_back(in_target);
+    quality.push_back(its_quality);
+  }
   void clear() {
     reference.clear();
     target.clear();
     quality.clear();
-    noise.clear();
     rounding = 0.0;
   }
-  /// What the error of pair `i` counts in: its noise, or 1 px.
-  double noiseOf(std::size_t i) const { return noise.empty() ? 1.0 : noise[i]; }
 };
 
 /// The rule that ended the sampling.
@@ -108,11 +107,6 @@ double reprojectionError(const Eigen::Matrix3d& homography, const Eigen::Vector2
 ///   without a quarter of the inliers.
 /// The homography maximises the likelihood under Student's t errors over the pairs within twice the
 /// threshold. The mask compares the reprojection errors with the threshold.
-///
-/// With PointPairs::noise, every error counts in units of its noise: in the search, the threshold,
-/// the fit and the mask. The scale of all noises together is estimated, so a covariance is right
-/// even if they are all too small or too large by one factor. It then covers the noise alone, not
-/// a scene that is not quite a plane.
 ///
 /// An instance belongs to one thread at a time; several instances may work in parallel.
 class ProsacHomography {

@@ -12,6 +12,7 @@
 #include "core/util/keypoint_position.h"
 #include "core/util/milliseconds.h"
 #include "core/util/names.h"
+#include "core/util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {
@@ -73,10 +74,7 @@ GuidedOptions guidedOptions(const MatcherOptions& options) {
 /// Resets the results of the stages after the homography.
 void clearRefinement(MatchResult& result) {
   result.guided.clear();
-  std::vector<AlignedPoint> points = std::move(result.alignment.points);  // keep the buffer
-  points.clear();
-  result.alignment = {};
-  result.alignment.points = std::move(points);
+  util::resetKeeping(&AlignmentResult::points, result.alignment);
   result.answer = {};
   result.inliers = 0;
   result.rmse = 0.0;
@@ -85,10 +83,7 @@ void clearRefinement(MatchResult& result) {
 /// As if no homography had been looked for.
 void clearHomography(MatchResult& result) {
   result.stages[3] = {"prosac", result.gms.kept, 0, 0.0};
-  std::vector<std::uint8_t> mask = std::move(result.prosac.mask);
-  mask.clear();
-  result.prosac = {};
-  result.prosac.mask = std::move(mask);
+  util::resetKeeping(&ProsacResult::mask, result.prosac);
   result.found_by = FoundBy::none;
   result.growth.clear();
   clearRefinement(result);
@@ -102,10 +97,7 @@ void clearTwoView(MatchResult& result) {
   two_view.match.clear();
   two_view.aligned.clear();
   two_view.levels.clear();
-  std::vector<std::uint8_t> mask = std::move(two_view.view.mask);
-  mask.clear();
-  two_view.view = {};
-  two_view.view.mask = std::move(mask);
+  util::resetKeeping(&TwoView::mask, two_view.view);
 }
 
 }  // namespace
@@ -139,14 +131,8 @@ void MatchResult::clear(const MatcherOptions& options) {
   search = Search::whole;
   correspondences.clear();
   gms = {};
-  std::vector<std::uint8_t> mask = std::move(prosac.mask);  // keep the buffer
-  mask.clear();
-  prosac = {};
-  prosac.mask = std::move(mask);
-  found_by = FoundBy::none;
-  growth.clear();
   nameStages(options, *this);
-  clearRefinement(*this);
+  clearHomography(*this);
   clearTwoView(*this);
 }
 
@@ -183,7 +169,6 @@ struct KtgpMatcher::Impl {
 
   std::size_t findNeighbours(const Features& reference, const Features& target,
                              const MatchHints& hints, MatchResult& result);
-  void filterByMotion(const Features& reference, const Features& target, MatchResult& result);
   void estimateHomography(const Features& reference, const Features& target,
                           const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
   std::optional<GrowthStart> doubtful(const MatchResult& result) const;
@@ -198,8 +183,7 @@ struct KtgpMatcher::Impl {
              MatchResult& result);
   bool adopt(const UncertainHomography& candidate, const Features& reference,
              const Features& target, MatchResult& result);
-  void publish(const UncertainHomography& answer, const std::vector<std::uint8_t>& mask,
-               std::size_t inliers, double rmse, const Features& reference, const Features& target,
+  void publish(const ProsacResult& found, const Features& reference, const Features& target,
                MatchResult& result);
 
   MatcherOptions options;
@@ -211,8 +195,8 @@ struct KtgpMatcher::Impl {
   GuidedMatcher guided;
   Alignment alignment;
   TwoViewMatcher two_view;
-  homography::Finaliser finaliser;
-  homography::FinalHomography final;
+  homography::HomographyVerdict verdict;
+  ProsacResult labelled;                       // a candidate that PROSAC did not find
   std::vector<Correspondence> guided_matches;  // all matches of guided matching
   std::vector<std::uint8_t> taken;             // target keypoints that are inliers
   std::vector<Correspondence> matches;         // to align
@@ -253,7 +237,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
     return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
   });
   timeStage(result, "gms", left, [&] {
-    impl.filterByMotion(reference, target, result);
+    result.gms = impl.gms.filter(reference, target, correspondences);
     return result.gms.kept;
   });
   clearTwoView(result);
@@ -333,11 +317,6 @@ std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const F
       found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
 }
 
-void KtgpMatcher::Impl::filterByMotion(const Features& reference, const Features& target,
-                                       MatchResult& result) {
-  result.gms = gms.filter(reference, target, result.correspondences);
-}
-
 void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,
                                            const std::optional<Eigen::Matrix3d>& initial,
                                            MatchResult& result) {
@@ -345,9 +324,7 @@ void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Feat
   pairs.rounding = util::kKeypointRounding;
   for (const Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-    pairs.reference.push_back(position(reference, c.reference_index));
-    pairs.target.push_back(position(target, c.target_index));
-    pairs.quality.push_back(c.ratio());
+    pairs.add(position(reference, c.reference_index), position(target, c.target_index), c.ratio());
   }
   prosac.estimate(pairs, reference.image_size, initial, result.prosac);
 }
@@ -409,8 +386,7 @@ void KtgpMatcher::Impl::refine(const Features& reference, const Features& target
   UncertainHomography answer = grown ? result.growth.answer : result.prosac.answer;
   if (grown) guided_matches = result.growth.matches;
   if (!grown) {
-    const ProsacResult& found = result.prosac;  // labelled by the same Finaliser
-    publish(answer, found.mask, found.inliers, found.rmse, reference, target, result);
+    publish(result.prosac, reference, target, result);
   } else if (!adopt(answer, reference, target, result)) {
     result.status = Status::model_rejected;
     result.found_by = FoundBy::none;
@@ -451,44 +427,43 @@ void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features&
 /// would not give one. A homography derived from it must still agree with the pairs of the growth.
 bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
                               const Features& target, MatchResult& result) {
-  if (result.found_by == FoundBy::growth) {
-    finaliser.finalise(candidate, result.growth.pairs, reference.image_size,
-                       growth::Verdict::kRadius, final);
-    if (!final.trusted) return false;
+  const bool grown = result.found_by == FoundBy::growth;
+  if (!verdict.trusts(candidate.homography, grown ? result.growth.pairs : pairs,
+                      reference.image_size,
+                      grown ? growth::Verdict::kRadius : options.prosac.max_error)) {
+    return false;
   }
-  finaliser.finalise(candidate, pairs, reference.image_size, options.prosac.max_error, final);
-  if (!final.trusted && result.found_by != FoundBy::growth) return false;
-  publish(candidate, final.mask, final.inliers, final.rmse, reference, target, result);
+  homography::label(candidate, pairs, options.prosac.max_error, labelled);
+  publish(labelled, reference, target, result);
   return true;
 }
 
 /// Sets the result and everything that belongs to it: levels, the guided matches that agree,
-/// inliers and RMSE. `mask`, `inliers` and `rmse`: of the pairs that passed GMS.
-void KtgpMatcher::Impl::publish(const UncertainHomography& answer,
-                                const std::vector<std::uint8_t>& mask, std::size_t inliers,
-                                double rmse, const Features& reference, const Features& target,
-                                MatchResult& result) {
-  result.answer = answer;
+/// inliers and RMSE. `found`: the answer, labelled with the pairs that passed GMS.
+void KtgpMatcher::Impl::publish(const ProsacResult& found, const Features& reference,
+                                const Features& target, MatchResult& result) {
+  result.answer = found.answer;
   taken.assign(target.size(), 0);
   std::size_t i = 0;
   for (Correspondence& c : result.correspondences) {
     if (c.level < Level::ktg) continue;
-    const bool inlier = mask[i++] != 0;
+    const bool inlier = found.mask[i++] != 0;
     c.level = inlier ? Level::ktgp : Level::ktg;
     if (inlier) taken[static_cast<std::size_t>(c.target_index)] = 1;
   }
-  double squares = rmse * rmse * static_cast<double>(inliers);
+  const double rmse = found.rmse;
+  double squares = rmse * rmse * static_cast<double>(found.inliers);
   result.guided.clear();
   for (const Correspondence& c : guided_matches) {
     if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
     const double error =
-        homography::errorOf(answer.homography, position(reference, c.reference_index),
+        homography::errorOf(result.answer.homography, position(reference, c.reference_index),
                             position(target, c.target_index));
     if (!(error < options.prosac.max_error)) continue;
     result.guided.push_back(c);
     squares += error * error;
   }
-  result.inliers = inliers + result.guided.size();
+  result.inliers = found.inliers + result.guided.size();
   result.rmse =
       result.guided.empty() ? rmse : std::sqrt(squares / static_cast<double>(result.inliers));
 }

@@ -175,9 +175,8 @@ Step homography(const std::string& estimator, const ProsacOptions& options) {
             PointPairs pairs;
             pairs.rounding = util::kKeypointRounding;
             for (const Correspondence& c : m.matches) {
-              pairs.reference.push_back(position(reference, c.reference_index));
-              pairs.target.push_back(position(target, c.target_index));
-              pairs.quality.push_back(c.ratio());
+              pairs.add(position(reference, c.reference_index), position(target, c.target_index),
+                        c.ratio());
             }
             const ProsacResult model =
                 estimateHomography(estimator, pairs, reference.image_size, options);

@@ -94,9 +94,8 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
     pairs_.clear();
     pairs_.rounding = target.aligned ? 0.0 : util::kKeypointRounding;
     for (const std::size_t i : chooseApart(target.pairs.target, apart)) {
-      pairs_.reference.push_back(target.pairs.reference[i]);
-      pairs_.target.emplace_back(points[i].pt.x, points[i].pt.y);
-      pairs_.quality.push_back(target.pairs.quality[i]);
+      pairs_.add(target.pairs.reference[i], {points[i].pt.x, points[i].pt.y},
+                 target.pairs.quality[i]);
     }
     prosac_.estimate(pairs_, target.image_size, target.homography.homography, result_);
     if (result_.status != Status::ok) return {{}, "its pairs do not agree without the distortion"};

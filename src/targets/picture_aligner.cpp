@@ -5,6 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "core/growth/map_fit.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
@@ -47,13 +48,9 @@ bool PictureAligner::grow(const TargetPicture& picture, const std::vector<cv::Ma
   Eigen::Matrix3d of_small = map * to_small.inverse();
   for (double reach = kFirstReach; reach < all * kReachFactor; reach *= kReachFactor) {
     if (!alignNear(from, reach, kPatchStep, of_small)) return false;
-    pairs_.clear();
-    for (std::size_t i = 0; i < reference_.size(); ++i) {
-      pairs_.push_back({reference_[i], target_[i]});
-    }
-    const bool is_fitted = (pairs_.size() >= kFewestForHomography &&
-                            growth::fitHomography(pairs_, kScale, of_small)) ||
-                           growth::fitAffine(pairs_, kScale, of_small);
+    const bool is_fitted = (reference_.size() >= kFewestForHomography &&
+                            growth::fitHomography(reference_, target_, kScale, of_small)) ||
+                           growth::fitAffine(reference_, target_, kScale, of_small);
     if (!is_fitted) return false;
   }
   UncertainHomography grown{of_small / of_small(2, 2)};
@@ -83,9 +80,8 @@ bool PictureAligner::align(const TargetPicture& picture, const std::vector<cv::M
   const double near = nearOf(of_small.homography);
   for (std::size_t i = 0; i < reference_.size(); ++i) {
     if (!(homography::errorOf(of_small.homography, reference_[i], target_[i]) < near)) continue;
-    pairs.reference.push_back(homography::project(to_picture, reference_[i]));
-    pairs.target.push_back(target_[i]);
-    pairs.quality.push_back(0.5);  // all are equally good
+    pairs.add(homography::project(to_picture, reference_[i]), target_[i],
+              0.5);  // all are equally good
   }
   return true;
 }

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/alignment/patch_aligner.h"
-#include "core/growth/map_fit.h"
 #include "core/homography/fit.h"
 #include "ktgp_orb/prosac_homography.h"
 #include "targets/target_picture.h"
@@ -47,7 +46,6 @@ class PictureAligner {
   std::vector<cv::Mat> small_;  // the same with a border; one level
   cv::Size size_;               // of it, without the border
   std::vector<Eigen::Vector2d> reference_, target_;
-  std::vector<growth::PlacePair> pairs_;
   std::vector<double> errors_;  // px
 };
 

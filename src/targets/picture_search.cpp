@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "core/homography/transform.h"
-#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::targets {
 namespace {
@@ -70,7 +69,7 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
     for (const Seed& seed : seeds) {
       const Eigen::Vector2d from = seed.from.cast<double>();
       const Eigen::Vector2d to = seed.to.cast<double>();
-      if (homography::errorOf(map, from, to) < radius) seed_pairs_.push_back({from, to});
+      if (homography::errorOf(map, from, to) < radius) seed_pairs_.add(from, to, 0.0);
     }
     if (seed_pairs_.size() < kMany || !growth::refit(seed_pairs_, radius, map)) return false;
   }
@@ -133,10 +132,18 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
                            FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
+  const cv::Size size = picture.image.size();
+  const Eigen::Matrix3d& fitted = found.estimate.homography;
+  const bool trusted = trust_.trusts(fitted, found.pairs, size, growth::Verdict::kRadius);
+  homography::label(found.estimate, found.pairs, growth::Verdict::kRadius, labelled_);
+  dropOutliers(found);
+  if (found.pairs.size() < kTargetPlan.fewest_pairs || !isView(fitted, picture)) {
+    return false;
+  }
   if (isSeen(picture, pictures, found)) return true;
-  if (!final_.trusted) return false;
+  if (!trusted) return false;
   // A copy beside this one is no period of the picture.
-  const cv::Size2d seen = sizeIn(map, picture.image.size());
+  const cv::Size2d seen = sizeIn(map, size);
   const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
       verdict_.judge(grower_.predictions(), picture.frames, kTargetPlan.first_radius, kAllSeeds,
@@ -170,36 +177,23 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
   return !seen.differs;
 }
 
-/// The homography of maximum likelihood. False if it is not a view of the whole picture.
+/// The homography of maximum likelihood. False if the pairs do not determine one.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
                         FoundTarget& found) {
   takePairs(found);
-  const cv::Size size = picture.image.size();
   found.estimate = {};
   found.estimate.homography = map / map(2, 2);
-  homography::EvidenceOptions evidence;
-  evidence.max_error = growth::Verdict::kRadius;
-  evidence.by_cell = true;
-  evidence.errors.rounding = util::kKeypointRounding;
-  if (!refiner_.refine(found.pairs.reference, found.pairs.target, size, evidence, found.estimate)) {
-    return false;
-  }
-  finaliser_.finalise(found.estimate, found.pairs, size, growth::Verdict::kRadius, final_);
-  dropOutliers(found);
-  return found.pairs.size() >= kTargetPlan.fewest_pairs &&
-         isView(found.estimate.homography, picture);
+  return refiner_.refine(found.pairs.reference, found.pairs.target, picture.image.size(),
+                         homography::evidenceOfKeypoints(growth::Verdict::kRadius, true),
+                         found.estimate);
 }
 
 /// Those of the last search of the grower.
 void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
-  found.pairs.clear();
+  found.pairs = grower_.pairs();
   found.keypoints.clear();
-  for (std::size_t i = 0; i < grower_.pairs().size(); ++i) {
-    const growth::LocalMatch& match = grower_.matches()[i];
-    found.pairs.reference.push_back(grower_.pairs()[i].reference);
-    found.pairs.target.push_back(grower_.pairs()[i].target);
-    found.pairs.quality.push_back(match.distance / 256.0);
+  for (const growth::LocalMatch& match : grower_.matches()) {
     const std::int32_t keypoint = match.target;
     found.keypoints.push_back(numbers_.empty() ? keypoint
                                                : numbers_[static_cast<std::size_t>(keypoint)]);
@@ -209,7 +203,7 @@ void PictureSearch::takePairs(FoundTarget& found) const {
 void PictureSearch::dropOutliers(FoundTarget& found) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < found.pairs.size(); ++i) {
-    if (final_.mask[i] == 0) continue;
+    if (labelled_.mask[i] == 0) continue;
     found.pairs.reference[kept] = found.pairs.reference[i];
     found.pairs.target[kept] = found.pairs.target[i];
     found.pairs.quality[kept] = found.pairs.quality[i];
@@ -256,9 +250,8 @@ bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPict
   }
   // Most keypoints must still agree.
   const std::size_t before = found.pairs.size();
-  finaliser_.finalise(aligned_, found.pairs, picture.image.size(), growth::Verdict::kRadius,
-                      final_);
-  if (2 * final_.inliers < before) return false;
+  homography::label(aligned_, found.pairs, growth::Verdict::kRadius, labelled_);
+  if (2 * labelled_.inliers < before) return false;
   found.estimate = aligned_;
   found.aligned = true;
   dropOutliers(found);

@@ -6,7 +6,6 @@
 
 #include "core/growth/grower.h"
 #include "core/growth/local_matcher.h"
-#include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
 #include "core/homography/fit.h"
 #include "core/homography/verdict.h"
@@ -85,7 +84,7 @@ class PictureSearch {
   void takePairs(FoundTarget& found) const;
   bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
-  /// Those that do not agree with the homography last finalised.
+  /// Those that do not agree with the homography last labelled.
   void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;
@@ -95,13 +94,13 @@ class PictureSearch {
   std::vector<std::int32_t> numbers_;
   growth::Verdict verdict_;
   homography::HomographyRefiner refiner_;
-  homography::Finaliser finaliser_;
-  homography::FinalHomography final_;
+  homography::HomographyVerdict trust_;
+  ProsacResult labelled_;
   PictureAligner aligner_;
   UncertainHomography aligned_;
   PointPairs aligned_pairs_;
   std::vector<Eigen::Matrix3d> tried_;
-  std::vector<growth::PlacePair> seed_pairs_;
+  PointPairs seed_pairs_;
 };
 
 }  // namespace ktgp_orb::targets

@@ -74,14 +74,14 @@ void Seeds::vote(std::int32_t fewest_votes) {
 
 Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
   constexpr double kOwnReach = 30.0;  // px; weight of the seed's own direction and size
-  const auto place = [](const Seed& one) {
-    return growth::PlacePair{one.from.cast<double>(), one.to.cast<double>()};
-  };
-  std::vector<growth::PlacePair> near;
+  growth::Places from, to;
   for (const Seed& voter : seeds) {
-    if (agrees(mapOf(voter), mapOf(seed))) near.push_back(place(voter));
+    if (!agrees(mapOf(voter), mapOf(seed))) continue;
+    from.push_back(voter.from.cast<double>());
+    to.push_back(voter.to.cast<double>());
   }
-  return growth::fitAffineNear(near, place(seed), seed.linear.cast<double>(), kOwnReach);
+  return growth::fitAffineNear(from, to, seed.from.cast<double>(), seed.to.cast<double>(),
+                               seed.linear.cast<double>(), kOwnReach);
 }
 
 }  // namespace ktgp_orb::targets

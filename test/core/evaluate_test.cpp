@@ -192,9 +192,7 @@ TEST_P(Estimators, SurviveEverySmallSet) {
 TEST_P(Estimators, SurvivePointsThatAreAllTheSame) {
   PointPairs pairs;
   for (int i = 0; i < 30; ++i) {
-    pairs.reference.emplace_back(10.0, 10.0);
-    pairs.target.emplace_back(20.0, 20.0);
-    pairs.quality.push_back(0.5);
+    pairs.add({10.0, 10.0}, {20.0, 20.0}, 0.5);
   }
   const ProsacResult e = estimateHomography(GetParam(), pairs, {640, 480}, {});
   EXPECT_EQ(e.mask.size(), 30u);

@@ -97,18 +97,23 @@ TEST(GrowthVotes, AClusterHasOneVote) {
 
 TEST(GrowthFit, NearAPriorFewPairsAreEnoughAndManyDecide) {
   const Eigen::Matrix2d truth = (Eigen::Matrix2d() << 1.2, 0.3, -0.2, 0.9).finished();
-  const PlacePair centre{{100, 100}, {50, 60}};
-  EXPECT_TRUE(fitAffineNear({}, centre, truth, 30.0).topLeftCorner(2, 2).isApprox(truth, 1e-12));
-  std::vector<PlacePair> pairs;
+  const Eigen::Vector2d from(100, 100);
+  const Eigen::Vector2d to(50, 60);
+  Places near, target;
+  EXPECT_TRUE(fitAffineNear(near, target, from, to, truth, 30.0)
+                  .topLeftCorner(2, 2)
+                  .isApprox(truth, 1e-12));
   Numbers numbers(2);
   for (int i = 0; i < 2000; ++i) {
     const Eigen::Vector2d d(numbers.uniform(-100, 100), numbers.uniform(-100, 100));
-    pairs.push_back({centre.reference + d, centre.target + truth * d});
+    near.push_back(from + d);
+    target.push_back(to + truth * d);
   }
-  const Eigen::Matrix3d map = fitAffineNear(pairs, centre, Eigen::Matrix2d::Identity(), 30.0);
+  const Eigen::Matrix3d map =
+      fitAffineNear(near, target, from, to, Eigen::Matrix2d::Identity(), 30.0);
   EXPECT_LT((map.topLeftCorner<2, 2>() - truth).norm(), 1e-3);
-  const Eigen::Vector2d middle = (map * centre.reference.homogeneous()).hnormalized();
-  EXPECT_LT((middle - centre.target).norm(), 1e-9);
+  const Eigen::Vector2d middle = (map * from.homogeneous()).hnormalized();
+  EXPECT_LT((middle - to).norm(), 1e-9);
 }
 
 /// P(Poisson(mean) >= count), summed up.
@@ -137,7 +142,7 @@ Grown grownFrom(const Eigen::Vector2d& shift, std::size_t matched) {
   grown.judgement.matched = matched;
   for (int i = 0; i < 40; ++i) {
     const Eigen::Vector2d p(200.0 + 20.0 * (i % 8), 200.0 + 20.0 * (i / 8));
-    grown.pairs.push_back({p, p + shift});
+    grown.pairs.add(p, p + shift, 0.0);
   }
   return grown;
 }

@@ -307,18 +307,18 @@ TEST(GrowthVerdict, ChanceOfManyIsSmallAndGrowsWithTheSpread) {
 
 TEST(GrowthFit, RecoversExactMaps) {
   Numbers numbers(1);
-  std::vector<growth::PlacePair> pairs;
+  growth::Places from, to;
   for (int i = 0; i < 20; ++i) {
-    const Eigen::Vector2d x = numbers.pointIn(kSize);
-    pairs.push_back({x, (tilted() * x.homogeneous()).hnormalized()});
+    from.push_back(numbers.pointIn(kSize));
+    to.push_back((tilted() * from.back().homogeneous()).hnormalized());
   }
   Eigen::Matrix3d map = tilted();
   map(0, 2) += 1.0;
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(growth::fitHomography(pairs, 2.0, map));
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(growth::fitHomography(from, to, 2.0, map));
   EXPECT_LT(test::cornerError(map, tilted(), kSize), 1e-6);
-  const std::vector<growth::PlacePair> line(5, pairs.front());
-  EXPECT_FALSE(growth::fitAffine(line, 2.0, map));
-  EXPECT_FALSE(growth::fitHomography(line, 2.0, map));
+  const growth::Places one(5, from.front()), its_target(5, to.front());
+  EXPECT_FALSE(growth::fitAffine(one, its_target, 2.0, map));
+  EXPECT_FALSE(growth::fitHomography(one, its_target, 2.0, map));
 }
 
 TEST(GrowthDistance, CountsBits) {

@@ -69,9 +69,7 @@ TEST(KtgpMatcher, DoesWhatItsStagesDoInARow) {
     if (c.level != Level::ktg) continue;
     const cv::Point2f& x = frames.reference.keypoints[std::size_t(c.reference_index)].pt;
     const cv::Point2f& u = frames.target.keypoints[std::size_t(c.target_index)].pt;
-    pairs.reference.emplace_back(x.x, x.y);
-    pairs.target.emplace_back(u.x, u.y);
-    pairs.quality.push_back(c.ratio());
+    pairs.add({x.x, x.y}, {u.x, u.y}, c.ratio());
   }
   ProsacResult prosac;
   ProsacHomography(options.prosac).estimate(pairs, kSize, prosac);

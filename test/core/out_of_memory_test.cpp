@@ -101,9 +101,7 @@ class OutOfMemory : public testing::Test {
       if (c.level < Level::kt) continue;
       const auto& r = reference_.keypoints[static_cast<std::size_t>(c.reference_index)].pt;
       const auto& t = target_.keypoints[static_cast<std::size_t>(c.target_index)].pt;
-      pairs_.reference.emplace_back(r.x, r.y);
-      pairs_.target.emplace_back(t.x, t.y);
-      pairs_.quality.push_back(c.ratio());
+      pairs_.add({r.x, r.y}, {t.x, t.y}, c.ratio());
     }
   }
 

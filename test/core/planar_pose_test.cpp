@@ -286,9 +286,7 @@ struct Passing {
         target = project(at(seconds + late), reference);
         late = readout * (target.y() - 0.5 * (kRows - 1)) / kRows;
       }
-      pairs.reference.push_back(reference);
-      pairs.target.push_back(target + Eigen::Vector2d(normal(random), normal(random)));
-      pairs.quality.push_back(0.5);
+      pairs.add(reference, target + Eigen::Vector2d(normal(random), normal(random)), 0.5);
     }
     ProsacHomography prosac;
     ProsacResult result;

@@ -26,9 +26,7 @@ class Verdict : public testing::Test {
     Eigen::Vector2d u = (truth_ * x.homogeneous()).hnormalized();
     u.x() += sigma * numbers_.normal();
     u.y() += sigma * numbers_.normal();
-    pairs_.reference.push_back(x);
-    pairs_.target.push_back(u);
-    pairs_.quality.push_back(numbers_.uniform(0.0, 1.0));
+    pairs_.add(x, u, numbers_.uniform(0.0, 1.0));
   }
 
   Status estimate() {

@@ -130,9 +130,7 @@ inline PointPairs makePairs(const Scene& scene, Numbers& numbers) {
       u.x() += scene.sigma * numbers.normal();
       u.y() += scene.sigma * numbers.normal();
     }
-    pairs.reference.push_back(x);
-    pairs.target.push_back(u);
-    pairs.quality.push_back(qualityOf(inlier, scene.order, numbers));
+    pairs.add(x, u, qualityOf(inlier, scene.order, numbers));
   }
   return pairs;
 }

@@ -114,9 +114,7 @@ struct World {
 
  private:
   void add(const Eigen::Vector2d& x, const Eigen::Vector2d& u, double quality) {
-    pairs.reference.push_back(x);
-    pairs.target.push_back(u);
-    pairs.quality.push_back(quality);
+    pairs.add(x, u, quality);
   }
 
   double depthOf(const Eigen::Vector2d& x, const Eigen::Vector3d& q, const Eigen::Vector3d& tilt,
@@ -154,19 +152,16 @@ TEST(Solvers, FiveExactPointsGiveTheTruthAndWhatOpenCvFinds) {
       a.emplace_back(from(0, i), from(1, i));
       b.emplace_back(to(0, i), to(1, i));
     }
-    EpipolarSolutions found;
+    std::vector<Eigen::Matrix3d> found;
     solveFivePoints(from, to, found);
     const auto isFound = [&](const Eigen::Matrix3d& e, double tolerance) {
-      return std::any_of(found.matrix.begin(), found.matrix.begin() + std::ptrdiff_t(found.count),
-                         [&](const Eigen::Matrix3d& m) {
-                           return std::min((m - e).norm(), (m + e).norm()) < tolerance;
-                         });
+      return std::any_of(found.begin(), found.end(), [&](const Eigen::Matrix3d& m) {
+        return std::min((m - e).norm(), (m + e).norm()) < tolerance;
+      });
     };
     if (!isFound(crossed(world.pose.translation) * world.pose.rotation, 1e-6)) ++missed;
-    for (std::size_t i = 0; i < found.count; ++i) {
-      for (int k = 0; k < 5; ++k) {
-        EXPECT_NEAR(to.col(k).dot(found.matrix[i] * from.col(k)), 0.0, 1e-7);
-      }
+    for (const Eigen::Matrix3d& m : found) {
+      for (int k = 0; k < 5; ++k) EXPECT_NEAR(to.col(k).dot(m * from.col(k)), 0.0, 1e-7);
     }
     const cv::Mat peers = cv::findEssentialMat(a, b, cv::Mat::eye(3, 3, CV_64F), cv::RANSAC);
     for (int i = 0; i + 2 < peers.rows; i += 3) {
@@ -193,12 +188,11 @@ TEST(Solvers, SevenExactPointsGiveTheTruth) {
     }
     const Eigen::Matrix3d truth =
         (crossed(world.pose.translation) * world.pose.rotation).normalized();
-    EpipolarSolutions found;
+    std::vector<Eigen::Matrix3d> found;
     solveSevenPoints(from, to, found);
     double nearest = 2.0;
-    for (std::size_t i = 0; i < found.count; ++i) {
-      nearest =
-          std::min({nearest, (found.matrix[i] - truth).norm(), (found.matrix[i] + truth).norm()});
+    for (const Eigen::Matrix3d& m : found) {
+      nearest = std::min({nearest, (m - truth).norm(), (m + truth).norm()});
     }
     EXPECT_LT(nearest, 1e-6);
   }

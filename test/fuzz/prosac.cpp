@@ -34,9 +34,7 @@ PointPairs pointPairs(Input& in) {
     y += Eigen::Vector2d(uniform(noise), uniform(noise));
     if (random.below(100) < outliers) y = {uniform(640.0), uniform(480.0)};
     if (kind == 4 && i % 2 == 1) y = pairs.target.back();  // many to one
-    pairs.reference.push_back(x);
-    pairs.target.push_back(y);
-    pairs.quality.push_back(uniform(1.0));
+    pairs.add(x, y, uniform(1.0));
   }
   return pairs;
 }

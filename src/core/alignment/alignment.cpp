@@ -11,6 +11,7 @@
 #include "core/util/keypoint_position.h"
 #include "core/util/names.h"
 #include "core/util/options_check.h"
+#include "core/util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {
@@ -117,8 +118,8 @@ const AlignmentOptions& Alignment::options() const {
 void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
-  result.points.clear();
-  result = {AlignmentStatus::not_run, start, std::move(result.points)};  // keeps the buffer
+  util::resetKeeping(&AlignmentResult::points, result);
+  result.answer = start;
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
   if (!impl.aligner.setImages(reference.images, target.images)) {
@@ -170,7 +171,7 @@ void Alignment::Impl::estimate(const cv::Size& reference_size, AlignmentResult& 
   result.status = AlignmentStatus::too_few_points;
   if (result.points.size() < kFewest) return;
   auto evidence = homography::evidenceOfPatches(options.max_error, reference_size);
-  evidence.errors.rounding = std::sqrt(rounding2 / static_cast<double>(result.points.size()));
+  evidence.rounding = std::sqrt(rounding2 / static_cast<double>(result.points.size()));
   UncertainHomography candidate = result.answer;
   result.status = AlignmentStatus::not_better;
   if (!refiner.refine(aligned_reference, aligned_target, reference_size, evidence, candidate) ||

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/homography/transform.h"
+
 namespace ktgp_orb::alignment {
 namespace {
 
@@ -42,13 +44,6 @@ std::size_t matchingLevel(const std::vector<cv::Mat>& levels, double scale) {
   return best;
 }
 
-/// Derivative of H's map at x; `image` is H's image of x.
-Eigen::Matrix2d derivative(const Eigen::Matrix3d& h, const Eigen::Vector2d& x,
-                           const Eigen::Vector2d& image) {
-  const double w = h.row(2).dot(x.homogeneous());
-  return (h.topLeftCorner<2, 2>() - image * h.block<1, 2>(2, 0)) / w;
-}
-
 /// Apparent shift of the middle of a patch because H is not affine: the mean over the patch of the
 /// second-order part of H, target px. The patch is warped by `back`, the inverse of H's derivative
 /// at its middle; `w`: third coordinate there; `side`: of the patch, target px.
@@ -78,9 +73,8 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
                                  double reach) {
   constexpr double kMaxStretch = 4.0;  // ratio of the two directions, or of the levels
   AlignedPatch result;
-  const Eigen::Vector3d p = homography * point.homogeneous();
-  if (!(p.z() > 0.0)) return result;
-  const Eigen::Matrix2d full = derivative(homography, point, p.hnormalized());
+  if (!((homography * point.homogeneous()).z() > 0.0)) return result;
+  const Eigen::Matrix2d full = homography::jacobianByPoint(homography, point);
   const double determinant = full.determinant();
   result.outcome = PatchOutcome::distorted;
   if (!(determinant > 1e-4 && determinant < 1e4)) return result;
@@ -94,7 +88,7 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
   result.reference = in_reference.up(centre);
   const Eigen::Vector3d q = homography * result.reference.homogeneous();
   Eigen::Vector2d position = in_target.down(q.hnormalized());
-  const Eigen::Matrix2d slope = derivative(homography, result.reference, q.hnormalized());
+  const Eigen::Matrix2d slope = homography::jacobianByPoint(homography, result.reference);
   const Eigen::Matrix2d local =
       in_target.factor.cwiseInverse().asDiagonal() * slope * in_reference.factor.asDiagonal();
   const Eigen::Matrix2d back = local.inverse();

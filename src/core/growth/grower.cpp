@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/growth/map_fit.h"
+
 namespace ktgp_orb::growth {
 namespace {
 
@@ -19,10 +21,13 @@ double farthest(const Eigen::Vector2d& centre, const ReferenceFrames& reference)
 
 }  // namespace
 
-bool refit(const std::vector<PlacePair>& pairs, float radius, Eigen::Matrix3d& map) {
+bool refit(const PointPairs& pairs, float radius, Eigen::Matrix3d& map) {
   const double scale = 0.5 * radius;
-  if (pairs.size() >= kFewestForHomography && fitHomography(pairs, scale, map)) return true;
-  return fitAffine(pairs, scale, map);
+  if (pairs.size() >= kFewestForHomography &&
+      fitHomography(pairs.reference, pairs.target, scale, map)) {
+    return true;
+  }
+  return fitAffine(pairs.reference, pairs.target, scale, map);
 }
 
 bool Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, double reach,
@@ -31,10 +36,11 @@ bool Grower::search(const Eigen::Matrix3d& map, const Eigen::Vector2d& centre, d
   pairs_.clear();
   if (!reference.predict(map, centre, reach, matcher.imageSize(), predictions_)) return false;
   matcher.match(predictions_, reference.bits(), {}, radius, matches_);
+  constexpr double kBits = 8.0 * kDescriptorBytes;
   for (const LocalMatch& m : matches_) {
     const LocalFrame& from = reference.frames()[static_cast<std::size_t>(m.reference)];
     const LocalFrame& to = matcher.frame(m.target);
-    pairs_.push_back({Eigen::Vector2d(from.x, from.y), Eigen::Vector2d(to.x, to.y)});
+    pairs_.add({from.x, from.y}, {to.x, to.y}, m.distance / kBits);
   }
   return pairs_.size() >= plan_.fewest_pairs;
 }

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "core/growth/local_matcher.h"
-#include "core/growth/map_fit.h"
 #include "core/growth/reference_frames.h"
+#include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
 
@@ -63,7 +63,7 @@ class Grower {
   /// Of the last search: the predictions and their matches.
   const std::vector<Prediction>& predictions() const { return predictions_; }
   const std::vector<LocalMatch>& matches() const { return matches_; }
-  const std::vector<PlacePair>& pairs() const { return pairs_; }
+  const PointPairs& pairs() const { return pairs_; }  ///< of the matches; quality: the distance
 
  private:
   std::size_t exactPairs() const;
@@ -71,11 +71,11 @@ class Grower {
   const GrowthPlan& plan_;
   std::vector<Prediction> predictions_;
   std::vector<LocalMatch> matches_;
-  std::vector<PlacePair> pairs_;
+  PointPairs pairs_;
 };
 
 /// A homography where there are enough pairs, else an affine map; weights from the errors of `map`
 /// within `radius` px. False, with `map` unchanged, if they do not determine one.
-bool refit(const std::vector<PlacePair>& pairs, float radius, Eigen::Matrix3d& map);
+bool refit(const PointPairs& pairs, float radius, Eigen::Matrix3d& map);
 
 }  // namespace ktgp_orb::growth

@@ -6,12 +6,12 @@
 #include <utility>
 
 #include "core/growth/grower.h"
+#include "core/growth/map_fit.h"
 #include "core/growth/reference_frames.h"
 #include "core/growth/verdict.h"
 #include "core/growth/votes.h"
 #include "core/homography/fit.h"
 #include "core/homography/verdict.h"
-#include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 #include "ktgp_orb/knn_matcher.h"
 
@@ -33,17 +33,16 @@ bool isAccepted(const Grown& grown) {
   return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
 }
 
-Eigen::Vector2d middleOf(const std::vector<PlacePair>& pairs) {
+Eigen::Vector2d middleOf(const Places& places) {
   Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (const PlacePair& pair : pairs) sum += pair.reference;
-  return sum / static_cast<double>(pairs.size());
+  for (const Eigen::Vector2d& place : places) sum += place;
+  return sum / static_cast<double>(places.size());
 }
 
 }  // namespace
 }  // namespace growth
 
 using growth::Grown;
-using growth::PlacePair;
 using growth::Seed;
 
 struct HomographyGrowth::Impl {
@@ -77,16 +76,15 @@ struct HomographyGrowth::Impl {
   growth::Grower grower{growth::kScenePlan};
   growth::Verdict verdict;
   homography::HomographyRefiner refiner;
-  homography::Finaliser finaliser;
-  homography::FinalHomography final;
+  homography::HomographyVerdict whole_view;
   cv::Size image_size;       // of the reference
   std::size_t own_size = 0;  // number of its own keypoints, without those of its views
   std::vector<View> views;
   std::vector<Seed> seeds;
   std::vector<std::int32_t> voters;
-  std::vector<PlacePair> near;
-  std::vector<Eigen::Matrix3d> tried;  // maps that the seeds grew to
-  std::vector<Grown> grown;            // the same; only the first `grown_count` are valid
+  growth::Places near, near_in_target;  // of the voters
+  std::vector<Eigen::Matrix3d> tried;   // maps that the seeds grew to
+  std::vector<Grown> grown;             // the same; only the first `grown_count` are valid
   std::size_t grown_count = 0;
   std::size_t start_place = 0;        // of the start among them; behind them all if there is none
   std::vector<std::size_t> order;     // of `grown`, the best first
@@ -135,20 +133,24 @@ void HomographyGrowth::Impl::collectSeeds() {
 Eigen::Matrix3d HomographyGrowth::Impl::firstMap(const Seed& seed) {
   constexpr double kReach = 30.0;  // px; weight of the seed's own direction and size
   const View& view = views[static_cast<std::size_t>(seed.view)];
-  const auto place = [](const growth::Votes::Similarity& pair) {
-    return PlacePair{{pair.x, pair.y}, {pair.u, pair.v}};
-  };
   const growth::Votes::Similarity& pair = view.votes.pair(seed.pair);
   view.votes.voters(seed.pair, voters);
   near.clear();
-  for (const std::int32_t voter : voters) near.push_back(place(view.votes.pair(voter)));
+  near_in_target.clear();
+  for (const std::int32_t number : voters) {
+    const growth::Votes::Similarity& voter = view.votes.pair(number);
+    near.emplace_back(voter.x, voter.y);
+    near_in_target.emplace_back(voter.u, voter.v);
+  }
   const double scale = pair.scale;
   const double c = scale * pair.cosine;
   const double s = scale * pair.sine;
   const Eigen::Matrix2d turn = (Eigen::Matrix2d() << c, -s, s, c).finished();
   Eigen::Matrix3d to_view = Eigen::Matrix3d::Identity();
   to_view.topRows<2>() = view.to_view;
-  return growth::fitAffineNear(near, place(pair), turn, kReach) * to_view;
+  return growth::fitAffineNear(near, near_in_target, {pair.x, pair.y}, {pair.u, pair.v}, turn,
+                               kReach) *
+         to_view;
 }
 
 /// In px of the reference.
@@ -216,7 +218,7 @@ void HomographyGrowth::Impl::growFromRepeats(GrowthResult& result) {
     sortGrown();
     Grown& best = grown[order.front()];
     if (!growth::isAccepted(best) || std::exchange(best.grew_from_repeats, true)) return;
-    const Eigen::Vector2d middle = growth::middleOf(best.pairs);
+    const Eigen::Vector2d middle = growth::middleOf(best.pairs.reference);
     const Eigen::Matrix3d map = best.map;  // tryFrom may move the buffers
     repeats = best.repeats;
     for (const cv::Point2f& shift : repeats) {
@@ -262,16 +264,10 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
   collect(chosen, result);
   UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
-  homography::EvidenceOptions evidence;
-  evidence.max_error = growth::Verdict::kRadius;
-  evidence.by_cell = true;
-  evidence.errors.rounding = util::kKeypointRounding;
+  const auto evidence = homography::evidenceOfKeypoints(growth::Verdict::kRadius, true);
   result.found =
-      refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate);
-  if (result.found) {
-    finaliser.finalise(estimate, result.pairs, image_size, growth::Verdict::kRadius, final);
-    result.found = final.trusted;
-  }
+      refiner.refine(result.pairs.reference, result.pairs.target, image_size, evidence, estimate) &&
+      whole_view.trusts(estimate.homography, result.pairs, image_size, growth::Verdict::kRadius);
   if (!result.found) {
     result.pairs.clear();
     result.matches.clear();
@@ -282,14 +278,10 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
 }
 
 void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) const {
-  result.pairs.clear();
+  result.pairs = chosen.pairs;
   result.matches.clear();
   const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
-  for (std::size_t i = 0; i < chosen.pairs.size(); ++i) {
-    const growth::LocalMatch& match = chosen.matches[i];
-    result.pairs.reference.push_back(chosen.pairs[i].reference);
-    result.pairs.target.push_back(chosen.pairs[i].target);
-    result.pairs.quality.push_back(match.distance / double{growth::kDescriptorBits});
+  for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;
     result.matches.push_back(
         {match.reference, match.target, match.distance, growth::kDescriptorBits, Level::guided});

@@ -215,13 +215,14 @@ bool contradicts(const Grown& rival, const Grown& grown, const cv::Size& target,
     return covered[clamped(place.y(), rows) * columns + clamped(place.x(), columns)];
   };
   covered.assign(columns * rows, 0);
-  for (const PlacePair& pair : grown.pairs) covered_at(pair.target) = 1;
-  const auto is_contrary = [&](const PlacePair& pair) {
-    return covered_at(pair.target) != 0 &&
-           !(reprojectionError(grown.map, pair.reference, pair.target) < kElsewhere);
-  };
-  const auto contrary = std::count_if(rival.pairs.begin(), rival.pairs.end(), is_contrary);
-  return kShare * static_cast<std::size_t>(contrary) > rival.pairs.size();
+  for (const Eigen::Vector2d& place : grown.pairs.target) covered_at(place) = 1;
+  std::size_t contrary = 0;
+  for (std::size_t i = 0; i < rival.pairs.size(); ++i) {
+    const Eigen::Vector2d& to = rival.pairs.target[i];
+    contrary += covered_at(to) != 0 &&
+                !(reprojectionError(grown.map, rival.pairs.reference[i], to) < kElsewhere);
+  }
+  return kShare * contrary > rival.pairs.size();
 }
 
 }  // namespace ktgp_orb::growth

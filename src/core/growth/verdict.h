@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "core/growth/local_matcher.h"
-#include "core/growth/map_fit.h"
 #include "core/growth/reference_frames.h"
 #include "core/growth/repeats.h"
+#include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
 
@@ -104,7 +104,7 @@ struct Grown {
   Eigen::Matrix3d map;
   Judgement judgement;
   std::vector<LocalMatch> matches;
-  std::vector<PlacePair> pairs;      // the same
+  PointPairs pairs;                  // the same
   std::vector<cv::Point2f> repeats;  // see Verdict::repeats
   bool grew_from_repeats = false;    // it was also grown from the repetitions
 };

@@ -128,10 +128,7 @@ bool GuidedMatcher::refine(const Features& reference, const Features& target, do
 bool GuidedMatcher::Impl::estimate(const cv::Size& reference_size, double threshold,
                                    UncertainHomography& estimate) {
   UncertainHomography candidate = estimate;
-  homography::EvidenceOptions evidence;
-  evidence.max_error = threshold;
-  evidence.by_cell = options.by_cell;
-  evidence.errors.rounding = util::kKeypointRounding;
+  const auto evidence = homography::evidenceOfKeypoints(threshold, options.by_cell);
   if (!refiner.refine(reference_points, target_points, reference_size, evidence, candidate)) {
     return false;
   }

@@ -8,42 +8,53 @@
 #include <utility>
 
 #include "core/homography/model.h"
-#include "core/homography/transform.h"
+#include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::homography {
 
 using Matrix8 = HomographyFit::Matrix8;
 
-FitOutcome HomographyFit::fit(const NormalisedPairs& pairs, double min_scale, double cell,
-                              Eigen::Matrix3d& homography) {
+namespace {
+
+double diagonalOf(const FourPoints& corners) {
+  return (corners[2] - corners[0]).norm();
+}
+
+}  // namespace
+
+Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corners,
+                          const EvidenceOptions& options, Eigen::Matrix3d& homography) {
   // The refinement also uses pairs just beyond the threshold: the weights separate good pairs from
   // bad ones better than the threshold.
   constexpr double kReach = 2.0;  // thresholds
   constexpr int kMaxRounds = 10;
-  const double least = min_scale * pairs.target.scale;
+  const double least = options.min_scale * pairs.target.scale;
+  const double cell = diagonalOf(corners) / kCellsAlongDiagonal;  // px
   double scale = std::max(pairs.limit / kReach, least);
   for (int round = 0; round < kMaxRounds; ++round) {
     const std::size_t near = findInliers(pairs.scoring, homography, kReach * pairs.limit, near_);
-    if (near <= HomographyProblem::kSample) return FitOutcome::unsupported;
+    if (near <= HomographyProblem::kSample) return Status::no_model;
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     estimator_.select(pairs.refinement, used_, near);
-    if (cell > 0.0) estimator_.weighByCell(cell * pairs.reference.scale);
-    if (!estimator_.minimise(least, scale, homography)) return FitOutcome::undetermined;
+    if (options.by_cell && cell > 0.0) estimator_.weighByCell(cell * pairs.reference.scale);
+    if (!estimator_.minimise(least, scale, homography)) return Status::model_rejected;
   }
-  return FitOutcome::fitted;
+  return Status::ok;
 }
 
 /// If all pairs but one lie on a line, H depends on that one. Deviations are measured in the image
 /// where they are smaller: a strong perspective that moves a corner far away magnifies its error,
 /// too.
-bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
-                                 const std::array<Eigen::Vector2d, 4>& corners) const {
+bool HomographyFit::isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
+                                 const Eigen::Matrix3d& homography) const {
   constexpr double kMaxDeviation = 10.0;         // px at the worst corner
   constexpr double kMaxDeviationWithout = 20.0;  // px, with fewer pairs
   constexpr std::size_t kEnough = 100;           // pairs; more would be determined even better
+  FourPoints normalised_corners;
+  for (std::size_t i = 0; i < 4; ++i) normalised_corners[i] = pairs.reference.apply(corners[i]);
   const auto deviation = [&](const Matrix8& covariance) {
-    const CornerDeviation normalised = cornerDeviation(homography, covariance, corners);
+    const CornerDeviation normalised = cornerDeviation(homography, covariance, normalised_corners);
     return std::min(normalised.target / pairs.target.scale,
                     normalised.reference / pairs.reference.scale);
   };
@@ -94,25 +105,22 @@ double lengthOfAPixel(const NormalisedPairs& pairs, const Eigen::Matrix3d& homog
 
 }  // namespace
 
-UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
-                                            const Eigen::Matrix3d& homography,
-                                            const std::array<Eigen::Vector2d, 4>& corners,
-                                            const PointErrors& errors) {
+UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs, const FourPoints& corners,
+                                            const EvidenceOptions& options,
+                                            const Eigen::Matrix3d& homography) {
   constexpr double kNearby = 16.0;  // px: the side of a patch of the alignment
   // The price of assuming a field that does not exist is high for keypoints, since their noise is
   // large, and low for aligned points.
   constexpr double kSignificantOfPatches = 1.0;
   constexpr double kSignificantOfKeypoints = 2.5;
   FieldScales scales;
-  const bool of_patches = errors.of_patches;
+  const bool of_patches = options.of_patches;
   scales.significance = of_patches ? kSignificantOfPatches : kSignificantOfKeypoints;
-  scales.image_diagonal = (corners[2] - corners[0]).norm() * pairs.reference.scale;
+  scales.image_diagonal = diagonalOf(corners) * pairs.reference.scale;
   scales.nearby = kNearby * pairs.reference.scale;
   scales.rounding_length = pairs.reference.scale * lengthOfAPixel(pairs, homography);
-  // The field is told from noise that is alike in all pairs.
-  const FieldFit field = pairs.weighted ? FieldFit()
-                                        : field_.fit(estimator_.pairs(), estimator_.weights(),
-                                                     estimator_.curvature(), homography, scales);
+  const FieldFit field = field_.fit(estimator_.pairs(), estimator_.weights(),
+                                    estimator_.curvature(), homography, scales);
   // The scale of the errors is estimated with f degrees of freedom. So H has Student's t
   // distribution, with f / (f - 2) times the covariance for a known scale.
   const double freedom = estimator_.freedom();
@@ -120,7 +128,7 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   const double shared = of_patches ? field.shared_patches : 1.0;
   Matrix8 noise = spread * field.noise_share * shared * estimator_.covariance();
   if (of_patches) noise += field.common_covariance;
-  const double rounding = errors.rounding * pairs.target.scale;
+  const double rounding = options.rounding * pairs.target.scale;
   // Where the grey values are noisy, how they are rounded differs from patch to patch: then it is
   // part of the noise that the errors show, and only the rest is alike for neighbours.
   const double seen = of_patches ? field.noise_variance : 0.0;
@@ -136,14 +144,13 @@ UncertainHomography HomographyFit::inPixels(const NormalisedPairs& pairs,
   return result;
 }
 
-namespace {
-
-/// The pairs in the order of the input.
-struct InputOrder {
-  std::size_t operator[](std::size_t place) const { return place; }
-};
-
-}  // namespace
+EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell) {
+  EvidenceOptions evidence;
+  evidence.max_error = max_error;
+  evidence.rounding = util::kKeypointRounding;
+  evidence.by_cell = by_cell;
+  return evidence;
+}
 
 // Both limits were chosen for PROSAC's threshold of 3 px and images of 640x480.
 EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_size) {
@@ -152,7 +159,7 @@ EvidenceOptions evidenceOfPatches(double max_error, const cv::Size& reference_si
   constexpr double kScale = 1.0;  // px: every scene deviates from a plane by this much
   const double diagonal = std::hypot(reference_size.width, reference_size.height);
   const double size = diagonal / kFoundWithDiagonal;
-  return {max_error * size, kScale * max_error / kFoundWithError * size, {true, 0.0}};
+  return {max_error * size, kScale * max_error / kFoundWithError * size, true};
 }
 
 bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
@@ -165,13 +172,12 @@ bool HomographyRefiner::refine(const std::vector<Eigen::Vector2d>& reference,
                                 " target points; expected equal numbers");
   }
   if (reference.empty()) return false;
-  pairs_.load(reference, target, InputOrder(), options.max_error);
-  const auto corners = imageCorners(reference_size, reference);
-  const double cell =
-      options.by_cell ? (corners[2] - corners[0]).norm() / kCellsAlongDiagonal : 0.0;
+  const auto in_order_of_input = [](std::size_t place) { return place; };
+  pairs_.load(reference, target, in_order_of_input, options.max_error);
+  const FourPoints corners = imageCorners(reference_size, reference);
   std::optional<Eigen::Matrix3d> h = pairs_.fromPixels(estimate.homography);
-  if (!h || fit_.fit(pairs_, options.min_scale, cell, *h) != FitOutcome::fitted) return false;
-  const UncertainHomography refined = fit_.inPixels(pairs_, *h, corners, options.errors);
+  if (!h || fit_.fit(pairs_, corners, options, *h) != Status::ok) return false;
+  const UncertainHomography refined = fit_.inPixels(pairs_, corners, options, *h);
   if (!refined.homography.allFinite()) return false;
   estimate = refined;
   return true;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
@@ -10,21 +9,24 @@
 #include "core/homography/m_estimator.h"
 #include "core/homography/point_pairs.h"
 #include "core/homography/smooth_field.h"
+#include "core/homography/transform.h"
 #include "ktgp_orb/prosac_homography.h"
+#include "ktgp_orb/status.h"
 
 namespace ktgp_orb::homography {
 
-/// Outcome of a fit.
-enum class FitOutcome : std::uint8_t {
-  fitted,
-  unsupported,   ///< not more pairs within reach than a sample has
-  undetermined,  ///< the pairs within reach do not determine H
-};
-
-/// What is known of the errors of the points.
-struct PointErrors {
+/// How a homography is fitted.
+struct EvidenceOptions {
+  double max_error = 3.0;  ///< pairs within twice this error take part, px, > 0
+  /// Least scale of the errors, px, > 0. With a floor well above the errors of the best points, the
+  /// fit weights all points alike even if no plane explains them exactly. Without a floor it
+  /// follows the points that happen to lie in one plane.
+  double min_scale = 1e-4;
   bool of_patches = false;  ///< from the alignment of patches, which share noise where they overlap
   double rounding = 0.0;    ///< see PointPairs::rounding
+  /// Pairs that are close together count like one: a part of the scene with many pairs, which may
+  /// not be quite in the plane of the rest, does not decide alone.
+  bool by_cell = false;
 };
 
 /// The homography of maximum likelihood (core/homography/m_estimator.h) over all pairs that it may
@@ -33,25 +35,22 @@ class HomographyFit {
  public:
   using Matrix8 = MEstimator::Matrix8;
 
-  /// Refines H, between normalised coordinates, over the pairs within twice the threshold, until
-  /// these pairs stay the same. `min_scale`: least scale of the errors, px. With a floor well above
-  /// the errors of the best points, the fit weights all points alike even if no plane explains them
-  /// exactly. Without a floor it follows the points that happen to lie in one plane. `cell`: side
-  /// of the cells in which pairs count together like one, px of the reference; 0: each counts like
-  /// any other.
-  FitOutcome fit(const NormalisedPairs& pairs, double min_scale, double cell,
-                 Eigen::Matrix3d& homography);
+  /// Refines H, between normalised coordinates, over the pairs within twice the threshold that they
+  /// were loaded with, until these pairs stay the same. `corners`: of the reference image, px.
+  /// Status::ok; no_model: not more pairs are within reach than a sample has; model_rejected: they
+  /// do not determine H.
+  Status fit(const NormalisedPairs& pairs, const FourPoints& corners,
+             const EvidenceOptions& options, Eigen::Matrix3d& homography);
 
   /// True where the pairs of the last fit determine the image corners, also without any quarter of
-  /// the pairs. `corners`: of the reference image, normalised.
-  bool isDetermined(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
-                    const std::array<Eigen::Vector2d, 4>& corners) const;
+  /// the pairs. `homography`: the result of the fit.
+  bool isDetermined(const NormalisedPairs& pairs, const FourPoints& corners,
+                    const Eigen::Matrix3d& homography) const;
 
   /// The homography of the last fit in pixels, with its uncertainty. `homography`: the result of
-  /// the fit, between normalised coordinates; `corners`: of the reference image, px.
-  UncertainHomography inPixels(const NormalisedPairs& pairs, const Eigen::Matrix3d& homography,
-                               const std::array<Eigen::Vector2d, 4>& corners,
-                               const PointErrors& errors);
+  /// the fit.
+  UncertainHomography inPixels(const NormalisedPairs& pairs, const FourPoints& corners,
+                               const EvidenceOptions& options, const Eigen::Matrix3d& homography);
 
  private:
   MEstimator estimator_;
@@ -60,15 +59,8 @@ class HomographyFit {
   std::vector<std::uint8_t> used_;  // pairs of the last refinement
 };
 
-/// How a homography is fitted.
-struct EvidenceOptions {
-  double max_error = 3.0;   ///< pairs within twice this error take part, px, > 0
-  double min_scale = 1e-4;  ///< least scale of the errors (see HomographyFit), px, > 0
-  PointErrors errors{};
-  /// Pairs that are close together count like one: a part of the scene with many pairs, which may
-  /// not be quite in the plane of the rest, does not decide alone.
-  bool by_cell = false;
-};
+/// For keypoints. `by_cell`: see there.
+EvidenceOptions evidenceOfKeypoints(double max_error, bool by_cell);
 
 /// For points from the alignment of patches. `max_error`: inlier threshold of keypoints in an image
 /// of 640x480 px, px. It, and the least scale (a third of it), grow in proportion to the diagonal.

@@ -135,13 +135,7 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
   std::size_t n = 0;
   selected_.resize(std::min(points.size, max_pairs));
   for (std::size_t i = 0; i < points.size && n < max_pairs; ++i) {
-    if (mask[i] == 0) continue;
-    selected_.x[n] = points.x[i];
-    selected_.y[n] = points.y[i];
-    selected_.u[n] = points.u[i];
-    selected_.v[n] = points.v[i];
-    selected_.precision[n] = points.precision[i];
-    ++n;
+    if (mask[i] != 0) selected_.set(n++, points, i);
   }
   selected_.size = n;
   // An odd last pair is processed with a padding pair of weight zero. An old value there could lie
@@ -206,12 +200,11 @@ void MEstimator::reweight(const Eigen::Matrix3d& homography, Sums& sums) {
   std::swap(weight_, former_weight_);
   for (std::size_t i = 0; i < selected_.size; i += 2) {
     const Projection p(selected_, homography, i);
-    const Lanes precision = load(selected_.precision, i);
-    Lanes squared = precision * (p.du * p.du + p.dv * p.dv);
+    Lanes squared = p.du * p.du + p.dv * p.dv;
     const Lanes student = (kFreedom + 2.0) * scale2_ / (kFreedom * scale2_ + squared);
     Lanes weight = student * load(cell_weight_, i);
     if (i + 1 == selected_.size) squared[1] = weight[1] = 0.0;  // padding
-    normal.add(p, weight * precision);
+    normal.add(p, weight);
     const Lanes weight2 = weight * student;
     weights += weight;
     derivatives += weight2;
@@ -312,8 +305,7 @@ bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homo
 Matrix8 MEstimator::squaredCellWeights(const Eigen::Matrix3d& homography) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < selected_.size; i += 2) {
-    const Lanes weight = load(weight_, i) * load(cell_weight_, i) * load(selected_.precision, i);
-    normal.add(Projection(selected_, homography, i), weight);
+    normal.add(Projection(selected_, homography, i), load(weight_, i) * load(cell_weight_, i));
   }
   Matrix8 jtj;
   Vector8 unused;
@@ -372,7 +364,7 @@ Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::si
                                       std::size_t fold, std::size_t folds) const {
   NormalEquations normal;
   for (std::size_t i = 0; i < count; i += 2) {
-    Lanes weight = load(weight_, i) * load(selected_.precision, i);
+    Lanes weight = load(weight_, i);
     if (i % folds == fold) weight[0] = 0.0;
     if ((i + 1) % folds == fold || i + 1 == count) weight[1] = 0.0;
     normal.add(Projection(selected_, homography, i), weight);

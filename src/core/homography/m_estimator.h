@@ -12,8 +12,7 @@ namespace ktgp_orb::homography {
 /// Maximum likelihood over H's first eight entries, H(2,2) = 1, for reprojection errors in the
 /// target with Student's t distribution of four degrees of freedom. Keypoints of coarse octaves are
 /// several times less accurate than those of fine ones. That gives heavy tails, and in least
-/// squares the least accurate pairs would dominate. Errors count in units of the pairs' noise.
-/// Keeps its buffers from call to call.
+/// squares the least accurate pairs would dominate. Keeps its buffers from call to call.
 class MEstimator {
  public:
   using Vector8 = Eigen::Matrix<double, 8, 1>;
@@ -52,15 +51,15 @@ class MEstimator {
 
   std::size_t size() const { return selected_.size; }
 
-  /// The selected pairs, their weights (both factors, without the precision) in the last iteration
-  /// of minimise(), and the second derivative of the likelihood over J^T w J.
+  /// The selected pairs, their weights (both factors) in the last iteration of minimise(), and the
+  /// second derivative of the likelihood over J^T w J.
   const PointArrays<double>& pairs() const { return selected_; }
   const std::vector<double>& weights() const { return weight_; }
   double curvature() const { return sums_.derivative / sums_.weight; }
 
  private:
-  /// Sums over the selected pairs at one H; e: reprojection error over the pair's noise, J: its
-  /// Jacobian, w = t c: its weight, t: of Student's distribution, c: of the cell.
+  /// Sums over the selected pairs at one H; e: reprojection error, J: its Jacobian, w = t c: its
+  /// weight, t: of Student's distribution, c: of the cell.
   struct Sums {
     Matrix8 jtj;               // of J^T w J
     Vector8 jtr;               // of J^T w e

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <tuple>
@@ -9,12 +8,10 @@
 
 #include "core/homography/m_estimator.h"
 #include "core/homography/point_pairs.h"
+#include "core/homography/transform.h"
 #include "core/prosac/sampling.h"
 
 namespace ktgp_orb::homography {
-
-/// Four points of one image.
-using FourPoints = std::array<Eigen::Vector2d, 4>;
 
 /// The homography that maps four reference points to four target points, in closed form.
 /// Returns false, before solving, where it cannot be the view of a plane from one side: a triangle
@@ -26,8 +23,8 @@ bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
                      Eigen::Matrix3d& homography);
 
 /// MSAC cost (Torr & Zisserman, CVIU 2000): sum over the pairs of min(e², limit²), with e the
-/// reprojection error in the target, over the noise of the pair. Stops as soon as the sum exceeds
-/// `give_up` and returns the partial sum, so a cost below `give_up` is complete.
+/// reprojection error in the target. Stops as soon as the sum exceeds `give_up` and returns the
+/// partial sum, so a cost below `give_up` is complete.
 float msacCost(const PointArrays<float>& points, const Eigen::Matrix3d& homography, double limit,
                float give_up);
 

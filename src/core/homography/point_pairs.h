@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <vector>
 
@@ -12,8 +13,7 @@
 namespace ktgp_orb::homography {
 
 /// Point pairs as four parallel arrays, padded so that loops run over whole groups of `kLanes`.
-/// x, y: reference; u, v: target; both in the same units as their homography. precision: 1 over the
-/// squared noise of a pair, relative to the others; 1 where all are alike.
+/// x, y: reference; u, v: target; both in the same units as their homography.
 template <typename Scalar>
 struct PointArrays {
   static constexpr std::size_t kLanes = 8;
@@ -21,7 +21,7 @@ struct PointArrays {
 
   static constexpr Scalar kFar = Scalar(1e9);
 
-  std::vector<Scalar> x, y, u, v, precision;
+  std::vector<Scalar> x, y, u, v;
   std::size_t size = 0;  ///< pairs, without the padding
 
   std::size_t paddedSize() const { return x.size(); }
@@ -31,21 +31,45 @@ struct PointArrays {
   void resize(std::size_t n) {
     const std::size_t padded = util::ceilDivide(n, kLanes) * kLanes;
     size = n;
-    for (std::vector<Scalar>* array : {&x, &y, &u, &v, &precision}) array->resize(padded);
+    for (std::vector<Scalar>* array : {&x, &y, &u, &v}) array->resize(padded);
     for (std::size_t i = n; i < padded; ++i) {
       x[i] = y[i] = Scalar(0);
       u[i] = v[i] = kFar;
-      precision[i] = Scalar(1);
     }
   }
 
-  void set(std::size_t i, const Eigen::Vector2d& reference, const Eigen::Vector2d& target,
-           double noise = 1.0) {
+  void set(std::size_t i, const Eigen::Vector2d& reference, const Eigen::Vector2d& target) {
     x[i] = static_cast<Scalar>(reference.x());
     y[i] = static_cast<Scalar>(reference.y());
     u[i] = static_cast<Scalar>(target.x());
     v[i] = static_cast<Scalar>(target.y());
-    precision[i] = static_cast<Scalar>(1.0 / (noise * noise));
+  }
+
+  /// The pair `i` becomes the pair `other_i` of `other`.
+  void set(std::size_t i, const PointArrays& other, std::size_t other_i) {
+    x[i] = other.x[other_i];
+    y[i] = other.y[other_i];
+    u[i] = other.u[other_i];
+    v[i] = other.v[other_i];
+  }
+
+  /// near[i] = 1 where the error of pair i is below `limit`, else 0; one entry per pair. Returns
+  /// the number of ones. `squared_errors(first)`: of kLanes pairs.
+  template <typename SquaredErrors>
+  std::size_t markNear(double limit, const SquaredErrors& squared_errors,
+                       std::vector<std::uint8_t>& near) const {
+    const Scalar limit2 = static_cast<Scalar>(limit * limit);
+    near.resize(size);
+    std::size_t count = 0;
+    for (std::size_t first = 0; first < size; first += kLanes) {
+      const Lanes errors = squared_errors(first);
+      const std::size_t lanes = std::min(kLanes, size - first);
+      for (std::size_t lane = 0; lane < lanes; ++lane) {
+        near[first + lane] = errors[static_cast<Eigen::Index>(lane)] < limit2 ? 1 : 0;
+        count += near[first + lane];
+      }
+    }
+    return count;
   }
 
   static Lanes load(const std::vector<Scalar>& array, std::size_t first) {
@@ -91,35 +115,31 @@ struct NormalisedPairs {
   Normalisation reference, target;
   PointArrays<float> scoring;       // single precision is enough to count inliers ...
   PointArrays<double> refinement;   // ... but not to refine
-  double limit = 0.0;               // the inlier threshold in normalised target units, for noise 1
-  bool weighted = false;            // the noise of each pair is known
+  double limit = 0.0;               // the inlier threshold in normalised target units
   double min_reference_area = 0.0;  // square of the threshold in normalised units; smaller
   double min_target_area = 0.0;     // triangles are too flat to sample
 
   std::size_t size() const { return scoring.size; }
 
-  /// `order[i]` is the index of the i-th pair; `threshold` in px, or in multiples of `noise`, which
-  /// is empty or has an entry per pair.
+  /// `order(i)` is the index of the i-th pair; `threshold` in px.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
-            const std::vector<Eigen::Vector2d>& target_points, const Order& order, double threshold,
-            const std::vector<double>& noise = {}) {
+            const std::vector<Eigen::Vector2d>& target_points, const Order& order,
+            double threshold) {
     const std::size_t n = reference_points.size();
     reference = Normalisation::of(reference_points);
     target = Normalisation::of(target_points);
-    weighted = !noise.empty();
     limit = threshold * target.scale;
     min_target_area = limit * limit;
     min_reference_area = threshold * threshold * reference.scale * reference.scale;
     scoring.resize(n);
     refinement.resize(n);
     for (std::size_t i = 0; i < n; ++i) {
-      const std::size_t index = order[i];
+      const std::size_t index = order(i);
       const Eigen::Vector2d x = reference.apply(reference_points[index]);
       const Eigen::Vector2d u = target.apply(target_points[index]);
-      const double of_pair = weighted ? noise[index] : 1.0;
-      scoring.set(i, x, u, of_pair);
-      refinement.set(i, x, u, of_pair);
+      scoring.set(i, x, u);
+      refinement.set(i, x, u);
     }
   }
 

@@ -38,8 +38,7 @@ bool scaleLastToOne(Eigen::Matrix3d& homography) {
   return possible;
 }
 
-std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
-                                            const std::vector<Eigen::Vector2d>& points) {
+FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points) {
   Eigen::AlignedBox2d box;
   if (size.width > 0 && size.height > 0) {
     box.extend(Eigen::Vector2d::Zero());
@@ -52,8 +51,7 @@ std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
           box.corner(Box::TopLeft)};
 }
 
-bool keepsPlaneInView(const Eigen::Matrix3d& homography,
-                      const std::array<Eigen::Vector2d, 4>& corners) {
+bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners) {
   constexpr double kClear = 1e-3;  // ratio of the nearest to the farthest third coordinate
   double nearest = homography.row(2).dot(corners[0].homogeneous());
   double farthest = nearest;
@@ -149,7 +147,7 @@ Matrix8 sumOfShared(const Matrix8& a, const Matrix8& b) {
 
 CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
-                                const std::array<Eigen::Vector2d, 4>& corners) {
+                                const FourPoints& corners) {
   const auto root = [](double variance) {
     return variance >= 0.0 ? std::sqrt(variance) : std::numeric_limits<double>::infinity();
   };

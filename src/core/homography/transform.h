@@ -18,6 +18,9 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
   return (p.hnormalized() - target).norm();
 }
 
+/// Four points of one image.
+using FourPoints = std::array<Eigen::Vector2d, 4>;
+
 /// The mapped point.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
@@ -32,14 +35,12 @@ Eigen::Matrix2d jacobianByPoint(const Eigen::Matrix3d& homography, const Eigen::
 bool scaleLastToOne(Eigen::Matrix3d& homography);
 
 /// Corners of the image, in pixels; of the points' bounding box where the size is empty.
-std::array<Eigen::Vector2d, 4> imageCorners(const cv::Size& size,
-                                            const std::vector<Eigen::Vector2d>& points);
+FourPoints imageCorners(const cv::Size& size, const std::vector<Eigen::Vector2d>& points);
 
 /// True where H can show the plane over the whole image from one side: it mirrors nothing (det H >
 /// 0 with a positive third coordinate), and its horizon, the line that is mapped to infinity, stays
 /// clear of the corners and so of the image.
-bool keepsPlaneInView(const Eigen::Matrix3d& homography,
-                      const std::array<Eigen::Vector2d, 4>& corners);
+bool keepsPlaneInView(const Eigen::Matrix3d& homography, const FourPoints& corners);
 
 /// An image -> the same image resized, px; the centre of the first pixel is at 0, 0 in both.
 Eigen::Matrix3d resizing(const cv::Size& from, const cv::Size& to);
@@ -58,7 +59,7 @@ struct CornerDeviation {
 /// H(2,2) = 1, in the units of H. Infinite where undefined.
 CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
                                 const Eigen::Matrix<double, 8, 8>& covariance,
-                                const std::array<Eigen::Vector2d, 4>& corners);
+                                const FourPoints& corners);
 
 /// `first`, then `second`: the product, with its covariance to first order. Covariances of noise
 /// add. For the shared parts the deviations add: the same error twice has twice the deviation and

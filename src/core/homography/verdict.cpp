@@ -83,41 +83,50 @@ double chanceInlier(double covered_area, double distance) {
   return std::clamp(disc / std::max(covered_area, disc), kLeast, kMost);
 }
 
-bool ContrarioTest::explainableByChance(const PointPairs& pairs,
-                                        const std::vector<std::uint8_t>& mask,
-                                        const std::vector<double>& squared_error, double threshold,
-                                        double covered_area) {
+bool HomographyVerdict::trusts(const Eigen::Matrix3d& homography, const PointPairs& pairs,
+                               const cv::Size& reference_size, double threshold) {
+  const FourPoints corners = imageCorners(reference_size, pairs.reference);
+  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
+  const double sign = homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
+  if (!keepsPlaneInView(sign * homography, corners)) return false;
+  squared_error_.resize(pairs.size());
   inliers_.clear();
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (mask[i] != 0) inliers_.push_back(i);
+    const double error = errorOf(homography, pairs.reference[i], pairs.target[i]);
+    squared_error_[i] = error * error;
+    if (error < threshold) inliers_.push_back(i);
   }
+  return !explainableByChance(pairs, threshold);
+}
+
+bool HomographyVerdict::explainableByChance(const PointPairs& pairs, double threshold) {
+  const double covered_area = coveredArea(pairs.target);
   // The bound holds for any order, with the largest error so far. Good homographies pass after a
   // few inliers in the order of the input; only poor ones need sorting.
-  if (!explainable(pairs, squared_error, threshold, covered_area)) return false;
+  if (!explainable(pairs, threshold, covered_area)) return false;
   std::sort(inliers_.begin(), inliers_.end(), [&](std::size_t a, std::size_t b) {
-    return squared_error[a] != squared_error[b] ? squared_error[a] < squared_error[b] : a < b;
+    return squared_error_[a] != squared_error_[b] ? squared_error_[a] < squared_error_[b] : a < b;
   });
-  return explainable(pairs, squared_error, threshold, covered_area);
+  return explainable(pairs, threshold, covered_area);
 }
 
 /// The test with the inliers in their current order.
-bool ContrarioTest::explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
-                                double threshold, double covered_area) {
+bool HomographyVerdict::explainable(const PointPairs& pairs, double threshold,
+                                    double covered_area) {
   constexpr double kLogMaxFalseAlarms = -4.0;  // log10
   constexpr std::size_t kSample = HomographyProblem::kSample;
   FalseAlarms false_alarms(kSample, pairs.size());
+  const double apart2 = threshold * threshold;
   double largest = 0.0;  // squared error, px²
   counted_.clear();
   for (const std::size_t candidate : inliers_) {
-    const double apart = threshold * pairs.noiseOf(candidate);
-    const double apart2 = apart * apart;
     const auto is_apart = [&](std::size_t other) {
       return (pairs.reference[other] - pairs.reference[candidate]).squaredNorm() > apart2 &&
              (pairs.target[other] - pairs.target[candidate]).squaredNorm() > apart2;
     };
     if (!std::all_of(counted_.begin(), counted_.end(), is_apart)) continue;
     counted_.push_back(candidate);
-    largest = std::max(largest, squared_error[candidate]);
+    largest = std::max(largest, squared_error_[candidate]);
     if (counted_.size() <= kSample) continue;
     const double chance = kPi * std::max(largest, 1.0 / kPi) / covered_area;
     if (false_alarms.next(chance) < kLogMaxFalseAlarms) return false;
@@ -143,28 +152,20 @@ void requireFinite(const PointPairs& pairs) {
   }
 }
 
-void Finaliser::finalise(const UncertainHomography& estimate, const PointPairs& pairs,
-                         const cv::Size& reference_size, double max_error,
-                         FinalHomography& result) {
+void label(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
+           ProsacResult& result) {
+  result.answer = answer;
   result.mask.resize(pairs.size());
-  squared_error_.resize(pairs.size());
   result.inliers = 0;
   double sum = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double error = errorOf(estimate.homography, pairs.reference[i], pairs.target[i]);
-    squared_error_[i] = error * error;
-    result.mask[i] = error < max_error * pairs.noiseOf(i) ? 1 : 0;
+    const double error = errorOf(answer.homography, pairs.reference[i], pairs.target[i]);
+    result.mask[i] = error < max_error ? 1 : 0;
     if (result.mask[i] == 0) continue;
     ++result.inliers;
-    sum += squared_error_[i];
+    sum += error * error;
   }
   result.rmse = result.inliers > 0 ? std::sqrt(sum / static_cast<double>(result.inliers)) : 0.0;
-  const auto corners = imageCorners(reference_size, pairs.reference);
-  // When the origin is far from all points, H(2,2) = 1 may change the sign of the third coordinate.
-  const double sign = estimate.homography.row(2).dot(corners[0].homogeneous()) < 0.0 ? -1.0 : 1.0;
-  result.trusted = keepsPlaneInView(sign * estimate.homography, corners) &&
-                   !contrario_.explainableByChance(pairs, result.mask, squared_error_, max_error,
-                                                   coveredArea(pairs.target));
 }
 
 }  // namespace ktgp_orb::homography

@@ -41,26 +41,27 @@ double coveredArea(const std::vector<Eigen::Vector2d>& points);
 /// At least 1 %, since keypoints are not spread evenly, and at most one half.
 double chanceInlier(double covered_area, double distance);
 
-/// Decides whether chance explains the inliers of a homography: it does not when NFA(k) < 1e-4 for
-/// some k. A random target point in the area A of the target points agrees within e with
+/// The verdict on a homography, whether PROSAC or the growth found it: it is trusted if it shows
+/// the plane from one side and chance does not explain its inliers. Chance does not when NFA(k) <
+/// 1e-4 for some k. A random target point in the area A of the target points agrees within e with
 /// probability p = pi e² / A; e is at least 1/sqrt(pi) px.
 ///
 /// An inlier counts only when it is farther than the threshold, in both images, from all inliers
 /// counted before. So repeated keypoints, many-to-one matches and a corner found in several octaves
 /// support a homography once. Four pairs are never enough; five are when they are exact, and six of
 /// eight at 3 px. Keeps its buffers.
-class ContrarioTest {
+class HomographyVerdict {
  public:
-  /// `squared_error`: reprojection errors in px², one per pair; `threshold`: in px, or in multiples
-  /// of the pairs' noise; `covered_area`: of the target points.
-  bool explainableByChance(const PointPairs& pairs, const std::vector<std::uint8_t>& mask,
-                           const std::vector<double>& squared_error, double threshold,
-                           double covered_area);
+  /// `pairs`: the matches that the homography, in px, is compared with; `threshold`: inliers have a
+  /// smaller reprojection error, px. `reference_size` may be empty (see imageCorners).
+  bool trusts(const Eigen::Matrix3d& homography, const PointPairs& pairs,
+              const cv::Size& reference_size, double threshold);
 
  private:
-  bool explainable(const PointPairs& pairs, const std::vector<double>& squared_error,
-                   double threshold, double covered_area);
+  bool explainableByChance(const PointPairs& pairs, double threshold);
+  bool explainable(const PointPairs& pairs, double threshold, double covered_area);
 
+  std::vector<double> squared_error_;  // of all pairs, px²
   std::vector<std::size_t> inliers_;
   std::vector<std::size_t> counted_;  // inliers that count
 };
@@ -68,28 +69,9 @@ class ContrarioTest {
 /// Throws std::invalid_argument for arrays of different length and for values that are not finite.
 void requireFinite(const PointPairs& pairs);
 
-/// The results derived from a homography.
-struct FinalHomography {
-  bool trusted =
-      false;  ///< it shows a plane from one side, and chance does not explain its support
-  std::vector<std::uint8_t>
-      mask;                 ///< one per pair: 1 where its reprojection error is below the limit
-  std::size_t inliers = 0;  ///< ones in `mask`
-  double rmse = 0.0;        ///< root mean square reprojection error of the inliers, px
-};
-
-/// Derives mask, inliers, RMSE and verdict from a homography, whether PROSAC, the growth or a
-/// search for a target found it. Keeps its buffers.
-class Finaliser {
- public:
-  /// `pairs`: the matches that the homography is compared with; `max_error`: inliers have less, in
-  /// px or in multiples of their noise.
-  void finalise(const UncertainHomography& estimate, const PointPairs& pairs,
-                const cv::Size& reference_size, double max_error, FinalHomography& result);
-
- private:
-  ContrarioTest contrario_;
-  std::vector<double> squared_error_;  // px², one a pair
-};
+/// Sets answer, mask, inliers and RMSE of `result` from a homography, whether PROSAC, the growth or
+/// a search for a target found it: the only place that does. `max_error`: inliers have less, px.
+void label(const UncertainHomography& answer, const PointPairs& pairs, double max_error,
+           ProsacResult& result);
 
 }  // namespace ktgp_orb::homography

@@ -20,13 +20,6 @@ struct ProsacRules {
   std::uint64_t seed = 1;
 };
 
-/// Details of a run.
-struct ProsacRun {
-  bool found = false;     ///< some sample gave a model
-  bool exhausted = true;  ///< the budget was used up before the stopping rules were met
-  int iterations = 0;     ///< samples drawn: from the growing set, and from the inliers
-};
-
 /// The search for the model with the least cost (Chum & Matas, "Matching with PROSAC", CVPR 2005)
 /// with local optimisation (Chum, Matas & Kittler, DAGM 2003). It knows no geometry; the problem
 /// supplies that:
@@ -47,12 +40,12 @@ class ProsacSearch {
 
   /// Draws samples until both stopping rules (ProsacStopping) are met, or the budget is used up.
   /// The problem has at least as many pairs as a sample. `initial`, if not null, is scored before
-  /// the first sample.
-  ProsacRun run(const ProsacRules& rules, const Model* initial, Problem& problem) {
-    ProsacRun run;
+  /// the first sample. True: it or some sample gave a model.
+  bool run(const ProsacRules& rules, const Model* initial, Problem& problem) {
     problem_ = &problem;
     random_ = util::Random(~rules.seed);
     best_cost_ = std::numeric_limits<float>::infinity();
+    exhausted_ = true;
     stopping_.reset(kSample, problem.size(), rules.chance_inlier, rules.confidence);
     ProsacSampler sampler(kSample, problem.size(), rules.max_iterations, rules.seed);
     if (initial != nullptr && improve(*initial)) updateStopping(sampler);
@@ -61,16 +54,19 @@ class ProsacSearch {
       if (improveBy(sample_)) updateStopping(sampler);
       if (sampler.drawn() < std::max<double>(stopping_.samplesNeeded(), rules.min_iterations))
         continue;
-      run.exhausted = false;
+      exhausted_ = false;
       break;
     }
-    run.found = best_cost_ < std::numeric_limits<float>::infinity();
-    run.iterations = rules.max_iterations - sampler.left();
-    return run;
+    iterations_ = rules.max_iterations - sampler.left();
+    return best_cost_ < std::numeric_limits<float>::infinity();
   }
 
-  /// The model with the least cost, if one was found.
+  /// Of the last run: the model with the least cost, if one was found; the samples drawn, from the
+  /// growing set and from the inliers; whether the budget was used up before the stopping rules
+  /// were met.
   const Model& best() const { return best_; }
+  int iterations() const { return iterations_; }
+  bool exhausted() const { return exhausted_; }
 
  private:
   static constexpr std::size_t kSample = Problem::kSample;
@@ -147,6 +143,8 @@ class ProsacSearch {
   util::Random random_{0};      // for sampleSupport()
   Model best_{};
   float best_cost_ = 0.0F;
+  int iterations_ = 0;
+  bool exhausted_ = false;
   std::vector<std::uint8_t> inlier_;  // of the best, in order of quality
   std::vector<std::size_t> support_;  // indices of its inliers
   ProsacSample sample_;

@@ -44,12 +44,6 @@ Points::Lanes squaredErrors(const Points& p, const Eigen::Matrix3f& f, std::size
   return s.value * s.value / s.length2.max(kTiny);
 }
 
-Eigen::Matrix3d translation(const Eigen::Vector2d& centre, double scale) {
-  Eigen::Matrix3d m;
-  m << scale, 0.0, -scale * centre.x(), 0.0, scale, -scale * centre.y(), 0.0, 0.0, 1.0;
-  return m;
-}
-
 Eigen::Matrix<double, 9, 1> rowByRow(const Eigen::Matrix3d& m) {
   Eigen::Matrix<double, 9, 1> rows;
   rows << m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2);
@@ -79,13 +73,14 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 
 void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& order,
                          double max_error, const std::optional<Cameras>& cameras) {
-  const auto reference = homography::Normalisation::of(pairs.reference);
-  const auto target = homography::Normalisation::of(pairs.target);
+  auto reference = homography::Normalisation::of(pairs.reference);
+  auto target = homography::Normalisation::of(pairs.target);
   scale_ = std::sqrt(reference.scale * target.scale);
+  reference.scale = target.scale = scale_;
   limit_ = max_error * scale_;
   calibrated_ = cameras.has_value();
-  reference_from_pixel_ = translation(reference.centre, scale_);
-  target_from_pixel_ = translation(target.centre, scale_);
+  reference_from_pixel_ = reference.matrix();
+  target_from_pixel_ = target.matrix();
   reference_ray_ = target_ray_ = Eigen::Matrix3d::Identity();
   focal_ = 1.0;
   if (calibrated_) {
@@ -97,8 +92,8 @@ void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& or
   refinement.resize(pairs.size());
   for (std::size_t i = 0; i < pairs.size(); ++i) {
     const std::size_t index = order[i];
-    const Eigen::Vector2d x = scale_ * (pairs.reference[index] - reference.centre);
-    const Eigen::Vector2d u = scale_ * (pairs.target[index] - target.centre);
+    const Eigen::Vector2d x = reference.apply(pairs.reference[index]);
+    const Eigen::Vector2d u = target.apply(pairs.target[index]);
     scoring.set(i, x, u);
     refinement.set(i, x, u);
   }
@@ -181,20 +176,9 @@ Epipolar EpipolarPairs::moved(const Epipolar& g, const Step& step) const {
 
 std::size_t findInliers(const EpipolarPairs& pairs, const Eigen::Matrix3d& matrix, double limit,
                         std::vector<std::uint8_t>& inlier) {
-  const Points& points = pairs.scoring;
   const Eigen::Matrix3f f = matrix.cast<float>();
-  const float limit2 = static_cast<float>(limit * limit);
-  inlier.resize(points.size);
-  std::size_t count = 0;
-  for (std::size_t first = 0; first < points.size; first += Points::kLanes) {
-    const Points::Lanes errors = squaredErrors(points, f, first);
-    const std::size_t lanes = std::min(Points::kLanes, points.size - first);
-    for (std::size_t lane = 0; lane < lanes; ++lane) {
-      inlier[first + lane] = errors[static_cast<Eigen::Index>(lane)] < limit2 ? 1 : 0;
-      count += inlier[first + lane];
-    }
-  }
-  return count;
+  return pairs.scoring.markNear(
+      limit, [&](std::size_t first) { return squaredErrors(pairs.scoring, f, first); }, inlier);
 }
 
 template <std::size_t Sample>
@@ -235,8 +219,8 @@ void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
   }
   if constexpr (Sample == 5) {
     solveFivePoints(reference, target, solutions_);
-    for (std::size_t i = 0; i < solutions_.count; ++i) {
-      for (const RelativePose& motion : motionsOf(solutions_.matrix[i])) {
+    for (const Eigen::Matrix3d& essential : solutions_) {
+      for (const RelativePose& motion : motionsOf(essential)) {
         int front = 0;
         for (int k = 0; k < 5; ++k) front += inFront(motion, reference.col(k), target.col(k));
         if (front == 5) models_.push_back(pairs_->fromMotion(motion));
@@ -244,8 +228,8 @@ void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
     }
   } else {
     solveSevenPoints(reference, target, solutions_);
-    for (std::size_t i = 0; i < solutions_.count; ++i) {
-      const Epipolar model = pairs_->fromMatrix(solutions_.matrix[i]);
+    for (const Eigen::Matrix3d& fundamental : solutions_) {
+      const Epipolar model = pairs_->fromMatrix(fundamental);
       const Eigen::Vector3d epipole = model.u.col(2);
       int positive = 0;
       for (int k = 0; k < 7; ++k) {
@@ -281,11 +265,7 @@ std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geom
       near_[i] = 0;
       continue;
     }
-    selected_.x[n] = from.x[i];
-    selected_.y[n] = from.y[i];
-    selected_.u[n] = from.u[i];
-    selected_.v[n] = from.v[i];
-    ++n;
+    selected_.set(n++, from, i);
   }
   selected_.size = n;
   for (std::vector<double>* array : {&error_, &weight_, &former_weight_}) array->resize(n);

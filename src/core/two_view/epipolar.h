@@ -169,7 +169,7 @@ class EpipolarProblem {
   void solve(const prosac::ProsacSample& sample);
 
   const EpipolarPairs* pairs_ = nullptr;
-  EpipolarSolutions solutions_;
+  std::vector<Eigen::Matrix3d> solutions_;
   std::vector<Epipolar> models_;
   EpipolarFit fit_;
 };

@@ -46,9 +46,8 @@ void TwoViewMatcher::Impl::collect(const Features& reference, const Features& ta
     util::requireKeypoint(reference, match.reference_index, "reference");
     util::requireKeypoint(target, match.target_index, "target");
     result.match.push_back(i);
-    keypoints.reference.push_back(util::position(reference, match.reference_index));
-    keypoints.target.push_back(util::position(target, match.target_index));
-    keypoints.quality.push_back(match.ratio());
+    keypoints.add(util::position(reference, match.reference_index),
+                  util::position(target, match.target_index), match.ratio());
   }
 }
 
@@ -92,9 +91,7 @@ void TwoViewMatcher::Impl::estimate(const TwoViewInput& input, TwoViewMatches& r
   accurate.clear();
   for (std::size_t i = 0; i < result.pairs.size(); ++i) {
     if (result.aligned[i] == 0) continue;
-    accurate.reference.push_back(result.pairs.reference[i]);
-    accurate.target.push_back(result.pairs.target[i]);
-    accurate.quality.push_back(result.pairs.quality[i]);
+    accurate.add(result.pairs.reference[i], result.pairs.target[i], result.pairs.quality[i]);
   }
   TwoView& view = result.view;
   if (accurate.size() >= kEnough) {

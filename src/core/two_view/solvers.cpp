@@ -249,8 +249,9 @@ template struct RealRoots<3>;
 template struct RealRoots<10>;
 
 void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
-                     const Eigen::Matrix<double, 3, 5>& target, EpipolarSolutions& solutions) {
-  solutions.count = 0;
+                     const Eigen::Matrix<double, 3, 5>& target,
+                     std::vector<Eigen::Matrix3d>& solutions) {
+  solutions.clear();
   const Null null = openSpace<5>(reference, target);
   Eigen::Matrix<double, 10, 20> equations;
   constraints(null, equations);
@@ -266,13 +267,14 @@ void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
     const Eigen::Vector4d weights(xy.x(), xy.y(), z * xy.z(), xy.z());
     Eigen::Matrix3d e = matrixOf(null * weights);
     e *= std::sqrt(2.0) / e.norm();
-    if (e.allFinite()) solutions.matrix[solutions.count++] = e;
+    if (e.allFinite()) solutions.push_back(e);
   }
 }
 
 void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
-                      const Eigen::Matrix<double, 3, 7>& target, EpipolarSolutions& solutions) {
-  solutions.count = 0;
+                      const Eigen::Matrix<double, 3, 7>& target,
+                      std::vector<Eigen::Matrix3d>& solutions) {
+  solutions.clear();
   const Eigen::Matrix<double, 9, 2> null = openSpace<7>(reference, target);
   const Eigen::Matrix3d a = matrixOf(null.col(0));
   const Eigen::Matrix3d b = matrixOf(null.col(1));
@@ -285,7 +287,7 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
   const RealRoots<3> roots({a.determinant(), mixed(b, a), mixed(a, b), b.determinant()});
   for (std::size_t i = 0; i < roots.count; ++i) {
     const Eigen::Matrix3d f = a + roots.root[i] * b;
-    solutions.matrix[solutions.count++] = f / f.norm();
+    solutions.push_back(f / f.norm());
   }
 }
 

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <vector>
 
 #include "ktgp_orb/two_view.h"
 
@@ -18,21 +19,17 @@ struct RealRoots {
   explicit RealRoots(const std::array<double, Degree + 1>& coefficients);
 };
 
-/// Up to ten matrices.
-struct EpipolarSolutions {
-  std::array<Eigen::Matrix3d, 10> matrix;
-  std::size_t count = 0;
-};
-
-/// Essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004). Points
-/// are columns q = K^-1 x. Each solution has Frobenius norm sqrt(2).
+/// Up to ten essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004).
+/// Points are columns q = K^-1 x. Each solution has Frobenius norm sqrt(2).
 void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
-                     const Eigen::Matrix<double, 3, 5>& target, EpipolarSolutions& solutions);
+                     const Eigen::Matrix<double, 3, 5>& target,
+                     std::vector<Eigen::Matrix3d>& solutions);
 
-/// Fundamental matrices of seven pairs (Hartley & Zisserman, 2003, section 11.1.2), of norm 1. The
-/// coordinates should be of the order of 1.
+/// Up to three fundamental matrices of seven pairs (Hartley & Zisserman, 2003, section 11.1.2), of
+/// norm 1. The coordinates should be of the order of 1.
 void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
-                      const Eigen::Matrix<double, 3, 7>& target, EpipolarSolutions& solutions);
+                      const Eigen::Matrix<double, 3, 7>& target,
+                      std::vector<Eigen::Matrix3d>& solutions);
 
 /// [v]x: crossed(v) w = v × w.
 Eigen::Matrix3d crossed(const Eigen::Vector3d& v);

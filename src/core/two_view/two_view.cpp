@@ -19,6 +19,7 @@
 #include "core/util/constants.h"
 #include "core/util/names.h"
 #include "core/util/options_check.h"
+#include "core/util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {
@@ -34,10 +35,8 @@ using util::requireInRange;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 void reset(std::size_t pairs, TwoView& result) {
-  std::vector<std::uint8_t> mask = std::move(result.mask);  // keep the buffer
-  mask.assign(pairs, 0);
-  result = {};
-  result.mask = std::move(mask);
+  util::resetKeeping(&TwoView::mask, result);
+  result.mask.assign(pairs, 0);
   result.pose_covariance.setConstant(kNaN);
   result.parallax = kNaN;
 }
@@ -153,10 +152,10 @@ bool TwoViewEstimator::Impl::search(
   rules.min_iterations = kFewest;
   rules.seed = options.seed;
   problem.setPairs(normalised);
-  const prosac::ProsacRun run = prosac_search.run(rules, initial, problem);
-  result.iterations = run.iterations;
-  if (run.found) epipolar = prosac_search.best();
-  return run.found;
+  const bool found = prosac_search.run(rules, initial, problem);
+  result.iterations = prosac_search.iterations();
+  if (found) epipolar = prosac_search.best();
+  return found;
 }
 
 bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& result) {
