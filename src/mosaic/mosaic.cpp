@@ -114,6 +114,7 @@ struct Mosaic::Impl {
     Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
   };
   std::optional<Placed> last;                           // the last frame with a known position
+  std::optional<Features> last_features;                // its own, unless it is a keyframe
   std::optional<Eigen::Vector2d> velocity;              // of its middle, px of the map a ns
   std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
@@ -151,6 +152,8 @@ struct Mosaic::Impl {
     extractor.extract(grey, features);
     return features;
   }
+
+  bool hasRoom() const { return !is_full && keyframes.size() < keyframesFor(options, size); }
 
   bool hasMoved() const {
     const Eigen::Matrix3d to_now = *pose * drawn.inverse();
@@ -214,6 +217,7 @@ struct Mosaic::Impl {
                  static_cast<double>(stamp - last->stamp);
     }
     last = Placed{stamp, *pose};
+    last_features.reset();
     lost_frames = 0;
   }
 
@@ -235,6 +239,11 @@ struct Mosaic::Impl {
     const bool is_known = expected || isPredictable(stamp);
     is_ambiguous = !is_known && metrics::shortestPeriod(grey) > 0.0;
     if (is_ambiguous) return lose(stamp, {});
+    // What comes after a gap overlaps most with what came before it.
+    if (!expected && last_features && hasRoom()) {
+      keyframes.add(std::move(*last_features), last->from_map);
+      last_features.reset();
+    }
     Features features = find();
     std::optional<Eigen::Matrix3d> found =
         keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
@@ -243,9 +252,10 @@ struct Mosaic::Impl {
     is_ambiguous = found && mayBeAnotherPeriod(stamp, *found, expected);
     if (!found || is_ambiguous) return lose(stamp, std::move(features));
     settle(stamp, *found);
-    const bool room = !is_full && keyframes.size() < keyframesFor(options, size);
-    if (room && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
+    if (hasRoom() && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
       keyframes.add(std::move(features), *pose);
+    } else {
+      last_features = std::move(features);
     }
     if (!hasMoved()) return Placement::seen;
     draw();
