@@ -118,6 +118,7 @@ struct Mosaic::Impl {
     Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
   };
   std::optional<Placed> last;                           // the last frame with a known position
+  std::optional<Features> last_features;                // its own, unless it is a keyframe
   std::optional<Eigen::Vector2d> velocity;              // of its middle, px of the map a ns
   std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
@@ -154,6 +155,10 @@ struct Mosaic::Impl {
     Features features;
     extractor.extract(grey, features);
     return features;
+  }
+
+  bool hasRoom() const {
+    return options.keyframes && !is_full && keyframes.size() < keyframesFor(options, size);
   }
 
   bool hasMoved() const {
@@ -218,6 +223,7 @@ struct Mosaic::Impl {
                  static_cast<double>(stamp - last->stamp);
     }
     last = Placed{stamp, *pose};
+    last_features.reset();
     lost_frames = 0;
   }
 
@@ -238,6 +244,11 @@ struct Mosaic::Impl {
     const bool is_known = expected || isPredictable(stamp);
     is_ambiguous = options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0;
     if (is_ambiguous) return lose(stamp, {});
+    // What comes after a gap overlaps most with what came before it.
+    if (!expected && last_features && hasRoom()) {
+      keyframes.add(std::move(*last_features), last->from_map);
+      last_features.reset();
+    }
     Features features;
     std::optional<Eigen::Matrix3d> found;
     if (options.keyframes) {
@@ -249,10 +260,10 @@ struct Mosaic::Impl {
     is_ambiguous = found && mayBeAnotherPeriod(stamp, *found, expected);
     if (!found || is_ambiguous) return lose(stamp, std::move(features));
     settle(stamp, *found);
-    const bool room =
-        options.keyframes && !is_full && keyframes.size() < keyframesFor(options, size);
-    if (room && keyframes.coverage(size, *pose) < kKeyframeOverlap) {
+    if (hasRoom() && keyframes.coverage(size, *pose) < kKeyframeOverlap) {
       keyframes.add(std::move(features), *pose);
+    } else {
+      last_features = std::move(features);
     }
     if (!hasMoved()) return Placement::seen;
     draw();
