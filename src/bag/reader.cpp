@@ -59,7 +59,6 @@ class BagImages : public ImageSource {
   }
 
   std::size_t total() const override { return messages_.total(); }
-  const std::string& topic() const override { return topic_; }
   std::string damage() const override { return messages_.damage("images"); }
 
  private:
@@ -85,7 +84,6 @@ class BagImages : public ImageSource {
   }
 
   BagMessages messages_;
-  std::string topic_;
 };
 
 }  // namespace

@@ -28,11 +28,14 @@ class ImageSource {
   virtual std::optional<RecordedImage> next() = 0;
   /// Number of images in the bag's index.
   virtual std::size_t total() const = 0;
-  /// The topic of the images.
-  virtual const std::string& topic() const = 0;
+  /// The topic of the images; of those that are not in a bag: that of a usual camera.
+  const std::string& topic() const { return topic_; }
   /// Problems of the bag, as far as it was read, beginning with the number of lost images if it is
   /// known; empty for an intact bag.
   virtual std::string damage() const = 0;
+
+ protected:
+  std::string topic_ = "/camera/image_raw";
 };
 
 /// Selection of images.

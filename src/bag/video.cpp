@@ -20,8 +20,6 @@
 namespace ktgp_orb {
 namespace {
 
-constexpr char kTopic[] = "/camera/image_raw";
-
 bool endsWith(const std::string& text, const std::string& end) {
   return text.size() >= end.size() && text.compare(text.size() - end.size(), end.size(), end) == 0;
 }
@@ -123,8 +121,6 @@ class Video : public ImageSource {
     return left;
   }
 
-  const std::string& topic() const override { return topic_; }
-
   std::string damage() const override {
     if (!is_damaged_) return {};
     return "the video is damaged or cut off: " + std::to_string(read_) + " of " +
@@ -193,7 +189,6 @@ class Video : public ImageSource {
   double rate_;
   std::deque<double> steps_{1.0 / 30.0};  // s; where the container does not say
   cv::VideoCapture video_;
-  const std::string topic_ = kTopic;
   std::optional<RecordedImage> queued_;
   double last_ = 0.0;  // s, time of the image grabbed last
   std::size_t in_file_ = 0;
@@ -250,14 +245,12 @@ class Images : public ImageSource {
   }
 
   std::size_t total() const override { return files_.size(); }
-  const std::string& topic() const override { return topic_; }
   std::string damage() const override { return {}; }
 
  private:
   int longest_side_;
   std::vector<std::pair<std::string, ros::Time>> files_;
   std::size_t next_ = 0;
-  const std::string topic_ = kTopic;
 };
 
 }  // namespace
