@@ -90,7 +90,8 @@ enum class GroundStatus : std::uint8_t {
   contradiction = 7,  ///< the homography is a jump after earlier frames, and is not used
   stamp_went_back = 8,  ///< a looped recording, or a clock that was set: everything begins anew
   not_finite = 9,       ///< numbers too large to compute with: everything begins anew
-  looks_away = 10,      ///< the camera looks above the horizon, by the direction that was given
+  /// The camera looks above the horizon: by normals again and again, or no picture says otherwise.
+  looks_away = 10,
 };
 
 /// The enumerator's own name, e.g. "no_height".
@@ -137,7 +138,8 @@ struct GroundEstimate {
   double gap = 0.0;             ///< s without connection, before a frame with status resumed
   /// By how many standard deviations a given reading differs from what the homography and the
   /// earlier readings predict, and the homography from what a flat ground and they predict. Beyond
-  /// kContradiction it hardly counts. 0: not given.
+  /// kContradiction it hardly counts. A normal's deviation is the given one, or what normals
+  /// scatter by to all sides, if that is more (up to ten times). 0: not given.
   double height_misfit = 0.0;
   double down_misfit = 0.0;
   double turn_misfit = 0.0;

@@ -21,15 +21,9 @@ struct MosaicOptions {
   /// true: place a frame by a match to the nearest keyframe of the map. false: multiply the given
   /// homographies; their errors add up.
   bool keyframes = true;
-  /// A frame becomes a keyframe when the keyframes cover less than this share of it, 0.2..0.9.
-  double keyframe_overlap = 0.6;
-  /// A frame is drawn when the view has moved by at least this share of its width, 0..1.
-  double min_motion = 0.03;
   /// Whether a frame is multiplied by one factor, so that its brightness fits the map. This avoids
   /// steps when the exposure changes or a cloud passes.
   bool gain = true;
-  /// s: how long a frame that is not connected is searched in the map, before a new map begins.
-  double patience = 1.0;
   OrbOptions orb;
   MatcherOptions matcher = MatcherOptions::robust();
 };
@@ -47,8 +41,9 @@ const char* toString(Placement placement);
 
 /// A picture of a plane, such as the ground below a drone, made of the frames of a camera.
 ///
-/// Coordinates of the map are the pixels of its first frame, continued on all sides. An instance
-/// belongs to one thread at a time.
+/// A frame is drawn when the view has moved by 0.03 of its width. One that is not connected
+/// is searched in the map for a second, before a new map begins. Coordinates of the map are the
+/// pixels of its first frame, continued on all sides. An instance belongs to one thread at a time.
 class Mosaic {
  public:
   /// Throws std::invalid_argument naming the option and its range.

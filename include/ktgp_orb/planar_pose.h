@@ -55,9 +55,12 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
 /// `readout_time`, s. `before` is the homography of an image `seconds` earlier: it tells how fast
 /// the points of the target move, and they are moved back to the time of the middle row. The
 /// covariance has the noise of both homographies, but not a velocity that changes between them.
+/// `readout_time` below 0: it is not known. Then the homography is that of `now`, and its
+/// covariance has a readout time of 0 +- 10 ms. planarPoses() needs only six of the eight numbers,
+/// so it takes little of what the shutter bends for a pose, and its covariance has the rest.
 /// Returns `now` where one of the two does not show all of the reference image, and where the time
 /// between them is too short. Throws std::invalid_argument for an empty size, no rows, `seconds` of
-/// 0 or less, and a negative `readout_time`.
+/// 0 or less, and a `readout_time` that is not a number.
 UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows);

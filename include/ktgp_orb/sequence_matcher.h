@@ -33,7 +33,10 @@ struct ReferenceOptions {
   int enlarge_below = 0;
 };
 
-/// Options of the extractor, of the stages and of the reference.
+/// Options of the extractor, of the stages and of the reference. The defaults are the paper's
+/// method, for neighbouring frames. A fixed reference is seen from anywhere, and needs
+/// MatcherOptions::robust() with GrowthOptions::views of 13, and 5000 features of a uniform
+/// KeypointDistribution.
 struct SequenceOptions {
   OrbOptions orb;
   MatcherOptions matcher;

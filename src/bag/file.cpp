@@ -4,6 +4,8 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb::bag {
 namespace {
 
@@ -29,8 +31,7 @@ void Damage::note(const std::string& what) {
 }
 
 std::string Damage::text() const {
-  std::string text;
-  for (const std::string& what : first_) text += (text.empty() ? "" : "; ") + what;
+  std::string text = util::joined(first_, "; ");
   if (more_ > 0) text += "; and " + std::to_string(more_) + " more";
   return text;
 }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "bag/messages.h"
+#include "core/util/format.h"
 #include "messages/image_conversion.h"
 
 namespace ktgp_orb {
@@ -23,12 +24,6 @@ std::string rawTopic(const std::string& topic) {
 
 bool isImage(const bag::Topic& topic) {
   return topic.type == "sensor_msgs/Image" || topic.type == "sensor_msgs/CompressedImage";
-}
-
-std::string joined(const std::set<std::string>& names) {
-  std::string list;
-  for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-  return list.empty() ? "none" : list;
 }
 
 RecordedImage decoded(const sensor_msgs::CompressedImage& message, const ros::Time& received) {
@@ -80,7 +75,8 @@ class BagImages : public ImageSource {
     if (names.count(topic_) > 0) return;
     const std::string has =
         wanted.empty() ? " has no single image topic" : " has no image on '" + wanted + "'";
-    throw UnusableBag(path + has + "; its image topics: " + joined(names) + whatIsDamaged());
+    throw UnusableBag(path + has + "; its image topics: " +
+                      (names.empty() ? "none" : util::joined(names, ", ")) + whatIsDamaged());
   }
 
   std::string whatIsDamaged() const {

@@ -2,12 +2,12 @@
 
 #include <cv_bridge/cv_bridge.h>
 #include <glob.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <deque>
+#include <filesystem>
 #include <fstream>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgcodecs.hpp>
@@ -28,8 +28,8 @@ bool endsWith(const std::string& text, const std::string& end) {
 
 /// False for a pipe, which would block, and would lose what is read here.
 bool beginsWith(const std::string& path, const std::string& start) {
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return false;
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(path, none)) return false;
   std::string first(start.size(), '\0');
   std::ifstream(path).read(&first[0], static_cast<std::streamsize>(first.size()));
   return first == start;
@@ -263,9 +263,9 @@ class Images : public ImageSource {
 }  // namespace
 
 InputKind kindOf(const std::string& path) {
-  struct stat status {};
-  const bool exists = stat(path.c_str(), &status) == 0;
-  if (!exists && path.find_first_of("*?[") != std::string::npos) return InputKind::images;
+  std::error_code none;
+  if (!std::filesystem::exists(path, none) && path.find_first_of("*?[") != std::string::npos)
+    return InputKind::images;
   const bool bag = beginsWith(path, "#ROSBAG") || endsWith(path, ".bag");
   return bag ? InputKind::bag : InputKind::video;
 }

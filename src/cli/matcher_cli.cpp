@@ -13,6 +13,7 @@
 #include "cli/parameter_file.h"
 #include "cli/program.h"
 #include "core/homography/answer_fields.h"
+#include "core/util/format.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -48,9 +49,7 @@ bool isFlag(const ParameterRow& row) {
 
 /// The placeholder that --help shows in place of "TEXT".
 std::string typeName(const ParameterRow& row) {
-  std::string names;
-  for (const std::string& choice : row.choices) names += (names.empty() ? "" : "|") + choice;
-  if (!names.empty()) return names;
+  if (!row.choices.empty()) return util::joined(row.choices, "|");
   if (std::holds_alternative<std::string Parameters::*>(row.field)) return "TEXT";
   const bool whole = std::holds_alternative<int Parameters::*>(row.field);
   return (whole ? "INT in " : "NUMBER in ") + row.limits.text();
@@ -115,13 +114,12 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
   for (const ParameterRow& row : parameterRows()) {
     if (wanted(row)) addOption(app, row, shown, given);
   }
-  for (const std::string& name : removedParameters("matcher")) {  // not shown by --help
+  for (const auto& [name, reason] : removedParameters("matcher")) {  // not shown by --help
     if (name == "overlay") continue;  // the name of an option of the programs
     app.add_option_function<std::string>(
            "--" + name,
-           [name](const std::string& /*value*/) {
-             throw CLI::ValidationError(
-                 "--" + name, "it is of an earlier version: " + whyRemoved("matcher", name));
+           [name = name, reason = reason](const std::string& /*value*/) {
+             throw CLI::ValidationError("--" + name, "it is of an earlier version: " + reason);
            })
         ->group("")
         ->expected(0, 1);
@@ -254,7 +252,7 @@ std::optional<int> parse(CLI::App& app, int argc, char** argv) {
 }
 
 files::OutputPlan planOutputs(const CLI::App& app, bool force) {
-  std::vector<files::GivenValue> given;
+  files::OutputPlan::Given given;
   for (const CLI::Option* const option : app.get_options()) {
     // get_name() is empty for what --help does not show.
     const std::vector<std::string>& names = option->get_lnames();

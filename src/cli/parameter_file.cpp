@@ -6,8 +6,6 @@
 #include <set>
 #include <stdexcept>
 
-#include "cli/presets.h"
-
 namespace ktgp_orb::tools {
 namespace {
 

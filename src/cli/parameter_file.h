@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 
 #include "parameters/parameters.h"
@@ -15,6 +16,8 @@ void readParameterFile(const std::string& file, Parameters& parameters);
 /// std::invalid_argument for an unknown name.
 void readPreset(const std::string& name, Parameters& parameters);
 
+/// The text of each config/NAME.yaml, by its name.
+const std::map<std::string, std::string>& presets();
 /// "ktgp, robust"
 std::string namesOfPresets();
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include <memory>
 #include <opencv2/core.hpp>
+#include <opencv2/videoio.hpp>
 #include <string>
 
 #include "files/output_file.h"
@@ -14,24 +14,22 @@ class VideoFile {
   /// `rate`: frames per second; `force`: see OutputFile. Throws FileError if the file cannot be
   /// written.
   VideoFile(const std::string& path, double rate, bool force);
-  ~VideoFile();
 
   /// Adds a frame of type CV_8UC3 or CV_8UC1; the first one sets the size, others are scaled to it.
   /// Throws FileError if this OpenCV cannot write mp4.
   void write(const cv::Mat& frame);
-  bool empty() const;
+  bool empty() const { return !writer_.isOpened(); }
   /// Throws FileError, also if no frame was written.
   void close();
 
  private:
-  struct Writer;
-
   void open(const cv::Size& size);
 
   std::string path_;
   double rate_;
   files::OutputFile file_;
-  std::unique_ptr<Writer> writer_;
+  cv::VideoWriter writer_;
+  cv::Size size_;
   double frames_ = 0.0;  // written
 };
 

@@ -7,6 +7,9 @@
 
 namespace ktgp_orb::files {
 
+/// The columns of a homography.
+constexpr const char* kHomographyColumns = "h00,h01,h02,h10,h11,h12,h20,h21,h22";
+
 /// A row of a table as text (RFC 4180): a field with a comma, a quote or a line break is in quotes.
 class CsvRow {
  public:

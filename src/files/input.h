@@ -14,12 +14,6 @@ class FileError : public std::runtime_error {
   FileError(const std::string& file, const std::string& what);
 };
 
-/// The disk, or the user's share of it, is full.
-class FullDisk : public FileError {
- public:
-  using FileError::FileError;
-};
-
 /// Throws FileError if the file does not exist or is not a regular file: reading a pipe or a
 /// terminal could block.
 void requireRegularFile(const std::string& file);

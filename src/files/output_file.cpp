@@ -82,15 +82,9 @@ bool renameToNew(const char* from, const char* to) {
   return true;
 }
 
-std::string reason() {
-  return std::strerror(errno);
-}
-
 /// For the newest error of the system.
 [[noreturn]] void fail(const std::string& path) {
-  const std::string what = "cannot be written: " + reason();
-  if (errno == ENOSPC || errno == EDQUOT) throw FullDisk(path, what);
-  throw FileError(path, what);
+  throw FileError(path, std::string("cannot be written: ") + std::strerror(errno));
 }
 
 /// Sets errno where the bytes cannot be brought to the disk.
@@ -114,10 +108,10 @@ void OutputPlan::refuseInputs(const std::string& output) const {
   std::string options;
   std::size_t own = 0;
   std::size_t same = 0;
-  for (const GivenValue& given : given_) {
-    if (given.value == output) own = 1;  // a name that the program made has none
-    if (!isSameFile(output, given.value)) continue;
-    options += (same++ == 0 ? "" : " and ") + given.option;
+  for (const auto& [option, value] : given_) {
+    if (value == output) own = 1;  // a name that the program made has none
+    if (!isSameFile(output, value)) continue;
+    options += (same++ == 0 ? "" : " and ") + option;
   }
   if (same > own) throw FileError(output, "is the file of " + options + "; expected another file");
   for (const std::string& input : inputs_) {

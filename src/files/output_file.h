@@ -7,20 +7,17 @@
 
 namespace ktgp_orb::files {
 
-/// A value of the command line, and the option that it was given to.
-struct GivenValue {
-  std::string option;
-  std::string value;
-};
-
 /// The files that a program reads and writes, checked before any work. An output is refused if it
 /// exists (unless `force`), is not a regular file, is named by another option, is one of the inputs
 /// or another output (links followed), or cannot be created.
 class OutputPlan {
  public:
-  /// `given`: all values of the command line, so that no option that reads a file is forgotten. A
-  /// value that is no file does no harm.
-  OutputPlan(bool force, std::vector<GivenValue> given) : force_(force), given_(std::move(given)) {}
+  /// Options of the command line, each with a value that was given to it.
+  using Given = std::vector<std::pair<std::string, std::string>>;
+
+  /// `given`: all of them, so that no option that reads a file is forgotten. A value that is no
+  /// file does no harm.
+  OutputPlan(bool force, Given given) : force_(force), given_(std::move(given)) {}
 
   /// A file that the command line does not name itself: one of a list, or that fits a pattern.
   void read(const std::string& input);
@@ -34,7 +31,7 @@ class OutputPlan {
   void refuseInputs(const std::string& output) const;
 
   bool force_;
-  std::vector<GivenValue> given_;
+  Given given_;
   std::vector<std::string> inputs_;
   std::vector<std::string> outputs_;  ///< links resolved
 };
@@ -68,8 +65,8 @@ class OutputFile {
 /// "-", the name of the standard output among outputs.
 bool isStandardOutput(const std::string& output);
 
-/// Throws FileError, or FullDisk, with the reason why the file cannot be written. It tries to,
-/// since libraries do not say; `otherwise`: the reason where that works.
+/// Throws FileError with the reason why the file cannot be written. It tries to, since libraries do
+/// not say; `otherwise`: the reason where that works.
 [[noreturn]] void throwUnwritable(const OutputFile& file, const std::string& otherwise);
 
 /// All throw FileError, also for a full disk; then an existing file is unchanged. A text may go to

@@ -138,4 +138,10 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   return camera;
 }
 
+void requireReadoutTime(double seconds) {
+  if (seconds == -1.0 || seconds >= 0.0) return;
+  throw std::invalid_argument("readout_time is " + std::to_string(seconds) +
+                              "; expected -1, not known, 0, a global shutter, or more");
+}
+
 }  // namespace ktgp_orb

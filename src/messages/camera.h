@@ -43,6 +43,10 @@ PixelCamera twoViewCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
 /// The size of the images that a camera_info describes, px.
 cv::Size imageSize(const sensor_msgs::CameraInfo& info);
 
+/// Refuses a readout time of a shutter, s, that is neither -1, not known, nor 0 or more. Throws
+/// std::invalid_argument.
+void requireReadoutTime(double seconds);
+
 /// The lens for raw images of the camera, for any size. Throws as pixelCamera.
 LensConstPtr lensFrom(const sensor_msgs::CameraInfo& info);
 

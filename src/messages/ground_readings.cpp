@@ -33,11 +33,17 @@ const Message* nearest(const std::deque<Message>& messages, const ros::Time& sta
   return found == messages.end() ? nullptr : &*found;
 }
 
-/// A stamp that goes back: a looped bag, or a clock that was set.
+/// In the order of their stamps, which may jitter. One that goes back farther means a looped bag,
+/// or a clock that was set.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages) {
-  if (!messages.empty() && message.header.stamp < messages.back().header.stamp) messages.clear();
-  messages.push_back(message);
+  constexpr double kWentBack = 1.0;  // s
+  const ros::Time& stamp = message.header.stamp;
+  if (!messages.empty() && (messages.back().header.stamp - stamp).toSec() > kWentBack) {
+    messages.clear();
+  }
+  const auto is_later = [&](const Message& other) { return other.header.stamp > stamp; };
+  messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), message);
   if (messages.size() > kKept) messages.pop_front();
 }
 
@@ -180,6 +186,7 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
   no_height_.clear();
   no_normal_.clear();
   no_turn_.clear();
+  range_stamp_ = {};
   frame.height = height(h.header);
   frame.down = down(h.header);
   dropSidewaysBeam(frame);
@@ -193,6 +200,7 @@ void GroundReadings::dropSidewaysBeam(GroundFrame& frame) {
   if (!frame.height || !frame.down || !(frame.down->direction.z() > 0.0)) return;
   if (motion::meetsGround(*frame.height, frame.down->direction)) return;
   frame.height.reset();
+  range_stamp_ = {};
   no_height_ =
       "the beam of the range on " + range_topic_ +
       " does not point to the ground; a range sensor looks along the x axis of its frame, " +
@@ -231,6 +239,8 @@ std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
 
 GroundEstimate GroundReadings::withPatience(GroundEstimate estimate) {
   constexpr double kPatience = 1.0;  // s
+  const bool used_readings = estimate.hasPose() || estimate.status == GroundStatus::no_normal;
+  if (used_readings && !range_stamp_.isZero()) used_range_ = range_stamp_;
   if (estimate.height_used) last_height_ = last_image_;
   if (estimate.down_used || !usesNormal()) last_normal_ = last_image_;
   const auto is_old = [this](const ros::Time& last) {
@@ -262,8 +272,8 @@ std::string GroundReadings::problemOf(const GroundEstimate& estimate) const {
     }
     case GroundStatus::contradiction:
       return estimate.homography_misfit > GroundEstimate::kContradiction
-                 ? "the homography is not that of flat ground: see the calibration, and what moves "
-                   "in the picture"
+                 ? "the homography is not that of flat ground: see the calibration, readout_time, "
+                   "and what moves in the picture"
                  : "the homography is a jump after earlier frames: it may be off by a period of "
                    "repetitive ground";
     case GroundStatus::stamp_went_back:
@@ -331,7 +341,7 @@ std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Heade
     reading.beam_origin = found->translation();
     reading.beam_direction = found->linear().col(0);  // a range sensor looks along its x axis
   }
-  used_range_ = range->header.stamp;
+  range_stamp_ = range->header.stamp;
   range_frame_ = range->header.frame_id;
   return reading;
 }
@@ -433,10 +443,7 @@ std::string shutterReport(const GroundEstimate& estimate) {
 }
 
 GroundMotionConfig usable(GroundMotionConfig config) {
-  if (config.readout_time < 0.0 && config.readout_time != -1.0) {
-    throw std::invalid_argument("readout_time is " + std::to_string(config.readout_time) +
-                                "; expected -1, not known, 0, a global shutter, or more");
-  }
+  requireReadoutTime(config.readout_time);
   for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
     *frame = withoutSlash(*frame);
   }

@@ -38,7 +38,7 @@ class GroundReadings {
   bool usesRange() const { return config_.height_source == "range"; }
   bool usesNormal() const { return config_.normal_source != "motion"; }
   bool usesImu() const { return config_.normal_source == "imu" || config_.gyro; }
-  /// Whether later messages cannot tell more about that time.
+  /// Whether later messages cannot tell more about that time, unless their stamps jitter.
   bool complete(const ros::Time& stamp, const std::string& camera) const;
 
   /// Options for the images of that camera. Throws std::invalid_argument where tf does not know
@@ -84,6 +84,7 @@ class GroundReadings {
   std::deque<sensor_msgs::Range> ranges_;
   std::deque<sensor_msgs::Imu> imus_;
   ros::Time used_range_;
+  ros::Time range_stamp_;  // of the newest frame's reading; 0: it has none
   std::string range_frame_;
   ros::Time last_image_;
   ros::Time last_height_;  // that counted

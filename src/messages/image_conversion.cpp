@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
 #include <filesystem>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
@@ -100,12 +99,7 @@ void requireConsistent(const sensor_msgs::Image& image, const Format& format) {
   }
 }
 
-bool isHostBigEndian() {
-  const std::uint16_t one = 1;
-  std::uint8_t first = 0;
-  std::memcpy(&first, &one, 1);
-  return first == 0;
-}
+constexpr bool kHostIsBigEndian = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__;
 
 /// The pixels without a copy, unless the order of bytes must be changed.
 cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
@@ -113,15 +107,11 @@ cv::Mat pixelsOf(const sensor_msgs::Image& image, const Format& format) {
   auto* data = const_cast<std::uint8_t*>(image.data.data());
   cv::Mat pixels(static_cast<int>(image.height), static_cast<int>(image.width), format.type, data,
                  image.step);
-  if (pixels.elemSize1() != 2 || (image.is_bigendian != 0) == isHostBigEndian()) return pixels;
+  if (pixels.elemSize1() != 2 || (image.is_bigendian != 0) == kHostIsBigEndian) return pixels;
   cv::Mat swapped = pixels.clone();
   for (auto* byte = swapped.data; byte != swapped.dataend; byte += 2) std::swap(byte[0], byte[1]);
   return swapped;
 }
-
-}  // namespace
-
-namespace {
 
 constexpr double kMostMegapixels = 64.0;  // of a request
 

@@ -106,7 +106,7 @@ PlanarPoses DetectedPose::find(const DetectedTarget& target, const PixelCamera& 
       refiner_.refine(pairs_.reference, pairs_.target, target.image_size, evidence, found);
     }
   }
-  if (readout_time_ > 0.0) correctShutter(target, stamp, rows, found);
+  if (readout_time_ != 0.0) correctShutter(target, stamp, rows, found);
   return planarPoses(found.homography, found.covariance, camera.camera, target.image_size,
                      target.width);
 }

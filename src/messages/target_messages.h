@@ -20,14 +20,15 @@ namespace ktgp_orb {
 /// Poses of detected targets in front of a camera. An instance belongs to one thread at a time.
 class DetectedPose {
  public:
-  /// Of a rolling shutter, from the first row to the last one, s; 0: a global shutter, as at first.
+  /// Of a rolling shutter, from the first row to the last one, s; 0: a global shutter; below 0: not
+  /// known, as at first.
   void setReadoutTime(double seconds) { readout_time_ = seconds; }
 
   /// Empty if it is not the view of a target in front of the camera. With lens distortion, no
   /// homography maps a flat target to the image. Then the pairs of the detection are rectified, and
-  /// a homography is fitted to them. With a readout time, a target that was seen in the image
-  /// before has the pose that it had when the middle row was exposed; `stamp` and `rows`: of the
-  /// image.
+  /// a homography is fitted to them. Unless the shutter is a global one, a target that was
+  /// seen in the image before has the pose that it had when the middle row was exposed (see
+  /// withoutShutter); `stamp` and `rows`: of the image.
   PlanarPoses find(const DetectedTarget& target, const PixelCamera& camera, const ros::Time& stamp,
                    int rows);
 
@@ -43,7 +44,7 @@ class DetectedPose {
   void correctShutter(const DetectedTarget& target, const ros::Time& stamp, int rows,
                       UncertainHomography& answer);
 
-  double readout_time_ = 0.0;
+  double readout_time_ = -1.0;
   std::vector<Seen> seen_;  // lately
   ProsacHomography prosac_;
   ProsacResult result_;

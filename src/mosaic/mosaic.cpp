@@ -28,15 +28,19 @@ using util::requireInRange;
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
 // Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
 constexpr double kLargestZoom = 4.0;
+// A frame becomes a keyframe when the keyframes cover less than this share of it: enough for a sure
+// match of the next one.
+constexpr double kKeyframeOverlap = 0.6;
+// A frame is drawn when the view has moved by this share of its width: less adds nothing to see.
+constexpr double kLeastMotion = 0.03;
+// s: how long a frame that is not connected is searched in the map.
+constexpr double kPatience = 1.0;
 // px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
 // a patio.
 constexpr double kParallax = 0.5;
 
 void requireValid(const MosaicOptions& options) {
   requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
-  requireInRange("keyframe_overlap", options.keyframe_overlap, 0.2, 0.9);
-  requireInRange("min_motion", options.min_motion, 0.0, 1.0);
-  requireInRange("patience", options.patience, 0.0, 3600.0);
 }
 
 std::size_t tilesFor(const MosaicOptions& options) {
@@ -119,7 +123,7 @@ struct Mosaic::Impl {
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
-  bool is_lost = false;
+  int lost_frames = 0;  // since then
   bool is_ambiguous = false;
   bool is_full = false;
   std::size_t maps = 0;
@@ -154,7 +158,7 @@ struct Mosaic::Impl {
 
   bool hasMoved() const {
     const Eigen::Matrix3d to_now = *pose * drawn.inverse();
-    const double least = options.min_motion * size.width;
+    const double least = kLeastMotion * size.width;
     for (const Eigen::Vector2d& corner : homography::imageCorners(size, {})) {
       if (((to_now * corner.homogeneous()).hnormalized() - corner).norm() >= least) return true;
     }
@@ -214,46 +218,42 @@ struct Mosaic::Impl {
                  static_cast<double>(stamp - last->stamp);
     }
     last = Placed{stamp, *pose};
-    is_lost = false;
+    lost_frames = 0;
   }
 
   Placement lose(std::int64_t stamp, Features features) {
+    constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
     pose.reset();
-    if (!std::exchange(is_lost, true)) lost_since = stamp;
+    if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
-    if (last && waited >= 0.0 && waited < options.patience) return Placement::lost;
+    const bool is_patient = waited < kPatience || lost_frames <= kLostFrames;
+    if (last && waited >= 0.0 && is_patient) return Placement::lost;
     startMap(stamp, features.empty() && options.keyframes ? find() : std::move(features));
     return Placement::new_map;
   }
 
-  Placement placeByKeyframes(std::int64_t stamp) {
+  Placement place(std::int64_t stamp) {
     const std::optional<Eigen::Matrix3d> expected = chained(stamp);
     if (!last) return lose(stamp, {});
     const bool is_known = expected || isPredictable(stamp);
-    is_ambiguous = !is_known && metrics::shortestPeriod(grey) > 0.0;
+    is_ambiguous = options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0;
     if (is_ambiguous) return lose(stamp, {});
-    Features features = find();
-    std::optional<Eigen::Matrix3d> found =
-        keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
+    Features features;
+    std::optional<Eigen::Matrix3d> found;
+    if (options.keyframes) {
+      features = find();
+      found = keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
+    }
     if (found && !isDrawable(size, *found)) found.reset();
     if (!found) found = expected;
     is_ambiguous = found && mayBeAnotherPeriod(stamp, *found, expected);
     if (!found || is_ambiguous) return lose(stamp, std::move(features));
     settle(stamp, *found);
-    const bool room = !is_full && keyframes.size() < keyframesFor(options, size);
-    if (room && keyframes.coverage(size, *pose) < options.keyframe_overlap) {
+    const bool room =
+        options.keyframes && !is_full && keyframes.size() < keyframesFor(options, size);
+    if (room && keyframes.coverage(size, *pose) < kKeyframeOverlap) {
       keyframes.add(std::move(features), *pose);
     }
-    if (!hasMoved()) return Placement::seen;
-    draw();
-    return Placement::drawn;
-  }
-
-  Placement placeByPath(std::int64_t stamp) {
-    const std::optional<Eigen::Matrix3d> expected = chained(stamp);
-    is_ambiguous = expected && mayBeAnotherPeriod(stamp, *expected, expected);
-    if (!expected || is_ambiguous) return lose(stamp, {});
-    settle(stamp, *expected);
     if (!hasMoved()) return Placement::seen;
     draw();
     return Placement::drawn;
@@ -303,8 +303,7 @@ Placement Mosaic::place(std::int64_t stamp, const cv::Mat& image) {
     self.last.reset();
     self.size = image.size();
   }
-  const Placement placement =
-      self.options.keyframes ? self.placeByKeyframes(stamp) : self.placeByPath(stamp);
+  const Placement placement = self.place(stamp);
   self.grey.release();
   self.colour.release();
   return placement;
@@ -319,7 +318,7 @@ std::optional<Eigen::Matrix3d> Mosaic::pose() const {
 }
 
 bool Mosaic::isAmbiguous() const {
-  return impl_->is_ambiguous && impl_->is_lost;
+  return impl_->is_ambiguous && impl_->lost_frames > 0;
 }
 
 std::int64_t Mosaic::firstStamp() const {
@@ -392,7 +391,7 @@ void Mosaic::reset() {
   impl_->last.reset();
   impl_->pose.reset();
   impl_->is_full = false;
-  impl_->is_lost = false;
+  impl_->lost_frames = 0;
 }
 
 }  // namespace ktgp_orb

@@ -3,11 +3,13 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
 #include <utility>
 
+#include "core/homography/shutter.h"
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
 #include "motion/mounting.h"
@@ -42,6 +44,11 @@ double yawOf(const Eigen::Matrix3d& axes) {
   return std::atan2(axes(1, 0), axes(0, 0));
 }
 
+/// `down`: to the ground, in the camera's frame.
+bool looksDown(const Eigen::Vector3d& down) {
+  return down.z() > kHorizon;
+}
+
 /// What the innovations of measurements of one kind tell about their noise: covariance matching
 /// (Mehra, IEEE Trans. AC 1972), never below the variance that was given.
 struct Innovations {
@@ -49,6 +56,9 @@ struct Innovations {
   int contradictions = 0;    // one after the other, each on other ground
   bool is_another = false;   // the newest measurement is one of them
   std::int64_t ground = -1;  // of the newest measurement
+  Eigen::Vector3d residual = Eigen::Vector3d::Zero();  // of the newest one, in given deviations
+  std::array<double, 2> steps{};  // squared, to the newest one and to the one before
+  double scatter = 0.0;           // of the smaller steps: running mean, see addResidual()
 
   /// `on`: a number for the ground that the measurement is about. Contradictions on the same ground
   /// have the same cause, so they count once.
@@ -64,6 +74,23 @@ struct Innovations {
     ground = on;
   }
   double factor() const { return std::max(1.0, variance); }
+  /// Which normal is called a contradiction depends on the noise that the differences of successive
+  /// ones show (von Neumann, 1941), since drivers give covariances that are too small. What is
+  /// wrong in the same way each time has none. Of three steps in a row the smallest counts, since
+  /// an outlier makes two.
+  void addResidual(const Eigen::Vector3d& newest) {
+    constexpr double kMeasurements = 30.0;
+    constexpr double kUsual = 1.48;  // mean of the smallest of three, two directions of variance 1
+    const double step = (newest - residual).squaredNorm();
+    scatter += (std::min({step, steps[0], steps[1]}) / kUsual - scatter) / kMeasurements;
+    steps = {step, steps[0]};
+    residual = newest;
+  }
+  /// In given deviations. A normal that scatters by more is not only noisy.
+  double spread() const {
+    constexpr double kMost = 10.0;
+    return std::clamp(std::sqrt(scatter), 1.0, kMost);
+  }
   /// The variance of the state that lets it follow readings that contradict again and again: a
   /// single one does no harm, after about five of them they are right. The first `ignored` ones
   /// change nothing.
@@ -109,7 +136,8 @@ struct GroundMotion::Impl {
   template <int kRows>
   double use(motion::PoseRows<kRows> rows, Innovations& of_kind, std::int64_t ground);
   void addTurn(const GroundFrame& frame);
-  void useTurn(const TurnReading& turn);
+  void useTurn(TurnReading turn, double seconds);
+  double doubtOf(const Eigen::Vector3d& turn, double seconds);
   Eigen::Vector3d newestVelocity(double seconds) const;
   bool isJump(double seconds, double since_last) const;
   double largestChange(double seconds, double since_last) const;
@@ -137,6 +165,7 @@ struct GroundMotion::Impl {
   std::int64_t newest_stamp = 0;      // also of frames without a homography
   std::int64_t before_stamp = 0;      // of the frame before that
   bool has_frame = false;
+  int looks_away = 0;  // normals that say so, one after the other
   std::int64_t keyframe_stamp = 0;
   Eigen::Vector3d keyframe_position = Eigen::Vector3d::Zero();
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where lengths count from
@@ -152,14 +181,17 @@ struct GroundMotion::Impl {
   Innovations of_turn;
   double turn_given_and_seen = 0.0;  // sums of products, rad²
   double turn_seen = 0.0;
-  bool has_velocity = false;  // measured since the last gap
-  int contradictions = 0;     // refused frames one after the other
-  Refused refused;            // the newest of them
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero();  // of the newest turn, rad/s
+  bool has_velocity = false;                       // measured since the last gap
+  int contradictions = 0;                          // refused frames one after the other
+  Refused refused;                                 // the newest of them
   std::optional<Destination> destination;
 };
 
 const GroundEstimate& GroundMotion::Impl::add(const GroundFrame& frame) {
-  motion::requireValid(frame);
+  const std::optional<TurnReading> turns = std::exchange(turned, std::nullopt);
+  motion::requireValid(frame);  // the turn of a frame that is refused is missing in the sum
+  turned = turns;
   if (has_frame && frame.stamp == newest_stamp) {
     throw std::invalid_argument("the frame has the stamp of the previous one; expected a new one");
   }
@@ -197,19 +229,29 @@ void GroundMotion::Impl::forget() {
   setReadout();
   twist_noise = {};
   relief = {};
+  shutter = {};
   mounting = {};
+  refused = {};
+  of_homography = of_height = of_down = of_turn = {};
+  turn_given_and_seen = turn_seen = 0.0;
+  rate.setZero();
   has_pose = is_connected = false;
 }
 
 void GroundMotion::Impl::setReadout() {
-  constexpr double kUnknown = 0.01;  // s; most cameras need less than 30 ms
-  constexpr double kShare = 0.1;     // of what was given
+  constexpr double kShare = 0.1;  // of what was given
   const double known = std::max(options.readout_time, 0.0);
-  filter.setReadout(known, options.readout_time < 0.0 ? kUnknown : kShare * known);
+  filter.setReadout(known,
+                    options.readout_time < 0.0 ? homography::kUnknownReadout : kShare * known);
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
-  if (frame.down && !(frame.down->direction.z() > kHorizon)) return GroundStatus::looks_away;
+  const bool from_last = frame.reference_stamp == last_stamp;
+  const bool is_connection = is_connected && (from_last || frame.reference_stamp == keyframe_stamp);
+  const bool was_down = is_connection && looksDown(-filter.pose().axes.row(2).transpose());
+  constexpr int kBelieved = 10;  // one after the other
+  looks_away = frame.down && !looksDown(frame.down->direction) ? looks_away + 1 : 0;
+  if (looks_away > (was_down ? kBelieved : 0)) return GroundStatus::looks_away;
   if (!frame.answer) return GroundStatus::no_homography;
   if (!motion::isUsable(frame.answer->covariance)) return GroundStatus::no_covariance;
   ImageMotion image =
@@ -218,8 +260,7 @@ GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {
   if (!relief.isSeen()) image.covariance *= of_homography.factor();
   image.by_readout =
       shutter.add(image, frame.stamp, frame.reference_stamp, frame.size, frame.camera);
-  const bool from_last = frame.reference_stamp == last_stamp;
-  if (is_connected && (from_last || frame.reference_stamp == keyframe_stamp)) {
+  if (is_connection) {
     if (from_last && frame.reference_stamp != keyframe_stamp) {
       filter.setKeyframe(image, true);
       widenForSlope();
@@ -277,6 +318,9 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
                                        ? frame.turn->rotation
                                        : motion::rotationAbout(seconds * camera_twist.tail<3>());
       begin.down->direction = turn * begin.down->direction;
+      if (!looksDown(begin.down->direction)) begin.down.reset();
+    }
+    if (begin.down) {
       begin.down->deviation = std::hypot(begin.down->deviation, doubt * options.turn_acceleration);
     }
   }
@@ -285,6 +329,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   if (!follows) return placed(frame, image, GroundStatus::resumed);
   filter.setKeyframe(image, true);
   const auto innovation = filter.advance(image);
+  if (!innovation) estimate.homography_misfit = std::numeric_limits<double>::infinity();
   if (!innovation || (isJump(seconds, estimate.gap) && !isBelieved(newestVelocity(seconds)))) {
     filter = before;
     return GroundStatus::contradiction;
@@ -292,7 +337,7 @@ GroundStatus GroundMotion::Impl::resume(const GroundFrame& frame, const ImageMot
   twist_noise.beginKeyframe();
   keyframe_stamp = frame.reference_stamp;
   keyframe_position = filter.pose().position;
-  if (frame.turn) useTurn(*frame.turn);
+  if (frame.turn) useTurn(*frame.turn, seconds);
   measureTwist(seconds, estimate.gap);
   if (destination) return placed(frame, image, GroundStatus::resumed);
   is_connected = true;
@@ -318,6 +363,8 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
     estimate.homography_misfit = innovation->misfit;
     of_homography.add({innovation->misfit, of_homography.factor() * innovation->noise},
                       frame.stamp);
+  } else {
+    estimate.homography_misfit = std::numeric_limits<double>::infinity();
   }
   const bool fits = innovation && estimate.homography_misfit < kHomographyLimit;
   if (!fits || isJump(sinceLast(frame), sinceLast(frame))) {
@@ -331,7 +378,7 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
              position.head<2>().norm() / position.z());
   contradictions = 0;
   compareImu(frame, image);
-  if (turned) useTurn(*turned);
+  if (turned) useTurn(*turned, sinceLast(frame));
   useReadings(frame);
   measureTwist(sinceLast(frame), sinceLast(frame));
   if (destination) {
@@ -343,9 +390,12 @@ GroundStatus GroundMotion::Impl::connect(const GroundFrame& frame, const ImageMo
 
 /// With the pictures as they are before they follow the readings.
 void GroundMotion::Impl::compareImu(const GroundFrame& frame, const ImageMotion& image) {
-  if (!frame.turn && !(frame.down && frame.down->of_imu)) return;
+  const bool has_down = frame.down && frame.down->of_imu && looksDown(frame.down->direction);
+  if (!frame.turn && !has_down) return;
   const auto seen = filter.turnSinceKeyframe(image);
-  if (seen) mounting.add(*seen, frame.reference_stamp, sinceLast(frame), frame.turn, frame.down);
+  if (seen)
+    mounting.add(*seen, frame.reference_stamp, sinceLast(frame), frame.turn,
+                 has_down ? frame.down : std::nullopt);
 }
 
 /// The pose with the given height and normal, and the base where it was: it turns as little as
@@ -437,9 +487,13 @@ void GroundMotion::Impl::useReadings(const GroundFrame& frame) {
     }
     estimate.height_used = estimate.height_misfit <= limit;
   }
-  if (frame.down) {
+  if (frame.down && !looksDown(frame.down->direction)) {
+    estimate.down_misfit = std::numeric_limits<double>::infinity();
+  } else if (frame.down) {
     const motion::PoseRows<3> rows = rowsOf(relief.widened(*frame.down), filter.now());
-    estimate.down_misfit = use(rows, of_down, seenSlope());
+    const double spread = of_down.spread();
+    of_down.addResidual(rows.residual / rows.deviation);
+    estimate.down_misfit = use(rows, of_down, seenSlope()) / spread;
     // The pictures tell the tilt as well: one reading alone does not count against them.
     filter.widen(0.0, of_down.doubt(rows.residual.norm(), 1));
     estimate.down_used = estimate.down_misfit <= limit;
@@ -458,8 +512,24 @@ void GroundMotion::Impl::addTurn(const GroundFrame& frame) {
   turned->deviation = std::hypot(turned->deviation, frame.turn->deviation);
 }
 
-void GroundMotion::Impl::useTurn(const TurnReading& turn) {
+/// What a delay of the Imu and its mounting, where the pictures show them, add to the deviation of
+/// a turn, rad.
+double GroundMotion::Impl::doubtOf(const Eigen::Vector3d& turn, double seconds) {
+  constexpr double kCertain = 3.0;  // deviations
+  const Eigen::Vector3d newest = turn / seconds;
+  const double change = (newest - std::exchange(rate, newest)).norm();
+  const std::optional<ImuMounting> imu = mounting.estimate(options.camera_to_base.linear());
+  if (!imu) return 0.0;
+  const double delay = std::abs(imu->delay) > kCertain * imu->delay_deviation ? imu->delay : 0.0;
+  const Eigen::Vector3d rotation =
+      (imu->rotation.array().abs() > kCertain * imu->rotation_deviation.array())
+          .select(imu->rotation, 0.0);
+  return std::hypot(delay * change, rotation.cross(options.camera_to_base.linear() * turn).norm());
+}
+
+void GroundMotion::Impl::useTurn(TurnReading turn, double seconds) {
   const Eigen::Vector3d given = motion::turnOf(turn.rotation);
+  turn.deviation = std::hypot(turn.deviation, doubtOf(given, seconds));
   const Eigen::Vector3d seen = motion::turnOf(filter.before().axes.transpose() * filter.now().axes);
   constexpr double kForget = 0.99;
   constexpr double kLeast = 1e-3;  // rad²
@@ -475,11 +545,11 @@ Eigen::Vector3d GroundMotion::Impl::newestVelocity(double seconds) const {
   return before.axes.transpose() * (filter.now().position - before.position) / seconds;
 }
 
-/// How far velocities can be from each other: a vehicle accelerates, and what is small in the
-/// picture is noise, which is metres from a large height.
+/// How far velocities can be from each other: a vehicle accelerates, and what is below a pixel or
+/// two is noise, which is metres from a large height.
 double GroundMotion::Impl::largestChange(double seconds, double since_last) const {
   constexpr double kSpeed = 0.5;          // m/s
-  constexpr double kPicture = 0.018;      // rad: a degree of the picture
+  constexpr double kPicture = 0.003;      // rad: a pixel or two
   constexpr double kAcceleration = 10.0;  // m/s²
   constexpr double kDeviations = 4.0;
   const double deviation = std::sqrt(camera_twist_covariance.topLeftCorner<3, 3>().trace());
@@ -491,8 +561,14 @@ double GroundMotion::Impl::largestChange(double seconds, double since_last) cons
 /// homography may be off by a period of repetitive ground.
 bool GroundMotion::Impl::isJump(double seconds, double since_last) const {
   if (!has_velocity) return false;
-  const Eigen::Vector3d change = newestVelocity(seconds) - camera_twist.head<3>();
-  return !(change.norm() < largestChange(seconds, since_last));
+  constexpr double kDeviations = 4.0;
+  const double change = (newestVelocity(seconds) - camera_twist.head<3>()).norm();
+  const double largest = largestChange(seconds, since_last);
+  if (change < largest) return false;
+  const motion::Matrix612 slope = motion::twistSlope(filter.before(), filter.now()) / seconds;
+  const Matrix6 covariance = propagated(slope, filter.covarianceOfBoth());
+  const double deviation = std::sqrt(covariance.topLeftCorner<3, 3>().trace());
+  return !(change < largest + kDeviations * deviation);
 }
 
 /// Whether the newest pose, which is a jump, and the refused ones just before it are one motion.

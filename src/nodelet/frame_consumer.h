@@ -13,22 +13,8 @@
 
 namespace ktgp_orb {
 
-/// State of a worker on images and homographies; the images wait for their homographies, or the
-/// other way round.
-class FrameWork {
- public:
-  explicit FrameWork(Diagnosis& diagnosis) : diagnosis_(diagnosis) {}
-
- protected:
-  void keep(const sensor_msgs::ImageConstPtr& image) {
-    diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
-  }
-
-  Diagnosis& diagnosis_;
-  ImageStore images_;
-};
-
-/// Base of nodelets that use images and the matcher's homographies. `Work`, a FrameWork, has
+/// Base of nodelets that use images and the matcher's homographies; either wait for the other in an
+/// ImageStore. `Work` has
 ///   add(image), follow(homography)   one that arrived
 ///   finish()                         all that had arrived was added
 ///   restart()                        nothing was received for a while

@@ -29,51 +29,45 @@ bool Input::isNew(const boost::shared_ptr<const void>& message) {
   return true;
 }
 
-ImageInput::Source ImageInput::sourceOf(const ros::NodeHandle& node, const std::string& transport) {
-  Source source{node.resolveName("image"), transport, transport};
+std::string ImageInput::choosePlugin() {
   const std::string suffix = "/" + kCompressedTransport;
-  const std::size_t stem = source.topic.size() - std::min(source.topic.size(), suffix.size());
-  const bool named = source.topic.compare(stem, std::string::npos, suffix) == 0;
-  if (named && (transport == "raw" || transport == kCompressedTransport)) {
-    source.topic.erase(stem);
-    source.transport = source.plugin = kCompressedTransport;
+  const std::size_t stem = topic_.size() - std::min(topic_.size(), suffix.size());
+  const bool named = topic_.compare(stem, std::string::npos, suffix) == 0;
+  if (named && (transport_name_ == "raw" || transport_name_ == kCompressedTransport)) {
+    topic_.erase(stem);
+    transport_name_ = kCompressedTransport;
   }
-  const auto installed = image_transport::ImageTransport(node).getLoadableTransports();
+  const auto installed = transport_.getLoadableTransports();
   const auto is_installed = [&installed](const std::string& plugin) {
     return std::find(installed.begin(), installed.end(), "image_transport/" + plugin) !=
            installed.end();
   };
-  if (source.transport == kCompressedTransport && !is_installed(kCompressedTransport))
-    source.plugin = kOwnPlugin;
-  if (is_installed(source.plugin)) return source;
-  if (source.plugin == kOwnPlugin) {
-    throw std::invalid_argument(
-        "compressed images cannot be decoded: the library ktgp_orb_compressed of this package is "
-        "not found; build the whole package, and source its setup.bash");
+  if (is_installed(transport_name_)) return transport_name_;
+  if (transport_name_ != kCompressedTransport) {
+    throw std::invalid_argument("image transport '" + transport_name_ +
+                                "' is not installed; the package " + transport_name_ +
+                                "_image_transport provides it (on ROS Noetic: apt install "
+                                "ros-noetic-" +
+                                transport_name_ + "-image-transport)");
   }
-  throw std::invalid_argument("image transport '" + transport + "' is not installed; the package " +
-                              transport +
-                              "_image_transport provides it (on ROS Noetic: apt install "
-                              "ros-noetic-" +
-                              transport + "-image-transport)");
+  if (is_installed(kOwnPlugin)) return kOwnPlugin;
+  throw std::invalid_argument(
+      "compressed images cannot be decoded: the library ktgp_orb_compressed of this package is not "
+      "found; build the whole package, and source its setup.bash");
 }
 
 ImageInput::ImageInput(const ros::NodeHandle& node, const ros::NodeHandle& private_node,
                        int queue_size, Callback callback)
-    : ImageInput(sourceOf(node, private_node.param<std::string>("image_transport", "raw")), node,
-                 private_node, queue_size, std::move(callback)) {}
-
-ImageInput::ImageInput(const Source& source, const ros::NodeHandle& node,
-                       const ros::NodeHandle& private_node, int queue_size, Callback callback)
-    : Input(source.topic, "image"),
+    : Input(node.resolveName("image"), "image"),
       transport_(node),
+      transport_name_(private_node.param<std::string>("image_transport", "raw")),
       // Its last argument is the parameter that would choose another plugin.
-      hints_(source.plugin, ros::TransportHints(), private_node, "image_transport_plugin"),
-      transport_name_(source.transport),
+      hints_(choosePlugin(), ros::TransportHints(), private_node, "image_transport_plugin"),
       queue_size_(
           static_cast<std::uint32_t>(std::max(1, private_node.param("queue_size", queue_size)))),
       callback_(std::move(callback)) {
-  watch_ = std::make_unique<InputWatch>(topic_, transport_name_);
+  watch_ = std::make_unique<InputWatch>(topic_, ros::message_traits::datatype<sensor_msgs::Image>(),
+                                        what_, transport_name_);
 }
 
 void ImageInput::open() {

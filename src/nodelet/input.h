@@ -71,8 +71,7 @@ class MessageInput : public Input {
         queue_size_(queue_size),
         callback_(std::move(callback)) {
     if (!is_watched) return;
-    watch_ = std::make_unique<InputWatch>(
-        InputWatch::ofMessages(topic_, ros::message_traits::datatype<Message>(), what));
+    watch_ = std::make_unique<InputWatch>(topic_, ros::message_traits::datatype<Message>(), what);
   }
   std::uint32_t publishers() const override { return subscriber_.getNumPublishers(); }
 
@@ -110,22 +109,15 @@ class ImageInput : public Input {
   const std::string& transport() const { return transport_name_; }
 
  private:
-  struct Source {
-    std::string topic;      // resolved, without the name of the transport
-    std::string transport;  // raw, compressed, ...
-    std::string plugin;     // of image_transport, for that transport
-  };
-
-  ImageInput(const Source& source, const ros::NodeHandle& node, const ros::NodeHandle& private_node,
-             int queue_size, Callback callback);
-  static Source sourceOf(const ros::NodeHandle& node, const std::string& transport);
+  /// Takes the name of the transport from the topic, if it ends in one; returns the plugin for it.
+  std::string choosePlugin();
   void open() override;
   void close() override { subscriber_.shutdown(); }
   std::uint32_t lostBefore(const sensor_msgs::Image& image);
 
   image_transport::ImageTransport transport_;
+  std::string transport_name_;  // raw, compressed, ...
   image_transport::TransportHints hints_;
-  std::string transport_name_;
   std::uint32_t queue_size_;
   Callback callback_;
   image_transport::Subscriber subscriber_;

@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -46,18 +48,11 @@ std::string noneOn(const std::string& what, const std::string& topic, const std:
   return "no " + what + " on " + topic + (trouble.empty() ? "" : ": " + trouble);
 }
 
-InputWatch::InputWatch(std::string topic, std::string transport)
-    : InputWatch(std::move(topic), std::move(transport), kImageType, "image") {}
-
-InputWatch::InputWatch(std::string topic, std::string transport, std::string type, std::string what)
+InputWatch::InputWatch(std::string topic, std::string type, std::string what, std::string transport)
     : topic_(std::move(topic)),
-      transport_(std::move(transport)),
       type_(std::move(type)),
-      what_(std::move(what)) {}
-
-InputWatch InputWatch::ofMessages(std::string topic, std::string type, std::string what) {
-  return {std::move(topic), "raw", std::move(type), std::move(what)};
-}
+      what_(std::move(what)),
+      transport_(std::move(transport)) {}
 
 std::string InputWatch::wanted() const {
   return transport_ == "raw" ? topic_ : topic_ + "/" + transport_;
@@ -114,9 +109,9 @@ std::string InputWatch::mixture(std::uint32_t publishers) const {
   if (publishers < 2) return "";
   const std::set<std::string> names = publishersOf(wanted());
   if (names.size() < 2) return "";
-  std::string text = std::to_string(names.size()) + " nodes publish " + wanted() + " (";
-  for (const std::string& name : names) text += (name == *names.begin() ? "" : ", ") + name;
-  return text + "): their " + what_ + (type_ == kImageType ? "s are mixed" : " messages are mixed");
+  return std::to_string(names.size()) + " nodes publish " + wanted() + " (" +
+         util::joined(names, ", ") + "): their " + what_ +
+         (type_ == kImageType ? "s are mixed" : " messages are mixed");
 }
 
 }  // namespace ktgp_orb

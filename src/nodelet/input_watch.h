@@ -12,10 +12,8 @@ std::string noneOn(const std::string& what, const std::string& topic, const std:
 /// master, which may take long.
 class InputWatch {
  public:
-  /// Of images; `transport`: image transport.
-  InputWatch(std::string topic, std::string transport);
-  /// For messages of a type; `what`: its name, for example "homography".
-  static InputWatch ofMessages(std::string topic, std::string type, std::string what);
+  /// For messages of a type; `what`: its name, for example "homography". `transport`: of images.
+  InputWatch(std::string topic, std::string type, std::string what, std::string transport = "raw");
 
   /// `arrived`: messages since the start; `publishers`: of the topic, if subscribed. Returns a
   /// warning to print, or an empty string. Each cause is reported once.
@@ -32,8 +30,6 @@ class InputWatch {
   std::string mixture(std::uint32_t publishers) const;
 
  private:
-  InputWatch(std::string topic, std::string transport, std::string type, std::string what);
-
   /// Restarts the waiting.
   void restart();
   /// What the master knows about the missing messages; empty: nothing.
@@ -42,9 +38,9 @@ class InputWatch {
   std::string wanted() const;
 
   std::string topic_;
-  std::string transport_;
   std::string type_;
   std::string what_;
+  std::string transport_;
   std::uint64_t arrived_before_ = 0;
   int silent_seconds_ = 0;
   bool subscribed_ = false;

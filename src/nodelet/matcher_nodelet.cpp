@@ -98,11 +98,9 @@ std::string MatcherNodelet::greeting() const {
 }
 
 void MatcherNodelet::advertise() {
-  auto work = std::make_unique<MatcherWork>(
+  startWorker(std::make_unique<MatcherWork>(
       settings_.configuration(), outputs_, diagnosis_, [this] { return worker_.has(kImage); },
-      facts_);
-  work->setCameraInfoTopic(camera_info_->topic());
-  startWorker(std::move(work));
+      camera_info_->topic(), facts_));
   advertiseServices();
   ros::NodeHandle settings = privateNode(settings_queue_);
   if (settings.deleteParam("reference_was_set") && is_fixed_) {
@@ -245,11 +243,12 @@ void MatcherNodelet::beforeReport() {
   const auto frames = static_cast<double>(diagnosis_.recent("frames matched"));
   const auto found = static_cast<double>(diagnosis_.recent("homographies"));
   const bool is_rare = frames > 0.0 && found < kMinShare * frames;
+  const std::string size = noteOnSize(facts_.longer_side);
   diagnosis_.setProblem(
       "homographies",
       !is_rare ? ""
                : std::string(found == 0.0 ? "no homography found: " : "few homographies found: ") +
-                     toString(facts_.last_failure),
+                     toString(facts_.last_failure) + (size.empty() ? "" : "; " + size),
       false);
   diagnosis_.setState(frames == 0.0 ? "nothing to match" : "homographies found");
   diagnosis_.setValue("share with homography", std::to_string(frames > 0.0 ? found / frames : 0.0));

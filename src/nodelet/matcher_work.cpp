@@ -1,5 +1,6 @@
 #include "nodelet/matcher_work.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
 #include <utility>
@@ -17,10 +18,12 @@ constexpr std::chrono::seconds kLongestWithoutOverlay{1};
 }  // namespace
 
 MatcherWork::MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
-                         std::function<bool()> newer_waits, MatcherFacts& facts)
+                         std::function<bool()> newer_waits, std::string camera_info_topic,
+                         MatcherFacts& facts)
     : matcher_(configuration),
       diagnosis_(diagnosis),
       newer_waits_(std::move(newer_waits)),
+      camera_info_topic_(std::move(camera_info_topic)),
       facts_(facts) {
 #define KTGP_TOPIC(name, Message, make, text) \
   addTopic<Message>(outputs, #name, [](const MatchedFrame& frame) { return make(frame); });
@@ -64,6 +67,8 @@ void MatcherWork::publish(const MatchedFrame& frame) {
 void MatcherWork::report(const SequenceMatch& match) {
   const Status status = match.match.found();
   const bool has_reference = status != Status::no_reference;
+  const cv::Size& size = match.frame->features.image_size;
+  facts_.longer_side = std::max(size.width, size.height);
   without_reference_ = has_reference ? 0 : without_reference_ + 1;
   diagnosis_.count("frames matched", has_reference ? 1 : 0);
   diagnosis_.count("frames without reference", has_reference ? 0 : 1);

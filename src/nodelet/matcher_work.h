@@ -17,6 +17,7 @@ namespace ktgp_orb {
 /// What the worker tells other threads.
 struct MatcherFacts {
   std::atomic<bool> holds_set_reference{false};  ///< the fixed one is a frame of the camera
+  std::atomic<int> longer_side{0};               ///< of the last image, px
   std::atomic<Status> last_failure{Status::ok};  ///< of a frame with a reference
 };
 
@@ -26,7 +27,8 @@ class MatcherWork {
  public:
   /// `newer_waits`: whether a newer image than the one in work has arrived.
   MatcherWork(const Configuration& configuration, Outputs& outputs, Diagnosis& diagnosis,
-              std::function<bool()> newer_waits, MatcherFacts& facts);
+              std::function<bool()> newer_waits, std::string camera_info_topic,
+              MatcherFacts& facts);
 
   void configure(const ConfigurationConstPtr& configuration) { matcher_.configure(*configuration); }
   const Configuration& configuration() const { return matcher_.configuration(); }
@@ -38,7 +40,6 @@ class MatcherWork {
   }
   /// The next image becomes the fixed reference.
   void fixNextFrame() { matcher_.fixNextFrame(); }
-  void setCameraInfoTopic(const std::string& topic) { camera_info_topic_ = topic; }
 
  private:
   template <typename Message, typename Make>
@@ -53,10 +54,10 @@ class MatcherWork {
   MessageMatcher matcher_;
   Diagnosis& diagnosis_;
   std::function<bool()> newer_waits_;
+  std::string camera_info_topic_;
   MatcherFacts& facts_;
   std::vector<std::function<void(const MatchedFrame&)>> topics_;  // each publishes one
   image_transport::Publisher overlay_;
-  std::string camera_info_topic_;
   Diagnosis::Clock::time_point last_overlay_;
   std::uint64_t without_reference_ = 0;  // frames in a row, up to the last one
 };

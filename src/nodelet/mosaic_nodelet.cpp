@@ -35,13 +35,15 @@ std::string withOneDigit(double value) {
 }  // namespace
 
 /// The map, and where its pictures and poses go.
-class MosaicWork : public FrameWork {
+class MosaicWork {
  public:
   MosaicWork(Diagnosis& diagnosis, image_transport::Publisher pictures, const ros::Publisher& poses)
-      : FrameWork(diagnosis), pictures_(std::move(pictures)), poses_(poses) {}
+      : diagnosis_(diagnosis), pictures_(std::move(pictures)), poses_(poses) {}
 
   void configure(const MosaicConfig& config);
-  void add(const sensor_msgs::ImageConstPtr& image) { keep(image); }
+  void add(const sensor_msgs::ImageConstPtr& image) {
+    diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
+  }
   void follow(const HomographyStampedConstPtr& message);
   void finish();
   void restart() { images_.clear(); }
@@ -54,6 +56,8 @@ class MosaicWork : public FrameWork {
   void publishPose(const HomographyStamped& message);
   void report();
 
+  Diagnosis& diagnosis_;
+  ImageStore images_;
   image_transport::Publisher pictures_;
   ros::Publisher poses_;
   Mosaic mosaic_;

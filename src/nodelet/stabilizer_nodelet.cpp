@@ -26,11 +26,11 @@ StabilizerOptions optionsFrom(const StabilizerConfig& config) {
 }  // namespace
 
 /// The path of the camera, and where its steady images go.
-class StabilizerWork : public FrameWork {
+class StabilizerWork {
  public:
   StabilizerWork(Diagnosis& diagnosis, image_transport::Publisher images,
                  const ros::Publisher& warps)
-      : FrameWork(diagnosis), steady_images_(std::move(images)), warps_(warps) {}
+      : diagnosis_(diagnosis), steady_images_(std::move(images)), warps_(warps) {}
 
   void configure(const StabilizerOptions& options);
   void add(const sensor_msgs::ImageConstPtr& image);
@@ -41,6 +41,8 @@ class StabilizerWork : public FrameWork {
  private:
   void publish(const SteadyFrame& frame, const sensor_msgs::ImageConstPtr& image);
 
+  Diagnosis& diagnosis_;
+  ImageStore images_;
   image_transport::Publisher steady_images_;
   ros::Publisher warps_;
   Stabilizer stabilizer_;
@@ -65,7 +67,7 @@ void StabilizerWork::restart() {
 }
 
 void StabilizerWork::add(const sensor_msgs::ImageConstPtr& image) {
-  keep(image);
+  diagnosis_.count(Diagnosis::kForgotten, images_.put(image));
   newest_ = image->header.stamp;
   size_ = cv::Size(static_cast<int>(image->width), static_cast<int>(image->height));
 }

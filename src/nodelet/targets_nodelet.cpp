@@ -232,6 +232,7 @@ std::string TargetsNodelet::sayAmbiguity(const std::string& id) {
 }
 
 void TargetsNodelet::configure(TargetsConfig& config) {
+  requireReadoutTime(config.readout_time);
   worker_.post([config](TargetsWork& work) { work.configure(config); });
   publishes_tf_ = config.publish_tf;
   connectionsChanged();

@@ -1,4 +1,4 @@
-#include "overlay/difference.h"
+#include "overlay/styles.h"
 
 #include <algorithm>
 #include <opencv2/core/eigen.hpp>

@@ -1,4 +1,4 @@
-#include "overlay/flow.h"
+#include "overlay/styles.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

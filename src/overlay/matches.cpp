@@ -1,4 +1,4 @@
-#include "overlay/matches.h"
+#include "overlay/styles.h"
 
 #include <opencv2/imgproc.hpp>
 

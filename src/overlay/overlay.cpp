@@ -2,10 +2,7 @@
 
 #include "core/util/names.h"
 #include "overlay/canvas.h"
-#include "overlay/difference.h"
-#include "overlay/flow.h"
-#include "overlay/matches.h"
-#include "overlay/panel.h"
+#include "overlay/styles.h"
 #include "overlay/text.h"
 
 namespace ktgp_orb {

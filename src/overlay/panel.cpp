@@ -1,4 +1,4 @@
-#include "overlay/panel.h"
+#include "overlay/styles.h"
 
 #include <algorithm>
 #include <array>

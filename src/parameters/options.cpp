@@ -105,6 +105,13 @@ std::string noteOnFixed(const Parameters& parameters) {
          "frames with it (not with teblid)";
 }
 
+std::string noteOnSize(int longer_side) {
+  constexpr int kLargest = 2500;  // px; the pyramid's 8 levels make it 700 px
+  if (longer_side <= kLargest) return {};
+  return "the images are " + std::to_string(longer_side) +
+         " px long; made 1000 to 2500 px long first, they may be recognised";
+}
+
 PipelineOptions pipelineOptions(const Parameters& given) {
   requireValid(given);
   Parameters parameters = given;

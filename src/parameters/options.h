@@ -27,6 +27,10 @@ SequenceOptions sequenceOptions(const Parameters& parameters);
 /// What sequenceOptions() chooses for a fixed reference, as a message for the user; else empty.
 std::string noteOnFixed(const Parameters& parameters);
 
+/// What to do where images with this longer side, px, are not recognised, as a message for the
+/// user; empty for those that are small enough.
+std::string noteOnSize(int longer_side);
+
 /// The overlay_style; the reference mode decides "auto": views of a fixed reference move too far
 /// for strokes. Throws std::invalid_argument for an unknown style.
 OverlayStyle overlayStyleFrom(const Parameters& parameters);

@@ -8,6 +8,8 @@
 #include <sstream>
 #include <stdexcept>
 
+#include "core/util/format.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -76,25 +78,14 @@ std::vector<ParameterRow> readRows() {
   return rows;
 }
 
-struct Removed {
-  std::string nodelet;
-  std::string name;
-  std::string reason;
-};
+using Reasons = std::map<std::string, std::string>;  // by the names of removed parameters
 
-const std::vector<Removed>& removed() {
-  static const std::vector<Removed> all{
-#define KTGP_REMOVED(nodelet, name, reason) {#nodelet, #name, reason},
+std::map<std::string, Reasons> readRemoved() {
+  std::map<std::string, Reasons> of_nodelets;
+#define KTGP_REMOVED(nodelet, name, reason) of_nodelets[#nodelet][#name] = reason;
 #include "parameters/removed.def"
 #undef KTGP_REMOVED
-  };
-  return all;
-}
-
-std::string joined(const std::vector<std::string>& choices) {
-  std::string list;
-  for (const std::string& choice : choices) list += (list.empty() ? "" : " or ") + choice;
-  return list;
+  return of_nodelets;
 }
 
 [[noreturn]] void refuse(const ParameterInfo& info, const std::string& name,
@@ -177,7 +168,7 @@ const ParameterRow* findParameter(const std::string& name) {
 
 std::string ParameterInfo::expected() const {
   if (kind == Kind::boolean) return "true or false";
-  if (kind == Kind::text) return choices.empty() ? "a text" : joined(choices);
+  if (kind == Kind::text) return choices.empty() ? "a text" : util::joined(choices, " or ");
   return (kind == Kind::whole ? "a whole number in " : "a number in ") + limits.text();
 }
 
@@ -195,24 +186,22 @@ Limits limitsOf(const std::string& nodelet, const std::string& name) {
   throw std::invalid_argument("the nodelet " + nodelet + " has no number " + name);
 }
 
+const Reasons& removedParameters(const std::string& nodelet) {
+  static const Reasons none;
+  static const std::map<std::string, Reasons> of_nodelets = readRemoved();
+  const auto found = of_nodelets.find(nodelet);
+  return found == of_nodelets.end() ? none : found->second;
+}
+
 std::string whyRemoved(const std::string& nodelet, const std::string& name) {
-  for (const Removed& one : removed()) {
-    if (one.nodelet == nodelet && one.name == name) return one.reason;
-  }
-  return "";
+  const Reasons& reasons = removedParameters(nodelet);
+  const auto found = reasons.find(name);
+  return found == reasons.end() ? "" : found->second;
 }
 
 void refuseRemoved(const std::string& nodelet, const std::string& name) {
   const std::string reason = whyRemoved(nodelet, name);
   if (!reason.empty()) throw std::invalid_argument(name + " is of an earlier version: " + reason);
-}
-
-std::vector<std::string> removedParameters(const std::string& nodelet) {
-  std::vector<std::string> names;
-  for (const Removed& one : removed()) {
-    if (one.nodelet == nodelet) names.push_back(one.name);
-  }
-  return names;
 }
 
 void requireValid(const ParameterInfo& info, const std::string& name, double value) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <variant>
 #include <vector>
@@ -61,13 +62,12 @@ const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 /// The range of a number. Throws std::invalid_argument for an unknown nodelet or parameter.
 Limits limitsOf(const std::string& nodelet, const std::string& name);
 
-/// Why a parameter of an earlier version is no more, and what to do instead; empty: it never was
-/// one of this nodelet.
+/// The parameters of earlier versions: by name, why it is no more, and what to do instead.
+const std::map<std::string, std::string>& removedParameters(const std::string& nodelet);
+/// The same for one name; empty: it never was one of this nodelet.
 std::string whyRemoved(const std::string& nodelet, const std::string& name);
 /// Throws std::invalid_argument with that reason, if there is one.
 void refuseRemoved(const std::string& nodelet, const std::string& name);
-/// The names of all of them.
-std::vector<std::string> removedParameters(const std::string& nodelet);
 
 /// A parameter of the matcher and its value in Parameters.
 struct ParameterRow : ParameterInfo {

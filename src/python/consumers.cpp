@@ -1,6 +1,7 @@
 // What is built upon the matches: flat targets, mosaic, stabilizer, motion above the ground.
 #include <pybind11/stl.h>
 
+#include <memory>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -11,8 +12,8 @@
 #include "ktgp_orb/stabilizer.h"
 #include "ktgp_orb/target_finder.h"
 #include "python/arrays.h"
-#include "python/frame_match.h"
 #include "python/match.h"
+#include "python/shared.h"
 
 namespace ktgp_orb::python {
 namespace {
@@ -23,48 +24,27 @@ Homography homographyOf(const FrameMatch& frame) {
   return frame.status == "ok" ? Homography(frame.answer.homography) : std::nullopt;
 }
 
-class Targets {
- public:
-  Targets(int features, int views, double smallest_side, int max_instances)
-      : finder_([&] {
-          TargetFinderOptions options;
-          options.features = features;
-          options.views = views;
-          options.smallest_side = smallest_side;
-          options.max_instances = max_instances;
-          return options;
-        }()) {}
+using Targets = Shared<TargetFinder>;
 
-  std::string add(const std::string& id, const py::object& images, double width) {
-    Target target{id, {}, width, ""};
-    const bool several = py::isinstance<py::list>(images) || py::isinstance<py::tuple>(images);
-    const py::list list = several ? py::list(images) : py::list(py::make_tuple(images));
-    for (const py::handle& image : list) {
-      target.images.push_back(
-          greyImage(py::reinterpret_borrow<py::object>(image), "image").pixels.clone());
-    }
-    const Shared::Use use(shared_);
-    finder_.add(target);
-    return finder_.ambiguity(id);
+std::string addTarget(Targets& targets, const std::string& id, const py::object& images,
+                      double width) {
+  Target target{id, {}, width, ""};
+  const bool several = py::isinstance<py::list>(images) || py::isinstance<py::tuple>(images);
+  const py::list list = several ? py::list(images) : py::list(py::make_tuple(images));
+  for (const py::handle& image : list) {
+    target.images.push_back(
+        greyImage(py::reinterpret_borrow<py::object>(image), "image").pixels.clone());
   }
-  bool remove(const std::string& id) {
-    const Shared::Use use(shared_);
-    return finder_.remove(id);
-  }
-  std::vector<std::string> ids() {
-    const Shared::Use use(shared_);
-    return finder_.ids();
-  }
-  std::vector<DetectedTarget> find(const py::object& image) {
-    const ImageArray grey = greyImage(image, "image");
-    const Shared::Use use(shared_);
-    return finder_.find(grey.pixels).detections;
-  }
+  return targets.use([&](TargetFinder& finder) {
+    finder.add(target);
+    return finder.ambiguity(id);
+  });
+}
 
- private:
-  TargetFinder finder_;
-  Shared shared_;
-};
+std::vector<DetectedTarget> findTargets(Targets& targets, const py::object& image) {
+  const ImageArray grey = greyImage(image, "image");
+  return targets.use([&](TargetFinder& finder) { return finder.find(grey.pixels).detections; });
+}
 
 void defineTargets(py::module_& module) {
   py::class_<DetectedTarget>(module, "DetectedTarget", "A flat target in an image.")
@@ -98,115 +78,109 @@ void defineTargets(py::module_& module) {
   py::class_<Targets>(module, "Targets",
                       "Finds many known flat pictures in images. Threads may share an object.")
       .def(
-          py::init<int, int, double, int>(), py::arg("features") = usual.features,
-          py::arg("views") = usual.views, py::arg("smallest_side") = usual.smallest_side,
+          py::init([](int features, int views, double smallest_side, int max_instances) {
+            TargetFinderOptions options;
+            options.features = features;
+            options.views = views;
+            options.smallest_side = smallest_side;
+            options.max_instances = max_instances;
+            return std::make_unique<Targets>(options);
+          }),
+          py::arg("features") = usual.features, py::arg("views") = usual.views,
+          py::arg("smallest_side") = usual.smallest_side,
           py::arg("max_instances") = usual.max_instances,
           "features: keypoints of a target's image; views: 1, or 5 with tilted ones;\n"
           "smallest_side: of the smallest targets wanted, px; max_instances: copies of one target. "
           "Raises ValueError.")
-      .def("add", &Targets::add, py::arg("id"), py::arg("images"), py::arg("width") = 0.0,
+      .def("add", addTarget, py::arg("id"), py::arg("images"), py::arg("width") = 0.0,
            "images: an image of the whole target and nothing else, or a list of them; width in m, "
            "0: not known.\nReturns DetectedTarget.ambiguity. Raises ValueError with the reason.")
-      .def("remove", &Targets::remove, py::arg("id"), "False if there is no such target.")
-      .def_property_readonly("ids", &Targets::ids, "In the order in which they were added.")
-      .def("find", &Targets::find, py::arg("image"),
+      .def(
+          "remove",
+          [](Targets& targets, const std::string& id) {
+            return targets.use([&](TargetFinder& finder) { return finder.remove(id); });
+          },
+          py::arg("id"), "False if there is no such target.")
+      .def_property_readonly(
+          "ids",
+          [](Targets& targets) {
+            return targets.use([](TargetFinder& finder) { return finder.ids(); });
+          },
+          "In the order in which they were added.")
+      .def("find", findTargets, py::arg("image"),
            "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
            "are followed.");
 }
 
-class PyMosaic {
- public:
-  PyMosaic(double max_megapixels, bool keyframes, double keyframe_overlap, double min_motion,
-           bool gain, double patience)
-      : mosaic_([&] {
-          MosaicOptions options;
-          options.max_megapixels = max_megapixels;
-          options.keyframes = keyframes;
-          options.keyframe_overlap = keyframe_overlap;
-          options.min_motion = min_motion;
-          options.gain = gain;
-          options.patience = patience;
-          return options;
-        }()) {}
+using SharedMosaic = Shared<Mosaic>;
 
-  std::string add(const py::object& image, const FrameMatch& frame) {
-    const ImageArray pixels = imageArray(image, "image");
-    const Shared::Use use(shared_);
-    mosaic_.follow(frame.stamp, frame.reference_stamp, homographyOf(frame));
-    return toString(mosaic_.place(frame.stamp, pixels.pixels));
-  }
-  py::array image() {
-    cv::Mat map;
-    {
-      const Shared::Use use(shared_);
-      map = mosaic_.image();
-    }
-    return py::array_t<std::uint8_t>({map.rows, map.cols, 4}, map.data);
-  }
-  Homography pose() {
-    const Shared::Use use(shared_);
-    return mosaic_.pose();
-  }
-  double planeDeviation() {
-    const Shared::Use use(shared_);
-    return mosaic_.planeDeviation();
-  }
+std::string placeFrame(SharedMosaic& shared, const py::object& image, const FrameMatch& frame) {
+  const ImageArray pixels = imageArray(image, "image");
+  return shared.use([&](Mosaic& mosaic) {
+    mosaic.follow(frame.stamp, frame.reference_stamp, homographyOf(frame));
+    return toString(mosaic.place(frame.stamp, pixels.pixels));
+  });
+}
 
- private:
-  Mosaic mosaic_;
-  Shared shared_;
-};
+py::array mapOf(SharedMosaic& shared) {
+  const cv::Mat map = shared.use([](Mosaic& mosaic) { return mosaic.image(); });
+  return py::array_t<std::uint8_t>({map.rows, map.cols, 4}, map.data);
+}
 
 void defineMosaic(py::module_& module) {
   const MosaicOptions usual;
-  py::class_<PyMosaic>(module, "Mosaic",
-                       "A picture of a plane, made of the frames of a camera. Threads may share an "
-                       "object.")
-      .def(py::init<double, bool, double, double, bool, double>(),
+  py::class_<SharedMosaic>(
+      module, "Mosaic",
+      "A picture of a plane, made of the frames of a camera. Threads may share an "
+      "object.")
+      .def(py::init([](double max_megapixels, bool keyframes, bool gain) {
+             MosaicOptions options;
+             options.max_megapixels = max_megapixels;
+             options.keyframes = keyframes;
+             options.gain = gain;
+             return std::make_unique<SharedMosaic>(options);
+           }),
            py::arg("max_megapixels") = usual.max_megapixels, py::arg("keyframes") = usual.keyframes,
-           py::arg("keyframe_overlap") = usual.keyframe_overlap,
-           py::arg("min_motion") = usual.min_motion, py::arg("gain") = usual.gain,
-           py::arg("patience") = usual.patience,
-           "doc/views.md describes the options. Raises ValueError.")
+           py::arg("gain") = usual.gain, "doc/views.md describes the options. Raises ValueError.")
       .def(
-          "add", &PyMosaic::add, py::arg("image"), py::arg("frame"),
+          "add", placeFrame, py::arg("image"), py::arg("frame"),
           "The next image and its FrameMatch. Returns \"drawn\", \"seen\" (hardly moved, or full), "
           "\"new_map\" or \"lost\".")
       .def_property_readonly(
-          "image", &PyMosaic::image,
+          "image", mapOf,
           "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where "
           "nothing was seen.")
-      .def_property_readonly("pose", &PyMosaic::pose,
-                             "(3, 3) float64: map to the last image, px; None where it is lost.")
       .def_property_readonly(
-          "plane_deviation", &PyMosaic::planeDeviation,
+          "pose",
+          [](SharedMosaic& shared) {
+            return shared.use([](Mosaic& mosaic) { return mosaic.pose(); });
+          },
+          "(3, 3) float64: map to the last image, px; None where it is lost.")
+      .def_property_readonly(
+          "plane_deviation",
+          [](SharedMosaic& shared) {
+            return shared.use([](Mosaic& mosaic) { return mosaic.planeDeviation(); });
+          },
           "How far points are off the map, px; where it is large, the scene is no "
           "plane.");
 }
 
-class PyStabilizer {
- public:
-  PyStabilizer(double strength, int lag, double max_crop)
-      : stabilizer_({strength, lag, max_crop}) {}
+using SharedStabilizer = Shared<Stabilizer>;
 
-  std::vector<SteadyFrame> add(const FrameMatch& frame) {
-    const Shared::Use use(shared_);
-    std::vector<SteadyFrame> ready;
-    stabilizer_.add(frame.stamp, frame.reference_stamp, homographyOf(frame), frame.image_size,
-                    ready);
-    return ready;
-  }
-  std::vector<SteadyFrame> flush() {
-    const Shared::Use use(shared_);
-    std::vector<SteadyFrame> ready;
-    stabilizer_.flush(ready);
-    return ready;
-  }
+std::vector<SteadyFrame> addToPath(SharedStabilizer& shared, const FrameMatch& frame) {
+  std::vector<SteadyFrame> ready;
+  shared.use([&](Stabilizer& stabilizer) {
+    stabilizer.add(frame.stamp, frame.reference_stamp, homographyOf(frame), frame.image_size,
+                   ready);
+  });
+  return ready;
+}
 
- private:
-  Stabilizer stabilizer_;
-  Shared shared_;
-};
+std::vector<SteadyFrame> flushPath(SharedStabilizer& shared) {
+  std::vector<SteadyFrame> ready;
+  shared.use([&](Stabilizer& stabilizer) { stabilizer.flush(ready); });
+  return ready;
+}
 
 void defineStabilizer(py::module_& module) {
   py::class_<SteadyFrame>(module, "SteadyFrame", "A frame and its place in the steady picture.")
@@ -219,61 +193,49 @@ void defineStabilizer(py::module_& module) {
       .def_readonly("starts_anew", &SteadyFrame::starts_anew,
                     "Not connected to the frame before: a scene cut, for example.");
   const StabilizerOptions usual;
-  py::class_<PyStabilizer>(module, "Stabilizer",
-                           "Smooths the path of a camera. Threads may share an object.")
-      .def(py::init<double, int, double>(), py::arg("strength") = usual.strength,
-           py::arg("lag") = usual.lag, py::arg("max_crop") = usual.max_crop,
+  py::class_<SharedStabilizer>(module, "Stabilizer",
+                               "Smooths the path of a camera. Threads may share an object.")
+      .def(py::init([](double strength, int lag, double max_crop) {
+             return std::make_unique<SharedStabilizer>(StabilizerOptions{strength, lag, max_crop});
+           }),
+           py::arg("strength") = usual.strength, py::arg("lag") = usual.lag,
+           py::arg("max_crop") = usual.max_crop,
            "strength: s, faster motion is removed; lag: later frames to wait for; max_crop: share "
            "that may be\ncut off at each border. Raises ValueError.")
-      .def("add", &PyStabilizer::add, py::arg("frame"),
+      .def("add", addToPath, py::arg("frame"),
            "The next FrameMatch of a Sequence. Returns the SteadyFrames that are known now.")
-      .def("flush", &PyStabilizer::flush, "The SteadyFrames that still wait.");
+      .def("flush", flushPath, "The SteadyFrames that still wait.");
 }
 
-class PyGroundMotion {
- public:
-  PyGroundMotion(const Eigen::Matrix4d& camera_to_base, double ground_slope, double readout_time,
-                 double scale_deviation)
-      : motion_([&] {
-          GroundMotionOptions options;
-          options.camera_to_base.matrix() = camera_to_base;
-          options.ground_slope = ground_slope;
-          options.readout_time = readout_time;
-          options.scale_deviation = scale_deviation;
-          return options;
-        }()) {}
+using SharedMotion = Shared<GroundMotion>;
 
-  GroundEstimate add(const FrameMatch& frame, const Eigen::Matrix3d& camera,
-                     const std::optional<std::pair<double, double>>& height,
-                     const std::optional<std::pair<Eigen::Vector3d, double>>& down,
-                     const std::optional<std::pair<Eigen::Matrix3d, double>>& turn, bool of_imu) {
-    GroundFrame given;
-    given.stamp = frame.stamp;
-    given.reference_stamp = frame.reference_stamp;
-    if (frame.status == "ok") given.answer = frame.answer;
-    given.camera = camera;
-    given.size = frame.image_size;
-    if (height) {
-      given.height.emplace();
-      std::tie(given.height->metres, given.height->deviation) = *height;
-    }
-    if (down) {
-      given.down.emplace();
-      std::tie(given.down->direction, given.down->deviation) = *down;
-      given.down->of_imu = of_imu;
-    }
-    if (turn) {
-      given.turn.emplace();
-      std::tie(given.turn->rotation, given.turn->deviation) = *turn;
-    }
-    const Shared::Use use(shared_);
-    return motion_.add(given);
+GroundEstimate addToMotion(SharedMotion& shared, const FrameMatch& frame,
+                           const Eigen::Matrix3d& camera,
+                           const std::optional<std::pair<double, double>>& height,
+                           const std::optional<std::pair<Eigen::Vector3d, double>>& down,
+                           const std::optional<std::pair<Eigen::Matrix3d, double>>& turn,
+                           bool of_imu) {
+  GroundFrame given;
+  given.stamp = frame.stamp;
+  given.reference_stamp = frame.reference_stamp;
+  if (frame.status == "ok") given.answer = frame.answer;
+  given.camera = camera;
+  given.size = frame.image_size;
+  if (height) {
+    given.height.emplace();
+    std::tie(given.height->metres, given.height->deviation) = *height;
   }
-
- private:
-  GroundMotion motion_;
-  Shared shared_;
-};
+  if (down) {
+    given.down.emplace();
+    std::tie(given.down->direction, given.down->deviation) = *down;
+    given.down->of_imu = of_imu;
+  }
+  if (turn) {
+    given.turn.emplace();
+    std::tie(given.turn->rotation, given.turn->deviation) = *turn;
+  }
+  return shared.use([&](GroundMotion& motion) { return motion.add(given); });
+}
 
 void defineGroundMotion(py::module_& module) {
   py::class_<ImuMounting>(module, "ImuMounting",
@@ -321,10 +283,18 @@ void defineGroundMotion(py::module_& module) {
                     "ImuMounting; None: the motion has shown nothing yet. Nothing is corrected by "
                     "it.");
   const GroundMotionOptions usual;
-  py::class_<PyGroundMotion>(module, "GroundMotion",
-                             "Motion in metres of a calibrated camera that looks at flat ground. "
-                             "Threads may share an object.")
-      .def(py::init<const Eigen::Matrix4d&, double, double, double>(),
+  py::class_<SharedMotion>(module, "GroundMotion",
+                           "Motion in metres of a calibrated camera that looks at flat ground. "
+                           "Threads may share an object.")
+      .def(py::init([](const Eigen::Matrix4d& camera_to_base, double ground_slope,
+                       double readout_time, double scale_deviation) {
+             GroundMotionOptions options;
+             options.camera_to_base.matrix() = camera_to_base;
+             options.ground_slope = ground_slope;
+             options.readout_time = readout_time;
+             options.scale_deviation = scale_deviation;
+             return std::make_unique<SharedMotion>(options);
+           }),
            py::arg("camera_to_base") = Eigen::Matrix4d(Eigen::Matrix4d::Identity()),
            py::arg("ground_slope") = usual.ground_slope,
            py::arg("readout_time") = usual.readout_time,
@@ -333,9 +303,8 @@ void defineGroundMotion(py::module_& module) {
            "readout_time: s from the first row of an image to the last; 0: a global shutter; below "
            "0: not known,\nit is estimated; doc/motion.md describes the others. Raises ValueError.")
       .def(
-          "add", &PyGroundMotion::add, py::arg("frame"), py::arg("camera"),
-          py::arg("height") = py::none(), py::arg("down") = py::none(),
-          py::arg("turn") = py::none(), py::arg("of_imu") = false,
+          "add", addToMotion, py::arg("frame"), py::arg("camera"), py::arg("height") = py::none(),
+          py::arg("down") = py::none(), py::arg("turn") = py::none(), py::arg("of_imu") = false,
           "The next FrameMatch of a Sequence; camera: (3, 3), K in px; height: (m, deviation in m) "
           "above the ground;\ndown: (direction to the ground in the camera's frame, length 1; "
           "deviation in rad); turn: (rotation since the frame before, (3, 3), from the camera now "

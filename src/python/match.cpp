@@ -5,7 +5,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string_view>
-#include <type_traits>
+#include <tuple>
 
 #include "parameters/options.h"
 #include "python/arrays.h"
@@ -14,20 +14,6 @@
 
 namespace ktgp_orb::python {
 namespace {
-
-/// A copy of the memory as bytes, and back.
-template <typename Value>
-py::bytes copied(const std::vector<Value>& values) {
-  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
-}
-
-template <typename Value>
-void assign(const py::handle& bytes, std::vector<Value>& values) {
-  const auto memory = bytes.cast<std::string_view>();
-  values.resize(memory.size() / sizeof(Value));
-  if (!values.empty())
-    std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
-}
 
 template <typename Value>
 auto viewOf(std::vector<Value> Match::*member) {
@@ -270,45 +256,56 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
   }
 }
 
-py::tuple stateOf(const Match& m) {
-  return py::make_tuple(m.status, m.found_by, m.answer.homography, m.answer.covariance,
-                        m.answer.shared_covariance, m.answer.plane_deviation, m.inlier_count,
-                        m.rmse, m.geometry, m.rotation, m.translation, m.pose_covariance,
-                        m.fundamental, m.parallax, stagesOf(m), copied(m.reference_points),
-                        copied(m.target_points), copied(m.reference_indices),
-                        copied(m.target_indices), copied(m.distances), copied(m.levels));
+namespace {
+
+/// Of a field, for pickle, and back: an array as the bytes of its memory.
+template <typename Value>
+const Value& pickled(const Value& value) {
+  return value;
+}
+template <typename Value>
+py::bytes pickled(const std::vector<Value>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(Value)};
 }
 
-void restore(const py::tuple& state, Match& m) {
+template <typename Value>
+void unpickle(const py::handle& state, Value& value) {
+  value = state.cast<Value>();
+}
+template <typename Value>
+void unpickle(const py::handle& bytes, std::vector<Value>& values) {
+  const auto memory = bytes.cast<std::string_view>();
+  values.resize(memory.size() / sizeof(Value));
+  if (!values.empty())
+    std::memcpy(static_cast<void*>(values.data()), memory.data(), values.size() * sizeof(Value));
+}
+
+/// References to all fields but the stages, which follow in the pickled state.
+template <typename AnyMatch>
+auto fieldsOf(AnyMatch& m) {
+  return std::tie(m.status, m.found_by, m.answer.homography, m.answer.covariance,
+                  m.answer.shared_covariance, m.answer.plane_deviation, m.inlier_count, m.rmse,
+                  m.geometry, m.rotation, m.translation, m.pose_covariance, m.fundamental,
+                  m.parallax, m.reference_points, m.target_points, m.reference_indices,
+                  m.target_indices, m.distances, m.levels);
+}
+
+}  // namespace
+
+py::tuple stateOf(const Match& match) {
+  return std::apply(
+      [&](const auto&... field) { return py::make_tuple(pickled(field)..., stagesOf(match)); },
+      fieldsOf(match));
+}
+
+void restore(const py::tuple& state, Match& match) {
   std::size_t next = 0;
-  const auto take = [&](auto& value) {
-    value = state[next++].cast<std::decay_t<decltype(value)>>();
-  };
-  take(m.status);
-  take(m.found_by);
-  take(m.answer.homography);
-  take(m.answer.covariance);
-  take(m.answer.shared_covariance);
-  take(m.answer.plane_deviation);
-  take(m.inlier_count);
-  take(m.rmse);
-  take(m.geometry);
-  take(m.rotation);
-  take(m.translation);
-  take(m.pose_covariance);
-  take(m.fundamental);
-  take(m.parallax);
-  for (const auto& stage : state[next++]) {
-    m.stages.push_back({stage["name"].cast<std::string>(), stage["input"].cast<std::size_t>(),
-                        stage["output"].cast<std::size_t>(), stage["milliseconds"].cast<double>()});
+  std::apply([&](auto&... field) { (unpickle(state[next++], field), ...); }, fieldsOf(match));
+  for (const auto& stage : state[next]) {
+    match.stages.push_back({stage["name"].cast<std::string>(), stage["input"].cast<std::size_t>(),
+                            stage["output"].cast<std::size_t>(),
+                            stage["milliseconds"].cast<double>()});
   }
-  const auto take_array = [&](auto& values) { assign(state[next++], values); };
-  take_array(m.reference_points);
-  take_array(m.target_points);
-  take_array(m.reference_indices);
-  take_array(m.target_indices);
-  take_array(m.distances);
-  take_array(m.levels);
 }
 
 Extractor::Extractor(const Settings& settings)
@@ -317,10 +314,11 @@ Extractor::Extractor(const Settings& settings)
 std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
   const ImageArray grey = greyImage(image, "image");
   const ImageArray where = maskImage(mask);
-  const Shared::Use use(shared_);
-  auto features = made_.take();
-  extractor_.extract(grey.pixels, where.pixels, *features);
-  return features;
+  return extractor_.use([&](OrbExtractor& extractor) {
+    auto features = made_.take();
+    extractor.extract(grey.pixels, where.pixels, *features);
+    return features;
+  });
 }
 
 Matcher::Matcher(const Settings& settings)
@@ -330,10 +328,11 @@ Matcher::Matcher(const Settings& settings)
 std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target,
                                       const std::optional<Eigen::Matrix3d>& camera,
                                       const std::optional<Eigen::Matrix3d>& target_camera) {
-  const MatchHints hints = hintsOf(matcher_.options(), camera, target_camera);
-  const Shared::Use use(shared_);
-  matcher_.match(reference, target, hints, result_);
-  return std::make_shared<Match>(result_, reference, target);
+  return matcher_.use([&](KtgpMatcher& matcher) {
+    const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
+    matcher.match(reference, target, hints, result_);
+    return std::make_shared<Match>(result_, reference, target);
+  });
 }
 
 void definePairs(py::module_& module) {

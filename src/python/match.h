@@ -6,7 +6,9 @@
 #include <pybind11/stl.h>
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <memory>
+#include <opencv2/core.hpp>
 #include <optional>
 #include <string>
 #include <vector>
@@ -55,6 +57,21 @@ struct Match {
   std::vector<std::uint8_t> levels;
 };
 
+/// The result for a frame of a sequence.
+struct FrameMatch : Match {
+  using Match::Match;
+  std::string no_reference;
+  std::optional<Eigen::Matrix3d> accumulated;
+  std::int64_t stamp = 0;  ///< ns
+  std::int64_t reference_stamp = 0;
+  cv::Size image_size;
+  std::vector<std::uint64_t> tracks;  ///< of the target keypoints, for each match
+};
+
+inline double secondsOf(std::int64_t stamp) {
+  return 1e-9 * static_cast<double>(stamp);
+}
+
 /// An extractor that several Python threads may call; one of them works at a time.
 class Extractor {
  public:
@@ -64,10 +81,9 @@ class Extractor {
 
  private:
   Settings settings_;
-  OrbExtractor extractor_;
+  Shared<OrbExtractor> extractor_;
   // New memory for the images of each frame would cost 2 % of its time.
   util::Pool<Features> made_{4, [](Features&) {}};
-  Shared shared_;
 };
 
 /// A matcher that several Python threads may call; one of them works at a time.
@@ -81,9 +97,8 @@ class Matcher {
 
  private:
   Settings settings_;
-  KtgpMatcher matcher_;
-  MatchResult result_;
-  Shared shared_;
+  Shared<KtgpMatcher> matcher_;
+  MatchResult result_;  // of the call that uses matcher_
 };
 
 /// For pickle.

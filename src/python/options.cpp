@@ -5,7 +5,6 @@
 #include <stdexcept>
 
 #include "cli/parameter_file.h"
-#include "cli/presets.h"
 #include "parameters/options.h"
 
 namespace ktgp_orb::python {

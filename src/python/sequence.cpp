@@ -5,12 +5,28 @@
 #include "ktgp_orb/sequence_matcher.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
-#include "python/frame_match.h"
 #include "python/match.h"
 #include "python/options.h"
+#include "python/shared.h"
 
 namespace ktgp_orb::python {
 namespace {
+
+std::shared_ptr<FrameMatch> copied(const SequenceMatch& found) {
+  static const Features none;
+  const Features& reference = found.reference ? found.reference->features : none;
+  auto out = std::make_shared<FrameMatch>(found.match, reference, found.frame->features);
+  out->no_reference = toString(found.no_reference);
+  if (found.accumulated) out->accumulated = found.accumulated->homography;
+  out->stamp = found.frame->stamp;
+  out->reference_stamp = found.reference ? found.reference->stamp : 0;
+  out->image_size = found.frame->features.image_size;
+  out->tracks.reserve(out->target_indices.size());
+  for (const std::int32_t i : out->target_indices) {
+    out->tracks.push_back(found.frame->tracks[static_cast<std::size_t>(i)]);
+  }
+  return out;
+}
 
 /// A sequence that several Python threads may call; one of them works at a time.
 class Sequence {
@@ -21,40 +37,26 @@ class Sequence {
 
   std::shared_ptr<FrameMatch> match(const py::object& image, double seconds) {
     const ImageArray grey = greyImage(image, "image");
-    const Shared::Use use(shared_);
-    const SequenceMatch& found = matcher_.match(grey.pixels, seconds);
-    static const Features none;
-    const Features& reference = found.reference ? found.reference->features : none;
-    auto out = std::make_shared<FrameMatch>(found.match, reference, found.frame->features);
-    out->no_reference = toString(found.no_reference);
-    if (found.accumulated) out->accumulated = found.accumulated->homography;
-    out->stamp = found.frame->stamp;
-    out->reference_stamp = found.reference ? found.reference->stamp : 0;
-    out->image_size = found.frame->features.image_size;
-    out->tracks.reserve(out->target_indices.size());
-    for (const std::int32_t i : out->target_indices) {
-      out->tracks.push_back(found.frame->tracks[static_cast<std::size_t>(i)]);
-    }
-    return out;
+    return matcher_.use(
+        [&](SequenceMatcher& matcher) { return copied(matcher.match(grey.pixels, seconds)); });
   }
 
   void setReference(const py::object& image) {
     const ImageArray grey = greyImage(image, "image");
-    const Shared::Use use(shared_);
-    const FramePtr frame = matcher_.newFrame();
-    grey.pixels.copyTo(frame->image);
-    matcher_.setFixedReference(frame);
+    matcher_.use([&](SequenceMatcher& matcher) {
+      const FramePtr frame = matcher.newFrame();
+      grey.pixels.copyTo(frame->image);
+      matcher.setFixedReference(frame);
+    });
   }
 
   void restart() {
-    const Shared::Use use(shared_);
-    matcher_.restart();
+    matcher_.use([](SequenceMatcher& matcher) { matcher.restart(); });
   }
 
  private:
   Settings settings_;
-  SequenceMatcher matcher_;
-  Shared shared_;
+  Shared<SequenceMatcher> matcher_;
 };
 
 }  // namespace
@@ -103,7 +105,11 @@ void defineSequence(py::module_& module) {
       sequence, "video",
       "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
       "\"keyframe\",\n"
-      "\"fixed\") and max_reference_age. Raises ValueError.");
+      "\"fixed\") and max_reference_age. A fixed reference is seen from anywhere: without a "
+      "preset\n"
+      "of another name than \"video\", what views that differ strongly need is used in place of "
+      "the\n"
+      "defaults (doc/views.md). Raises ValueError.");
   sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "

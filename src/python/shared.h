@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <mutex>
-#include <optional>
 #include <stdexcept>
 
 namespace ktgp_orb::python {
@@ -30,40 +29,42 @@ class WithoutGil {
   PyThreadState* state_ = PyEval_SaveThread();
 };
 
-/// Of an object that several Python threads may use, one after the other.
+/// An object that several Python threads may use, one after the other.
+template <typename Object>
 class Shared {
  public:
-  /// Waits until no other thread uses the object, and lets other threads of Python run. To be made
-  /// and destroyed with the GIL, without which no process is forked.
-  class Use {
-   public:
-    /// Throws std::runtime_error in a forked process if the object was in use at the fork: its
-    /// user is not there, and would be waited for in vain.
-    explicit Use(Shared& shared) : shared_(shared) {
-      if (!shared_.mutex_.try_lock()) {
-        if (shared_.process_ != getpid()) {
-          throw std::runtime_error(
-              "the object was in use by a thread when this process was forked; expected an object "
-              "made after the fork");
-        }
-        const WithoutGil others_may_run;
-        shared_.mutex_.lock();
-      }
-      shared_.process_ = getpid();
-      others_may_run_.emplace();
-    }
-    ~Use() { shared_.mutex_.unlock(); }
-    Use(const Use&) = delete;
-    Use& operator=(const Use&) = delete;
+  template <typename Options>
+  explicit Shared(const Options& options) : object_(options) {}
 
-   private:
-    Shared& shared_;
-    std::optional<WithoutGil> others_may_run_;
-  };
+  /// Waits until no other thread uses the object, and lets other threads of Python run while it
+  /// does the work; returns what that returns. To be called with the GIL, without which no process
+  /// is forked. Throws std::runtime_error in a forked process if the object was in use at the fork:
+  /// its user is not there, and would be waited for in vain.
+  template <typename Work>
+  auto use(const Work& work) {
+    lock();
+    const WithoutGil others_may_run;
+    const std::lock_guard<std::mutex> locked(mutex_, std::adopt_lock);
+    return work(object_);
+  }
 
  private:
+  void lock() {
+    if (!mutex_.try_lock()) {
+      if (process_ != getpid()) {
+        throw std::runtime_error(
+            "the object was in use by a thread when this process was forked; expected an object "
+            "made after the fork");
+      }
+      const WithoutGil others_may_run;
+      mutex_.lock();
+    }
+    process_ = getpid();
+  }
+
   std::mutex mutex_;
   pid_t process_ = getpid();  // of its latest user
+  Object object_;
 };
 
 }  // namespace ktgp_orb::python

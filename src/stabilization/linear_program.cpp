@@ -2,10 +2,8 @@
 
 #include "stabilization/steady_path.h"
 
-#include <algorithm>
 #include <memory>
 #include <stdexcept>
-#include <tuple>
 
 #ifdef KTGP_ORB_HAVE_CLP
 #include <Clp_C_Interface.h>
@@ -26,31 +24,20 @@ int LinearProgram::addEquation(double right) {
 }
 
 void LinearProgram::addTerm(int equation, int variable, double factor) {
-  terms_.push_back({variable, equation, factor});
+  terms_.emplace_back(equation, variable, factor);
 }
 
 #ifdef KTGP_ORB_HAVE_CLP
 
 std::vector<double> LinearProgram::solve() const {
-  // Clp takes the matrix column by column.
-  std::vector<Term> terms = terms_;
-  std::sort(terms.begin(), terms.end(), [](const Term& a, const Term& b) {
-    return std::tie(a.variable, a.equation) < std::tie(b.variable, b.equation);
-  });
-  std::vector<CoinBigIndex> begin(cost_.size() + 1, 0);
-  std::vector<int> equations;
-  std::vector<double> factors;
-  for (const Term& term : terms) {
-    ++begin[static_cast<std::size_t>(term.variable) + 1];
-    equations.push_back(term.equation);
-    factors.push_back(term.factor);
-  }
-  for (std::size_t i = 1; i < begin.size(); ++i) begin[i] += begin[i - 1];
-
+  // Column by column, as Clp takes it.
+  Eigen::SparseMatrix<double> matrix(static_cast<int>(right_.size()),
+                                     static_cast<int>(cost_.size()));
+  matrix.setFromTriplets(terms_.begin(), terms_.end());
   const std::unique_ptr<Clp_Simplex, void (*)(Clp_Simplex*)> model(Clp_newModel(), Clp_deleteModel);
   Clp_setLogLevel(model.get(), 0);
-  Clp_loadProblem(model.get(), static_cast<int>(cost_.size()), static_cast<int>(right_.size()),
-                  begin.data(), equations.data(), factors.data(), low_.data(), high_.data(),
+  Clp_loadProblem(model.get(), matrix.cols(), matrix.rows(), matrix.outerIndexPtr(),
+                  matrix.innerIndexPtr(), matrix.valuePtr(), low_.data(), high_.data(),
                   cost_.data(), right_.data(), right_.data());
   Clp_dual(model.get(), 0);
   if (Clp_status(model.get()) != 0) {

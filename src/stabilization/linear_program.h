@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/SparseCore>
 #include <vector>
 
 namespace ktgp_orb::stabilization {
@@ -17,17 +18,11 @@ class LinearProgram {
   std::vector<double> solve() const;
 
  private:
-  struct Term {
-    int variable;
-    int equation;
-    double factor;
-  };
-
   std::vector<double> low_;
   std::vector<double> high_;
   std::vector<double> cost_;
   std::vector<double> right_;
-  std::vector<Term> terms_;
+  std::vector<Eigen::Triplet<double>> terms_;  // equation, variable, factor
 };
 
 }  // namespace ktgp_orb::stabilization

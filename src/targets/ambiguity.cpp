@@ -78,7 +78,7 @@ std::string ambiguityOf(const TargetPicture& picture) {
       Eigen::Matrix3d moving = Eigen::Matrix3d::Identity();
       moving.topRightCorner<2, 1>() << shift.x, shift.y;
       const Eigen::Matrix3d map = to_copy.inverse() * moving * turning(quarters, size) * to_copy;
-      const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
+      const Eigen::Vector2d middle = middleOf(whole);
       const Eigen::Vector2d moved = (homography::project(map, middle) - middle)
                                         .cwiseQuotient(Eigen::Vector2d(whole.width, whole.height));
       if (quarters == 0 && moved.lpNorm<Eigen::Infinity>() < kLeastMove) continue;

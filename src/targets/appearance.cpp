@@ -45,13 +45,6 @@ float productOf(const float (&a)[kSide * kSide], const float (&b)[kSide * kSide]
   return total;
 }
 
-/// Width and height of the picture where its middle is in the frame, px.
-cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& picture) {
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(
-      homography, {0.5 * (picture.width - 1), 0.5 * (picture.height - 1)});
-  return {jacobian.col(0).norm() * picture.width, jacobian.col(1).norm() * picture.height};
-}
-
 cv::Matx33d matrixOf(const Eigen::Matrix3d& m) {
   return {m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2)};
 }

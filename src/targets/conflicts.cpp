@@ -13,7 +13,7 @@ using Outline = std::vector<cv::Point2f>;
 
 /// Of the pairs it was found by, how many lie within the outline.
 std::size_t countInside(const FoundTarget& one, const Outline& outline) {
-  const std::vector<Eigen::Vector2d>& points = one.found.pairs.target;
+  const std::vector<Eigen::Vector2d>& points = one.pairs.target;
   return static_cast<std::size_t>(
       std::count_if(points.begin(), points.end(), [&](const Eigen::Vector2d& p) {
         const cv::Point2f point(static_cast<float>(p.x()), static_cast<float>(p.y()));
@@ -31,8 +31,7 @@ double areaOf(const std::vector<Eigen::Vector2d>& points) {
 /// Whether the points by which it was found are spread over most of its picture.
 bool coversPicture(const FoundTarget& one, TargetStore& store) {
   constexpr double kShare = 0.6;  // of the area
-  return areaOf(one.found.pairs.reference) >
-         kShare * store.picture(one.picture).image.size().area();
+  return areaOf(one.pairs.reference) > kShare * store.picture(one.picture).image.size().area();
 }
 
 Outline outlineOf(const cv::Size& image, const Eigen::Matrix3d& homography) {
@@ -45,12 +44,12 @@ Outline outlineOf(const cv::Size& image, const Eigen::Matrix3d& homography) {
 }
 
 Outline outlineOf(const FoundTarget& one, TargetStore& store) {
-  return outlineOf(store.picture(one.picture).image.size(), one.found.estimate.homography);
+  return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
 /// How little chance explains it: minus log10 of the false alarms that were to be expected.
 double significanceOf(const FoundTarget& one) {
-  return -one.found.log_false_alarms;
+  return -one.log_false_alarms;
 }
 
 /// Where only a part that both have is seen, both have nearly the same support, and it could be
@@ -63,7 +62,7 @@ bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
 /// Whether it looks less like its picture than `around` does, although light and blur are the same.
 bool agreesLess(const FoundTarget& one, const FoundTarget& around) {
   constexpr double kRatio = 0.8;
-  return one.found.agreement < kRatio * around.found.agreement;
+  return one.agreement < kRatio * around.agreement;
 }
 
 /// Whether the points by which it was found are spread over most of the part of its picture that
@@ -76,7 +75,7 @@ bool coversTexture(const FoundTarget& one, TargetStore& store) {
     const growth::LocalFrame& keypoint = picture.frames.frames()[i];
     all.extend(Eigen::Vector2d(keypoint.x, keypoint.y));
   }
-  return areaOf(one.found.pairs.reference) > kShare * all.volume();
+  return areaOf(one.pairs.reference) > kShare * all.volume();
 }
 
 /// Whether they have more than `share` of the larger one in common.
@@ -94,9 +93,9 @@ bool areInOnePlace(const Outline& a, const Outline& b, double share) {
 bool differsInPart(const FoundTarget& found, const cv::Mat& image, TargetStore& store) {
   constexpr double kMostAgreement = 0.9;
   constexpr double kLeastShare = 0.035;
-  if (found.found.agreement > kMostAgreement) return false;
+  if (found.agreement > kMostAgreement) return false;
   Appearance appearance;
-  appearance.compare(store.picture(found.picture), found.found.estimate.homography, {{image}}, 1.0);
+  appearance.compare(store.picture(found.picture), found.estimate.homography, {{image}}, 1.0);
   return appearance.shareThatDiffers() > kLeastShare;
 }
 
@@ -114,7 +113,7 @@ std::vector<std::uint8_t> conflicts(const std::vector<FoundTarget>& found, Targe
       if (found[j].target == found[i].target) continue;
       if (isClearlyBetter(found[j], found[i])) continue;
       const double inside = static_cast<double>(countInside(found[j], outlines[i]));
-      const bool is_part = inside >= kMost * static_cast<double>(found[j].found.pairs.size()) &&
+      const bool is_part = inside >= kMost * static_cast<double>(found[j].pairs.size()) &&
                            (!coversPicture(found[j], store) || agreesLess(found[j], found[i]));
       if (is_part || areInOnePlace(outlines[i], outlines[j], kSamePlace)) is_doubtful[j] = 1;
     }
@@ -126,7 +125,7 @@ bool showsTheSame(const FoundTarget& found, const TargetPicture& picture, Target
   constexpr double kShare = 0.6;
   // Of the blocks, which are those of one sharp image: with a logo in common, the others differ.
   constexpr double kLeastAgreement = 0.5;
-  return found.found.agreement > kLeastAgreement && coversTexture(found, store) &&
+  return found.agreement > kLeastAgreement && coversTexture(found, store) &&
          areInOnePlace(outlineOf(found, store),
                        outlineOf(picture.image.size(), Eigen::Matrix3d::Identity()), kShare) &&
          !differsInPart(found, picture.image, store);

@@ -8,7 +8,7 @@
 namespace ktgp_orb::targets {
 
 /// Which of the targets are doubtful (non-zero), since another one explains the same part of the
-/// frame with as much support or nearly so (FoundPicture::log_false_alarms). This is so in two
+/// frame with as much support or nearly so (FoundTarget::log_false_alarms). This is so in two
 /// cases:
 /// - Both pictures have a part in common, such as a logo, and only this part of the doubtful one is
 ///   seen, within the other one. (A target that lies on another one is seen as a whole and looks

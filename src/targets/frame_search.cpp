@@ -120,12 +120,12 @@ bool FrameSearch::searchOnce(StoredTarget& target, FoundTarget& result) {
     most_votes_ = std::max(most_votes_, seeds_.votes());
     if (!taken_.empty() && !std::exchange(is_rest_set, true)) setRest();
     PictureSearch& search = taken_.empty() ? whole_ : rest_;
-    if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result.found)) {
+    if (!search.fromSeeds(picture, seeds_.best(), store_.pictureCount(), result)) {
       continue;
     }
-    search.align(picture, result.found);
-    if (!PictureSearch::isDetermined(picture, result.found)) continue;
-    if (!search.confirm(picture, store_.pictureCount(), result.found)) continue;
+    search.align(picture, result);
+    if (!PictureSearch::isDetermined(picture, result)) continue;
+    if (!search.confirm(picture, store_.pictureCount(), result)) continue;
     result.target = &target;
     result.picture = number;
     return true;
@@ -138,14 +138,13 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
                              std::vector<FoundTarget>& found) {
   FoundTarget result;
   TargetPicture& picture = store_.picture(number);
-  if (!whole_.follow(picture, prediction, radius, result.found) ||
-      !PictureSearch::isDetermined(picture, result.found)) {
+  if (!whole_.follow(picture, prediction, radius, result) ||
+      !PictureSearch::isDetermined(picture, result)) {
     return;
   }
   const auto middle_of = [&](const FoundTarget& one) {
-    const cv::Size& size = store_.picture(one.picture).image.size();
-    return homography::project(one.found.estimate.homography,
-                               {0.5 * (size.width - 1), 0.5 * (size.height - 1)});
+    return homography::project(one.estimate.homography,
+                               middleOf(store_.picture(one.picture).image.size()));
   };
   result.target = &target;
   result.picture = number;
@@ -160,7 +159,7 @@ void FrameSearch::searchNear(StoredTarget& target, std::uint32_t number,
 /// Marks the keypoints that agree with this instance, and all others within its outline: the next
 /// instance is searched without them.
 void FrameSearch::take(const FoundTarget& target) {
-  const Eigen::Matrix3d& map = target.found.estimate.homography;
+  const Eigen::Matrix3d& map = target.estimate.homography;
   const Eigen::Matrix3d back = map.inverse();
   const cv::Size size = store_.picture(target.picture).image.size();
   for (std::size_t i = 0; i < frames_.size(); ++i) {
@@ -170,7 +169,7 @@ void FrameSearch::take(const FoundTarget& target) {
                            q.y() <= size.height - 1.0 && map.row(2).dot(q.homogeneous()) > 0.0;
     if (is_inside) taken_[i] = 1;
   }
-  for (const std::int32_t i : target.found.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
+  for (const std::int32_t i : target.keypoints) taken_[static_cast<std::size_t>(i)] = 1;
 }
 
 /// Gives `rest_` the features that are not taken.

@@ -18,14 +18,6 @@ struct Candidate {
   std::int32_t votes;  ///< of its best seed
 };
 
-/// A target in the frame.
-struct FoundTarget {
-  StoredTarget* target = nullptr;
-  std::uint32_t picture = 0;
-  bool predicted = false;
-  FoundPicture found;
-};
-
 /// Searches targets in one frame. What is found for a target depends only on this target and the
 /// frame. Keeps its buffers.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding): in the order of use

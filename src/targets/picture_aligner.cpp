@@ -22,8 +22,7 @@ PictureAligner::PictureAligner() : aligner_(alignment::bestAlignmentKernels()), 
 
 void PictureAligner::setPicture(const TargetPicture& picture, const Eigen::Matrix3d& homography) {
   const cv::Size whole = picture.image.size();
-  const Eigen::Vector2d middle(0.5 * (whole.width - 1), 0.5 * (whole.height - 1));
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middle);
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middleOf(whole));
   const auto side = [](double stretch, int length) {
     return std::max(1, cvRound(std::min(1.0, stretch) * length));
   };

@@ -15,16 +15,10 @@ using growth::kTargetPlan;
 
 constexpr float kRadiusAfterFit = 7.F;  // px; a fit to many seeds predicts better than one seed
 
-Eigen::Vector2d middleOf(const cv::Size& size) {
-  return {0.5 * (size.width - 1), 0.5 * (size.height - 1)};
-}
-
-/// The shorter side of the picture in the frame, about; px.
-float extentOf(const Eigen::Matrix3d& map, const cv::Size& size) {
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middleOf(size));
-  const double across = jacobian.col(0).norm() * size.width;
-  const double down = jacobian.col(1).norm() * size.height;
-  return static_cast<float>(std::min(across, down));
+/// Whether the homography can be a view of the whole picture.
+bool isView(const Eigen::Matrix3d& homography, const TargetPicture& picture) {
+  return homography::keepsPlaneInView(homography,
+                                      homography::imageCorners(picture.image.size(), {}));
 }
 
 }  // namespace
@@ -46,7 +40,7 @@ bool PictureSearch::isExplained(const Seed& seed) const {
 }
 
 bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds,
-                              std::size_t pictures, FoundPicture& found) {
+                              std::size_t pictures, FoundTarget& found) {
   tried_.clear();
   int count = 0;
   for (const Seed& seed : seeds) {
@@ -86,14 +80,13 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
 /// places around it do. So fewer false alarms are possible than anywhere in the frame for any
 /// picture, and the bar is lower.
 bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
-                           FoundPicture& found) {
+                           FoundTarget& found) {
   constexpr double kPlaces = 100.0;  // within the radius that do not look like each other
   if (frame_.levels.empty()) return false;
   aligned_ = {};
   if (!appearance_.locate(picture, prediction, frame_, radius, aligned_.homography) ||
       !aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
-      !homography::keepsPlaneInView(aligned_.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
+      !isView(aligned_.homography, picture)) {
     return false;
   }
   grower_.search(aligned_.homography, middleOf(picture.image.size()), Grower::kEverywhere,
@@ -110,7 +103,7 @@ bool PictureSearch::follow(TargetPicture& picture, const Eigen::Matrix3d& predic
 }
 
 bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
-                         std::size_t pictures, Eigen::Matrix3d map, FoundPicture& found) {
+                         std::size_t pictures, Eigen::Matrix3d map, FoundTarget& found) {
   if (!grower_.grow(centre, picture.frames, matcher_, map)) return false;
   tried_.push_back(map);
   return accept(picture, map, pictures, found);
@@ -120,15 +113,12 @@ bool PictureSearch::grow(TargetPicture& picture, const Eigen::Vector2d& centre,
 /// few that are found again in this view.
 bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& centre,
                                  std::size_t pictures, const Eigen::Matrix3d& map,
-                                 FoundPicture& found) {
+                                 FoundTarget& found) {
   if (frame_.levels.empty() ||
       !aligner_.grow(picture, frame_.levels, centre, map, found.estimate)) {
     return false;
   }
-  if (!homography::keepsPlaneInView(found.estimate.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
-    return false;
-  }
+  if (!isView(found.estimate.homography, picture)) return false;
   if (!grower_.search(found.estimate.homography, centre, Grower::kEverywhere, Grower::kLastRadius,
                       picture.frames, matcher_)) {
     return false;
@@ -140,21 +130,19 @@ bool PictureSearch::growByImages(TargetPicture& picture, const Eigen::Vector2d& 
 /// Fits the homography to what the grower has just found, and judges it: by the images or, where
 /// these do not tell, by decoys of the keypoints.
 bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
-                           FoundPicture& found) {
+                           FoundTarget& found) {
   if (!fit(picture, map, found)) return false;
   const cv::Size size = picture.image.size();
   const Eigen::Matrix3d& fitted = found.estimate.homography;
   const bool trusted = trust_.trusts(fitted, found.pairs, size, growth::Verdict::kRadius);
   homography::label(found.estimate, found.pairs, growth::Verdict::kRadius, labelled_);
   dropOutliers(found);
-  if (found.pairs.size() < kTargetPlan.fewest_pairs ||
-      !homography::keepsPlaneInView(fitted, homography::imageCorners(size, {}))) {
-    return false;
-  }
+  if (found.pairs.size() < kTargetPlan.fewest_pairs || !isView(fitted, picture)) return false;
   if (isSeen(picture, pictures, found)) return true;
   if (!trusted) return false;
   // A copy beside this one is no period of the picture.
-  const float longest_period = 0.6F * extentOf(map, size);
+  const cv::Size2d seen = sizeIn(map, size);
+  const float longest_period = 0.6F * static_cast<float>(std::min(seen.width, seen.height));
   const growth::Judgement judgement =
       verdict_.judge(grower_.predictions(), picture.frames, kTargetPlan.first_radius, kAllSeeds,
                      matcher_, longest_period);
@@ -163,15 +151,14 @@ bool PictureSearch::accept(TargetPicture& picture, const Eigen::Matrix3d& map, s
 }
 
 Appearance::Similarity PictureSearch::similarity(const TargetPicture& picture, std::size_t pictures,
-                                                 const FoundPicture& found) {
+                                                 const FoundTarget& found) {
   const double tests = static_cast<double>(kAllHomographies) * static_cast<double>(pictures);
   if (frame_.levels.empty()) return {};
   return appearance_.compare(picture, found.estimate.homography, frame_, tests);
 }
 
 /// Whether the images say so.
-bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
-                           FoundPicture& found) {
+bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures, FoundTarget& found) {
   const Appearance::Similarity seen = similarity(picture, pictures, found);
   found.log_false_alarms = seen.log_false_alarms;
   found.agreement = seen.agreement;
@@ -179,7 +166,7 @@ bool PictureSearch::isSeen(const TargetPicture& picture, std::size_t pictures,
 }
 
 bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
-                            FoundPicture& found) {
+                            FoundTarget& found) {
   constexpr double kMuch = 0.6;
   if (found.agreement >= kMuch) return true;
   const Appearance::Similarity seen = similarity(picture, pictures, found);
@@ -190,7 +177,7 @@ bool PictureSearch::confirm(const TargetPicture& picture, std::size_t pictures,
 
 /// The homography of maximum likelihood. False if the pairs do not determine one.
 bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map,
-                        FoundPicture& found) {
+                        FoundTarget& found) {
   takePairs(found);
   found.estimate = {};
   found.estimate.homography = map / map(2, 2);
@@ -200,7 +187,7 @@ bool PictureSearch::fit(const TargetPicture& picture, const Eigen::Matrix3d& map
 }
 
 /// Those of the last search of the grower.
-void PictureSearch::takePairs(FoundPicture& found) const {
+void PictureSearch::takePairs(FoundTarget& found) const {
   found.aligned = false;
   found.pairs = grower_.pairs();
   found.keypoints.clear();
@@ -211,7 +198,7 @@ void PictureSearch::takePairs(FoundPicture& found) const {
   }
 }
 
-void PictureSearch::dropOutliers(FoundPicture& found) {
+void PictureSearch::dropOutliers(FoundTarget& found) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < found.pairs.size(); ++i) {
     if (labelled_.mask[i] == 0) continue;
@@ -226,7 +213,7 @@ void PictureSearch::dropOutliers(FoundPicture& found) {
   found.keypoints.resize(kept);
 }
 
-void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
+void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (frame_.levels.empty()) return;
   if (alignFrom(found.estimate, picture, found)) return;
   // Keypoints in a small part of the picture do not determine the rest of it.
@@ -244,7 +231,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundPicture& found) {
   }
 }
 
-bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPicture& found) {
+bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundTarget& found) {
   constexpr double kMostDeviation = 5.0;  // px, of a corner, in the image where it is smaller
   const homography::CornerDeviation deviation =
       homography::cornerDeviation(found.estimate.homography, found.estimate.covariance,
@@ -253,11 +240,10 @@ bool PictureSearch::isDetermined(const TargetPicture& picture, const FoundPictur
 }
 
 bool PictureSearch::alignFrom(const UncertainHomography& start, const TargetPicture& picture,
-                              FoundPicture& found) {
+                              FoundTarget& found) {
   aligned_ = start;
   if (!aligner_.align(picture, frame_.levels, aligned_, aligned_pairs_) ||
-      !homography::keepsPlaneInView(aligned_.homography,
-                                    homography::imageCorners(picture.image.size(), {}))) {
+      !isView(aligned_.homography, picture)) {
     return false;
   }
   // Most keypoints must still agree.

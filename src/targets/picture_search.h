@@ -17,8 +17,11 @@
 
 namespace ktgp_orb::targets {
 
-/// A picture in the frame.
-struct FoundPicture {
+/// A picture of a target in the frame. PictureSearch leaves the first three to its caller.
+struct FoundTarget {
+  StoredTarget* target = nullptr;
+  std::uint32_t picture = 0;     ///< number in the store
+  bool predicted = false;        ///< it was looked for where a track leads
   UncertainHomography estimate;  ///< picture's `image` -> frame, px
   bool aligned = false;
   PointPairs pairs;                     ///< what it was fitted to; px of `image` and of the frame
@@ -40,18 +43,18 @@ class PictureSearch {
   /// The best seeds first, at most kMostSeeds, until one grows to a homography that chance does not
   /// explain. `pictures`: known, which chance has as many opportunities.
   bool fromSeeds(TargetPicture& picture, const std::vector<Seed>& seeds, std::size_t pictures,
-                 FoundPicture& found);
+                 FoundTarget& found);
   /// For a picture that was seen in the last frame, without its keypoints: the images are compared
   /// near the predicted place, then aligned. `prediction`: right within about `radius` px.
   bool follow(TargetPicture& picture, const Eigen::Matrix3d& prediction, double radius,
-              FoundPicture& found);
+              FoundTarget& found);
   /// Corrects the homography by the images.
-  void align(const TargetPicture& picture, FoundPicture& found);
+  void align(const TargetPicture& picture, FoundTarget& found);
   /// Compares the images again if they agreed little before the alignment. False if most of what is
   /// in view looks different.
-  bool confirm(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
+  bool confirm(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
   /// False where so little of the picture is in view that its corners could be anywhere.
-  static bool isDetermined(const TargetPicture& picture, const FoundPicture& found);
+  static bool isDetermined(const TargetPicture& picture, const FoundTarget& found);
 
   /// log10 of the false alarms expected of one target that is searched anywhere, and of one that is
   /// followed.
@@ -66,23 +69,23 @@ class PictureSearch {
 
  private:
   bool grow(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
-            Eigen::Matrix3d map, FoundPicture& found);
+            Eigen::Matrix3d map, FoundTarget& found);
   bool growByImages(TargetPicture& picture, const Eigen::Vector2d& centre, std::size_t pictures,
-                    const Eigen::Matrix3d& map, FoundPicture& found);
+                    const Eigen::Matrix3d& map, FoundTarget& found);
   bool fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& map);
   bool accept(TargetPicture& picture, const Eigen::Matrix3d& map, std::size_t pictures,
-              FoundPicture& found);
+              FoundTarget& found);
   /// Corrects `start` by the images. True: `found` has the result.
   bool alignFrom(const UncertainHomography& start, const TargetPicture& picture,
-                 FoundPicture& found);
+                 FoundTarget& found);
   Appearance::Similarity similarity(const TargetPicture& picture, std::size_t pictures,
-                                    const FoundPicture& found);
-  bool isSeen(const TargetPicture& picture, std::size_t pictures, FoundPicture& found);
-  void takePairs(FoundPicture& found) const;
-  bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundPicture& found);
+                                    const FoundTarget& found);
+  bool isSeen(const TargetPicture& picture, std::size_t pictures, FoundTarget& found);
+  void takePairs(FoundTarget& found) const;
+  bool fit(const TargetPicture& picture, const Eigen::Matrix3d& map, FoundTarget& found);
   bool isExplained(const Seed& seed) const;
   /// Those that do not agree with the homography last labelled.
-  void dropOutliers(FoundPicture& found);
+  void dropOutliers(FoundTarget& found);
 
   FramePyramid frame_;
   Appearance appearance_;

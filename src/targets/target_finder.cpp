@@ -12,6 +12,7 @@
 
 #include "core/homography/transform.h"
 #include "core/util/frame_name.h"
+#include "core/util/milliseconds.h"
 #include "core/util/options_check.h"
 #include "core/util/printable.h"
 #include "targets/conflicts.h"
@@ -29,6 +30,7 @@ using targets::SearchedFrame;
 using targets::StoredTarget;
 using targets::TargetPicture;
 using targets::Track;
+using util::millisecondsSince;
 using Clock = std::chrono::steady_clock;
 
 constexpr double kUnlimited = std::numeric_limits<double>::infinity();
@@ -36,23 +38,9 @@ constexpr double kUnlimited = std::numeric_limits<double>::infinity();
 /// frame.
 constexpr double kSearchRadius = 48.0;
 
-double millisecondsSince(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+bool havePassed(double milliseconds, Clock::time_point since) {
+  return std::isfinite(milliseconds) && millisecondsSince(since) >= milliseconds;
 }
-
-/// A span of time that begins now.
-class Budget {
- public:
-  explicit Budget(double milliseconds) : milliseconds_(milliseconds) {}
-  /// Whether this share of it has passed.
-  bool isOver(double share = 1.0) const {
-    return std::isfinite(milliseconds_) && millisecondsSince(start_) >= share * milliseconds_;
-  }
-
- private:
-  double milliseconds_;
-  Clock::time_point start_ = Clock::now();
-};
 
 void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("features of a target", options.features, 50, 5000);
@@ -100,12 +88,12 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  detection.homography = ofGivenImages(picture, found.found.estimate, frame);
-  detection.aligned = found.found.aligned;
-  detection.inliers = found.found.keypoints.size();
-  detection.log_false_alarms = found.found.log_false_alarms;
+  detection.homography = ofGivenImages(picture, found.estimate, frame);
+  detection.aligned = found.aligned;
+  detection.inliers = found.keypoints.size();
+  detection.log_false_alarms = found.log_false_alarms;
   detection.predicted = found.predicted;
-  detection.pairs = found.found.pairs;
+  detection.pairs = found.pairs;
   const Eigen::Matrix3d to_full = targets::toStored(picture).inverse();
   for (Eigen::Vector2d& p : detection.pairs.reference) p = homography::project(to_full, p);
   for (Eigen::Vector2d& p : detection.pairs.target) p = homography::project(frame.toFrame(), p);
@@ -171,7 +159,7 @@ struct TargetFinder::Impl {
   void add(const Target& target, StoredTarget* replaced);
   void remove(const StoredTarget& target);
   void searchFollowed();
-  std::size_t lookUp(std::size_t count, const Budget& budget);
+  std::size_t lookUp(std::size_t count, double milliseconds, Clock::time_point start);
   double timeForOthers() const;
   void searchOthers();
   void tryTarget(StoredTarget& target);
@@ -272,14 +260,15 @@ void TargetFinder::Impl::searchFollowed() {
   }
 }
 
-/// Looks up one part of the keypoints after the other until half of the time has passed; the other
-/// half is for the candidates. At least one part is looked up, and the next frame goes on behind
-/// the last one. Returns within how many frames all keypoints are looked up at this rate.
-std::size_t TargetFinder::Impl::lookUp(std::size_t count, const Budget& budget) {
+/// Looks up one part of the keypoints after the other until the time since `start` has passed. At
+/// least one part is looked up, and the next frame goes on behind the last one. Returns within how
+/// many frames all keypoints are looked up at this rate.
+std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
+                                       Clock::time_point start) {
   constexpr std::size_t kPart = 128;
   std::size_t done = 0;
   std::size_t& turn = sequence.turn;
-  while (done < count && (done == 0 || !budget.isOver(0.5))) {
+  while (done < count && (done == 0 || !havePassed(milliseconds, start))) {
     search.lookUp(turn + done, kPart);
     done += kPart;
   }
@@ -298,8 +287,10 @@ double TargetFinder::Impl::timeForOthers() const {
 /// two are always tried: the one that has waited longest, and the one with most votes.
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
-  const Budget budget(timeForOthers());
-  const std::size_t frames = lookUp(answer.features, budget);
+  const Clock::time_point start = Clock::now();
+  const double milliseconds = timeForOthers();
+  // The other half is for the candidates.
+  const std::size_t frames = lookUp(answer.features, 0.5 * milliseconds, start);
   std::vector<Candidate> others;
   for (const Candidate& candidate : search.candidates()) {
     const auto tried = sequence.last_tried.find(candidate.target);
@@ -309,7 +300,7 @@ void TargetFinder::Impl::searchOthers() {
   answer.candidates = answer.tried + others.size();
   std::size_t tried = 0;
   for (const Candidate& candidate : inOrder(std::move(others), sequence)) {
-    if (tried++ >= kAlways && budget.isOver()) break;
+    if (tried++ >= kAlways && havePassed(milliseconds, start)) break;
     tryTarget(*candidate.target);
   }
   answer.frames_for_all = frames + answer.candidates - answer.tried;
@@ -354,7 +345,7 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   constexpr double kMostStretch = 1.2;  // px of the frame per px of the picture
   if (frame->own().empty()) return;
   const TargetPicture& picture = store.picture(one.picture);
-  UncertainHomography estimate = homography::chained({frame->toFrame()}, one.found.estimate);
+  UncertainHomography estimate = homography::chained({frame->toFrame()}, one.estimate);
   const cv::Size size = picture.image.size();
   const Eigen::Vector2d middle(0.5 * size.width, 0.5 * size.height);
   const double stretch =
@@ -365,11 +356,11 @@ void TargetFinder::Impl::refine(FoundTarget& one) {
   if (!is_finer && !is_sharper) return;
   PointPairs pairs;
   if (!aligner.align(picture, frame->own(), estimate, pairs)) return;
-  one.found.aligned = true;
+  one.aligned = true;
   const Eigen::Matrix3d to_searched = frame->toFrame().inverse();
-  one.found.estimate = homography::chained({to_searched}, estimate);
+  one.estimate = homography::chained({to_searched}, estimate);
   for (Eigen::Vector2d& p : pairs.target) p = homography::project(to_searched, p);
-  one.found.pairs = std::move(pairs);
+  one.pairs = std::move(pairs);
 }
 
 /// Finishes those found from number `begin` on, and drops those that are not determined. Where the
@@ -382,12 +373,12 @@ void TargetFinder::Impl::settle(std::size_t begin) {
   const bool has_images = !frame->features().images.empty();
   std::for_each(first, found.end(), [&](FoundTarget& one) {
     refine(one);
-    if (has_images && !one.found.aligned) one.found.estimate.covariance *= kSharedDisplacement;
+    if (has_images && !one.aligned) one.estimate.covariance *= kSharedDisplacement;
   });
   found.erase(std::remove_if(first, found.end(),
                              [&](const FoundTarget& one) {
                                return !targets::PictureSearch::isDetermined(
-                                   store.picture(one.picture), one.found);
+                                   store.picture(one.picture), one);
                              }),
               found.end());
 }

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "core/homography/transform.h"
 #include "ktgp_orb/growth.h"
@@ -20,12 +21,9 @@ constexpr double kInside = 0.35;
 // Of the pyramid of each size. Together they reach a tenth of the image's size, and each level has
 // enough keypoints.
 constexpr int kLevels = 5;
-/// A size that the image and its tilted views are stored at.
-struct StoredSize {
-  double scale;
-  double features;  // share of those of the image
-};
-constexpr StoredSize kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
+// The sizes that the image and its tilted views are stored at: the scale, and the share of the
+// keypoints of the image.
+constexpr std::pair<double, double> kSizes[] = {{1.0, 1.0}, {0.5, 2.0 / 3.0}, {0.25, 1.0 / 3.0}};
 constexpr double kLeastSize = 40.0;  // px, longer side
 // Of the shorter side: less leaves no place for a keypoint that is far enough from both borders.
 constexpr int kLeastRoom = 24;  // px
@@ -114,11 +112,11 @@ TargetPicture makePicture(const cv::Mat& image, const OrbOptions& orb, int featu
   options.distribution = KeypointDistribution::ranked;
   options.levels = std::min(orb.levels, kLevels);
   ReferenceViews made;
-  for (const StoredSize& size : kSizes) {
+  for (const auto& [scale, share] : kSizes) {
     const int longer = std::max(picture.image.cols, picture.image.rows);
-    if (size.scale < 1.0 && size.scale * longer < kLeastSize) break;
-    options.max_features = static_cast<int>(size.features * features);
-    addViews(picture.image, size.scale, options, views, made);
+    if (scale < 1.0 && scale * longer < kLeastSize) break;
+    options.max_features = static_cast<int>(share * features);
+    addViews(picture.image, scale, options, views, made);
   }
 
   // The image itself comes first; its keypoints become those of the reference.
@@ -138,6 +136,15 @@ void shrink(const TargetPicture& picture, const cv::Size& size, cv::Interpolatio
     if (half.cols >= size.width && half.rows >= size.height) from = &half;
   }
   cv::resize(*from, small, size, 0, 0, method);
+}
+
+Eigen::Vector2d middleOf(const cv::Size& image) {
+  return {0.5 * (image.width - 1), 0.5 * (image.height - 1)};
+}
+
+cv::Size2d sizeIn(const Eigen::Matrix3d& homography, const cv::Size& image) {
+  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(homography, middleOf(image));
+  return {jacobian.col(0).norm() * image.width, jacobian.col(1).norm() * image.height};
 }
 
 Eigen::Matrix3d toStored(const TargetPicture& picture) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "core/util/format.h"
 #include "core/util/frame_name.h"
 #include "core/util/printable.h"
 #include "targets/ambiguity.h"
@@ -35,10 +36,6 @@ void requireNames(const Target& target) {
   }
 }
 
-std::string textOf(const cv::Size& size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height);
-}
-
 /// What is wrong with a picture that has fewer than the fewest keypoints, which need some room
 /// between the borders.
 std::string whyFewKeypoints(const TargetPicture& picture) {
@@ -51,8 +48,8 @@ std::string whyFewKeypoints(const TargetPicture& picture) {
   }
   const bool is_smaller = size != picture.full_size;
   const int least = static_cast<int>(std::ceil(kNarrow / picture.scale));
-  return " is too narrow: " + textOf(picture.full_size) + " px " +
-         (is_smaller ? "(made smaller: " + textOf(size) + ") " : "") + "with " + count +
+  return " is too narrow: " + util::text(picture.full_size) + " px " +
+         (is_smaller ? "(made smaller: " + util::text(size) + ") " : "") + "with " + count +
          "a shorter side of " + std::to_string(least) + " px or more";
 }
 

@@ -11,19 +11,19 @@ namespace {
 
 constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
-struct Place {
-  Eigen::Vector2d middle;
-  double extent;  // half of the longer side
-};
-
-Place placeOf(const FoundTarget& found, TargetStore& store) {
+/// The track that begins with the detection; its instance is not known yet.
+Track trackOf(const FoundTarget& found, TargetStore& store) {
   const cv::Size size = store.picture(found.picture).image.size();
-  const Eigen::Vector2d middle(0.5 * (size.width - 1), 0.5 * (size.height - 1));
-  const Eigen::Matrix3d& map = found.found.estimate.homography;
-  const Eigen::Matrix2d jacobian = homography::jacobianByPoint(map, middle);
-  const double extent =
-      0.5 * std::max(jacobian.col(0).norm() * size.width, jacobian.col(1).norm() * size.height);
-  return {homography::project(map, middle), extent};
+  Track track;
+  track.target = found.target;
+  track.picture = found.picture;
+  track.age = 1;
+  track.map = found.estimate.homography;
+  track.middle = homography::project(track.map, middleOf(size));
+  const cv::Size2d seen = sizeIn(track.map, size);
+  track.extent = 0.5 * std::max(seen.width, seen.height);
+  track.is_matched = true;
+  return track;
 }
 
 }  // namespace
@@ -71,16 +71,16 @@ bool Tracks::wasSeen(const StoredTarget& target) const {
 void Tracks::assign(const std::vector<FoundTarget>& found, TargetStore& store,
                     std::vector<Track>& tracks) {
   using Pair = std::tuple<double, std::size_t, std::size_t>;  // distance, track, detection
-  std::vector<Place> places;
+  std::vector<Track> seen;
   std::vector<Pair> pairs;
-  places.reserve(found.size());
-  for (const FoundTarget& one : found) places.push_back(placeOf(one, store));
+  seen.reserve(found.size());
+  for (const FoundTarget& one : found) seen.push_back(trackOf(one, store));
   for (std::size_t t = 0; t < tracks_.size(); ++t) {
     for (std::size_t i = 0; i < found.size(); ++i) {
       const Track& track = tracks_[t];
       if (track.target != found[i].target || track.is_matched) continue;
-      const double distance = (track.middle + track.velocity - places[i].middle).norm();
-      if (distance < std::max(track.extent, places[i].extent)) pairs.emplace_back(distance, t, i);
+      const double distance = (track.middle + track.velocity - seen[i].middle).norm();
+      if (distance < std::max(track.extent, seen[i].extent)) pairs.emplace_back(distance, t, i);
     }
   }
   std::sort(pairs.begin(), pairs.end());
@@ -92,24 +92,18 @@ void Tracks::assign(const std::vector<FoundTarget>& found, TargetStore& store,
   }
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (track_of[i] == kNone) {
-      Track track;
-      track.target = found[i].target;
-      track.instance = freeNumber(*found[i].target);
-      track.middle = places[i].middle;
+      seen[i].instance = freeNumber(*found[i].target);
       track_of[i] = tracks_.size();
-      tracks_.push_back(track);
+      tracks_.push_back(seen[i]);
+      continue;
     }
     Track& track = tracks_[track_of[i]];
-    const bool was_seen = track.age > 0 && track.unseen == 0;
-    track.velocity = was_seen ? Eigen::Vector2d(places[i].middle - track.middle)
-                              : Eigen::Vector2d(Eigen::Vector2d::Zero());
-    track.age = was_seen ? track.age + 1 : 1;
-    track.unseen = 0;
-    track.is_matched = true;
-    track.picture = found[i].picture;
-    track.map = found[i].found.estimate.homography;
-    track.middle = places[i].middle;
-    track.extent = places[i].extent;
+    seen[i].instance = track.instance;
+    if (track.unseen == 0) {
+      seen[i].velocity = seen[i].middle - track.middle;
+      seen[i].age = track.age + 1;
+    }
+    track = seen[i];
   }
   for (const std::size_t t : track_of) tracks.push_back(tracks_[t]);
 }

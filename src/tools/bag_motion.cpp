@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <regex>
 #include <set>
 #include <utility>
 #include <vector>
@@ -184,15 +185,25 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
     } else {
       reason = estimate->hasPose() ? readings_.notUsed(*estimate) : readings_.problemOf(*estimate);
     }
-    shutter_ = shutterReport(*estimate);
+    if (estimate->hasPose()) shutter_ = shutterReport(*estimate);
     if (estimate->imu) imu_ = estimate->imu;
   } catch (const std::invalid_argument& error) {
     reason = error.what();
   }
   const bool is_known = estimate && estimate->hasPose();
   if (is_known) ++known_;
-  if (!is_known) ++reasons_[reason.substr(0, reason.find_first_of("0123456789"))];
+  count(is_known, reason);
   rows_ += rowOf(homography.header.stamp, estimate, reason);
+}
+
+/// Reasons that differ by numbers alone, such as a distance, are one. Digits of a name stay.
+void BagMotion::count(bool is_known, const std::string& reason) {
+  if (reason.empty()) return;
+  static const std::regex kNumber(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");
+  const std::string text =
+      (is_known ? " with motion, but not by all readings: " : " without: ") + reason;
+  auto& [frames, first] = problems_[std::regex_replace(text, kNumber, "$1")];
+  if (frames++ == 0) first = text;
 }
 
 void BagMotion::close() {
@@ -211,12 +222,12 @@ std::string BagMotion::report() const {
     if (!trouble.empty()) text += "  " + trouble + '\n';
   }
   std::vector<std::pair<std::size_t, std::string>> most;
-  for (const auto& [reason, count] : reasons_) most.emplace_back(count, reason);
+  for (const auto& [key, problem] : problems_) most.push_back(problem);
   std::sort(most.rbegin(), most.rend());
-  constexpr std::size_t kShown = 3;
+  constexpr std::size_t kShown = 4;
   most.resize(std::min(most.size(), kShown));
-  for (const auto& [count, reason] : most) {
-    text += "  " + std::to_string(count) + " frames without: " + reason + '\n';
+  for (const auto& [frames, problem] : most) {
+    text += "  " + std::to_string(frames) + " frames" + problem + '\n';
   }
   return text;
 }

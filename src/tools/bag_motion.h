@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "bag/messages.h"
 #include "cli/matcher_cli.h"
@@ -45,6 +46,7 @@ class BagMotion {
   void readMessages(const std::string& bag);
   /// Hands over what was recorded until a little after `time`.
   void passOn(const ros::Time& time);
+  void count(bool is_known, const std::string& reason);
 
   MotionFile options_;
   tf2::BufferCore tf_{ros::Duration(60.0)};
@@ -56,8 +58,9 @@ class BagMotion {
   std::deque<sensor_msgs::Imu> imus_;
   std::deque<geometry_msgs::TransformStamped> transforms_;
   std::string rows_;
-  std::map<std::string, std::size_t> reasons_;  // of frames without motion, up to a number in it
-  std::string shutter_;
+  /// What was wrong with frames, without its numbers: how many, and the first in full.
+  std::map<std::string, std::pair<std::size_t, std::string>> problems_;
+  std::string shutter_;             // of the newest frame with motion
   std::optional<ImuMounting> imu_;  // the last one that was known
   std::size_t frames_ = 0;
   std::size_t known_ = 0;

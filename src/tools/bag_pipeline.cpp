@@ -1,7 +1,5 @@
 #include "tools/bag_pipeline.h"
 
-#include <utility>
-
 namespace ktgp_orb {
 
 FramePipeline::FramePipeline(const Configuration& configuration, const FrameConstPtr& fixed,
@@ -36,25 +34,26 @@ void FramePipeline::push(const sensor_msgs::ImageConstPtr& image) {
   const auto found = std::make_shared<std::promise<FramePtr>>();
   std::shared_future<FramePtr> before = std::exchange(last_frame_, found->get_future().share());
   Task task([this, image, found, before](Worker& worker) {
-    Prepared prepared;
+    FramePtr frame;
+    MatchAhead ahead;
     try {
-      prepared.frame = std::make_shared<Frame>();
-      worker.frame_maker.make(image, *prepared.frame);
-      extractFeatures(worker.extractor, *prepared.frame);
+      frame = std::make_shared<Frame>();
+      worker.frame_maker.make(image, *frame);
+      extractFeatures(worker.extractor, *frame);
     } catch (...) {
       found->set_value(nullptr);
       throw;
     }
-    found->set_value(prepared.frame);
+    found->set_value(frame);
     FrameConstPtr reference = fixed_;
     // Tasks start in order, so the previous frame is at least in progress: no deadlock.
     const bool previous = options_.reference.mode == ReferenceMode::previous;
     if (previous && before.valid()) reference = before.get();
     if (reference && canMatchAhead(options_.matcher)) {
-      prepared.ahead.emplace().reference = reference;
-      worker.matcher.match(reference->features, prepared.frame->features, prepared.ahead->result);
+      ahead.reference = reference;
+      worker.matcher.match(reference->features, frame->features, ahead.result);
     }
-    return prepared;
+    return Prepared(frame, std::move(ahead));
   });
   results_.push_back(task.get_future());
   {

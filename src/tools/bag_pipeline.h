@@ -4,8 +4,8 @@
 #include <deque>
 #include <future>
 #include <mutex>
-#include <optional>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "ktgp_orb/sequence_matcher.h"
@@ -18,10 +18,8 @@ namespace ktgp_orb {
 /// (keyframe mode), matches them. Images come out in their order.
 class FramePipeline {
  public:
-  struct Prepared {
-    FramePtr frame;
-    std::optional<MatchAhead> ahead;
-  };
+  /// A frame with its features, and its match in advance, without a reference where there is none.
+  using Prepared = std::pair<FramePtr, MatchAhead>;
 
   /// `fixed`: the reference of the fixed mode, else null. At least one thread. Throws
   /// std::system_error or std::bad_alloc for lack of threads or memory.

@@ -38,8 +38,9 @@ void addTargetsArguments(CLI::App& app, TargetsInput& targets) {
                      "topic targets/detections of the output has where they are, and their poses")
           ->type_name("FILE")
           ->group(kGroup);
-  app.add_option("--targets_readout_time", targets.readout_time,
-                 "from the first row of an image to the last one; 0: global shutter [s]")
+  app.add_option(
+         "--targets_readout_time", targets.readout_time,
+         "from the first row of an image to the last one; 0: global shutter; -1: not known [s]")
       ->capture_default_str()
       ->check(tools::numberIn(limitsOf("targets", "readout_time")))
       ->needs(path)
@@ -60,6 +61,7 @@ BagTargets::BagTargets(const TargetsInput& input, const std::string& recording,
                        const std::string& image_topic)
     : input_(input), info_topic_(cameraOf(image_topic) + "/camera_info") {
   if (input_.path.empty()) return;
+  requireReadoutTime(input_.readout_time);
   const auto refused = addTargets(readTargetList(input_.path), finder_);
   for (const std::string& reason : refused) std::cerr << "ktgp_bag: " << reason << '\n';
   refused_ = refused.size();

@@ -17,7 +17,7 @@ namespace ktgp_orb {
 struct TargetsInput {
   std::string path;                     ///< folder of images, or YAML list
   std::string calibration = "by_name";  ///< kind of the images
-  double readout_time = 0.0;            ///< of the shutter, s
+  double readout_time = -1.0;           ///< of the shutter, s; below 0: not known
 };
 
 void addTargetsArguments(CLI::App& app, TargetsInput& targets);

@@ -24,7 +24,7 @@ std::string mosaicOf(const std::string& path, std::size_t number) {
 
 BagViews::BagViews(const ViewOptions& options, Reopen reopen)
     : options_(options), mosaic_(options.map) {
-  if (!options.steady.video.empty()) steady_.emplace(options.steady, std::move(reopen));
+  if (!options.video.empty()) steady_.emplace(options, std::move(reopen));
   if (!options.mosaic.empty()) {
     mosaic_.onFinishedMap([this](const cv::Mat& image) { writeMap(image); });
   }
@@ -32,8 +32,8 @@ BagViews::BagViews(const ViewOptions& options, Reopen reopen)
 
 void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStamped& message) {
   const std::optional<Eigen::Matrix3d> h = homographyOf(message);
-  const std::int64_t stamp = nanosecondsOf(image->header.stamp);
-  const std::int64_t reference = nanosecondsOf(message.reference_stamp);
+  const std::int64_t stamp = stampOf(image->header.stamp);
+  const std::int64_t reference = stampOf(message.reference_stamp);
   if (steady_) steady_->add(image, stamp, reference, h);
   if (options_.mosaic.empty()) return;
   const auto start = std::chrono::steady_clock::now();
@@ -45,7 +45,7 @@ void BagViews::add(const sensor_msgs::ImageConstPtr& image, const HomographyStam
   ambiguous_ += mosaic_.isAmbiguous() ? 1 : 0;
   if (options_.mosaic_poses.empty()) return;
   poses_ += files::CsvRow()
-                .add(textOf(stamp))
+                .add(textOf(image->header.stamp))
                 .add(toString(placement))
                 .add(mosaic_.maps())
                 .add(mosaic_.pose().value_or(Eigen::Matrix3d::Zero()))
@@ -64,9 +64,10 @@ void BagViews::close() {
   for (const auto& file : maps_) file->commit();
   if (steady_) steady_->close();
   if (!options_.mosaic_poses.empty()) {
-    files::writeText(options_.mosaic_poses,
-                     "stamp,placement,map,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + poses_,
-                     options_.force);
+    files::writeText(
+        options_.mosaic_poses,
+        std::string("stamp,placement,map,") + files::kHomographyColumns + '\n' + poses_,
+        options_.force);
   }
 }
 

@@ -13,17 +13,9 @@
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
 #include "tools/steady_video.h"
+#include "tools/view_options.h"
 
 namespace ktgp_orb {
-
-/// Files with views; empty names: none.
-struct ViewOptions {
-  SteadyVideoOptions steady;
-  std::string mosaic;        ///< png, of the first map; mosaicOf names those of further maps
-  std::string mosaic_poses;  ///< csv: the map -> frame homography of each frame
-  MosaicOptions map;
-  bool force = false;  ///< may overwrite files
-};
 
 /// Name of the picture of a map, counted from 1: "map.png", "map-2.png", ...
 std::string mosaicOf(const std::string& path, std::size_t number);

@@ -22,9 +22,8 @@ std::string columns() {
       "stamp,reference_stamp,status,found_by,reference_changed,reference_features,target_features,"
       "descriptor,knn,tf,gms,prosac,retention,mean_distance,rms_distance,reprojection_rmse,";
   homography::visitNumbers([&](const std::string& name) { text += name + ","; });
-  return text +
-         "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms,"
-         "h00,h01,h02,h10,h11,h12,h20,h21,h22,geometry,x,y,z,qx,qy,qz,qw,parallax,error";
+  return text + "extraction_ms,knn_ms,tf_ms,gms_ms,prosac_ms,total_ms," +
+         files::kHomographyColumns + ",geometry,x,y,z,qx,qy,qz,qw,parallax,error";
 }
 
 /// What is not known stays empty.

@@ -90,7 +90,7 @@ double pictureRate(const Arguments& arguments) {
   if (arguments.rate > 0.0) return arguments.rate;
   const bool video = kindOf(arguments.in) == InputKind::video;
   const double rate = video ? rateOfVideo(arguments.in) : 0.0;
-  return rate > 0.0 ? rate : arguments.views.steady.rate;
+  return rate > 0.0 ? rate : arguments.views.rate;
 }
 
 std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
@@ -146,31 +146,42 @@ class Run {
     return all_used ? tools::kExitDone : tools::kExitUnusedData;
   }
 
-  std::size_t matched() const { return matched_; }
-  /// Of the homographies, in lines for users.
+  /// Says what was done and what could not be used; `code`: what run() returned.
+  void report(const Arguments& arguments, int code) const {
+    std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << matched_
+              << " images of " << source_->topic() << " matched, " << refused_ << " refused, "
+              << skipped_ << " skipped by max_rate; results in " << arguments.out << '\n'
+              << summary() << views_.report() << motion_.report() << targets_.report();
+    if (refused_ > 0) {
+      std::cerr << "ktgp_bag: " << arguments.in << ": " << refused_
+                << " images could not be used, the first because: " << refusal_ << '\n';
+    }
+    if (source_->damage().empty()) return;
+    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
+    std::cerr << "ktgp_bag: " << arguments.in << ": " << source_->damage()
+              << "\nWhat could be read is matched"
+              << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
+  }
+
+ private:
+  /// Of the homographies, in a line.
   std::string summary() const {
     std::size_t found = 0;
-    std::string others;
+    std::string others, advice;
     for (const auto& [status, count] : statuses_) {
       if (status == Status::ok) found = count;
+      if (status != Status::ok && status != Status::no_reference) advice = noteOnSize(longer_side_);
       if (status != Status::ok) {
         others += (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " +
                   toString(status);
       }
     }
+    if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
            others + '\n';
   }
-  std::uint64_t skipped() const { return skipped_; }
-  std::uint64_t refused() const { return refused_; }
-  /// The reason for the first of them.
-  const std::string& refusal() const { return refusal_; }
-  const std::string& topic() const { return source_->topic(); }
-  std::string viewReport() const { return views_.report() + motion_.report() + targets_.report(); }
-  std::string damage() const { return source_->damage(); }
 
- private:
   FrameConstPtr fixedReference(const Configuration& configuration) const {
     const bool fixed = configuration.sequence.reference.mode == ReferenceMode::fixed;
     return fixed ? matcher_.fixedReference() : nullptr;
@@ -209,10 +220,9 @@ class Run {
 
   void finish(const RecordedImage& recorded, std::uint64_t skipped) {
     if (!recorded.image) throw RefusedImage(recorded.problem);
-    FramePipeline::Prepared prepared = pipeline_.pop();
-    if (!prepared.frame->camera) explainNoMotion(prepared.frame->image.size());
-    MatchedFrame matched = matcher_.process(recorded.image->header, prepared.frame,
-                                            prepared.ahead ? &*prepared.ahead : nullptr);
+    auto [frame, ahead] = pipeline_.pop();
+    if (!frame->camera) explainNoMotion(frame->image.size());
+    MatchedFrame matched = matcher_.process(recorded.image->header, frame, &ahead);
     matched.refused = refused_;
     matched.skipped = skipped;
     FrameMessages messages = toMessages(matched);
@@ -222,6 +232,8 @@ class Run {
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     writer_.write(messages, recorded.received);
     ++matched_;
+    const cv::Size size = prepared.frame->image.size();
+    longer_side_ = std::max({longer_side_, size.width, size.height});
     const auto status = static_cast<Status>(messages.homography->status);
     ++statuses_[status];
     if (status == Status::ok) inliers_.push_back(messages.homography->inliers);
@@ -249,6 +261,7 @@ class Run {
   bool draws_overlay_;
   bool discards_interrupted_;
   std::size_t matched_ = 0;
+  int longer_side_ = 0;  // px
   std::map<Status, std::size_t> statuses_;
   std::vector<double> inliers_;       // where a homography was found
   std::vector<double> milliseconds_;  // of all images
@@ -256,7 +269,7 @@ class Run {
   std::deque<std::pair<RecordedImage, std::uint64_t>>
       waiting_;  // in the pipeline; number skipped before
   std::uint64_t refused_ = 0;
-  std::string refusal_;
+  std::string refusal_;  // the first reason
 };
 
 int threadsFrom(const Parameters& parameters) {
@@ -309,8 +322,8 @@ void checkFiles(files::OutputPlan plan, const Arguments& arguments) {
   plan.write(arguments.out);
   plan.write(arguments.csv);
   plan.writeVideo(arguments.draw);
-  plan.writeVideo(arguments.views.steady.video);
-  plan.write(arguments.views.steady.warps);
+  plan.writeVideo(arguments.views.video);
+  plan.write(arguments.views.warps);
   plan.writeImage(arguments.views.mosaic);
   // The number of maps is not known beforehand; old files are checked.
   if (!arguments.views.mosaic.empty()) plan.writeImage(mosaicOf(arguments.views.mosaic, 2));
@@ -329,7 +342,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   }
   cv::setNumThreads(1);  // the images are distributed over the cores
   auto source = openInput(arguments);
-  if (!arguments.views.steady.video.empty()) arguments.views.steady.rate = pictureRate(arguments);
+  if (!arguments.views.video.empty()) arguments.views.rate = pictureRate(arguments);
   Configuration configuration =
       configurationFor(arguments.parameters, arguments.in, source->topic());
   if (kindOf(arguments.in) == InputKind::images && arguments.rate > 0.0) {
@@ -340,19 +353,7 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
   }
   Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
   const int code = run.run();
-  std::cerr << (code == tools::kExitInterrupted ? "interrupted: " : "") << run.matched()
-            << " images of " << run.topic() << " matched, " << run.refused() << " refused, "
-            << run.skipped() << " skipped by max_rate; results in " << arguments.out << '\n'
-            << run.summary() << run.viewReport();
-  if (run.refused() > 0) {
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.refused()
-              << " images could not be used, the first because: " << run.refusal() << '\n';
-  }
-  if (!run.damage().empty()) {
-    const bool is_bag = kindOf(arguments.in) == InputKind::bag;
-    std::cerr << "ktgp_bag: " << arguments.in << ": " << run.damage() << "\nWhat could be read is "
-              << "matched" << (is_bag ? "; 'rosbag reindex' may repair it.\n" : ".\n");
-  }
+  run.report(arguments, code);
   return code;
 }
 
@@ -417,24 +418,21 @@ void refuseIdleOptions(const CLI::App& app, const Arguments& arguments) {
   const GroundMotionConfig& motion = arguments.motion.config;
   const bool fixed = parameters.reference_mode == "fixed";
   const bool posed = app.count("--targets") + app.count("--motion") > 0;
-  const struct {
-    const char* option;
-    bool used;
-    const char* condition;
-  } options[] = {
-      {"--reference_image", fixed, "--reference_mode fixed"},
-      {"--calibration", posed, "--targets or --motion"},
-      {"--longest_side", kindOf(arguments.in) == InputKind::images, "a pattern of images"},
-      {"--motion_height", motion.height_source == "parameter", "--motion_height_source parameter"},
-      {"--motion_range", motion.height_source == "range", "--motion_height_source range"},
-      {"--motion_imu", motion.normal_source == "imu" || motion.gyro,
-       "--motion_normal_source imu or --motion_gyro"},
-      {"--overlay_style", app.count("--overlay") + app.count("--draw") > 0, "--overlay or --draw"}};
-  for (const auto& [option, used, condition] : options) {
-    if (used || app.count(option) == 0) continue;
+  const auto refuse_unless = [&app](bool used, const char* option, const char* condition) {
+    if (used || app.count(option) == 0) return;
     throw std::invalid_argument(std::string(option) + " has no effect: it is used only with " +
                                 condition + "; leave it out");
-  }
+  };
+  refuse_unless(fixed, "--reference_image", "--reference_mode fixed");
+  refuse_unless(posed, "--calibration", "--targets or --motion");
+  refuse_unless(kindOf(arguments.in) == InputKind::images, "--longest_side", "a pattern of images");
+  refuse_unless(motion.height_source == "parameter", "--motion_height",
+                "--motion_height_source parameter");
+  refuse_unless(motion.height_source == "range", "--motion_range", "--motion_height_source range");
+  refuse_unless(motion.normal_source == "imu" || motion.gyro, "--motion_imu",
+                "--motion_normal_source imu or --motion_gyro");
+  refuse_unless(app.count("--overlay") + app.count("--draw") > 0, "--overlay_style",
+                "--overlay or --draw");
   if (fixed && parameters.reference_image.empty()) {
     throw std::invalid_argument(
         "reference_mode is fixed, and there is no reference; expected --reference_image FILE");

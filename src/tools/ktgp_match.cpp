@@ -1,11 +1,12 @@
 // ktgp_match A B: matches two images and prints what each of the four stages kept.
+#include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <iostream>
 #include <optional>
 #include <stdexcept>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -13,12 +14,12 @@
 #include "cli/program.h"
 #include "cli/progress_bar.h"
 #include "core/homography/transform.h"
-#include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/overlay.h"
+#include "ktgp_orb/sequence_matcher.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -66,19 +67,10 @@ struct Arguments {
   PipelineOptions pipeline;
 };
 
-struct Frame {
-  std::string file;
-  cv::Mat image;
-  Features features;
-  double extraction_milliseconds = 0.0;
-};
-
-/// The matches left after one stage, and their quality.
+/// Of the matches left after one stage.
 struct StageQuality {
-  StageResult statistics;
-  std::vector<Correspondence> matches;
-  evaluation::ErrorSummary distance;
-  std::vector<double> errors;  ///< against the truth, px; empty without one
+  evaluation::ErrorSummary distance;  ///< of the descriptors
+  std::vector<double> errors;         ///< against the truth, px; empty without one
 };
 
 struct Outcome {
@@ -96,16 +88,11 @@ int featuresFor(double pixels, int up_to_a_megapixel) {
   return static_cast<int>(std::min(kMost, up_to_a_megapixel * std::max(1.0, 1e-6 * pixels)));
 }
 
-void extract(OrbExtractor& extractor, Frame& frame) {
-  const auto start = std::chrono::steady_clock::now();
-  extractor.extract(frame.image, frame.features);
-  frame.extraction_milliseconds = util::millisecondsSince(start);
-}
-
 /// Simulated views take longer than all the rest, so they come where the growth finds nothing
 /// without them.
-void match(const PipelineOptions& options, const std::vector<double>& camera, ProgressBar& progress,
-           Outcome& outcome) {
+void match(const Arguments& arguments, ProgressBar& progress, Outcome& outcome) {
+  const PipelineOptions& options = arguments.pipeline;
+  const std::vector<double>& camera = arguments.camera;
   KtgpMatcher matcher(options.matcher);
   MatchHints hints;
   if (!camera.empty()) {
@@ -117,7 +104,7 @@ void match(const PipelineOptions& options, const std::vector<double>& camera, Pr
   matcher.match(reference, outcome.target.features, hints, outcome.result);
   const GrowthOptions& growth = options.matcher.growth;
   if (outcome.result.found() == Status::ok || !growth.enabled || growth.views == 0) return;
-  progress.say("matching with simulated views of " + outcome.reference.file);
+  progress.say("matching with simulated views of " + arguments.reference);
   const ReferenceViews views = simulateViews(outcome.reference.image, options.orb, growth.views);
   hints.views = &views;
   matcher.match(reference, outcome.target.features, hints, outcome.result);
@@ -128,10 +115,8 @@ Outcome run(Arguments& arguments) {
   Outcome outcome;
   if (!arguments.ground_truth.empty())
     outcome.truth = files::readHomography(arguments.ground_truth);
-  outcome.reference.file = arguments.reference;
-  outcome.target.file = arguments.target;
-  for (Frame* frame : {&outcome.reference, &outcome.target})
-    frame->image = files::readGrey(frame->file);
+  outcome.reference.image = files::readGrey(arguments.reference);
+  outcome.target.image = files::readGrey(arguments.target);
   if (arguments.features_by_area) {
     const double pixels = static_cast<double>(
         std::max(outcome.reference.image.total(), outcome.target.image.total()));
@@ -140,27 +125,27 @@ Outcome run(Arguments& arguments) {
     arguments.pipeline.orb.max_features = features;
   }
   OrbExtractor extractor(arguments.pipeline.orb);
-  for (Frame* frame : {&outcome.reference, &outcome.target}) {
-    progress.say("finding features of " + frame->file);
-    extract(extractor, *frame);
-  }
-  match(arguments.pipeline, arguments.camera, progress, outcome);
+  progress.say("finding features of " + arguments.reference);
+  extractFeatures(extractor, outcome.reference);
+  progress.say("finding features of " + arguments.target);
+  extractFeatures(extractor, outcome.target);
+  match(arguments, progress, outcome);
 
+  std::vector<Correspondence> matches;
   for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
     StageQuality& stage = outcome.stages[i];
-    stage.statistics = outcome.result.stages[i];
-    outcome.result.surviving(static_cast<Level>(i), stage.matches);
-    stage.distance = evaluation::descriptorDistance(stage.matches);
+    outcome.result.surviving(static_cast<Level>(i), matches);
+    stage.distance = evaluation::descriptorDistance(matches);
     if (outcome.truth) {
       stage.errors = evaluation::reprojectionErrors(*outcome.truth, outcome.reference.features,
-                                                    outcome.target.features, stage.matches);
+                                                    outcome.target.features, matches);
     }
   }
   return outcome;
 }
 
-void printFrame(const char* role, const Frame& frame) {
-  std::printf("%-9s  %s, %dx%d px, %zu keypoints in %.1f ms\n", role, frame.file.c_str(),
+void printFrame(const char* role, const std::string& file, const Frame& frame) {
+  std::printf("%-9s  %s, %dx%d px, %zu keypoints in %.1f ms\n", role, file.c_str(),
               frame.image.cols, frame.image.rows, frame.features.size(),
               frame.extraction_milliseconds);
 }
@@ -175,8 +160,9 @@ void printStages(const Outcome& outcome) {
   std::printf("\nstage    input  output   kept       ms  distance mean    rms");
   if (outcome.truth) std::printf("  within 3 px  error mean      rms");
   std::printf("\n");
-  for (const StageQuality& stage : outcome.stages) {
-    const StageResult& s = stage.statistics;
+  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
+    const StageQuality& stage = outcome.stages[i];
+    const StageResult& s = outcome.result.stages[i];
     std::printf("%-7s %6zu  %6zu %5.1f%% %8.2f  %13.3f %6.3f", s.name, s.input, s.output,
                 100.0 * evaluation::retention(s.output, s.input), s.milliseconds,
                 stage.distance.mean, stage.distance.rms);
@@ -208,19 +194,31 @@ double cornerDeviation(const Outcome& outcome) {
 }
 
 /// What to try where nothing was found, and why.
-const char* advice(const Outcome& outcome, const PipelineOptions& options) {
+std::string advice(const Outcome& outcome, const PipelineOptions& options) {
   const MatcherOptions& matcher = options.matcher;
   if (outcome.result.status == Status::too_few_features) {
     return "an image has hardly any corners: is it sharp, bright and textured? A lower "
            "--fast_threshold finds weaker ones";
   }
+  const cv::Size a = outcome.reference.image.size();
+  const cv::Size b = outcome.target.image.size();
+  const std::string size = noteOnSize(std::max({a.width, a.height, b.width, b.height}));
+  const std::string more = size.empty() ? "" : "; " + size;
   if (!matcher.growth.enabled || matcher.growth.views == 0 ||
       options.orb.descriptor != DescriptorKind::teblid) {
     return "these settings are for neighbouring frames of a video; --preset photo finds more "
-           "where the views differ";
+           "where the views differ" +
+           more;
   }
   return "no plane that both images show was recognised. If they do show one: --features 20000 for "
-         "small details, or cut both images to the common part";
+         "small details, or cut both images to the common part" +
+         more;
+}
+
+void printMatrix(const Eigen::Matrix3d& m) {
+  for (int row = 0; row < 3; ++row) {
+    std::printf("  %15.8g %15.8g %15.8g\n", m(row, 0), m(row, 1), m(row, 2));
+  }
 }
 
 /// The motion, unless there is none; `text` says which.
@@ -261,10 +259,7 @@ void printTwoView(const MatchResult& result) {
     if (view.other_pose) printPose("or, as likely for this plane", *view.other_pose);
   } else if (result.geometry == Geometry::epipolar) {
     std::printf("fundamental matrix (--camera fx,fy,cx,cy gives the motion)\n");
-    for (int row = 0; row < 3; ++row) {
-      std::printf("  %15.8g %15.8g %15.8g\n", view.fundamental(row, 0), view.fundamental(row, 1),
-                  view.fundamental(row, 2));
-    }
+    printMatrix(view.fundamental);
   }
 }
 
@@ -274,15 +269,12 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   if (result.geometry == Geometry::epipolar) return;
   if (outcome.result.status != Status::ok) {
     std::printf("\nno homography: %s\ntry: %s\n", toString(outcome.result.status),
-                advice(outcome, options));
+                advice(outcome, options).c_str());
     return;
   }
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
               result.inliers, result.rmse, result.answer.plane_deviation);
-  for (int row = 0; row < 3; ++row) {
-    std::printf("  %15.8g %15.8g %15.8g\n", result.answer.homography(row, 0),
-                result.answer.homography(row, 1), result.answer.homography(row, 2));
-  }
+  printMatrix(result.answer.homography);
   printAlignment(result.alignment);
   const double deviation = cornerDeviation(outcome);
   std::printf("standard deviation of the least certain corner: %.3g px\n", deviation);
@@ -298,11 +290,11 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   }
 }
 
-void print(const Outcome& outcome, const PipelineOptions& options) {
-  printFrame("reference", outcome.reference);
-  printFrame("target", outcome.target);
+void print(const Outcome& outcome, const Arguments& arguments) {
+  printFrame("reference", arguments.reference, outcome.reference);
+  printFrame("target", arguments.target, outcome.target);
   printStages(outcome);
-  printHomography(outcome, options);
+  printHomography(outcome, arguments.pipeline);
 }
 
 json toJson(const evaluation::ErrorSummary& summary) {
@@ -310,8 +302,8 @@ json toJson(const evaluation::ErrorSummary& summary) {
   return {{"mean", summary.mean}, {"rms", summary.rms}};
 }
 
-json toJson(const Frame& frame) {
-  return {{"file", frame.file},
+json toJson(const std::string& file, const Frame& frame) {
+  return {{"file", file},
           {"width", frame.image.cols},
           {"height", frame.image.rows},
           {"keypoints", frame.features.size()},
@@ -325,8 +317,8 @@ json toJson(const StageResult& stage) {
           {"milliseconds", stage.milliseconds}};
 }
 
-json toJson(const StageQuality& stage) {
-  json out = toJson(stage.statistics);
+json toJson(const StageResult& statistics, const StageQuality& stage) {
+  json out = toJson(statistics);
   out["descriptor_distance"] = toJson(stage.distance);
   if (stage.errors.empty()) return out;
   out["reprojection_error"] = toJson(evaluation::summarize(stage.errors));
@@ -356,18 +348,20 @@ json twoViewToJson(const MatchResult& result) {
   return out;
 }
 
-json toJson(const Outcome& outcome, const PipelineOptions& options) {
+json toJson(const Outcome& outcome, const Arguments& arguments) {
   const MatchResult& result = outcome.result;
-  json out{{"reference", toJson(outcome.reference)},
-           {"target", toJson(outcome.target)},
-           {"options", tools::toJson(options)},
+  json out{{"reference", toJson(arguments.reference, outcome.reference)},
+           {"target", toJson(arguments.target, outcome.target)},
+           {"options", tools::toJson(arguments.pipeline)},
            {"status", toString(outcome.result.status)},
            {"geometry", toString(outcome.result.geometry)},
            {"found_by", toString(outcome.result.found_by)},
            {"growth_seeds", outcome.result.growth.seeds},
            {"stages", json::array()},
            {"homography", nullptr}};
-  for (const StageQuality& stage : outcome.stages) out["stages"].push_back(toJson(stage));
+  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
+    out["stages"].push_back(toJson(result.stages[i], outcome.stages[i]));
+  }
   out["refinements"] = json::array();
   for (const StageResult& s : refinementsOf(outcome)) out["refinements"].push_back(toJson(s));
   out["alignment"] = {{"status", toString(result.alignment.status)},
@@ -416,15 +410,14 @@ std::string toCsv(const Outcome& outcome) {
 
 void writeFiles(const Arguments& arguments, const Outcome& outcome) {
   if (!arguments.json.empty()) {
-    files::writeText(arguments.json, textOf(toJson(outcome, arguments.pipeline), 2),
-                     arguments.force);
+    files::writeText(arguments.json, textOf(toJson(outcome, arguments), 2), arguments.force);
   }
   if (!arguments.csv.empty()) files::writeText(arguments.csv, toCsv(outcome), arguments.force);
   if (arguments.draw.empty() && arguments.draw_stages.empty() && arguments.draw_final.empty()) {
     return;
   }
-  const cv::Mat reference_image = files::readForView(outcome.reference.file);
-  const cv::Mat target_image = files::readForView(outcome.target.file);
+  const cv::Mat reference_image = files::readForView(arguments.reference);
+  const cv::Mat target_image = files::readForView(arguments.target);
   const FrameView reference{reference_image, outcome.reference.features};
   const FrameView target{target_image, outcome.target.features};
   cv::Mat canvas;
@@ -497,7 +490,7 @@ int matchTwoImages(int argc, char** argv) {
   const Outcome outcome = run(arguments);
   const bool to_output =
       files::isStandardOutput(arguments.json) || files::isStandardOutput(arguments.csv);
-  if (!to_output) print(outcome, arguments.pipeline);
+  if (!to_output) print(outcome, arguments);
   writeFiles(arguments, outcome);
   return outcome.result.found() == Status::ok ? kExitDone : kExitUnusedData;
 }

@@ -13,6 +13,7 @@
 #include "files/input.h"
 #include "messages/colour_image.h"
 #include "messages/image_conversion.h"
+#include "messages/message_conversion.h"
 #include "stabilization/steady_path.h"
 #include "tools/view_text.h"
 
@@ -33,7 +34,7 @@ void SteadyVideo::Shake::finishPart(const cv::Size& size) {
   steps.clear();
 }
 
-SteadyVideo::SteadyVideo(const SteadyVideoOptions& options, Reopen reopen)
+SteadyVideo::SteadyVideo(const ViewOptions& options, Reopen reopen)
     : options_(options),
       reopen_(std::move(reopen)),
       video_(options.video, options.rate, options.force),
@@ -51,17 +52,16 @@ void SteadyVideo::add(const sensor_msgs::ImageConstPtr& image, std::int64_t stam
     frames_.push_back({stamp, frame.size(), step});
     return;
   }
-  waiting_[stamp] = frame.clone();
-  steps_[stamp] = step;
+  waiting_[stamp] = {frame.clone(), step};
   stabilizer_.add(stamp, reference, homography, frame.size(), ready_);
   writeReady();
 }
 
 void SteadyVideo::writeReady() {
   for (const SteadyFrame& steady : ready_) {
-    write(steady, waiting_[steady.stamp], steps_[steady.stamp]);
+    const auto& [frame, step] = waiting_[steady.stamp];
+    write(steady, frame, step);
     waiting_.erase(steady.stamp);
-    steps_.erase(steady.stamp);
   }
   ready_.clear();
 }
@@ -95,7 +95,7 @@ void SteadyVideo::writeWhole() {
     if (!recorded) throw files::FileError(options_.video, "the recording has changed meanwhile");
     if (!recorded->image) continue;
     // Images that were skipped or refused have no place in the path.
-    if (nanosecondsOf(recorded->image->header.stamp) != path[next].stamp) continue;
+    if (stampOf(recorded->image->header.stamp) != path[next].stamp) continue;
     cv::Mat frame;
     try {
       frame = colourImage(recorded->image);
@@ -116,7 +116,7 @@ void SteadyVideo::write(const SteadyFrame& steady, const cv::Mat& frame,
   video_.write(picture);
   if (!options_.warps.empty()) {
     warps_ += files::CsvRow()
-                  .add(textOf(steady.stamp))
+                  .add(textOf(timeOf(steady.stamp)))
                   .add(steady.starts_anew ? 1 : 0)
                   .add(steady.warp)
                   .line();
@@ -144,7 +144,7 @@ void SteadyVideo::close() {
   if (!video_.empty()) video_.close();
   if (options_.warps.empty()) return;
   files::writeText(options_.warps,
-                   "stamp,starts_anew,h00,h01,h02,h10,h11,h12,h20,h21,h22\n" + warps_,
+                   std::string("stamp,starts_anew,") + files::kHomographyColumns + '\n' + warps_,
                    options_.force);
 }
 

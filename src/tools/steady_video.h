@@ -9,24 +9,16 @@
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bag/reader.h"
 #include "cli/video_file.h"
 #include "ktgp_orb/frame_path.h"
 #include "ktgp_orb/stabilizer.h"
+#include "tools/view_options.h"
 
 namespace ktgp_orb {
-
-struct SteadyVideoOptions {
-  std::string video;  ///< mp4; empty: none
-  std::string warps;  ///< csv: the frame -> steady picture homography of each frame; empty: none
-  /// The path over the whole recording (see steadyPath), else the causal one with its lag.
-  bool whole = true;
-  StabilizerOptions stabilizer;
-  double rate = 30.0;  ///< 1/s, of the video
-  bool force = false;  ///< may overwrite files
-};
 
 /// Opens the recording again, from its beginning.
 using Reopen = std::function<std::unique_ptr<ImageSource>()>;
@@ -35,7 +27,7 @@ using Reopen = std::function<std::unique_ptr<ImageSource>()>;
 /// read a second time, when all motions are known.
 class SteadyVideo {
  public:
-  SteadyVideo(const SteadyVideoOptions& options, Reopen reopen);
+  SteadyVideo(const ViewOptions& options, Reopen reopen);
 
   /// The next image of `size`, at `stamp` ns, and its homography from the reference, if found.
   /// Throws RefusedImage and FileError.
@@ -67,15 +59,15 @@ class SteadyVideo {
   void write(const SteadyFrame& steady, const cv::Mat& frame,
              const std::optional<Eigen::Matrix3d>& step);
 
-  SteadyVideoOptions options_;
+  ViewOptions options_;
   Reopen reopen_;
   tools::VideoFile video_;
   FramePath path_;
   std::vector<Frame> frames_;  ///< of the whole recording
 
   Stabilizer stabilizer_;
-  std::map<std::int64_t, cv::Mat> waiting_;  ///< frames whose position is not known yet
-  std::map<std::int64_t, std::optional<Eigen::Matrix3d>> steps_;  ///< of these
+  /// Frames whose position is not known yet, and their steps.
+  std::map<std::int64_t, std::pair<cv::Mat, std::optional<Eigen::Matrix3d>>> waiting_;
   std::vector<SteadyFrame> ready_;
 
   std::optional<SteadyFrame> last_;

@@ -11,30 +11,30 @@ namespace ktgp_orb {
 void addViewOptions(CLI::App& app, ViewOptions& views) {
   const char* const group = "To look at";
   CLI::Option* const video =
-      app.add_option("--stabilize", views.steady.video, "write a steady video (mp4) of the images")
+      app.add_option("--stabilize", views.video, "write a steady video (mp4) of the images")
           ->type_name("FILE")
           ->group(group);
   CLI::Option* const lag =
       app.add_option(
-             "--stabilizer_lag", views.steady.stabilizer.lag,
+             "--stabilizer_lag", views.stabilizer.lag,
              "smooth the path frame by frame as the node does, with this many later frames; "
              "without it: the steadiest path over the whole recording")
           ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
           ->needs(video)
           ->group(group);
-  app.add_option("--stabilizer_strength", views.steady.stabilizer.strength,
+  app.add_option("--stabilizer_strength", views.stabilizer.strength,
                  "with --stabilizer_lag: faster motion is shake and is removed [s]")
       ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
       ->capture_default_str()
       ->needs(lag)
       ->group(group);
-  app.add_option("--stabilizer_max_crop", views.steady.stabilizer.max_crop,
+  app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
                  "share of width and height to cut off at each border")
       ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
       ->capture_default_str()
       ->needs(video)
       ->group(group);
-  app.add_option("--stabilizer_warps", views.steady.warps,
+  app.add_option("--stabilizer_warps", views.warps,
                  "write a table with the image -> steady image homography of every image; needs "
                  "--stabilize")
       ->type_name("FILE")
@@ -67,9 +67,8 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
 
 void completeViewOptions(const CLI::App& app, ViewOptions& views, bool force) {
   views.force = force;
-  views.steady.force = force;
-  views.steady.whole = app.get_option("--stabilizer_lag")->count() == 0;
-  if (!views.steady.video.empty() && views.steady.whole && !hasSteadyPath()) {
+  views.whole = app.get_option("--stabilizer_lag")->count() == 0;
+  if (!views.video.empty() && views.whole && !hasSteadyPath()) {
     throw std::invalid_argument(
         "--stabilize needs a solver for the path over the whole recording, and this program was "
         "built without Clp (Debian's coinor-libclp-dev); expected --stabilizer_lag N, for example "

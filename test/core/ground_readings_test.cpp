@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
 
+#include <Eigen/Geometry>
 #include <functional>
 #include <limits>
 #include <sstream>
@@ -106,6 +107,81 @@ std::string noTurnWith(sensor_msgs::Imu imu) {
     readings.frameOf(homography, {640, 480}, info, Pixels::raw);
   }
   return readings.noTurn();
+}
+
+/// Readings of a range and of the angular velocity for a camera that looks down.
+struct Stream {
+  tf2::BufferCore tf;
+  GroundReadings readings{tf};
+  sensor_msgs::CameraInfo info;
+
+  Stream() {
+    GroundMotionConfig config = groundMotionDefaults();
+    config.base_frame.clear();
+    config.gyro = true;
+    config.height_source = "range";
+    readings.configure(config, "/range", "/imu");
+    info.width = 640;
+    info.height = 480;
+    info.K = {500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0};
+  }
+  void addImu(double stamp, double rate) {
+    sensor_msgs::Imu imu;
+    imu.header.frame_id = "cam";
+    imu.header.stamp = ros::Time(stamp);
+    imu.angular_velocity.z = rate;
+    readings.add(imu);
+  }
+  void addRange(double stamp) {
+    sensor_msgs::Range range;
+    range.header.frame_id = "cam";
+    range.header.stamp = ros::Time(stamp);
+    range.max_range = 10.F;
+    range.range = 2.F;
+    readings.add(range);
+  }
+  GroundFrame frame(double stamp) {
+    HomographyStamped homography;
+    homography.header.frame_id = "cam";
+    homography.header.stamp = ros::Time(stamp);
+    return readings.frameOf(homography, {640, 480}, info, Pixels::raw);
+  }
+};
+
+TEST(GroundReadings, StampsThatJitterLoseNoReading) {
+  Stream stream;
+  stream.frame(1.0);
+  for (const double stamp : {1.01, 1.02, 1.04, 1.03, 1.07, 1.05})
+    stream.addImu(stamp, 100.0 * (stamp - 1.0));
+  EXPECT_TRUE(stream.readings.complete(ros::Time(1.06), "cam"));
+  const GroundFrame frame = stream.frame(1.06);
+  ASSERT_TRUE(frame.turn);
+  EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.06 * 3.0, 1e-6);
+}
+
+TEST(GroundReadings, AClockThatGoesBackBeginsAnew) {
+  Stream stream;
+  stream.addImu(1000.0, 1.0);
+  stream.addImu(1.0, 2.0);
+  stream.frame(0.9);
+  const GroundFrame frame = stream.frame(1.1);
+  ASSERT_TRUE(frame.turn);
+  EXPECT_NEAR(Eigen::AngleAxisd(frame.turn->rotation).angle(), 0.4, 1e-6);
+}
+
+TEST(GroundReadings, ARangeCountsOnceAndOnlyWhereItWasUsed) {
+  Stream stream;
+  stream.addRange(1.0);
+  const auto estimate_is = [&](GroundStatus status) {
+    GroundEstimate estimate{};
+    estimate.status = status;
+    stream.readings.withPatience(estimate);
+  };
+  EXPECT_TRUE(stream.frame(1.0).height);
+  estimate_is(GroundStatus::no_homography);
+  EXPECT_TRUE(stream.frame(1.03).height);  // the frame before could not use it
+  estimate_is(GroundStatus::ok);
+  EXPECT_FALSE(stream.frame(1.06).height);
 }
 
 TEST(GroundReadings, AnImuWithoutAnAngularVelocityIsNamed) {

@@ -43,9 +43,7 @@ TEST(Parameters, EveryNodeletHasItsTableAndNothingIsTakenFromAnother) {
       }
     }
     EXPECT_THROW(limitsOf(nodelet, "lazziness"), std::invalid_argument);
-    for (const std::string& name : removedParameters(nodelet)) {
-      EXPECT_NE(whyRemoved(nodelet, name), "");
-    }
+    for (const auto& [name, reason] : removedParameters(nodelet)) EXPECT_NE(reason, "") << name;
   }
   EXPECT_EQ(limitsOf("targets", "search_ms").text(), "[0, 1000]");
   EXPECT_THROW(limitsOf("mosaic", "strength"), std::invalid_argument);
@@ -73,6 +71,12 @@ TEST(Parameters, ChooseTheMethodForAFixedReference) {
                             "distribution uniform", "search_radius 48", "below 150 px"}) {
     EXPECT_NE(noteOnFixed(parameters).find(words), std::string::npos) << words;
   }
+}
+
+TEST(Parameters, OfLargeImagesSayThatSmallerOnesAreRecognised) {
+  EXPECT_EQ(noteOnSize(2500), "");
+  EXPECT_NE(noteOnSize(4032).find("are 4032 px long; made 1000 to 2500 px long"),
+            std::string::npos);
 }
 
 /// Who wants fewer features or another descriptor still has a reference that is seen from anywhere.

@@ -7,9 +7,12 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
+#include <cstdio>
+#include <opencv2/calib3d.hpp>
 #include <random>
 #include <stdexcept>
 
+#include "rolling_camera.h"
 #include "shaking_flight.h"
 
 namespace ktgp_orb {
@@ -185,6 +188,94 @@ TEST(Stabilizer, AnotherSizeStartsAnew) {
   stabilizer.add(2, 1, Eigen::Matrix3d::Identity(), {320, 240}, ready);
   ASSERT_EQ(ready.size(), 2U);
   EXPECT_TRUE(ready[1].starts_anew);
+}
+
+/// Of a camera that pans by 60 px/s and trembles by 3 px and 0.2 degrees at 3 to 7 Hz: plane ->
+/// image at a time, s.
+Eigen::Matrix3d trembling(double seconds) {
+  const auto wave = [&](double hertz, double phase) {
+    return std::sin(2.0 * M_PI * hertz * seconds + phase);
+  };
+  const double turn = 0.0035 * wave(5.3, 1.0);
+  const Eigen::Vector2d middle(319.5, 239.5);
+  Eigen::Affine2d view = Eigen::Affine2d::Identity();
+  view.translate(middle).rotate(turn).translate(-middle);
+  view.translate(Eigen::Vector2d(-60.0 * seconds + 3.0 * wave(7.1, 0.0) + 2.0 * wave(3.3, 2.0),
+                                 3.0 * wave(6.2, 3.0) + 2.0 * wave(4.1, 1.0)));
+  return view.matrix();
+}
+
+constexpr double kSeconds = 1e-9 * kPeriod;
+constexpr int kTrembling = 150;  // images
+
+/// What maps the points that an image shows to where the next one shows them.
+Path stepsSeen(const test::RollingCamera& camera) {
+  Path steps;
+  for (int i = 1; i < kTrembling; ++i) {
+    std::vector<cv::Point2d> from, to;
+    for (const Eigen::Vector2d& point : camera.points((i - 0.5) * kSeconds)) {
+      const Eigen::Vector2d before = camera.seen(point, (i - 1) * kSeconds);
+      const Eigen::Vector2d now = camera.seen(point, i * kSeconds);
+      from.emplace_back(before.x(), before.y());
+      to.emplace_back(now.x(), now.y());
+    }
+    const cv::Matx33d h = cv::findHomography(from, to);
+    steps.emplace_back(Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(h.val));
+  }
+  return steps;
+}
+
+/// Those of the middle rows, as if the shutter had been taken out.
+Path stepsOfMiddleRows(const test::RollingCamera& camera) {
+  Path steps;
+  for (int i = 1; i < kTrembling; ++i) {
+    steps.emplace_back(camera.view(i * kSeconds) * camera.view((i - 1) * kSeconds).inverse());
+  }
+  return steps;
+}
+
+/// Root mean square of the second difference of the points' paths in the steady picture, px.
+double jitterOf(const test::RollingCamera& camera, const Path& steps) {
+  Stabilizer stabilizer;
+  std::vector<SteadyFrame> steady;
+  for (int i = 0; i < kTrembling; ++i) {
+    const std::int64_t stamp = i * kPeriod;
+    stabilizer.add(stamp, stamp - kPeriod,
+                   i == 0 ? std::nullopt : std::make_optional(steps.at(i - 1)), kSize, steady);
+  }
+  stabilizer.flush(steady);
+  double sum = 0.0;
+  int count = 0;
+  for (int i = 30; i < kTrembling; ++i) {
+    for (const Eigen::Vector2d& point : camera.points((i - 1) * kSeconds)) {
+      const auto at = [&](int k) {
+        const Eigen::Vector2d seen = camera.seen(point, k * kSeconds);
+        return Eigen::Vector2d((steady.at(k).warp * seen.homogeneous()).hnormalized());
+      };
+      sum += (at(i) - 2.0 * at(i - 1) + at(i - 2)).squaredNorm();
+      ++count;
+    }
+  }
+  return std::sqrt(sum / count);
+}
+
+// A rolling shutter bends the picture. The homographies of what is seen have most of that, so the
+// stabilizer takes it out; those of the middle rows, with the shutter taken out, would leave it in.
+TEST(Stabilizer, TakesOutMostOfWhatARollingShutterBends) {
+  const test::RollingCamera global{trembling, 0.0, kSize};
+  const double jitter = jitterOf(global, stepsSeen(global));
+  for (const double readout : {0.016, 0.03}) {
+    const test::RollingCamera rolling{trembling, readout, kSize};
+    const double bent = jitterOf(rolling, stepsSeen(rolling));
+    const double corrected = jitterOf(rolling, stepsOfMiddleRows(rolling));
+    std::printf(
+        "readout %.0f ms: jitter %.3f px, of a global shutter %.3f px, by homographies of "
+        "the middle rows %.3f px\n",
+        1e3 * readout, bent, jitter, corrected);
+    EXPECT_LT(bent, 3.0 * jitter) << readout;
+    EXPECT_LT(bent, 0.3 * corrected) << readout;
+  }
+  EXPECT_LT(jitter, 0.25);
 }
 
 TEST(Stabilizer, RefusesOptionsOutOfRange) {

@@ -82,14 +82,14 @@ class Conflicts : public testing::Test {
     FoundTarget one;
     one.target = &target;
     one.picture = target.pictures[0];
-    one.found.estimate.homography << 1, 0, x, 0, 1, 100, 0, 0, 1;
-    one.found.log_false_alarms = -keypoints;
-    one.found.keypoints.resize(static_cast<std::size_t>(keypoints));
-    std::iota(one.found.keypoints.begin(), one.found.keypoints.end(), first);
-    one.found.pairs.reference = {{5.0, 5.0}, {share * kPoster.width, kPoster.height - 5.0}};
-    for (const Eigen::Vector2d& p : one.found.pairs.reference) {
-      one.found.pairs.target.emplace_back(p.x() + x, p.y() + 100.0);
-      one.found.pairs.quality.push_back(0.5);
+    one.estimate.homography << 1, 0, x, 0, 1, 100, 0, 0, 1;
+    one.log_false_alarms = -keypoints;
+    one.keypoints.resize(static_cast<std::size_t>(keypoints));
+    std::iota(one.keypoints.begin(), one.keypoints.end(), first);
+    one.pairs.reference = {{5.0, 5.0}, {share * kPoster.width, kPoster.height - 5.0}};
+    for (const Eigen::Vector2d& p : one.pairs.reference) {
+      one.pairs.target.emplace_back(p.x() + x, p.y() + 100.0);
+      one.pairs.quality.push_back(0.5);
     }
     return one;
   }
@@ -119,12 +119,12 @@ TEST_F(Conflicts, WhatAgreesLessThanTheTargetAroundItIsDoubtful) {
   // Two parts of one house: the windows of the second one are also within the first one.
   FoundTarget around = found(a_, 50, 0, 40, 0.9);
   FoundTarget inside = found(b_, 160, 100, 30, 0.9);
-  around.found.agreement = 0.9;
-  inside.found.agreement = 0.6;
+  around.agreement = 0.9;
+  inside.agreement = 0.6;
   // It reaches beyond the first one, but no point that agrees lies there.
-  for (Eigen::Vector2d& p : inside.found.pairs.target) p.x() = std::min(p.x(), 240.0);
+  for (Eigen::Vector2d& p : inside.pairs.target) p.x() = std::min(p.x(), 240.0);
   EXPECT_EQ(conflicts({around, inside}, store_), (Doubtful{0, 1}));
-  inside.found.agreement = 0.8;  // a target that lies on the first one
+  inside.agreement = 0.8;  // a target that lies on the first one
   EXPECT_EQ(conflicts({around, inside}, store_), (Doubtful{0, 0}));
 }
 

@@ -237,6 +237,15 @@ class ModuleTest(unittest.TestCase):
         for time, frame in ((1.0, frames[1]), (50.0, frames[2])):
             self.assertEqual(fixed.match(frame, time).status, 'ok')
 
+    def test_a_fixed_reference_is_seen_from_anywhere_unless_a_preset_is_set(self):
+        tilt = np.float32([[0.25, -0.3, 200], [0.12, 0.75, 10], [0, 0, 1]])
+        tilted = cv2.warpPerspective(self.reference, tilt, self.reference.shape[1::-1], flags=cv2.INTER_AREA)
+        for preset, is_found in (({}, True), ({'preset': 'ktgp'}, False)):
+            fixed = ktgp.Sequence(reference_mode='fixed', **preset)
+            fixed.set_reference(self.reference)
+            self.assertEqual(fixed.match(tilted, 1.0).status == 'ok', is_found, preset)
+        self.assertIn('seen from anywhere', ktgp.Sequence.__init__.__doc__)
+
     def test_images_without_features_have_a_status(self):
         for image in (np.zeros((480, 640), np.uint8), np.zeros((3, 3), np.uint8)):
             self.assertEqual(ktgp.match(image, self.target).status, 'too_few_features')

@@ -130,6 +130,26 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertEqual({row['status'] for row in rows}, {'refused'})
         self.assertTrue(all('no_frame' in row['reason'] for row in rows))
 
+    def test_problems_are_counted_by_their_kind_and_readings_that_contradict_are_said(self):
+        with rosbag.Bag(BAG) as bag, rosbag.Bag(os.path.join(self.folder.name, 'box.bag'), 'w') as changed:
+            begin = bag.get_start_time()
+            for topic, message, stamp in bag.read_messages():
+                seconds = stamp.to_sec() - begin
+                if seconds > 3.5:
+                    break
+                if topic == '/camera/range':
+                    if 0.2 < seconds < 1.6:
+                        continue
+                    if 2.0 < seconds < 3.0 and int(10 * seconds) % 2:
+                        message.range *= 0.5  # what passes below
+                changed.write(topic, message, stamp)
+        run, _ = self.motion('box.bag', *BY_IMU)
+        self.assertEqual(run.returncode, 0, run.stderr)
+        said = run.stdout + run.stderr
+        self.assertRegex(said, '[0-9]+ frames without: no height: the nearest range on /camera/range is [0-9.]+ s away')
+        self.assertEqual(len(re.findall('frames without: no height: the nearest range', said)), 1, said)
+        self.assertRegex(said, '[0-9]+ frames with motion, but not by all readings: height: .*contradicts')
+
     def test_after_a_second_without_a_height_there_is_no_motion(self):
         with rosbag.Bag(BAG) as bag, rosbag.Bag(os.path.join(self.folder.name, 'gap.bag'), 'w') as gap:
             begin = bag.get_start_time()

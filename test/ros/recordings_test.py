@@ -212,6 +212,16 @@ class VideoTest(RecordingCase):
         found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
         self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
 
+    def test_large_photographs_that_are_not_recognised_are_named_once(self):
+        noise = np.random.RandomState(1)
+        for i in range(4):
+            cv2.imwrite(self.path('large%d.png' % i), noise.randint(0, 256, (300, 2600), np.uint8))
+        hint = 'the images are 2600 px long; made 1000 to 2500 px long first, they may be recognised (--longest_side'
+        self.assertEqual(self.run_program('large*.png', 'out.bag', '--rate', '1').err.count(hint), 1)
+        small = self.run_program('large*.png', 'small.bag', '--rate', '1', '--longest_side', '1000')
+        self.assertIn('; without: ', small.err)
+        self.assertNotIn('px long', small.err)
+
     def test_an_image_that_is_none_is_refused_alone(self):
         os.mkdir(self.path('images'))
         for i, picture in enumerate(pictures(4)):

@@ -97,6 +97,8 @@ class DiagnosticsTest(unittest.TestCase):
         self.traffic.picture = lambda pixels: noise.randint(0, 256, pixels.shape, np.uint8)
         self.wait_for('matcher', WARN, 'few homographies')
         self.wait_for('matcher', WARN, 'no homography')  # a robot in front of a wall is not an error
+        self.traffic.picture = lambda pixels: noise.randint(0, 256, (60, 2600), np.uint8)
+        self.wait_for('matcher', WARN, 'the images are 2600 px long; made 1000 to 2500 px long first')
 
     def test_an_old_parameter_is_named_while_it_is_set(self):
         rospy.set_param('/camera/matcher/gms_rows', 10)

@@ -57,6 +57,17 @@ class KtgpMatch(PairCase):
         write_pgm(self.folder / "grey.pgm", [bytes([90] * 400)] * 300)
         self.assertIn("try: an image has hardly any corners", self.match_photos("a.pgm", "grey.pgm").stdout)
 
+    def test_large_images_that_are_not_found_should_be_made_smaller(self):
+        noise = np.random.RandomState(1)
+        for side, words in ((2600, "the images are 2600 px long; made 1000 to 2500 px long first"), (2400, None)):
+            for name in ("long1.png", "long2.png"):
+                self.write(name, noise.randint(0, 256, (200, side), np.uint8))
+            for preset in ("ktgp", "photo"):
+                run = self.match_photos("long1.png", "long2.png", "--preset", preset)
+                self.assertIn("try: ", run.stdout)
+                self.assertEqual("px long" in run.stdout, words is not None, run.stdout)
+                self.assertIn(words or "", run.stdout)
+
     def test_prints_the_four_stages_and_the_homography(self):
         run = self.match("a.pgm", "b.pgm")
         self.assertEqual(run.returncode, 0, run.stderr)

@@ -359,8 +359,10 @@ class BagOutput(OutputCase):
             self.assertEqual(run.returncode, 0, run.stderr)
 
     def test_a_readout_time_has_a_meaning(self):
-        self.refused("ktgp_bag", self.bag, "out.bag", "--motion", "m.csv", "--motion_readout_time=-0.5",
-                     words="expected -1, not known, 0, a global shutter, or more")
+        for arguments in (("--motion", "m.csv", "--motion_readout_time=-0.5"),
+                          ("--targets", ".", "--targets_readout_time=-0.5")):
+            self.refused("ktgp_bag", self.bag, "out.bag", *arguments,
+                         words="expected -1, not known, 0, a global shutter, or more")
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),

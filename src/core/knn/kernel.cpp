@@ -3,6 +3,7 @@
 #include "core/knn/kernel.h"
 
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstring>
 
@@ -14,9 +15,7 @@ constexpr std::ptrdiff_t kRowBytes = std::ptrdiff_t{2} * kLanes;
 constexpr std::ptrdiff_t kGroupBytes = kRowsPerGroup * kRowBytes;
 
 /// A row of a group: each word has two bytes, one of each half.
-struct Row {
-  std::uint16_t lane[kLanes];
-};
+using Row = std::array<std::uint16_t, kLanes>;
 
 Row load(const std::uint8_t* row) {
   Row words;
@@ -38,8 +37,8 @@ Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor
     const Row row = load(group + b * kRowBytes);
     const auto query = static_cast<std::uint16_t>(descriptor[b] * 0x0101);
     for (int i = 0; i < kLanes; ++i) {
-      sum.lane[i] = static_cast<std::uint16_t>(
-          sum.lane[i] + countBitsOfBytes(static_cast<std::uint16_t>(row.lane[i] ^ query)));
+      sum[i] = static_cast<std::uint16_t>(
+          sum[i] + countBitsOfBytes(static_cast<std::uint16_t>(row[i] ^ query)));
     }
   }
   return sum;
@@ -48,8 +47,7 @@ Row sumRows(const std::uint8_t* group, int first, const std::uint8_t* descriptor
 /// Updates the best two keys of every lane with the distances of one half group.
 void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
   for (int i = 0; i < kLanes; ++i) {
-    const auto key =
-        static_cast<std::int16_t>((distance.lane[i] << kKeyNumberBits) | number.lane[i]);
+    const auto key = static_cast<std::int16_t>((distance[i] << kKeyNumberBits) | number[i]);
     keys.second[i] = std::min(keys.second[i], std::max(keys.best[i], key));
     keys.best[i] = std::min(keys.best[i], key);
   }
@@ -58,7 +56,7 @@ void addHalf(const Row& distance, const Row& number, LaneKeys& keys) {
 /// The other direction: updates the nearest query of every candidate.
 void addQuery(const Row& distance, int query, std::int16_t* nearest_queries) {
   for (int i = 0; i < kLanes; ++i) {
-    const auto key = static_cast<std::int16_t>((distance.lane[i] << kKeyNumberBits) | query);
+    const auto key = static_cast<std::int16_t>((distance[i] << kKeyNumberBits) | query);
     nearest_queries[i] = std::min(nearest_queries[i], key);
   }
 }
@@ -77,8 +75,8 @@ void scanOne(const std::uint8_t* block, int group_count, const std::uint8_t* des
     Row even;
     Row odd;
     for (int i = 0; i < kLanes; ++i) {
-      even.lane[i] = static_cast<std::uint16_t>((front.lane[i] & 0xff) + (back.lane[i] & 0xff));
-      odd.lane[i] = static_cast<std::uint16_t>((front.lane[i] >> 8) + (back.lane[i] >> 8));
+      even[i] = static_cast<std::uint16_t>((front[i] & 0xff) + (back[i] & 0xff));
+      odd[i] = static_cast<std::uint16_t>((front[i] >> 8) + (back[i] >> 8));
     }
     addHalf(even, load(group + kDescriptorBytes * kRowBytes), keys);
     addHalf(odd, load(group + (kDescriptorBytes + 1) * kRowBytes), keys);

@@ -13,13 +13,9 @@ using util::ceilDivide;
 
 constexpr int kReach = 16;  // source pixels that a narrow block loads
 
-struct Tap {
-  int first;
-  int weight;  // of the next pixel, in 1/256
-};
-
-// Pixel centres are at half-integers; the edge pixel is repeated beyond the last centre.
-Tap tapAt(int i, int source, int target) {
+// The first of the two source pixels, and the weight of the next one in 1/256. Pixel centres are at
+// half-integers; the edge pixel is repeated beyond the last centre.
+std::pair<int, int> tapAt(int i, int source, int target) {
   const double scale = 1.0 / (static_cast<double>(target) / source);
   const double position = scale * (i + 0.5) - 0.5;
   const int first = cvFloor(position);
@@ -39,12 +35,12 @@ ResizeAxis::ResizeAxis(int source_length, int target_length)
     // The last block of a row starts earlier, so that it does not read past the end.
     block.start = std::min(tapAt(begin, source, target).first, std::max(source - kReach, 0));
     for (int i = 0; i < kResizeBlock; ++i) {
-      const Tap tap = tapAt(std::min(begin + i, target - 1), source, target);
-      const int second = std::min(tap.first + 1, source - 1);
-      block.taps[i] = static_cast<std::uint8_t>(tap.first - block.start);
+      const auto [first, weight] = tapAt(std::min(begin + i, target - 1), source, target);
+      const int second = std::min(first + 1, source - 1);
+      block.taps[i] = static_cast<std::uint8_t>(first - block.start);
       block.taps[kResizeBlock + i] = static_cast<std::uint8_t>(second - block.start);
-      block.weights[i] = static_cast<std::uint16_t>(256 - tap.weight);
-      block.weights[kResizeBlock + i] = static_cast<std::uint16_t>(tap.weight);
+      block.weights[i] = static_cast<std::uint16_t>(256 - weight);
+      block.weights[kResizeBlock + i] = static_cast<std::uint16_t>(weight);
       narrow = narrow && second - block.start < kReach;
     }
   }

@@ -54,12 +54,7 @@ void UniformChoice::sortIntoCells(int level_index, const cv::Size& size, int quo
   level.corners.sort(corners.size(), 2 * count, [&](std::size_t i) {
     return 2 * cells.cellOf(corners[i].pt) + (corners[i].response < strong_score_ ? 1 : 0);
   });
-  level.cells.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    level.cells[i] = {static_cast<int>(level.corners.begin(2 * i)),
-                      static_cast<int>(level.corners.begin(2 * i + 1)),
-                      static_cast<int>(level.corners.end(2 * i + 1)), 0};
-  }
+  level.kept.assign(count, 0);
   level.sorted.clear();
   for (const std::int32_t i : level.corners.order()) level.sorted.push_back(corners[i]);
   corners.swap(level.sorted);
@@ -70,7 +65,10 @@ void UniformChoice::share(int levels) {
   // the others.
   sizes_.clear();
   for (int i = 0; i < levels; ++i) {
-    for (const Cell& cell : levels_[i].cells) sizes_.push_back(cell.size());
+    const Level& level = levels_[i];
+    for (std::size_t cell = 0; cell < level.kept.size(); ++cell) {
+      sizes_.push_back(level.sizeOf(cell));
+    }
   }
   std::sort(sizes_.begin(), sizes_.end());
   std::int64_t left = features_;
@@ -85,11 +83,13 @@ void UniformChoice::share(int levels) {
   const std::int64_t rest = cells > 0 ? left % cells : 0;
   std::int64_t richer = 0;
   for (int i = 0; i < levels; ++i) {
-    for (Cell& cell : levels_[i].cells) {
-      cell.kept = static_cast<int>(std::min<std::int64_t>(cell.size(), share));
-      if (cell.size() <= share) continue;
+    Level& level = levels_[i];
+    for (std::size_t cell = 0; cell < level.kept.size(); ++cell) {
+      const int size = level.sizeOf(cell);
+      level.kept[cell] = static_cast<int>(std::min<std::int64_t>(size, share));
+      if (size <= share) continue;
       // The rest goes, one each, to some of the richer cells, evenly spread as in Bresenham's line.
-      if ((richer + 1) * rest / cells > richer * rest / cells) ++cell.kept;
+      if ((richer + 1) * rest / cells > richer * rest / cells) ++level.kept[cell];
       ++richer;
     }
   }
@@ -99,15 +99,18 @@ void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbK
                                std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
   level.sorted.clear();
-  const auto keep = [&](int begin, int end, int count) {
-    const auto first = corners.begin() + begin;
-    bestFirst(first, corners.begin() + end, count, image, kernels);
+  // Of a bucket as many as it has, at most `most`; returns how many.
+  const auto keep = [&](std::size_t bucket, int most) {
+    const auto first = corners.begin() + level.corners.begin(bucket);
+    const auto end = corners.begin() + level.corners.end(bucket);
+    const int count = std::min(most, static_cast<int>(end - first));
+    if (count > 0) bestFirst(first, end, count, image, kernels);
     level.sorted.insert(level.sorted.end(), first, first + count);
+    return count;
   };
-  for (const Cell& cell : level.cells) {
-    const int strong_kept = std::min(cell.kept, cell.weak - cell.first);
-    keep(cell.first, cell.weak, strong_kept);
-    if (cell.kept > strong_kept) keep(cell.weak, cell.last, cell.kept - strong_kept);
+  for (std::size_t cell = 0; cell < level.kept.size(); ++cell) {
+    const int strong = keep(2 * cell, level.kept[cell]);
+    keep(2 * cell + 1, level.kept[cell] - strong);
   }
   corners.swap(level.sorted);
 }

@@ -48,17 +48,15 @@ class UniformChoice {
                   std::vector<cv::KeyPoint>& corners);
 
  private:
-  struct Cell {
-    int first = 0;  ///< begin of its strong corners
-    int weak = 0;   ///< begin of the weak ones
-    int last = 0;   ///< end
-    int kept = 0;   ///< corners to keep
-    int size() const { return last - first; }
-  };
   struct Level {
-    std::vector<Cell> cells;  ///< row by row
-    util::Buckets corners;    ///< bucket 2 * cell for the strong ones, plus 1 for the weak ones
+    util::Buckets corners;  ///< bucket 2 * cell for the strong ones, plus 1 for the weak ones
+    std::vector<int> kept;  ///< corners to keep of each cell; cells row by row
     std::vector<cv::KeyPoint> sorted;
+
+    /// Corners of a cell.
+    int sizeOf(std::size_t cell) const {
+      return static_cast<int>(corners.end(2 * cell + 1) - corners.begin(2 * cell));
+    }
   };
 
   int features_;

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "core/homography/shutter.h"
 #include "core/homography/transform.h"
 #include "core/util/camera_check.h"
 #include "core/util/small_matrix.h"
@@ -250,6 +251,22 @@ util::SmallMatrix approach(const GridPoints& points, const GridPoints& wanted,
   return jacobian;
 }
 
+/// `now`, less certain by what the usual deviation of a readout time would change. It is the same
+/// error as long as the motion is the same.
+UncertainHomography withUnknownShutter(const UncertainHomography& now,
+                                       const UncertainHomography& before, double seconds,
+                                       const cv::Size& reference_size, int rows) {
+  // An image has been read when the next one begins.
+  const double deviation = std::min(homography::kUnknownReadout, seconds);
+  const Vector8 change =
+      entries(withoutShutter(now, before, seconds, deviation, reference_size, rows).homography) -
+      entries(now.homography);
+  UncertainHomography answer = now;
+  answer.covariance += change * change.transpose();
+  answer.shared_covariance += change * change.transpose();
+  return answer;
+}
+
 }  // namespace
 
 PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& covariance,
@@ -289,12 +306,13 @@ UncertainHomography withoutShutter(const UncertainHomography& now,
                                    const UncertainHomography& before, double seconds,
                                    double readout_time, const cv::Size& reference_size, int rows) {
   if (reference_size.empty()) throw std::invalid_argument("the reference image is empty");
-  if (!(rows > 0 && seconds > 0.0 && readout_time >= 0.0)) {
+  if (!(rows > 0 && seconds > 0.0) || std::isnan(readout_time)) {
     throw std::invalid_argument("rows are " + std::to_string(rows) +
                                 ", the time between the images " + std::to_string(seconds) +
                                 " s, the readout time " + std::to_string(readout_time) +
-                                " s; expected at least one row, more than 0 s, and 0 s or more");
+                                " s; expected at least one row, more than 0 s, and a number");
   }
+  if (readout_time < 0.0) return withUnknownShutter(now, before, seconds, reference_size, rows);
   const auto corners = homography::imageCorners(reference_size, {});
   if (!homography::keepsPlaneInView(now.homography, corners) ||
       !homography::keepsPlaneInView(before.homography, corners)) {

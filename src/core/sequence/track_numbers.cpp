@@ -15,8 +15,8 @@ void TrackNumbers::begin(Frame& frame) {
 void TrackNumbers::choose(const std::vector<Correspondence>& matches) {
   for (const Correspondence& c : matches) {
     if (c.level < Level::ktgp) continue;
-    Best& best = best_[static_cast<std::size_t>(c.reference_index)];
-    if (best.target < 0 || c.distance < best.distance) best = {c.target_index, c.distance};
+    const Correspondence*& best = best_[static_cast<std::size_t>(c.reference_index)];
+    if (best == nullptr || c.distance < best->distance) best = &c;
   }
 }
 
@@ -24,12 +24,12 @@ void TrackNumbers::continueTracks(const Frame& reference, const MatchResult& res
                                   Frame& target) {
   begin(target);
   best_.reserve(reference.features.keypoints.capacity());
-  best_.assign(reference.features.size(), {});
+  best_.assign(reference.features.size(), nullptr);
   choose(result.correspondences);
   choose(result.guided);
   for (std::size_t i = 0; i < best_.size(); ++i) {
-    if (best_[i].target < 0) continue;
-    target.tracks[static_cast<std::size_t>(best_[i].target)] = reference.tracks[i];
+    if (best_[i] == nullptr) continue;
+    target.tracks[static_cast<std::size_t>(best_[i]->target_index)] = reference.tracks[i];
   }
 }
 

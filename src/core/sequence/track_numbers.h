@@ -18,16 +18,11 @@ class TrackNumbers {
   void continueTracks(const Frame& reference, const MatchResult& result, Frame& target);
 
  private:
-  /// The match that continues the track of a reference keypoint.
-  struct Best {
-    std::int32_t target = -1;  ///< keypoint; -1: none
-    std::int32_t distance = 0;
-  };
-
   void choose(const std::vector<Correspondence>& matches);
 
   std::uint64_t next_ = 1;
-  std::vector<Best> best_;  // of each keypoint of the reference
+  // The match that continues the track of each keypoint of the reference; null: none.
+  std::vector<const Correspondence*> best_;
 };
 
 }  // namespace ktgp_orb::sequence

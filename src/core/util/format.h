@@ -21,6 +21,14 @@ __attribute__((format(printf, 1, 2))) inline std::string format(const char* patt
   return text;
 }
 
+/// "a, b, c"; `separator`: ", ".
+template <typename Texts>
+std::string joined(const Texts& texts, const char* separator) {
+  std::string all;
+  for (const std::string& text : texts) all += (all.empty() ? "" : separator) + text;
+  return all;
+}
+
 /// "640x480"
 inline std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
