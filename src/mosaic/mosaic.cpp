@@ -33,8 +33,12 @@ constexpr double kLargestZoom = 4.0;
 constexpr double kKeyframeOverlap = 0.6;
 // A frame is drawn when the view has moved by this share of its width: less adds nothing to see.
 constexpr double kLeastMotion = 0.03;
-// s: how long a frame that is not connected is searched in the map.
+// s: how long frames that are not connected are searched in the map, or kLostFrames if that is
+// longer.
 constexpr double kPatience = 1.0;
+constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
+// Less of the last frame than this is covered by keyframes: it becomes one before a gap.
+constexpr double kCoveredBeforeGap = 0.9;
 // px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
 // a patio.
 constexpr double kParallax = 0.5;
@@ -228,7 +232,6 @@ struct Mosaic::Impl {
   }
 
   Placement lose(std::int64_t stamp, Features features) {
-    constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
     pose.reset();
     if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
@@ -245,7 +248,8 @@ struct Mosaic::Impl {
     is_ambiguous = options.keyframes && !is_known && metrics::shortestPeriod(grey) > 0.0;
     if (is_ambiguous) return lose(stamp, {});
     // What comes after a gap overlaps most with what came before it.
-    if (!expected && last_features && hasRoom()) {
+    if (!expected && last_features && hasRoom() &&
+        keyframes.coverage(size, last->from_map) < kCoveredBeforeGap) {
       keyframes.add(std::move(*last_features), last->from_map);
       last_features.reset();
     }

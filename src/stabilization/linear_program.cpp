@@ -36,9 +36,11 @@ std::vector<double> LinearProgram::solve() const {
   matrix.setFromTriplets(terms_.begin(), terms_.end());
   const std::unique_ptr<Clp_Simplex, void (*)(Clp_Simplex*)> model(Clp_newModel(), Clp_deleteModel);
   Clp_setLogLevel(model.get(), 0);
-  Clp_loadProblem(model.get(), matrix.cols(), matrix.rows(), matrix.outerIndexPtr(),
-                  matrix.innerIndexPtr(), matrix.valuePtr(), low_.data(), high_.data(),
-                  cost_.data(), right_.data(), right_.data());
+  const std::vector<CoinBigIndex> begins(matrix.outerIndexPtr(),
+                                         matrix.outerIndexPtr() + matrix.cols() + 1);
+  Clp_loadProblem(model.get(), matrix.cols(), matrix.rows(), begins.data(), matrix.innerIndexPtr(),
+                  matrix.valuePtr(), low_.data(), high_.data(), cost_.data(), right_.data(),
+                  right_.data());
   Clp_dual(model.get(), 0);
   if (Clp_status(model.get()) != 0) {
     throw std::runtime_error("the linear program of the steady path has no solution");

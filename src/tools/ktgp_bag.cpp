@@ -167,15 +167,18 @@ class Run {
   /// Of the homographies, in a line.
   std::string summary() const {
     std::size_t found = 0;
-    std::string others, advice;
+    std::size_t unmatched = 0;  // although there is something to match
+    std::string others;
     for (const auto& [status, count] : statuses_) {
-      if (status == Status::ok) found = count;
-      if (status != Status::ok && status != Status::no_reference) advice = noteOnSize(longer_side_);
-      if (status != Status::ok) {
-        others += (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " +
-                  toString(status);
+      if (status == Status::ok) {
+        found = count;
+        continue;
       }
+      if (status != Status::no_reference && status != Status::too_few_features) unmatched += count;
+      others +=
+          (others.empty() ? "; without: " : ", ") + std::to_string(count) + " " + toString(status);
     }
+    const std::string advice = unmatched > found ? noteOnSize(longer_side_) : "";
     if (!advice.empty()) others += "\n" + advice + " (--longest_side, for a pattern of images)";
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
@@ -232,7 +235,7 @@ class Run {
     if (drawing_ && picture) drawing_->write(cv_bridge::toCvShare(picture)->image);
     writer_.write(messages, recorded.received);
     ++matched_;
-    const cv::Size size = prepared.frame->image.size();
+    const cv::Size size = frame->image.size();
     longer_side_ = std::max({longer_side_, size.width, size.height});
     const auto status = static_cast<Status>(messages.homography->status);
     ++statuses_[status];

@@ -118,8 +118,9 @@ const AlignmentOptions& Alignment::options() const {
 void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
+  const UncertainHomography answer = start;  // which may be that of `result`
   util::resetKeeping(&AlignmentResult::points, result);
-  result.answer = start;
+  result.answer = answer;
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
   if (!impl.aligner.setImages(reference.images, target.images)) {
