@@ -13,7 +13,7 @@ import roslaunch
 import yaml
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import check_each
-from roslaunch.config import load_config_default
+from roslaunch.config import ROSLaunchConfig
 from ktgp_orb.cfg import KtgpConfig
 
 sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'cfg'))
@@ -36,11 +36,19 @@ def arguments_of(name):
     return {element.get('name'): element.get('default') for element in root.iterfind('arg')}
 
 
+def configuration_of(path, arguments):
+    """What roslaunch reads. Without its own file of the roscore, which starts two programs each time for the
+    versions of ROS: most of the time of these tests."""
+    config = ROSLaunchConfig()
+    roslaunch.xmlloader.XmlLoader().load(path, config, argv=arguments, verbose=False)
+    return config
+
+
 def load(path, bag):
-    """The configuration that roslaunch reads, with a bag file if the file needs one."""
+    """The configuration of a file, with a bag file if the file needs one."""
     arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
     values = ['bag:=' + bag] if 'bag' in arguments else []
-    return load_config_default([(path, values)], None, verbose=False, assign_machines=False)
+    return configuration_of(path, values)
 
 
 class ParameterTablesTest(unittest.TestCase):
@@ -98,8 +106,7 @@ class LaunchFilesTest(unittest.TestCase):
         path = os.path.join(PACKAGE, 'launch', name)
         if name in ('bag.launch', 'tune.launch'):
             arguments += ('bag:=' + self.bag.name,)
-        config = load_config_default([(path, list(arguments))], None, verbose=False,
-                                     assign_machines=False)
+        config = configuration_of(path, list(arguments))
         return {key.rsplit('/', 1)[1]: param.value for key, param in config.params.items()
                 if '/matcher/' in key}
 
@@ -123,8 +130,7 @@ class LaunchFilesTest(unittest.TestCase):
     def test_the_demo_looks_for_targets_where_it_is_given_some(self):
         def parameters(*arguments):
             path = os.path.join(PACKAGE, 'launch', 'demo.launch')
-            config = load_config_default([(path, ['bag:=' + self.bag.name] + list(arguments))], None,
-                                         verbose=False, assign_machines=False)
+            config = configuration_of(path, ['bag:=' + self.bag.name] + list(arguments))
             return {key: param.value for key, param in config.params.items()
                     if key.startswith('/camera/targets/')}
         self.assertEqual(parameters(), {})
@@ -179,8 +185,7 @@ class LaunchFilesTest(unittest.TestCase):
                                  ('nodelet', 'load ktgp_orb/matcher /mine'), name)
 
     def configuration(self, name, arguments):
-        return load_config_default([(os.path.join(PACKAGE, 'launch', name), arguments)], None,
-                                   verbose=False, assign_machines=False)
+        return configuration_of(os.path.join(PACKAGE, 'launch', name), arguments)
 
     def test_results_are_in_the_namespace_of_the_topic(self):
         for name in ('bag.launch', 'tune.launch'):

@@ -31,11 +31,3 @@ if(TARGET ktgp_bag)
   ktgp_orb_rostest(robot_bag robot_bag.test data:=DATA/)
 endif()
 ktgp_orb_python_test(robot_network ${CMAKE_CURRENT_SOURCE_DIR}/robot_network_test.py)
-
-# The longest tests start first.
-foreach(test make_demo_bag _ctest_${PROJECT_NAME}_rostest_robot_bag
-    _ctest_${PROJECT_NAME}_rostest_robot_diagnostics)
-  if(TEST ${test})
-    set_tests_properties(${test} PROPERTIES COST 100)
-  endif()
-endforeach()

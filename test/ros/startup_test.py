@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
+import os
 import tempfile
 import time
 import unittest
@@ -8,7 +9,7 @@ import unittest
 import cv2
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Program, Recorder, check_each, run_as_node, view, wait_until
+from ktgp_testing import Program, Recorder, run_as_node, view, wait_until
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
@@ -21,10 +22,10 @@ def output_of_node(*parameters, until, look=lambda: None, after=()):
                             namespaces=['/other'], look=look, after=after)
 
 
-def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=()):
+def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=(), package=('ktgp_orb',)):
     """Reads the messages from the output: on /rosout, those before the subscription is connected
     are lost."""
-    launch = Program('roslaunch', 'ktgp_orb', *arguments)
+    launch = Program('roslaunch', *package, *arguments)
     try:
         for texts, then in ((until, look), (after, lambda: None)):
             if not launch.says(*texts):
@@ -107,18 +108,28 @@ class StartupTest(unittest.TestCase):
                                 'write 1500',
             'features: 1500.5': 'features is 1500.5; expected a whole number'}
 
-        def check(line):
-            with tempfile.NamedTemporaryFile('w', suffix='.yaml') as file:
-                file.write(line + '\n')
-                file.flush()
-                expected = ('/other/matcher/' + words[line],)
+        # All in one launch: its start takes longer than that of a matcher.
+        matcher = ('<include file="$(find ktgp_orb)/launch/matcher.launch"><arg name="namespace" value="wrong_%d"/>'
+                   '<arg name="%s" value="%s"/></include>')
+        with tempfile.TemporaryDirectory() as folder:
+            matchers, expected = [], []
+            for i, line in enumerate(words):
+                path = os.path.join(folder, '%d.yaml' % i)
+                with open(path, 'w') as file:
+                    file.write(line + '\n')
+                matchers.append(matcher % (i, 'params', path))
+                expected.append('/wrong_%d/matcher/%s' % (i, words[line]))
                 if 'treshold' not in line:
-                    expected += ('process has died',)
-                output_of_node('params:=' + file.name, until=expected)
-        check_each(words, check)
-        # An argument of the launch file.
-        output_of_node('features:=0', until=('/other/matcher/features is 0; expected a whole number in [100, 20000]',
-                                             'process has died'))
+                    expected.append('[wrong_%d/matcher-%d] process has died' % (i, i + 1))
+            # An argument of the launch file.
+            i = len(words)
+            matchers.append(matcher % (i, 'features', 0))
+            expected += ['/wrong_%d/matcher/features is 0; expected a whole number in [100, 20000]' % i,
+                         '[wrong_%d/matcher-%d] process has died' % (i, i + 1)]
+            path = os.path.join(folder, 'wrong.launch')
+            with open(path, 'w') as file:
+                file.write('<launch>%s</launch>' % ''.join(matchers))
+            output_of_launch(path, until=expected, namespaces=['/wrong_%d' % j for j in range(i + 1)], package=())
 
 
 if __name__ == '__main__':
