@@ -327,6 +327,16 @@ cv::Mat grey(const cv::Mat& picture) {
   return image;
 }
 
+// Each gap would else leave a keyframe of one place, and those of other places would not be tried.
+TEST(Mosaic, GapsAtOnePlaceAddNoKeyframes) {
+  Flight flight(MosaicOptions{});
+  flight.go(viewAt(400, 300));
+  for (int i = 1; i < 30; ++i) {
+    EXPECT_NE(flight.goLost(viewAt(400.0 + i % 3, 300)), Placement::lost) << i;
+  }
+  EXPECT_EQ(flight.mosaic.keyframes(), 1U);
+}
+
 TEST(Repetition, HasTheShortestPeriodThatIsNotTheSamePlace) {
   // Of a checkerboard: one square to the side and one down.
   for (const int square : {16, 24, 40}) {

@@ -188,16 +188,20 @@ class BagEvaluationTest(unittest.TestCase):
 class RealMotionTest(unittest.TestCase):
     """A camera with a rolling shutter in the hand, against motion capture."""
 
-    def check(self, *options, least_within):
+    def table(self, *options):
+        """Its rows: in flight, and above 0.3 m; the numbers of each cell."""
         run = subprocess.run(['/usr/bin/python3', '-B', os.path.join(ROOT, 'scripts/report/motion.py'), '--tools',
                               os.path.dirname(TOOL), '--motion', REAL, '--drift', '3', '8', *options],
                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
         self.assertEqual(run.returncode, 0, run.stderr)
         print(run.stdout)
         rows = run.stdout.splitlines()[2:]
-        self.assertEqual(len(rows), 2, 'in flight, and above 0.3 m')
-        for line, least_frames, most_lost in zip(rows, (500, 400), (7.0, 3.0)):
-            cells = [[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
+        self.assertEqual(len(rows), 2)
+        return [[[float(word) for word in re.findall('[0-9.]+', cell)] for cell in line.split('|')[2:-1]]
+                for line in rows]
+
+    def check(self, *options, least_within):
+        for cells, least_frames, most_lost in zip(self.table(*options), (500, 400), (7.0, 3.0)):
             frames, lost, error, _, squares, within, drift = cells
             self.assertGreater(frames[0], least_frames)
             self.assertLess(lost[0], most_lost)
@@ -208,6 +212,11 @@ class RealMotionTest(unittest.TestCase):
 
     def test_velocity_as_recommended(self):
         self.check(least_within=96.0)
+
+    def test_no_preset_is_off_by_a_period_of_the_ground(self):
+        for preset in ('robust', 'video'):
+            error = self.table('--preset', preset)[0][2]
+            self.assertLess(error[2], 1000.0, preset)  # mm/s; a period in one frame is 6000
 
     def test_velocity_from_keyframes(self):
         self.check('--reference_mode', 'keyframe', '--guided', 'true', least_within=93.0)
