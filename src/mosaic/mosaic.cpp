@@ -35,7 +35,7 @@ constexpr double kKeyframeOverlap = 0.6;
 constexpr double kLeastMotion = 0.03;
 // s: how long frames that are not connected are searched in the map, or kLostFrames if that is
 // longer.
-constexpr double kPatience = 1.0;
+constexpr double kLostSeconds = 1.0;
 constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
 // Less of the last frame than this is covered by keyframes: it becomes one before a gap.
 constexpr double kCoveredBeforeGap = 0.9;
@@ -235,7 +235,7 @@ struct Mosaic::Impl {
     pose.reset();
     if (lost_frames++ == 0) lost_since = stamp;
     const double waited = 1e-9 * static_cast<double>(stamp - lost_since);
-    const bool is_patient = waited < kPatience || lost_frames <= kLostFrames;
+    const bool is_patient = waited < kLostSeconds || lost_frames <= kLostFrames;
     if (last && waited >= 0.0 && is_patient) return Placement::lost;
     startMap(stamp, features.empty() && options.keyframes ? find() : std::move(features));
     return Placement::new_map;

@@ -199,10 +199,10 @@ void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) 
 /// Reasons that differ by numbers alone, such as a distance, are one. Digits of a name stay.
 void BagMotion::count(bool is_known, const std::string& reason) {
   if (reason.empty()) return;
-  static const std::regex kNumber(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");
+  static const std::regex number(R"((^|[ (])-?[0-9]+(\.[0-9]+)?)");
   const std::string text =
       (is_known ? " with motion, but not by all readings: " : " without: ") + reason;
-  auto& [frames, first] = problems_[std::regex_replace(text, kNumber, "$1")];
+  auto& [frames, first] = problems_[std::regex_replace(text, number, "$1")];
   if (frames++ == 0) first = text;
 }
 

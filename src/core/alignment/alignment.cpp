@@ -11,7 +11,6 @@
 #include "core/util/keypoint_position.h"
 #include "core/util/names.h"
 #include "core/util/options_check.h"
-#include "core/util/reset_keeping.h"
 
 namespace ktgp_orb {
 namespace {
@@ -118,9 +117,8 @@ const AlignmentOptions& Alignment::options() const {
 void Alignment::align(const Features& reference, const Features& target,
                       const std::vector<Correspondence>& matches, const UncertainHomography& start,
                       AlignmentResult& result) {
-  const UncertainHomography answer = start;  // which may be that of `result`
-  util::resetKeeping(&AlignmentResult::points, result);
-  result.answer = answer;
+  result.points.clear();
+  result = {AlignmentStatus::not_run, start, std::move(result.points)};  // keeps the buffer
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
   if (!impl.aligner.setImages(reference.images, target.images)) {
