@@ -33,11 +33,11 @@ constexpr double kLargestZoom = 4.0;
 constexpr double kKeyframeOverlap = 0.6;
 // A frame is drawn when the view has moved by this share of its width: less adds nothing to see.
 constexpr double kLeastMotion = 0.03;
-// s: how long frames that are not connected are searched in the map, or kLostFrames if that is
-// longer.
+// Frames that are not connected are searched in the map for this time, s, and for so many frames at
+// least: photographs come seldom, and one or two may be blurred.
 constexpr double kLostSeconds = 1.0;
-constexpr int kLostFrames = 3;  // photographs come seldom, and one or two may be blurred
-// Less of the last frame than this is covered by keyframes: it becomes one before a gap.
+constexpr int kLostFrames = 3;
+// The last frame before a gap becomes a keyframe if the keyframes cover less than this share of it.
 constexpr double kCoveredBeforeGap = 0.9;
 // px off a plane: 0.02 of a flight over flat ground, 0.3 of a table that is filmed by hand, 0.8 of
 // a patio.

@@ -327,7 +327,8 @@ cv::Mat grey(const cv::Mat& picture) {
   return image;
 }
 
-// Each gap would else leave a keyframe of one place, and those of other places would not be tried.
+// Otherwise each gap would leave one more keyframe of the same place. Only the nearest few are
+// tried, so those of other places would not be.
 TEST(Mosaic, GapsAtOnePlaceAddNoKeyframes) {
   Flight flight(MosaicOptions{});
   flight.go(viewAt(400, 300));
