@@ -19,32 +19,8 @@ namespace {
 
 using util::position;
 
-/// Fills the statistics of one stage from the return value of `run`, which it times and returns.
-template <typename Run>
-std::size_t timeStage(MatchResult& result, std::string_view name, std::size_t input, Run run) {
-  const auto start = std::chrono::steady_clock::now();
-  const std::size_t output = run();
-  const double time = util::millisecondsSince(start);
-  for (StageResult& stage : result.stages) {
-    if (stage.name == name) stage = {stage.name, input, output, time};
-  }
-  return output;
-}
-
 bool hasTwoView(const MatcherOptions& options) {
   return options.geometry != GeometryModel::homography;
-}
-
-/// None of them has run.
-void nameStages(const MatcherOptions& options, MatchResult& result) {
-  result.stages = {{"knn"}, {"tf"}, {"gms"}, {"prosac"}};
-  const std::pair<const char*, bool> others[] = {{"growth", options.growth.enabled},
-                                                 {"guided", options.guided.enabled},
-                                                 {"align", options.alignment.enabled},
-                                                 {"two_view", hasTwoView(options)}};
-  for (const auto& [name, is_on] : others) {
-    if (is_on) result.stages.push_back({name});
-  }
 }
 
 AlignmentOptions alignmentOptions(const MatcherOptions& options) {
@@ -71,25 +47,6 @@ GuidedOptions guidedOptions(const MatcherOptions& options) {
   return guided;
 }
 
-/// Resets the results of the stages after the homography.
-void clearRefinement(MatchResult& result) {
-  result.guided.clear();
-  util::resetKeeping(&AlignmentResult::points, result.alignment);
-  result.answer = {};
-  result.inliers = 0;
-  result.rmse = 0.0;
-}
-
-/// As if no homography had been looked for.
-void clearHomography(MatchResult& result) {
-  result.stages[3] = {"prosac", result.gms.kept, 0, 0.0};
-  util::resetKeeping(&ProsacResult::mask, result.prosac);
-  result.found_by = FoundBy::none;
-  result.growth.clear();
-  clearRefinement(result);
-}
-
-/// Keeps the buffers.
 void clearTwoView(MatchResult& result) {
   result.geometry = Geometry::none;
   TwoViewMatches& two_view = result.two_view;
@@ -98,6 +55,354 @@ void clearTwoView(MatchResult& result) {
   two_view.aligned.clear();
   two_view.levels.clear();
   util::resetKeeping(&TwoView::mask, two_view.view);
+}
+
+/// As if no geometry had been looked for. Keeps the buffers.
+void clearGeometry(MatchResult& result) {
+  util::resetKeeping(&ProsacResult::mask, result.prosac);
+  result.found_by = FoundBy::none;
+  result.growth.clear();
+  result.guided.clear();
+  util::resetKeeping(&AlignmentResult::points, result.alignment);
+  result.answer = {};
+  result.inliers = 0;
+  result.rmse = 0.0;
+  clearTwoView(result);
+}
+
+void reject(MatchResult& result) {
+  result.status = Status::model_rejected;
+  result.found_by = FoundBy::none;
+}
+
+/// The stages of a matcher. Each reads what those before it left in the result.
+class Chain {
+ public:
+  explicit Chain(const MatcherOptions& given)
+      : options(given),
+        knn_(given.knn),
+        gms_(given.gms),
+        prosac_(given.prosac),
+        growth_(given.growth),
+        guided_(guidedOptions(given)),
+        alignment_(alignmentOptions(given)),
+        two_view_(twoViewOptions(given)) {}
+
+  /// Lists the stages that are on; none of them has run.
+  static void nameStages(const MatcherOptions& options, MatchResult& result);
+  void run(const Features& reference, const Features& target, const MatchHints& hints,
+           MatchResult& result);
+
+  const MatcherOptions options;
+
+ private:
+  /// One pair of frames on its way through the stages.
+  struct Context {
+    const Features& reference;
+    const Features& target;
+    const MatchHints& hints;
+    MatchResult& result;
+    bool wants_homography = true;        ///< no other geometry has explained the matches
+    std::optional<GrowthStart> doubt{};  ///< PROSAC's homography, where growth has to judge it
+    bool haveEnough() const { return reference.size() >= 2 && !target.empty(); }
+  };
+  struct Stage {
+    const char* name;
+    bool (*isOn)(const MatcherOptions& options);
+    /// Sets input and output of `stage`. False: this pair has no need of it.
+    bool (Chain::*run)(Context& context, StageResult& stage);
+  };
+  static const Stage kStages[];  // in the order in which they run
+
+  bool runKnn(Context& context, StageResult& stage);
+  bool runRatio(Context& context, StageResult& stage);
+  bool runGms(Context& context, StageResult& stage);
+  bool runTwoView(Context& context, StageResult& stage);
+  bool runProsac(Context& context, StageResult& stage);
+  bool runGrowth(Context& context, StageResult& stage);
+  bool runGuided(Context& context, StageResult& stage);
+  bool runAlignment(Context& context, StageResult& stage);
+
+  std::optional<GrowthStart> doubtful(const MatchResult& result) const;
+  bool adopt(const UncertainHomography& candidate, Context& context);
+  void setAnswer(const ProsacResult& found, Context& context);
+
+  KnnMatcher knn_;
+  GmsFilter gms_;
+  ProsacHomography prosac_;
+  HomographyGrowth growth_;
+  GuidedMatcher guided_;
+  Alignment alignment_;
+  TwoViewMatcher two_view_;
+  homography::HomographyVerdict verdict_;
+  PointPairs pairs_;                            // of the matches that passed GMS
+  ProsacResult labelled_;                       // a candidate that PROSAC did not find
+  std::vector<Correspondence> guided_matches_;  // all matches of guided matching or growth
+  std::vector<std::uint8_t> taken_;             // target keypoints that are inliers
+  std::vector<Correspondence> matches_;         // to align
+};
+
+bool always(const MatcherOptions& /*options*/) {
+  return true;
+}
+
+const Chain::Stage Chain::kStages[] = {
+    {"knn", always, &Chain::runKnn},
+    {"tf", always, &Chain::runRatio},
+    {"gms", always, &Chain::runGms},
+    {"two_view", hasTwoView, &Chain::runTwoView},
+    {"prosac", always, &Chain::runProsac},
+    {"growth", [](const MatcherOptions& o) { return o.growth.enabled; }, &Chain::runGrowth},
+    {"guided", [](const MatcherOptions& o) { return o.guided.enabled; }, &Chain::runGuided},
+    {"align", [](const MatcherOptions& o) { return o.alignment.enabled; }, &Chain::runAlignment},
+};
+
+void Chain::nameStages(const MatcherOptions& options, MatchResult& result) {
+  auto& stages = result.stages;
+  stages.clear();
+  for (const Stage& stage : kStages) {
+    if (stage.isOn(options)) stages.push_back({stage.name});
+  }
+  // Readers know the paper's four by their places, so the two-view geometry comes last.
+  const auto two_view = std::find_if(stages.begin(), stages.end(), [](const StageResult& stage) {
+    return stage.name == std::string_view("two_view");
+  });
+  if (two_view != stages.end()) std::rotate(two_view, two_view + 1, stages.end());
+}
+
+void Chain::run(const Features& reference, const Features& target, const MatchHints& hints,
+                MatchResult& result) {
+  nameStages(options, result);
+  clearGeometry(result);
+  guided_matches_.clear();
+  Context context{reference, target, hints, result};
+  for (const Stage& stage : kStages) {
+    if (!stage.isOn(options)) continue;
+    const auto start = std::chrono::steady_clock::now();
+    StageResult done{stage.name};
+    if ((this->*stage.run)(context, done)) done.milliseconds = util::millisecondsSince(start);
+    for (StageResult& listed : result.stages) {
+      if (listed.name == std::string_view(stage.name)) listed = done;
+    }
+  }
+  if (!context.wants_homography) return;
+  TwoView& view = result.two_view.view;
+  if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
+    clearTwoView(result);
+    return;
+  }
+  result.geometry = view.geometry == Geometry::rotation ? Geometry::rotation : Geometry::plane;
+  view.geometry = result.geometry;
+}
+
+/// `output`: target features with a neighbour.
+bool Chain::runKnn(Context& context, StageResult& stage) {
+  const Features& reference = context.reference;
+  const Features& target = context.target;
+  const MatchHints& hints = context.hints;
+  const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
+  context.result.search = near ? Search::near : Search::whole;
+  std::vector<Correspondence>& found = context.result.correspondences;
+  if (near) {
+    knn_.matchNear(reference, target, *hints.prediction, options.mutual, found);
+  } else if (options.mutual || options.growth.enabled) {
+    knn_.matchMutual(reference.descriptors, target.descriptors, found);
+  } else {
+    knn_.match(reference.descriptors, target.descriptors, found);
+  }
+  stage.input = target.size();
+  stage.output = static_cast<std::size_t>(std::count_if(
+      found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
+  return true;
+}
+
+bool Chain::runRatio(Context& context, StageResult& stage) {
+  const double usual = ratioThreshold(context.target.descriptor);
+  stage.input = context.result.stage("knn")->output;
+  stage.output = filterByRatio(options.ratio_threshold.value_or(usual),
+                               context.result.correspondences, options.mutual);
+  return true;
+}
+
+bool Chain::runGms(Context& context, StageResult& stage) {
+  MatchResult& result = context.result;
+  stage.input = result.stage("tf")->output;
+  result.gms = gms_.filter(context.reference, context.target, result.correspondences);
+  stage.output = result.gms.kept;
+  return true;
+}
+
+/// The geometry is the result if the scene has depth, or if no homography is wanted.
+bool Chain::runTwoView(Context& context, StageResult& stage) {
+  const MatchHints& hints = context.hints;
+  MatchResult& result = context.result;
+  TwoViewInput input;
+  input.reference_camera = hints.reference_camera;
+  input.target_camera = hints.target_camera;
+  input.reference_lens = hints.reference_lens;
+  input.target_lens = hints.target_lens;
+  input.prediction = hints.motion;
+  TwoViewMatches& found = result.two_view;
+  two_view_.estimate(context.reference, context.target, result.correspondences, input, found);
+  stage.input = result.gms.kept;
+  stage.output = found.view.inliers;
+
+  const bool epipolar = found.view.geometry == Geometry::epipolar;
+  context.wants_homography = options.geometry == GeometryModel::automatic && !epipolar;
+  if (context.wants_homography) return true;
+  result.status = context.haveEnough() ? found.view.status : Status::too_few_features;
+  if (!epipolar) return true;
+  result.geometry = Geometry::epipolar;
+  result.status = Status::model_rejected;
+  result.inliers = found.view.inliers;
+  result.rmse = found.view.rmse;
+  for (std::size_t i = 0; i < result.correspondences.size(); ++i) {
+    result.correspondences[i].level = found.levels[i];
+  }
+  return true;
+}
+
+bool Chain::runProsac(Context& context, StageResult& stage) {
+  MatchResult& result = context.result;
+  stage.input = result.gms.kept;
+  if (!context.wants_homography) return false;
+  pairs_.clear();
+  pairs_.rounding = util::kKeypointRounding;
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    pairs_.add(position(context.reference, c.reference_index),
+               position(context.target, c.target_index), c.ratio());
+  }
+  std::optional<Eigen::Matrix3d> initial = context.hints.prediction;
+  const TwoView& view = result.two_view.view;
+  if (view.geometry != Geometry::none) initial = view.homography;
+  prosac_.estimate(pairs_, context.reference.image_size, initial, result.prosac);
+
+  const bool found = result.prosac.status == Status::ok;
+  stage.output = found ? result.prosac.inliers : 0;
+  result.status = context.haveEnough() ? result.prosac.status : Status::too_few_features;
+  if (result.status != Status::ok) return true;
+  result.found_by = FoundBy::prosac;
+  if (options.growth.enabled) context.doubt = doubtful(result);
+  if (!context.doubt) setAnswer(result.prosac, context);
+  return true;
+}
+
+/// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
+/// as the windows of a house, may have misled it. Empty otherwise.
+std::optional<GrowthStart> Chain::doubtful(const MatchResult& result) const {
+  constexpr std::size_t kFew = 50;
+  constexpr std::size_t kOneIn = 8;  // of the matches
+  const std::size_t inliers = result.prosac.inliers;
+  if (inliers >= kFew || kOneIn * inliers >= pairs_.size()) {
+    return std::nullopt;
+  }
+  GrowthStart start;
+  start.homography = result.prosac.answer.homography;
+  for (std::size_t i = 0; i < pairs_.size(); ++i) {
+    if (result.prosac.mask[i] != 0) start.centre += pairs_.reference[i];
+  }
+  start.centre /= static_cast<double>(inliers);
+  return start;
+}
+
+/// Grows a homography if PROSAC found none in the whole image. A doubtful one must be as
+/// significant as the grown ones, and not contradicted by them.
+bool Chain::runGrowth(Context& context, StageResult& stage) {
+  MatchResult& result = context.result;
+  if (!context.wants_homography || (result.status == Status::ok && !context.doubt)) return false;
+  if (context.doubt) reject(result);
+  // Growth needs the matches of the whole image: see MatchHints::prediction.
+  if (result.search != Search::whole) return false;
+  stage.input = static_cast<std::size_t>(
+      std::count_if(result.correspondences.begin(), result.correspondences.end(),
+                    [](const Correspondence& c) { return c.mutual; }));
+  growth_.find(context.reference, context.hints.views, context.target, result.correspondences,
+               context.doubt, result.growth);
+  stage.output = result.growth.pairs.size();
+  if (!result.growth.found) return true;
+  result.status = Status::ok;
+  result.found_by = FoundBy::growth;
+  guided_matches_ = result.growth.matches;
+  if (!adopt(result.growth.answer, context)) reject(result);
+  return true;
+}
+
+bool Chain::runGuided(Context& context, StageResult& stage) {
+  MatchResult& result = context.result;
+  if (result.status != Status::ok) return false;
+  stage.input = result.inliers;
+  UncertainHomography candidate = result.answer;
+  guided_.refine(context.reference, context.target, options.prosac.max_error, candidate,
+                 guided_matches_);
+  adopt(candidate, context);
+  stage.output = result.inliers;
+  return true;
+}
+
+bool Chain::runAlignment(Context& context, StageResult& stage) {
+  MatchResult& result = context.result;
+  if (result.status != Status::ok) return false;
+  result.surviving(Level::ktgp, matches_);
+  matches_.insert(matches_.end(), result.guided.begin(), result.guided.end());
+  AlignmentResult& aligned = result.alignment;
+  alignment_.align(context.reference, context.target, matches_, result.answer, aligned);
+  stage.input = matches_.size();
+  stage.output = aligned.points.size();
+  if (aligned.status == AlignmentStatus::ok && !adopt(aligned.answer, context)) {
+    aligned.status = AlignmentStatus::not_better;
+    aligned.answer = result.answer;
+  }
+  return true;
+}
+
+/// Makes `candidate` the answer, with mask, inliers and RMSE derived from it. Returns false,
+/// without any change, if the verdict on it is bad.
+///
+/// A grown homography has the verdict of the growth, since the few right ones among the matches
+/// would not give one. A homography derived from it must still agree with the pairs of the growth.
+bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
+  const MatchResult& result = context.result;
+  const bool grown = result.found_by == FoundBy::growth;
+  if (!verdict_.trusts(candidate.homography, grown ? result.growth.pairs : pairs_,
+                       context.reference.image_size,
+                       grown ? growth::Verdict::kRadius : options.prosac.max_error)) {
+    return false;
+  }
+  homography::label(candidate, pairs_, options.prosac.max_error, labelled_);
+  setAnswer(labelled_, context);
+  return true;
+}
+
+/// Sets the answer and everything that belongs to it: levels, the guided matches that agree,
+/// inliers and RMSE. `found`: the answer, labelled with the pairs that passed GMS.
+void Chain::setAnswer(const ProsacResult& found, Context& context) {
+  const auto& [reference, target] = std::tie(context.reference, context.target);
+  MatchResult& result = context.result;
+  result.answer = found.answer;
+  taken_.assign(target.size(), 0);
+  std::size_t i = 0;
+  for (Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktg) continue;
+    const bool inlier = found.mask[i++] != 0;
+    c.level = inlier ? Level::ktgp : Level::ktg;
+    if (inlier) taken_[static_cast<std::size_t>(c.target_index)] = 1;
+  }
+  const double rmse = found.rmse;
+  double squares = rmse * rmse * static_cast<double>(found.inliers);
+  result.guided.clear();
+  for (const Correspondence& c : guided_matches_) {
+    if (taken_[static_cast<std::size_t>(c.target_index)] != 0) continue;
+    const double error =
+        homography::errorOf(result.answer.homography, position(reference, c.reference_index),
+                            position(target, c.target_index));
+    if (!(error < options.prosac.max_error)) continue;
+    result.guided.push_back(c);
+    squares += error * error;
+  }
+  result.inliers = found.inliers + result.guided.size();
+  result.rmse =
+      result.guided.empty() ? rmse : std::sqrt(squares / static_cast<double>(result.inliers));
 }
 
 }  // namespace
@@ -131,9 +436,8 @@ void MatchResult::clear(const MatcherOptions& options) {
   search = Search::whole;
   correspondences.clear();
   gms = {};
-  nameStages(options, *this);
-  clearHomography(*this);
-  clearTwoView(*this);
+  Chain::nameStages(options, *this);
+  clearGeometry(*this);
 }
 
 MatcherOptions MatcherOptions::robust() {
@@ -156,50 +460,8 @@ MatcherOptions MatcherOptions::slam() {
   return options;
 }
 
-struct KtgpMatcher::Impl {
-  explicit Impl(const MatcherOptions& given)
-      : options(given),
-        knn(given.knn),
-        gms(given.gms),
-        prosac(given.prosac),
-        growth(given.growth),
-        guided(guidedOptions(given)),
-        alignment(alignmentOptions(given)),
-        two_view(twoViewOptions(given)) {}
-
-  std::size_t findNeighbours(const Features& reference, const Features& target,
-                             const MatchHints& hints, MatchResult& result);
-  void estimateHomography(const Features& reference, const Features& target,
-                          const std::optional<Eigen::Matrix3d>& initial, MatchResult& result);
-  std::optional<GrowthStart> doubtful(const MatchResult& result) const;
-  void grow(const Features& reference, const Features& target, const ReferenceViews* views,
-            MatchResult& result);
-  bool findEpipolar(const Features& reference, const Features& target, const MatchHints& hints,
-                    MatchResult& result);
-  void findHomography(const Features& reference, const Features& target, const MatchHints& hints,
-                      MatchResult& result);
-  void refine(const Features& reference, const Features& target, MatchResult& result);
-  void align(const UncertainHomography& before, const Features& reference, const Features& target,
-             MatchResult& result);
-  bool adopt(const UncertainHomography& candidate, const Features& reference,
-             const Features& target, MatchResult& result);
-  void publish(const ProsacResult& found, const Features& reference, const Features& target,
-               MatchResult& result);
-
-  MatcherOptions options;
-  KnnMatcher knn;
-  GmsFilter gms;
-  ProsacHomography prosac;
-  PointPairs pairs;
-  HomographyGrowth growth;
-  GuidedMatcher guided;
-  Alignment alignment;
-  TwoViewMatcher two_view;
-  homography::HomographyVerdict verdict;
-  ProsacResult labelled;                       // a candidate that PROSAC did not find
-  std::vector<Correspondence> guided_matches;  // all matches of guided matching
-  std::vector<std::uint8_t> taken;             // target keypoints that are inliers
-  std::vector<Correspondence> matches;         // to align
+struct KtgpMatcher::Impl : Chain {
+  using Chain::Chain;
 };
 
 KtgpMatcher::KtgpMatcher(const MatcherOptions& options) : impl_(std::make_unique<Impl>(options)) {
@@ -224,248 +486,7 @@ void KtgpMatcher::match(const Features& reference, const Features& target, const
   requireValid(target, "target");
   requireSameDescriptor(reference, target);
   result.descriptor = target.descriptor;
-  Impl& impl = *impl_;
-  const MatcherOptions& options = impl.options;
-  auto& correspondences = result.correspondences;
-
-  nameStages(options, result);
-  std::size_t left = timeStage(result, "knn", target.size(), [&] {
-    return impl.findNeighbours(reference, target, hints, result);
-  });
-  left = timeStage(result, "tf", left, [&] {
-    const double usual = ratioThreshold(target.descriptor);
-    return filterByRatio(options.ratio_threshold.value_or(usual), correspondences, options.mutual);
-  });
-  timeStage(result, "gms", left, [&] {
-    result.gms = impl.gms.filter(reference, target, correspondences);
-    return result.gms.kept;
-  });
-  clearTwoView(result);
-  if (impl.findEpipolar(reference, target, hints, result)) return;
-  impl.findHomography(reference, target, hints, result);
-}
-
-/// The two-view geometry, where it is wanted. True: it is the result, since the scene has depth or
-/// no homography is wanted.
-bool KtgpMatcher::Impl::findEpipolar(const Features& reference, const Features& target,
-                                     const MatchHints& hints, MatchResult& result) {
-  if (!hasTwoView(options)) return false;
-  TwoViewMatches& found = result.two_view;
-  timeStage(result, "two_view", result.gms.kept, [&] {
-    TwoViewInput input;
-    input.reference_camera = hints.reference_camera;
-    input.target_camera = hints.target_camera;
-    input.reference_lens = hints.reference_lens;
-    input.target_lens = hints.target_lens;
-    input.prediction = hints.motion;
-    two_view.estimate(reference, target, result.correspondences, input, found);
-    return found.view.inliers;
-  });
-  const bool epipolar = found.view.geometry == Geometry::epipolar;
-  if (options.geometry == GeometryModel::automatic && !epipolar) return false;
-  clearHomography(result);
-  const bool enough = reference.size() >= 2 && !target.empty();
-  result.status = enough ? found.view.status : Status::too_few_features;
-  if (!epipolar) return true;
-  result.geometry = Geometry::epipolar;
-  result.status = Status::model_rejected;
-  result.inliers = found.view.inliers;
-  result.rmse = found.view.rmse;
-  for (std::size_t i = 0; i < result.correspondences.size(); ++i) {
-    result.correspondences[i].level = found.levels[i];
-  }
-  return true;
-}
-
-/// PROSAC and what follows it.
-void KtgpMatcher::Impl::findHomography(const Features& reference, const Features& target,
-                                       const MatchHints& hints, MatchResult& result) {
-  std::optional<Eigen::Matrix3d> initial = hints.prediction;
-  TwoView& view = result.two_view.view;
-  if (view.geometry != Geometry::none) initial = view.homography;
-  timeStage(result, "prosac", result.gms.kept, [&] {
-    estimateHomography(reference, target, initial, result);
-    return result.prosac.status == Status::ok ? result.prosac.inliers : 0;
-  });
-  const bool enough = reference.size() >= 2 && !target.empty();
-  result.status = enough ? result.prosac.status : Status::too_few_features;
-  result.found_by = result.status == Status::ok ? FoundBy::prosac : FoundBy::none;
-  grow(reference, target, hints.views, result);
-  refine(reference, target, result);
-  if (result.status != Status::ok) {  // the keypoints do not show what `view` may have found
-    clearTwoView(result);
-    return;
-  }
-  result.geometry = view.geometry == Geometry::rotation ? Geometry::rotation : Geometry::plane;
-  view.geometry = result.geometry;
-}
-
-/// Returns the number of target features with a neighbour.
-std::size_t KtgpMatcher::Impl::findNeighbours(const Features& reference, const Features& target,
-                                              const MatchHints& hints, MatchResult& result) {
-  const bool near = options.knn.search_radius > 0.0 && hints.prediction && !hints.whole_image;
-  result.search = near ? Search::near : Search::whole;
-  std::vector<Correspondence>& found = result.correspondences;
-  if (near) {
-    knn.matchNear(reference, target, *hints.prediction, options.mutual, found);
-  } else if (options.mutual || options.growth.enabled) {
-    knn.matchMutual(reference.descriptors, target.descriptors, found);
-  } else {
-    knn.match(reference.descriptors, target.descriptors, found);
-  }
-  return static_cast<std::size_t>(std::count_if(
-      found.begin(), found.end(), [](const Correspondence& c) { return c.reference_index >= 0; }));
-}
-
-void KtgpMatcher::Impl::estimateHomography(const Features& reference, const Features& target,
-                                           const std::optional<Eigen::Matrix3d>& initial,
-                                           MatchResult& result) {
-  pairs.clear();
-  pairs.rounding = util::kKeypointRounding;
-  for (const Correspondence& c : result.correspondences) {
-    if (c.level < Level::ktg) continue;
-    pairs.add(position(reference, c.reference_index), position(target, c.target_index), c.ratio());
-  }
-  prosac.estimate(pairs, reference.image_size, initial, result.prosac);
-}
-
-/// PROSAC's homography, if so few matches agree with it that something which repeats itself, such
-/// as the windows of a house, may have misled it. Empty otherwise.
-std::optional<GrowthStart> KtgpMatcher::Impl::doubtful(const MatchResult& result) const {
-  constexpr std::size_t kFew = 50;
-  constexpr std::size_t kOneIn = 8;  // of the matches
-  const std::size_t inliers = result.prosac.inliers;
-  if (result.status != Status::ok || inliers >= kFew || kOneIn * inliers >= pairs.size()) {
-    return std::nullopt;
-  }
-  GrowthStart start;
-  start.homography = result.prosac.answer.homography;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (result.prosac.mask[i] != 0) start.centre += pairs.reference[i];
-  }
-  start.centre /= static_cast<double>(inliers);
-  return start;
-}
-
-/// Called after PROSAC; grows a homography if PROSAC found none in the whole image. A doubtful one
-/// must be as significant as the grown ones, and not contradicted by them.
-void KtgpMatcher::Impl::grow(const Features& reference, const Features& target,
-                             const ReferenceViews* views, MatchResult& result) {
-  result.growth.clear();
-  if (!options.growth.enabled) return;
-  const std::optional<GrowthStart> start = doubtful(result);
-  if (result.search != Search::whole) {
-    // Growth needs the matches of the whole image: see MatchHints::prediction.
-    if (start) {
-      result.status = Status::model_rejected;
-      result.found_by = FoundBy::none;
-    }
-    return;
-  }
-  if (result.status == Status::ok && !start) return;
-  const auto is_mutual = [](const Correspondence& c) { return c.mutual; };
-  const auto mutual =
-      std::count_if(result.correspondences.begin(), result.correspondences.end(), is_mutual);
-  timeStage(result, "growth", static_cast<std::size_t>(mutual), [&] {
-    growth.find(reference, views, target, result.correspondences, start, result.growth);
-    return result.growth.pairs.size();
-  });
-  if (start) result.status = Status::model_rejected;
-  if (result.growth.found) result.status = Status::ok;
-  result.found_by = result.growth.found ? FoundBy::growth : FoundBy::none;
-}
-
-/// Guided matching and alignment, if they are enabled. adopt() derives the results for the new
-/// homography.
-void KtgpMatcher::Impl::refine(const Features& reference, const Features& target,
-                               MatchResult& result) {
-  clearRefinement(result);
-  guided_matches.clear();
-  if (result.status != Status::ok) return;
-  const bool grown = result.found_by == FoundBy::growth;
-  UncertainHomography answer = grown ? result.growth.answer : result.prosac.answer;
-  if (grown) guided_matches = result.growth.matches;
-  if (!grown) {
-    publish(result.prosac, reference, target, result);
-  } else if (!adopt(answer, reference, target, result)) {
-    result.status = Status::model_rejected;
-    result.found_by = FoundBy::none;
-    return;
-  }
-  if (options.guided.enabled) {
-    timeStage(result, "guided", result.inliers, [&] {
-      UncertainHomography candidate = answer;
-      guided.refine(reference, target, options.prosac.max_error, candidate, guided_matches);
-      if (adopt(candidate, reference, target, result)) answer = candidate;
-      return result.inliers;
-    });
-  }
-  if (options.alignment.enabled) {
-    result.surviving(Level::ktgp, matches);
-    matches.insert(matches.end(), result.guided.begin(), result.guided.end());
-    timeStage(result, "align", matches.size(), [&] {
-      align(answer, reference, target, result);
-      return result.alignment.points.size();
-    });
-  }
-}
-
-void KtgpMatcher::Impl::align(const UncertainHomography& before, const Features& reference,
-                              const Features& target, MatchResult& result) {
-  AlignmentResult& aligned = result.alignment;
-  alignment.align(reference, target, matches, before, aligned);
-  if (aligned.status != AlignmentStatus::ok) return;
-  if (adopt(aligned.answer, reference, target, result)) return;
-  aligned.status = AlignmentStatus::not_better;
-  aligned.answer = before;
-}
-
-/// Makes `candidate` the result, with mask, inliers and RMSE derived from it. Returns false,
-/// without any change, if the verdict on it is bad.
-///
-/// A grown homography has the verdict of the growth, since the few right ones among the matches
-/// would not give one. A homography derived from it must still agree with the pairs of the growth.
-bool KtgpMatcher::Impl::adopt(const UncertainHomography& candidate, const Features& reference,
-                              const Features& target, MatchResult& result) {
-  const bool grown = result.found_by == FoundBy::growth;
-  if (!verdict.trusts(candidate.homography, grown ? result.growth.pairs : pairs,
-                      reference.image_size,
-                      grown ? growth::Verdict::kRadius : options.prosac.max_error)) {
-    return false;
-  }
-  homography::label(candidate, pairs, options.prosac.max_error, labelled);
-  publish(labelled, reference, target, result);
-  return true;
-}
-
-/// Sets the result and everything that belongs to it: levels, the guided matches that agree,
-/// inliers and RMSE. `found`: the answer, labelled with the pairs that passed GMS.
-void KtgpMatcher::Impl::publish(const ProsacResult& found, const Features& reference,
-                                const Features& target, MatchResult& result) {
-  result.answer = found.answer;
-  taken.assign(target.size(), 0);
-  std::size_t i = 0;
-  for (Correspondence& c : result.correspondences) {
-    if (c.level < Level::ktg) continue;
-    const bool inlier = found.mask[i++] != 0;
-    c.level = inlier ? Level::ktgp : Level::ktg;
-    if (inlier) taken[static_cast<std::size_t>(c.target_index)] = 1;
-  }
-  const double rmse = found.rmse;
-  double squares = rmse * rmse * static_cast<double>(found.inliers);
-  result.guided.clear();
-  for (const Correspondence& c : guided_matches) {
-    if (taken[static_cast<std::size_t>(c.target_index)] != 0) continue;
-    const double error =
-        homography::errorOf(result.answer.homography, position(reference, c.reference_index),
-                            position(target, c.target_index));
-    if (!(error < options.prosac.max_error)) continue;
-    result.guided.push_back(c);
-    squares += error * error;
-  }
-  result.inliers = found.inliers + result.guided.size();
-  result.rmse =
-      result.guided.empty() ? rmse : std::sqrt(squares / static_cast<double>(result.inliers));
+  impl_->run(reference, target, hints, result);
 }
 
 }  // namespace ktgp_orb
