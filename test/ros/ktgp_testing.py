@@ -58,11 +58,11 @@ def messages_of(bag, topic):
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
-    """Waits for a condition of the live system, in wall time."""
+    """Waits for a condition of the live system, in wall time. `what`: text, or what gives it then."""
     end = time.time() + timeout
     while not condition():
         if time.time() > end or rospy.is_shutdown():
-            raise AssertionError('timed out waiting until ' + what)
+            raise AssertionError('timed out waiting until ' + (what() if callable(what) else what))
         time.sleep(0.01)
 
 

@@ -402,10 +402,11 @@ class LaunchRunTest(unittest.TestCase):
 
     def test_a_killed_manager_comes_back_with_its_matchers(self):
         launch = self.launch('multi_camera.launch', 'cameras:=left right')
-        wait_until(self.pid_of_manager, 'the matchers are there; ' + launch.output())
+        wait_until(self.pid_of_manager, lambda: 'the matchers are there; ' + launch.output())
         pid = self.pid_of_manager()
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: self.pid_of_manager() not in (None, pid), 'they come back')
+        wait_until(lambda: self.pid_of_manager() not in (None, pid),
+                   lambda: 'they come back; ' + launch.output())
         self.assertIsNone(launch.process.poll(), launch.output())
 
     def pid_of_manager(self):
