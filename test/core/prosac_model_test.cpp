@@ -1,14 +1,13 @@
 // The search for a homography, and the number of false alarms of the verdict.
 
 #include "core/homography/verdict.h"
-#include "core/prosac/prosac.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "core/homography/model.h"
+#include "core/homography/fit.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {

@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "core/alignment/local_maps.h"
-#include "core/prosac/sampling.h"
+#include "core/prosac/prosac.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/solvers.h"
 #include "core/two_view/support.h"

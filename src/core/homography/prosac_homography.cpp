@@ -5,10 +5,8 @@
 #include <stdexcept>
 
 #include "core/homography/fit.h"
-#include "core/homography/model.h"
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
-#include "core/prosac/prosac.h"
 #include "core/util/options_check.h"
 #include "core/util/reset_keeping.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/homography/point_pairs.h"
-#include "core/prosac/sampling.h"
+#include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/solvers.h"
 #include "ktgp_orb/prosac_homography.h"
