@@ -36,6 +36,7 @@ class HomographyProblem {
 
   /// Stored by reference; best quality first.
   void setPairs(const NormalisedPairs& pairs) { pairs_ = &pairs; }
+  static std::size_t sampleSize() { return kSample; }
   std::size_t size() const { return pairs_->size(); }
 
   template <typename Visit>

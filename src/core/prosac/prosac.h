@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "core/util/random.h"
@@ -125,7 +126,7 @@ struct ProsacRules {
 /// supplies that:
 ///
 ///   using Model = …;                        a value
-///   static constexpr std::size_t kSample;   pairs that determine models
+///   std::size_t sampleSize() const;         pairs that determine models
 ///   std::size_t size() const;               pairs, best quality first
 ///   void solve(sample, visit);              calls visit(model) for each model of a sample
 ///   float cost(model, give_up) const;       MSAC; incomplete where it exceeds give_up
@@ -139,16 +140,17 @@ class ProsacSearch {
   using Model = typename Problem::Model;
 
   /// Draws samples until both stopping rules (ProsacStopping) are met, or the budget is used up.
-  /// The problem has at least as many pairs as a sample. `initial`, if not null, is scored before
-  /// the first sample. True: it or some sample gave a model.
-  bool run(const ProsacRules& rules, const Model* initial, Problem& problem) {
+  /// The problem has at least as many pairs as a sample. `initial` is scored before the first
+  /// sample. True: it or some sample gave a model.
+  bool run(const ProsacRules& rules, const std::optional<Model>& initial, Problem& problem) {
     problem_ = &problem;
     random_ = util::Random(~rules.seed);
     best_cost_ = std::numeric_limits<float>::infinity();
     exhausted_ = true;
-    stopping_.reset(kSample, problem.size(), rules.chance_inlier, rules.confidence);
-    ProsacSampler sampler(kSample, problem.size(), rules.max_iterations, rules.seed);
-    if (initial != nullptr && improve(*initial)) updateStopping(sampler);
+    const std::size_t sample_size = problem.sampleSize();
+    stopping_.reset(sample_size, problem.size(), rules.chance_inlier, rules.confidence);
+    ProsacSampler sampler(sample_size, problem.size(), rules.max_iterations, rules.seed);
+    if (initial && improve(*initial)) updateStopping(sampler);
     while (sampler.left() > 0) {
       sampler.draw(stopping_.terminationLength(), sample_);
       if (improveBy(sample_)) updateStopping(sampler);
@@ -169,8 +171,6 @@ class ProsacSearch {
   bool exhausted() const { return exhausted_; }
 
  private:
-  static constexpr std::size_t kSample = Problem::kSample;
-
   bool improveBy(const ProsacSample& sample) {
     bool improved = false;
     problem_->solve(sample, [&](const Model& model) { improved |= improve(model); });
@@ -227,8 +227,8 @@ class ProsacSearch {
     constexpr int kMaxSamples = 20;
     const int samples = std::min(kMaxSamples, sampler.left() / 2);
     bool improved = false;
-    sample_.resize(kSample);
-    for (int i = 0; i < samples && support_.size() > kSample; ++i) {
+    sample_.resize(problem_->sampleSize());
+    for (int i = 0; i < samples && support_.size() > sample_.size(); ++i) {
       sampler.spend(1);
       drawDistinct(support_.size(), 0, random_, sample_);
       for (std::size_t& place : sample_) place = support_[place];
