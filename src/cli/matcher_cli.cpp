@@ -12,7 +12,7 @@
 
 #include "cli/parameter_file.h"
 #include "cli/program.h"
-#include "core/homography/answer_fields.h"
+#include "core/homography/transform.h"
 #include "core/util/format.h"
 
 namespace ktgp_orb::tools {

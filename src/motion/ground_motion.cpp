@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/homography/shutter.h"
+#include "core/util/constants.h"
 #include "motion/base_report.h"
 #include "motion/ground_filter.h"
 #include "motion/mounting.h"
@@ -241,8 +241,7 @@ void GroundMotion::Impl::forget() {
 void GroundMotion::Impl::setReadout() {
   constexpr double kShare = 0.1;  // of what was given
   const double known = std::max(options.readout_time, 0.0);
-  filter.setReadout(known,
-                    options.readout_time < 0.0 ? homography::kUnknownReadout : kShare * known);
+  filter.setReadout(known, options.readout_time < 0.0 ? util::kUnknownReadout : kShare * known);
 }
 
 GroundStatus GroundMotion::Impl::follow(const GroundFrame& frame) {

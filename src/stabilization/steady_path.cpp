@@ -7,7 +7,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/model.h"
 #include "core/homography/transform.h"
 #include "stabilization/linear_program.h"
 

@@ -4,7 +4,7 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "core/homography/answer_fields.h"
+#include "core/homography/transform.h"
 #include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"

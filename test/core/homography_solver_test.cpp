@@ -1,5 +1,4 @@
 #include "core/homography/fit.h"
-#include "core/homography/model.h"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +10,6 @@
 #include <vector>
 
 #include "core/homography/m_estimator.h"
-#include "core/homography/model.h"
 #include "core/homography/point_pairs.h"
 #include "core/homography/transform.h"
 #include "synthetic_pairs.h"

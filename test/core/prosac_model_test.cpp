@@ -1,14 +1,14 @@
 // The search for a homography, and the number of false alarms of the verdict.
 
 #include "core/homography/verdict.h"
-#include "core/prosac/prosac.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
-#include "core/homography/model.h"
+#include "core/homography/fit.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {
@@ -49,7 +49,7 @@ TEST(ProsacSearch, FindsTheHomographyThatHalfOfThePairsAgreeWith) {
     problem.setPairs(pairs);
     ProsacRules rules;
     rules.seed = static_cast<std::uint64_t>(run);
-    ASSERT_TRUE(search.run(rules, nullptr, problem));
+    ASSERT_TRUE(search.run(rules, std::nullopt, problem));
     EXPECT_LT(cornerError(search, pairs, truth), 3.0);
     EXPECT_FALSE(search.exhausted());
     // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 are enough, plus 20 from the
@@ -70,7 +70,7 @@ TEST(ProsacSearch, CountsEverySampleAndKeepsItsBudget) {
       ProsacRules rules;
       rules.max_iterations = budget;
       rules.confidence = 0.999999;
-      search.run(rules, nullptr, problem);
+      search.run(rules, std::nullopt, problem);
       EXPECT_LE(search.iterations(), budget);
       if (search.exhausted()) {
         EXPECT_EQ(search.iterations(), budget);
@@ -92,9 +92,9 @@ TEST(ProsacSearch, StartsWhereItIsTold) {
     problem.setPairs(pairs);
     const auto start = pairs.fromPixels(truth);
     ASSERT_TRUE(start);
-    search.run(rules, &*start, problem);
+    search.run(rules, start, problem);
     EXPECT_LT(cornerError(search, pairs, truth), 3.0);
-    const bool found = search.run(rules, nullptr, problem);  // and no old state remains
+    const bool found = search.run(rules, std::nullopt, problem);  // and no old state remains
     if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
   }
   EXPECT_LT(found_alone, 3);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <set>
 
-#include "core/prosac/sampling.h"
+#include "core/prosac/prosac.h"
 
 namespace ktgp_orb::prosac {
 namespace {

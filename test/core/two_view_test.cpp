@@ -8,6 +8,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -17,7 +18,7 @@
 #include <vector>
 
 #include "core/alignment/local_maps.h"
-#include "core/prosac/sampling.h"
+#include "core/prosac/prosac.h"
 #include "core/two_view/epipolar.h"
 #include "core/two_view/solvers.h"
 #include "core/two_view/support.h"
@@ -213,11 +214,11 @@ TEST(Solvers, MotionsOfAnEssentialMatrixHoldTheTrueOne) {
 }
 
 TEST(Solvers, FindRealRoots) {
-  const RealRoots<3> roots({-0.5 * 0.25 * 4.0, 0.25 * 4.0 + 0.5 * 4.25, -4.75, 1.0});
-  ASSERT_EQ(roots.count, 3u);
-  EXPECT_NEAR(roots.root[0], 0.25, 1e-12);
-  EXPECT_NEAR(roots.root[1], 0.5, 1e-12);
-  EXPECT_NEAR(roots.root[2], 4.0, 1e-9);
+  std::array<double, 3> roots;
+  ASSERT_EQ(realRoots<3>({-0.5 * 0.25 * 4.0, 0.25 * 4.0 + 0.5 * 4.25, -4.75, 1.0}, roots), 3u);
+  EXPECT_NEAR(roots[0], 0.25, 1e-12);
+  EXPECT_NEAR(roots[1], 0.5, 1e-12);
+  EXPECT_NEAR(roots[2], 4.0, 1e-9);
 }
 
 TEST(EpipolarPairs, DerivativesEqualDifferences) {
@@ -321,8 +322,8 @@ TEST(Support, ParallaxNeedsMoreThanTwoPairs) {
   const World world(Shape::depth, numbers, 400, 0);
   Support support;
   support.load(world.pairs, 1e-3);
-  const Support::Parallax along{4.0, 0.25};
-  std::vector<Support::Parallax> pairs(400);
+  const Displacement along{4.0, 0.25};
+  std::vector<Displacement> pairs(400);
   for (std::size_t i = 0; i < 2; ++i) {
     pairs[i] = along;
     EXPECT_EQ(support.logParallax(pairs), 0.0) << i;
@@ -331,10 +332,10 @@ TEST(Support, ParallaxNeedsMoreThanTwoPairs) {
   EXPECT_LT(support.logParallax(pairs), -50.0);
   int found = 0;
   for (int run = 0; run < 500; ++run) {
-    for (Support::Parallax& pair : pairs) {
+    for (Displacement& pair : pairs) {
       const double angle = numbers.uniform(0.0, 6.283185307);
-      pair.error2 = std::pow(numbers.normal(), 2);
-      pair.across2 = pair.error2 * std::pow(std::sin(angle), 2);
+      pair.first = std::pow(numbers.normal(), 2);
+      pair.second = pair.first * std::pow(std::sin(angle), 2);
     }
     found += support.logParallax(pairs) < 0.0 ? 1 : 0;
   }

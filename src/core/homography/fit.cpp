@@ -7,20 +7,80 @@
 #include <string>
 #include <utility>
 
-#include "core/homography/model.h"
 #include "core/util/keypoint_position.h"
 
 namespace ktgp_orb::homography {
 
 using Matrix8 = HomographyFit::Matrix8;
+using FloatPoints = PointArrays<float>;
 
 namespace {
+
+/// Squared reprojection errors of eight pairs. Points on or beyond the horizon get a huge one.
+FloatPoints::Lanes squaredErrors(const FloatPoints& points, const Eigen::Matrix3f& h,
+                                 std::size_t first) {
+  using Lanes = FloatPoints::Lanes;
+  constexpr float kHorizon = 1e-6F;
+  const Lanes x = FloatPoints::load(points.x, first);
+  const Lanes y = FloatPoints::load(points.y, first);
+  const Lanes w = (h(2, 0) * x + h(2, 1) * y + h(2, 2)).max(kHorizon);
+  const Lanes du = h(0, 0) * x + h(0, 1) * y + h(0, 2) - FloatPoints::load(points.u, first) * w;
+  const Lanes dv = h(1, 0) * x + h(1, 1) * y + h(1, 2) - FloatPoints::load(points.v, first) * w;
+  return (du * du + dv * dv) / (w * w);
+}
 
 double diagonalOf(const FourPoints& corners) {
   return (corners[2] - corners[0]).norm();
 }
 
 }  // namespace
+
+float msacCost(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
+               float give_up) {
+  constexpr std::size_t kBlock = 8 * FloatPoints::kLanes;  // pairs between two checks of the sum
+  const Eigen::Matrix3f h = homography.cast<float>();
+  const float limit2 = static_cast<float>(limit * limit);
+  const std::size_t padding = points.paddedSize() - points.size;
+  float cost = -limit2 * static_cast<float>(padding);
+  for (std::size_t start = 0; start < points.paddedSize(); start += kBlock) {
+    FloatPoints::Lanes sum = FloatPoints::Lanes::Zero();
+    const std::size_t end = std::min(start + kBlock, points.paddedSize());
+    for (std::size_t i = start; i < end; i += FloatPoints::kLanes) {
+      sum += squaredErrors(points, h, i).min(limit2);
+    }
+    cost += sum.sum();
+    if (cost > give_up) break;
+  }
+  return cost;
+}
+
+std::size_t findInliers(const FloatPoints& points, const Eigen::Matrix3d& homography, double limit,
+                        std::vector<std::uint8_t>& inlier) {
+  const Eigen::Matrix3f h = homography.cast<float>();
+  return points.markNear(
+      limit, [&](std::size_t first) { return squaredErrors(points, h, first); }, inlier);
+}
+
+bool HomographyProblem::solve(const prosac::ProsacSample& sample,
+                              Eigen::Matrix3d& homography) const {
+  const PointArrays<double>& p = pairs_->refinement;
+  FourPoints from;
+  FourPoints to;
+  for (std::size_t i = 0; i < kSample; ++i) {
+    from[i] = {p.x[sample[i]], p.y[sample[i]]};
+    to[i] = {p.u[sample[i]], p.v[sample[i]]};
+  }
+  return solveFourPoints(from, to, pairs_->min_reference_area, pairs_->min_target_area, homography);
+}
+
+bool HomographyProblem::refine(double widening, Eigen::Matrix3d& homography) {
+  constexpr std::size_t kEnough = 200;  // best pairs; more would not find more
+  constexpr double kScales = 3.0;       // of the errors within the limit
+  const double limit = widening * pairs_->limit;
+  homography::findInliers(pairs_->scoring, homography, limit, near_);
+  if (estimator_.select(pairs_->refinement, near_, kEnough) <= kSample) return false;
+  return estimator_.step(limit / kScales, homography);
+}
 
 Status HomographyFit::fit(const NormalisedPairs& pairs, const FourPoints& corners,
                           const EvidenceOptions& options, Eigen::Matrix3d& homography) {

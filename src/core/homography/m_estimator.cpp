@@ -154,24 +154,12 @@ std::size_t MEstimator::select(const Points& points, const std::vector<std::uint
 
 void MEstimator::weighByCell(double cell) {
   constexpr double kFewest = 64.0;  // equal pairs, eight for each entry
-  constexpr double kMost = 64.0;    // cells along an axis; the last ones hold whatever is farther
   const std::size_t n = selected_.size;
   if (n == 0) return;
-  const auto begin = [](const std::vector<double>& axis) { return axis.begin(); };
-  const auto end = [n](const std::vector<double>& axis) {
-    return axis.begin() + static_cast<std::ptrdiff_t>(n);
-  };
-  const double left = *std::min_element(begin(selected_.x), end(selected_.x));
-  const double top = *std::min_element(begin(selected_.y), end(selected_.y));
-  const auto number = [cell](double length) {
-    return static_cast<std::size_t>(std::min(length / cell, kMost - 1.0));
-  };
-  constexpr auto kColumns = static_cast<std::size_t>(kMost);
-  in_cell_.assign(kColumns * kColumns, 0);
-  cell_.resize(n);
+  selected_.findCells(cell, cell_);
+  in_cell_.assign(Points::kCells, 0);
   std::size_t cells = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    cell_[i] = number(selected_.y[i] - top) * kColumns + number(selected_.x[i] - left);
     if (in_cell_[cell_[i]]++ == 0) ++cells;
   }
   const double mean = static_cast<double>(cells) / static_cast<double>(n);

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/LU>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -72,6 +73,26 @@ struct PointArrays {
     return count;
   }
 
+  static constexpr std::size_t kCellColumns = 64;  ///< the last ones hold whatever is farther
+  static constexpr std::size_t kCells = kCellColumns * kCellColumns;
+
+  /// The cells, squares of side `side`, that the reference points are in; there is at least one
+  /// pair. One entry per pair, below kCells.
+  void findCells(double side, std::vector<std::size_t>& cell) const {
+    const auto least = [this](const std::vector<Scalar>& axis) {
+      return *std::min_element(axis.begin(), axis.begin() + static_cast<std::ptrdiff_t>(size));
+    };
+    const auto number = [side](double length) {
+      return static_cast<std::size_t>(std::min(length / side, kCellColumns - 1.0));
+    };
+    const Scalar left = least(x);
+    const Scalar top = least(y);
+    cell.resize(size);
+    for (std::size_t i = 0; i < size; ++i) {
+      cell[i] = number(y[i] - top) * kCellColumns + number(x[i] - left);
+    }
+  }
+
   static Lanes load(const std::vector<Scalar>& array, std::size_t first) {
     return Eigen::Map<const Lanes>(array.data() + first);
   }
@@ -109,8 +130,8 @@ struct Normalisation {
   }
 };
 
-/// Point pairs for the estimation of a homography: normalised, in single precision where that is
-/// enough.
+/// Point pairs for the estimation of a homography or an epipolar geometry: normalised, in single
+/// precision where that is enough.
 struct NormalisedPairs {
   Normalisation reference, target;
   PointArrays<float> scoring;       // single precision is enough to count inliers ...
@@ -121,14 +142,16 @@ struct NormalisedPairs {
 
   std::size_t size() const { return scoring.size; }
 
-  /// `order(i)` is the index of the i-th pair; `threshold` in px.
+  /// `order(i)` is the index of the i-th pair; `threshold` in px. `alike`: with the same scale in
+  /// both images, so that distances in the two can be compared.
   template <typename Order>
   void load(const std::vector<Eigen::Vector2d>& reference_points,
-            const std::vector<Eigen::Vector2d>& target_points, const Order& order,
-            double threshold) {
+            const std::vector<Eigen::Vector2d>& target_points, const Order& order, double threshold,
+            bool alike = false) {
     const std::size_t n = reference_points.size();
     reference = Normalisation::of(reference_points);
     target = Normalisation::of(target_points);
+    if (alike) reference.scale = target.scale = std::sqrt(reference.scale * target.scale);
     limit = threshold * target.scale;
     min_target_area = limit * limit;
     min_reference_area = threshold * threshold * reference.scale * reference.scale;

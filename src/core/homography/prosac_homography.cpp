@@ -5,10 +5,8 @@
 #include <stdexcept>
 
 #include "core/homography/fit.h"
-#include "core/homography/model.h"
 #include "core/homography/transform.h"
 #include "core/homography/verdict.h"
-#include "core/prosac/prosac.h"
 #include "core/util/options_check.h"
 #include "core/util/reset_keeping.h"
 
@@ -63,15 +61,13 @@ bool ProsacHomography::Impl::find(const PointPairs& pairs,
   order.sort(pairs.quality);
   const auto by_quality = [this](std::size_t place) { return order[place]; };
   normalised.load(pairs.reference, pairs.target, by_quality, options.max_error);
-  prosac::ProsacRules rules;
-  rules.max_iterations = options.max_iterations;
-  rules.confidence = options.confidence;
+  prosac::ProsacRules rules{options.max_iterations, options.confidence};
   rules.chance_inlier =
       homography::chanceInlier(homography::coveredArea(pairs.target), options.max_error);
   rules.seed = options.seed;
-  const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
   problem.setPairs(normalised);
-  const bool found = search.run(rules, start ? &*start : nullptr, problem);
+  const auto start = initial ? normalised.fromPixels(*initial) : std::nullopt;
+  const bool found = search.run(rules, start, problem);
   result.iterations = search.iterations();
   result.stop = search.exhausted() ? ProsacStop::max_iterations : ProsacStop::maximality;
   return found;

@@ -21,6 +21,15 @@ inline double errorOf(const Eigen::Matrix3d& homography, const Eigen::Vector2d& 
 /// Four points of one image.
 using FourPoints = std::array<Eigen::Vector2d, 4>;
 
+/// The homography that maps four reference points to four target points, in closed form.
+/// Returns false, before solving, where it cannot be the view of a plane from one side: a triangle
+/// of three of the points is flat (doubled area below `min_area`: collinear or duplicate points) or
+/// has opposite orientations in the two images. On success H x has a positive third coordinate at
+/// the four points.
+bool solveFourPoints(const FourPoints& reference, const FourPoints& target,
+                     double min_reference_area, double min_target_area,
+                     Eigen::Matrix3d& homography);
+
 /// The mapped point.
 Eigen::Vector2d project(const Eigen::Matrix3d& homography, const Eigen::Vector2d& point);
 
@@ -65,5 +74,20 @@ CornerDeviation cornerDeviation(const Eigen::Matrix3d& homography,
 /// add. For the shared parts the deviations add: the same error twice has twice the deviation and
 /// four times the variance.
 UncertainHomography chained(const UncertainHomography& second, const UncertainHomography& first);
+
+/// Calls `visit` with the name of each number of an answer (UncertainHomography), and with the
+/// members of that name of `holders`: answers, messages, or none.
+template <typename Visit, typename... Holders>
+void visitNumbers(Visit visit, Holders&... holders) {
+  visit("plane_deviation", holders.plane_deviation...);
+}
+
+/// The same for all fields that messages and files have.
+template <typename Visit, typename... Holders>
+void visitAnswer(Visit visit, Holders&... holders) {
+  visit("homography", holders.homography...);
+  visit("covariance", holders.covariance...);
+  visitNumbers(visit, holders...);
+}
 
 }  // namespace ktgp_orb::homography

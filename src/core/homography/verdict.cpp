@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/homography/model.h"
+#include "core/homography/fit.h"
 #include "core/homography/transform.h"
 #include "core/util/constants.h"
 #include "core/util/divide.h"

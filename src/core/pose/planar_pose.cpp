@@ -10,9 +10,9 @@
 #include <string>
 #include <utility>
 
-#include "core/homography/shutter.h"
 #include "core/homography/transform.h"
 #include "core/util/camera_check.h"
+#include "core/util/constants.h"
 #include "core/util/small_matrix.h"
 
 namespace ktgp_orb {
@@ -257,7 +257,7 @@ UncertainHomography withUnknownShutter(const UncertainHomography& now,
                                        const UncertainHomography& before, double seconds,
                                        const cv::Size& reference_size, int rows) {
   // An image has been read when the next one begins.
-  const double deviation = std::min(homography::kUnknownReadout, seconds);
+  const double deviation = std::min(util::kUnknownReadout, seconds);
   const Vector8 change =
       entries(withoutShutter(now, before, seconds, deviation, reference_size, rows).homography) -
       entries(now.homography);

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 #include <optional>
 
 #include "core/two_view/solvers.h"
@@ -15,15 +17,26 @@ struct Cameras {
   Eigen::Matrix3d reference_inverse;
   Eigen::Matrix3d target_inverse;
 
-  Cameras(const Eigen::Matrix3d& of_reference, const Eigen::Matrix3d& of_target);
+  Cameras(const Eigen::Matrix3d& of_reference, const Eigen::Matrix3d& of_target)
+      : reference(of_reference),
+        target(of_target),
+        reference_inverse(of_reference.inverse()),
+        target_inverse(of_target.inverse()) {}
 
   /// Rays K^-1 x.
-  Eigen::Vector3d referenceRay(const Eigen::Vector2d& x) const;
-  Eigen::Vector3d targetRay(const Eigen::Vector2d& u) const;
-  /// K' R K^-1.
-  Eigen::Matrix3d homographyOf(const Eigen::Matrix3d& rotation) const;
-  /// K'^-T [t]x R K^-1.
-  Eigen::Matrix3d fundamentalOf(const RelativePose& motion) const;
+  Eigen::Vector3d referenceRay(const Eigen::Vector2d& x) const {
+    return reference_inverse * x.homogeneous();
+  }
+  Eigen::Vector3d targetRay(const Eigen::Vector2d& u) const {
+    return target_inverse * u.homogeneous();
+  }
+  Eigen::Matrix3d homographyOf(const Eigen::Matrix3d& rotation) const {
+    return target * rotation * reference_inverse;
+  }
+  Eigen::Matrix3d fundamentalOf(const RelativePose& motion) const {
+    return target_inverse.transpose() * crossed(motion.translation) * motion.rotation *
+           reference_inverse;
+  }
   /// Whether the point of a pair is in front of both cameras, or so far away that its rays are
   /// parallel within `max_error`, px.
   bool seeInFront(const RelativePose& motion, const Eigen::Vector2d& reference,

@@ -73,42 +73,16 @@ Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& m
 
 void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& order,
                          double max_error, const std::optional<Cameras>& cameras) {
-  auto reference = homography::Normalisation::of(pairs.reference);
-  auto target = homography::Normalisation::of(pairs.target);
-  scale_ = std::sqrt(reference.scale * target.scale);
-  reference.scale = target.scale = scale_;
-  limit_ = max_error * scale_;
+  const auto by_quality = [&order](std::size_t place) { return order[place]; };
+  NormalisedPairs::load(pairs.reference, pairs.target, by_quality, max_error, true);
   calibrated_ = cameras.has_value();
-  reference_from_pixel_ = reference.matrix();
-  target_from_pixel_ = target.matrix();
   reference_ray_ = target_ray_ = Eigen::Matrix3d::Identity();
   focal_ = 1.0;
   if (calibrated_) {
-    focal_ = scale_ * std::sqrt(cameras->target(0, 0) * cameras->target(1, 1));
-    reference_ray_ = (reference_from_pixel_ * cameras->reference).inverse();
-    target_ray_ = (target_from_pixel_ * cameras->target).inverse();
+    focal_ = scale() * std::sqrt(cameras->target(0, 0) * cameras->target(1, 1));
+    reference_ray_ = (reference.matrix() * cameras->reference).inverse();
+    target_ray_ = (target.matrix() * cameras->target).inverse();
   }
-  scoring.resize(pairs.size());
-  refinement.resize(pairs.size());
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const std::size_t index = order[i];
-    const Eigen::Vector2d x = reference.apply(pairs.reference[index]);
-    const Eigen::Vector2d u = target.apply(pairs.target[index]);
-    scoring.set(i, x, u);
-    refinement.set(i, x, u);
-  }
-}
-
-Eigen::Vector3d EpipolarPairs::referenceRay(std::size_t i) const {
-  return reference_ray_ * Eigen::Vector3d(refinement.x[i], refinement.y[i], 1.0);
-}
-
-Eigen::Vector3d EpipolarPairs::targetRay(std::size_t i) const {
-  return target_ray_ * Eigen::Vector3d(refinement.u[i], refinement.v[i], 1.0);
-}
-
-Eigen::Matrix3d EpipolarPairs::by_motion(const Eigen::Matrix3d& essential) const {
-  return target_ray_.transpose() * essential * reference_ray_;
 }
 
 Epipolar EpipolarPairs::fromMotion(const RelativePose& motion) const {
@@ -132,8 +106,7 @@ Epipolar EpipolarPairs::fromMatrix(const Eigen::Matrix3d& normalised) const {
 }
 
 Eigen::Matrix3d EpipolarPairs::inPixels(const Epipolar& geometry) const {
-  const Eigen::Matrix3d f =
-      target_from_pixel_.transpose() * geometry.matrix * reference_from_pixel_;
+  const Eigen::Matrix3d f = target.matrix().transpose() * geometry.matrix * reference.matrix();
   return f / f.norm();
 }
 
@@ -174,19 +147,19 @@ Epipolar EpipolarPairs::moved(const Epipolar& g, const Step& step) const {
   return result;
 }
 
-std::size_t findInliers(const EpipolarPairs& pairs, const Eigen::Matrix3d& matrix, double limit,
-                        std::vector<std::uint8_t>& inlier) {
-  const Eigen::Matrix3f f = matrix.cast<float>();
-  return pairs.scoring.markNear(
-      limit, [&](std::size_t first) { return squaredErrors(pairs.scoring, f, first); }, inlier);
+std::size_t EpipolarProblem::findNear(const Epipolar& model, double limit,
+                                      std::vector<std::uint8_t>& near) const {
+  const Points& points = pairs_->scoring;
+  const Eigen::Matrix3f f = model.matrix.cast<float>();
+  return points.markNear(
+      limit, [&](std::size_t first) { return squaredErrors(points, f, first); }, near);
 }
 
-template <std::size_t Sample>
-float EpipolarProblem<Sample>::cost(const Epipolar& model, float give_up) const {
+float EpipolarProblem::cost(const Epipolar& model, float give_up) const {
   constexpr std::size_t kBlock = 8 * Points::kLanes;  // pairs between two checks of the sum
   const Points& points = pairs_->scoring;
   const Eigen::Matrix3f f = model.matrix.cast<float>();
-  const auto limit2 = static_cast<float>(pairs_->limit() * pairs_->limit());
+  const auto limit2 = static_cast<float>(pairs_->limit * pairs_->limit);
   float cost = 0.0F;
   for (std::size_t start = 0; start < points.size; start += kBlock) {
     Points::Lanes sum = Points::Lanes::Zero();
@@ -208,17 +181,16 @@ float EpipolarProblem<Sample>::cost(const Epipolar& model, float give_up) const 
 /// Chirality chooses the motion, and rejects solutions whose points are not in front of the
 /// cameras; without cameras, all epipolar lines must have the same orientation (Chum, Werner &
 /// Matas, ICPR 2004).
-template <std::size_t Sample>
-void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
+void EpipolarProblem::solve(const prosac::ProsacSample& sample) {
   models_.clear();
-  Eigen::Matrix<double, 3, int(Sample)> reference;
-  Eigen::Matrix<double, 3, int(Sample)> target;
-  for (std::size_t i = 0; i < Sample; ++i) {
+  Eigen::Matrix<double, 3, 7> reference;
+  Eigen::Matrix<double, 3, 7> target;
+  for (std::size_t i = 0; i < sample.size(); ++i) {
     reference.col(static_cast<Eigen::Index>(i)) = pairs_->referenceRay(sample[i]);
     target.col(static_cast<Eigen::Index>(i)) = pairs_->targetRay(sample[i]);
   }
-  if constexpr (Sample == 5) {
-    solveFivePoints(reference, target, solutions_);
+  if (pairs_->calibrated()) {
+    solveFivePoints(reference.leftCols<5>(), target.leftCols<5>(), solutions_);
     for (const Eigen::Matrix3d& essential : solutions_) {
       for (const RelativePose& motion : motionsOf(essential)) {
         int front = 0;
@@ -226,46 +198,41 @@ void EpipolarProblem<Sample>::solve(const prosac::ProsacSample& sample) {
         if (front == 5) models_.push_back(pairs_->fromMotion(motion));
       }
     }
-  } else {
-    solveSevenPoints(reference, target, solutions_);
-    for (const Eigen::Matrix3d& fundamental : solutions_) {
-      const Epipolar model = pairs_->fromMatrix(fundamental);
-      const Eigen::Vector3d epipole = model.u.col(2);
-      int positive = 0;
-      for (int k = 0; k < 7; ++k) {
-        positive += epipole.cross(target.col(k)).dot(model.matrix * reference.col(k)) > 0.0;
-      }
-      if (positive == 0 || positive == 7) models_.push_back(model);
+    return;
+  }
+  solveSevenPoints(reference, target, solutions_);
+  for (const Eigen::Matrix3d& fundamental : solutions_) {
+    const Epipolar model = pairs_->fromMatrix(fundamental);
+    const Eigen::Vector3d epipole = model.u.col(2);
+    int positive = 0;
+    for (int k = 0; k < 7; ++k) {
+      positive += epipole.cross(target.col(k)).dot(model.matrix * reference.col(k)) > 0.0;
     }
+    if (positive == 0 || positive == 7) models_.push_back(model);
   }
 }
 
-template class EpipolarProblem<5>;
-template class EpipolarProblem<7>;
-
 /// Wrong pairs on an epipolar line by chance have large parallax, and so much influence; half of
 /// them are behind a camera. So are far ones whose rays are parallel within the errors; these stay.
-bool EpipolarFit::isBehind(const EpipolarPairs& pairs, const RelativePose& motion, std::size_t i) {
-  const Eigen::Vector3d q = pairs.referenceRay(i);
-  const Eigen::Vector3d u = pairs.targetRay(i);
+bool EpipolarProblem::isBehind(const RelativePose& motion, std::size_t i) const {
+  const Eigen::Vector3d q = pairs_->referenceRay(i);
+  const Eigen::Vector3d u = pairs_->targetRay(i);
   if (inFront(motion, q, u)) return false;
   const Eigen::Vector2d at = (motion.rotation * q).hnormalized();
-  return (at - u.hnormalized()).norm() * pairs.focal() > kFarLimits * pairs.limit();
+  return (at - u.hnormalized()).norm() * pairs_->focal() > kFarLimits * pairs_->limit;
 }
 
-std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geometry, double reach,
-                                std::size_t most) {
-  findInliers(pairs, geometry.matrix, reach, near_);
-  const PointArrays<double>& from = pairs.refinement;
+std::size_t EpipolarProblem::select(const Epipolar& geometry, double reach, std::size_t most) {
+  findNear(geometry, reach, near_);
   std::size_t n = 0;
-  selected_.resize(std::min(pairs.size(), most));
-  for (std::size_t i = 0; i < pairs.size() && n < most; ++i) {
+  selected_.resize(std::min(size(), most));
+  for (std::size_t i = 0; i < size() && n < most; ++i) {
     if (near_[i] == 0) continue;
-    if (pairs.calibrated() && isBehind(pairs, geometry.motion, i)) {
+    if (pairs_->calibrated() && isBehind(geometry.motion, i)) {
       near_[i] = 0;
       continue;
     }
-    selected_.set(n++, from, i);
+    selected_.set(n++, pairs_->refinement, i);
   }
   selected_.size = n;
   for (std::vector<double>* array : {&error_, &weight_, &former_weight_}) array->resize(n);
@@ -274,7 +241,7 @@ std::size_t EpipolarFit::select(const EpipolarPairs& pairs, const Epipolar& geom
 
 /// Fills error_, weight_ and `sums` in one pass, with the current scale. The derivative of the
 /// Sampson distance by F is (x' x^T - q (a x^T + x' b^T)) / n with q = C / n².
-void EpipolarFit::reweight(const Epipolar& geometry, Sums& sums) {
+void EpipolarProblem::reweight(const Epipolar& geometry, Sums& sums) {
   const Eigen::Matrix3d& f = geometry.matrix;
   const double scale2 = scale_ * scale_;
   sums = {};
@@ -320,8 +287,10 @@ void EpipolarFit::reweight(const Epipolar& geometry, Sums& sums) {
 
 /// Maximum likelihood of the scale for given errors, by expectation maximisation; fitting made the
 /// errors smaller.
-void EpipolarFit::estimateScale(double freedom) {
+void EpipolarProblem::estimateScale() {
   constexpr int kRounds = 2;
+  constexpr double kLeast = 1e-9;  // normalised units
+  const auto freedom = static_cast<double>(pairs_->freedom());
   const auto n = static_cast<double>(selected_.size);
   const double fitted = n / std::max(n - freedom, 1.0);
   for (int round = 0; round < kRounds; ++round) {
@@ -335,11 +304,12 @@ void EpipolarFit::estimateScale(double freedom) {
     }
     scale_ = std::sqrt(fitted * cost / weights);
   }
+  scale_ = std::max(scale_, kLeast);
 }
 
-bool EpipolarFit::findStep(const EpipolarPairs& pairs, const Epipolar& geometry, const Sums& sums,
-                           double damping, EpipolarPairs::Step& step) const {
-  const EpipolarPairs::Tangent tangent = pairs.tangent(geometry);
+bool EpipolarProblem::findStep(const Epipolar& geometry, const Sums& sums, double damping,
+                               EpipolarPairs::Step& step) const {
+  const EpipolarPairs::Tangent tangent = pairs_->tangent(geometry);
   Information information = tangent.transpose() * sums.squares * tangent;
   information.diagonal() *= 1.0 + damping;
   const Eigen::LDLT<Information> ldlt(information);
@@ -350,32 +320,29 @@ bool EpipolarFit::findStep(const EpipolarPairs& pairs, const Epipolar& geometry,
   return step.allFinite() && step.head<3>().norm() < 1.0 && step.tail<2>().norm() < 2.0;
 }
 
-bool EpipolarFit::step(const EpipolarPairs& pairs, double reach, double scale, std::size_t fewest,
-                       std::size_t most, Epipolar& geometry) {
-  if (select(pairs, geometry, reach, most) <= fewest) return false;
-  scale_ = scale;
+bool EpipolarProblem::refine(double widening, Epipolar& model) {
+  constexpr std::size_t kEnough = 200;  // best pairs
+  constexpr double kScales = 3.0;       // of the errors within the limit
+  const double reach = widening * pairs_->limit;
+  if (select(model, reach, kEnough) <= sampleSize()) return false;
+  scale_ = reach / kScales;
   std::fill(weight_.begin(), weight_.end(), 0.0);
   Sums sums;
-  reweight(geometry, sums);
+  reweight(model, sums);
   EpipolarPairs::Step step;
-  if (!findStep(pairs, geometry, sums, 0.0, step)) return false;
-  geometry = pairs.moved(geometry, step);
+  if (!findStep(model, sums, 0.0, step)) return false;
+  model = pairs_->moved(model, step);
   return true;
 }
 
-bool EpipolarFit::minimise(const EpipolarPairs& pairs, Epipolar& geometry) {
+bool EpipolarProblem::minimise(Epipolar& geometry) {
   constexpr double kReach = 2.0;  // limits
   constexpr int kMaxRounds = 6;
   constexpr int kMaxSteps = 20;
-  constexpr double kConverged = 1e-7;   // rad
-  constexpr double kLeastScale = 1e-9;  // normalised units
-  scale_ = pairs.limit() / kReach;
-  const auto freedom = static_cast<double>(pairs.freedom());
+  constexpr double kConverged = 1e-7;  // rad
+  scale_ = pairs_->limit / kReach;
   for (int round = 0; round < kMaxRounds; ++round) {
-    if (select(pairs, geometry, kReach * pairs.limit(), pairs.size()) <=
-        static_cast<std::size_t>(pairs.freedom())) {
-      return false;
-    }
+    if (select(geometry, kReach * pairs_->limit, size()) <= sampleSize()) return false;
     if (round > 0 && near_ == used_) break;
     std::swap(near_, used_);
     std::fill(weight_.begin(), weight_.end(), 0.0);
@@ -383,16 +350,15 @@ bool EpipolarFit::minimise(const EpipolarPairs& pairs, Epipolar& geometry) {
     double damping = 0.0;
     for (int i = 0; i < kMaxSteps; ++i) {
       EpipolarPairs::Step step;
-      if (!findStep(pairs, geometry, sums_, damping, step)) {
+      if (!findStep(geometry, sums_, damping, step)) {
         if (damping > 1e3) return false;
         damping = std::max(10.0 * damping, 1e-4);
         continue;
       }
-      const Epipolar candidate = pairs.moved(geometry, step);
+      const Epipolar candidate = pairs_->moved(geometry, step);
       const double cost = sums_.cost;
       Sums sums;
-      estimateScale(freedom);
-      scale_ = std::max(scale_, kLeastScale);
+      estimateScale();
       reweight(candidate, sums);
       if (sums.former_cost <= cost) {
         geometry = candidate;
@@ -408,18 +374,10 @@ bool EpipolarFit::minimise(const EpipolarPairs& pairs, Epipolar& geometry) {
   return true;
 }
 
-EpipolarFit::Information EpipolarFit::covariance(const EpipolarPairs& pairs,
-                                                 const Epipolar& geometry, double cell,
-                                                 double shared) {
-  constexpr int kColumns = 64;  // the last ones hold whatever is farther
-  cells_.assign(kColumns * kColumns, Vector9::Zero());
-  const double left =
-      *std::min_element(selected_.x.begin(), selected_.x.begin() + std::ptrdiff_t(selected_.size));
-  const double top =
-      *std::min_element(selected_.y.begin(), selected_.y.begin() + std::ptrdiff_t(selected_.size));
-  const auto number = [cell](double length) {
-    return static_cast<int>(std::min(length / cell, kColumns - 1.0));
-  };
+EpipolarProblem::Information EpipolarProblem::covariance(const Epipolar& geometry, double cell,
+                                                         double shared) {
+  selected_.findCells(cell, cell_);
+  cells_.assign(PointArrays<double>::kCells, Vector9::Zero());
   Eigen::Matrix<double, 9, 6> by_shared = Eigen::Matrix<double, 9, 6>::Zero();
   for (std::size_t i = 0; i < selected_.size; ++i) {
     const Eigen::Vector3d x(selected_.x[i], selected_.y[i], 1.0);
@@ -434,15 +392,15 @@ EpipolarFit::Information EpipolarFit::covariance(const EpipolarPairs& pairs,
     change << s.a0 * Eigen::Vector3d(u.z(), u.x(), u.y()),
         s.a1 * Eigen::Vector3d(u.z(), u.x(), u.y());
     by_shared += (weight_[i] * inverse * inverse * entries) * change.transpose();
-    Vector9& sum = cells_[std::size_t(kColumns * number(x.y() - top) + number(x.x() - left))];
-    sum += pull * entries;
+    cells_[cell_[i]] += pull * entries;
   }
   // Pairs alone: as if their errors were independent and alike.
   double pull2 = 0.0;
   for (std::size_t i = 0; i < selected_.size; ++i) {
     pull2 += weight_[i] * weight_[i] * error_[i] * error_[i];
   }
-  const auto freedom = static_cast<double>(pairs.freedom());
+  const auto p = pairs_->freedom();
+  const auto freedom = static_cast<double>(p);
   const auto n = static_cast<double>(selected_.size);
   Matrix9 clustered = Matrix9::Zero();
   double clusters = 0.0;
@@ -451,11 +409,10 @@ EpipolarFit::Information EpipolarFit::covariance(const EpipolarPairs& pairs,
     clustered.noalias() += sum * sum.transpose();
     clusters += 1.0;
   }
-  const EpipolarPairs::Tangent tangent = pairs.tangent(geometry);
+  const EpipolarPairs::Tangent tangent = pairs_->tangent(geometry);
   const Information information =
       tangent.transpose() * sums_.squares * tangent * (sums_.derivative / sums_.weight);
   const Eigen::LDLT<Information> ldlt(information);
-  const auto p = pairs.freedom();
   if (ldlt.info() != Eigen::Success || !ldlt.isPositive() || !(sums_.derivative > 0.0)) {
     return Information::Constant(p, p, std::numeric_limits<double>::infinity());
   }

@@ -51,7 +51,6 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
       derivative[d - 1][i] = static_cast<double>(i + 1) * derivative[d][i + 1];
     }
   }
-  std::array<double, Degree> found{};
   std::size_t count = 0;
   for (std::size_t degree = 1; degree <= Degree; ++degree) {
     const double small = degree < Degree ? 1e-4 : 1e-8;
@@ -61,7 +60,7 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
     double low = -1.0;
     double at_low = valueAt(c, degree, low);
     for (std::size_t i = 0; i <= count; ++i) {
-      const double high = i < count ? found[i] : 1.0;
+      const double high = i < count ? roots[i] : 1.0;
       const double at_high = valueAt(c, degree, high);
       if ((at_low > 0.0) != (at_high > 0.0)) {
         next[next_count++] = rootBetween(c, degree, low, high, at_low, small);
@@ -69,10 +68,9 @@ std::size_t rootsInUnit(const std::array<double, Degree + 1>& coefficients,
       low = high;
       at_low = at_high;
     }
-    found = next;
+    roots = next;
     count = next_count;
   }
-  roots = found;
   return count;
 }
 
@@ -233,20 +231,21 @@ Eigen::Matrix<double, 9, 9 - Pairs> openSpace(const Eigen::Matrix<double, 3, Pai
 }  // namespace
 
 template <std::size_t Degree>
-RealRoots<Degree>::RealRoots(const std::array<double, Degree + 1>& coefficients) {
-  count = rootsInUnit<Degree>(coefficients, root);
+std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
+                      std::array<double, Degree>& roots) {
+  std::size_t count = rootsInUnit<Degree>(coefficients, roots);
   // Roots beyond 1 are the inverses of those of the reversed polynomial.
   std::array<double, Degree + 1> reversed = coefficients;
   std::reverse(reversed.begin(), reversed.end());
   std::array<double, Degree> inverse{};
   const std::size_t outside = rootsInUnit<Degree>(reversed, inverse);
   for (std::size_t i = 0; i < outside && count < Degree; ++i) {
-    if (std::abs(inverse[i]) < 1.0 && inverse[i] != 0.0) root[count++] = 1.0 / inverse[i];
+    if (std::abs(inverse[i]) < 1.0 && inverse[i] != 0.0) roots[count++] = 1.0 / inverse[i];
   }
+  return count;
 }
 
-template struct RealRoots<3>;
-template struct RealRoots<10>;
+template std::size_t realRoots<3>(const std::array<double, 4>&, std::array<double, 3>&);
 
 void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
                      const Eigen::Matrix<double, 3, 5>& target,
@@ -260,9 +259,10 @@ void solveFivePoints(const Eigen::Matrix<double, 3, 5>& reference,
   if (!solved.allFinite()) return;
   const Eigen::Matrix<double, 6, 10> last = solved.bottomRows<6>();
   const MatrixB b = {rowOfB(last, 0), rowOfB(last, 2), rowOfB(last, 4)};
-  const RealRoots<10> roots(determinantOf(b));
-  for (std::size_t i = 0; i < roots.count; ++i) {
-    const double z = roots.root[i];
+  std::array<double, 10> roots;
+  const std::size_t count = realRoots<10>(determinantOf(b), roots);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double z = roots[i];
     const Eigen::Vector3d xy = nullOf(b, z);
     const Eigen::Vector4d weights(xy.x(), xy.y(), z * xy.z(), xy.z());
     Eigen::Matrix3d e = matrixOf(null * weights);
@@ -284,9 +284,11 @@ void solveSevenPoints(const Eigen::Matrix<double, 3, 7>& reference,
            once.col(1).dot(twice.col(2).cross(twice.col(0))) +
            once.col(2).dot(twice.col(0).cross(twice.col(1)));
   };
-  const RealRoots<3> roots({a.determinant(), mixed(b, a), mixed(a, b), b.determinant()});
-  for (std::size_t i = 0; i < roots.count; ++i) {
-    const Eigen::Matrix3d f = a + roots.root[i] * b;
+  std::array<double, 3> roots;
+  const std::size_t count =
+      realRoots<3>({a.determinant(), mixed(b, a), mixed(a, b), b.determinant()}, roots);
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Matrix3d f = a + roots[i] * b;
     solutions.push_back(f / f.norm());
   }
 }

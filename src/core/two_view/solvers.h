@@ -9,15 +9,11 @@
 
 namespace ktgp_orb::two_view {
 
-/// Real roots of sum of coefficients[i] z^i, at most Degree of them, ascending within |z| <= 1 and
-/// then the others.
+/// Real roots of sum of coefficients[i] z^i, ascending within |z| <= 1 and then the others. Returns
+/// their number, at most Degree.
 template <std::size_t Degree>
-struct RealRoots {
-  std::array<double, Degree> root{};
-  std::size_t count = 0;
-
-  explicit RealRoots(const std::array<double, Degree + 1>& coefficients);
-};
+std::size_t realRoots(const std::array<double, Degree + 1>& coefficients,
+                      std::array<double, Degree>& roots);
 
 /// Up to ten essential matrices E with q'^T E q = 0 for five pairs, by Nister's solver (PAMI 2004).
 /// Points are columns q = K^-1 x. Each solution has Frobenius norm sqrt(2).

@@ -87,7 +87,7 @@ double Support::logFalseAlarms(const std::vector<double>& chance, std::size_t sa
   return least;
 }
 
-double Support::logParallax(const std::vector<Parallax>& pairs) {
+double Support::logParallax(const std::vector<Displacement>& pairs) {
   clear();
   double sum = 0.0;
   double squares = 0.0;

@@ -2,11 +2,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::two_view {
+
+/// Squared distances of a pair from where a homography maps it, and from its epipolar line, px².
+using Displacement = std::pair<double, double>;
 
 /// The number of false alarms of any model (homography::FalseAlarms), with repeated keypoints
 /// counted once. Keeps its buffers.
@@ -20,17 +24,12 @@ class Support {
   /// agree at all. `sample`: pairs that determine a model; `models`: most models of a sample.
   double logFalseAlarms(const std::vector<double>& chance, std::size_t sample, double models);
 
-  /// How far a pair is from where a homography maps it, and from its epipolar line, px².
-  struct Parallax {
-    double error2 = 0.0;
-    double across2 = 0.0;
-  };
   /// log10 of a bound for the number of false alarms of an epipole that two of n pairs determine; 0
   /// at most. Errors in random directions are as long along the line as across it: the sum T of
   /// error² - 2 across² over the other pairs has the mean 0, and is T or more with a chance below
   /// exp(-T² / sum of error⁴), since the mean of exp(s cos a) over all a is below exp(s² / 4).
   /// Pairs with an error of 0 do not count.
-  double logParallax(const std::vector<Parallax>& pairs);
+  double logParallax(const std::vector<Displacement>& pairs);
 
  private:
   void clear();

@@ -13,8 +13,7 @@
 #include "core/prosac/prosac.h"
 #include "core/two_view/cameras.h"
 #include "core/two_view/epipolar.h"
-#include "core/two_view/plane_motion.h"
-#include "core/two_view/rotation.h"
+#include "core/two_view/motions.h"
 #include "core/two_view/support.h"
 #include "core/util/constants.h"
 #include "core/util/names.h"
@@ -27,6 +26,7 @@ namespace {
 using two_view::Cameras;
 using two_view::distanceToLine;
 using two_view::Epipolar;
+using two_view::EpipolarProblem;
 using two_view::kSampsonShare;
 using two_view::sampson;
 using util::kPi;
@@ -60,10 +60,6 @@ struct TwoViewEstimator::Impl {
 
   bool findEpipolar(const TwoViewInput& input, TwoView& result);
   bool startElsewhere();
-  template <std::size_t Sample>
-  bool search(two_view::EpipolarProblem<Sample>& problem,
-              prosac::ProsacSearch<two_view::EpipolarProblem<Sample>>& prosac_search,
-              const Epipolar* initial, TwoView& result);
   void judgeHomography(const PointPairs& pairs);
   void judgeEpipolar(const PointPairs& pairs, const TwoViewInput& input);
   void setPlane(const PointPairs& pairs, TwoView& result);
@@ -80,22 +76,20 @@ struct TwoViewEstimator::Impl {
   double log_plane = 0.0;     // of the homography
   double log_rotation = 0.0;  // of the rotation
   double log_epipolar = 0.0;
-  two_view::UncertainRotation rotation;
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Matrix3d rotation_covariance = Eigen::Matrix3d::Zero();
   std::optional<Cameras> cameras;
   prosac::QualityOrder order;
   two_view::EpipolarPairs normalised;
-  two_view::EpipolarProblem<5> five;
-  two_view::EpipolarProblem<7> seven;
-  prosac::ProsacSearch<two_view::EpipolarProblem<5>> five_search;
-  prosac::ProsacSearch<two_view::EpipolarProblem<7>> seven_search;
-  two_view::EpipolarFit fit;
+  EpipolarProblem problem;
+  prosac::ProsacSearch<EpipolarProblem> search;
+  EpipolarProblem fit;  // of the answer; startElsewhere() leaves it as it is
   Epipolar epipolar;
   two_view::Support support;
   std::vector<double> chance;  // of each pair; more than 1: it does not agree
-  std::vector<two_view::Support::Parallax> displaced;
+  std::vector<two_view::Displacement> displaced;
   std::vector<double> angles;
   double target_area = 0.0;
-  double chance_inlier = 0.0;
 };
 
 void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInput& input,
@@ -138,42 +132,26 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   }
 }
 
-template <std::size_t Sample>
-bool TwoViewEstimator::Impl::search(
-    two_view::EpipolarProblem<Sample>& problem,
-    prosac::ProsacSearch<two_view::EpipolarProblem<Sample>>& prosac_search, const Epipolar* initial,
-    TwoView& result) {
-  prosac::ProsacRules rules;
-  rules.max_iterations = options.max_iterations;
-  rules.confidence = options.confidence;
-  rules.chance_inlier = chance_inlier;
-  // With little parallax, wrong motions agree with most pairs, and so with all of the best ones.
-  constexpr int kFewest = 40;
-  rules.min_iterations = kFewest;
-  rules.seed = options.seed;
-  problem.setPairs(normalised);
-  const bool found = prosac_search.run(rules, initial, problem);
-  result.iterations = prosac_search.iterations();
-  if (found) epipolar = prosac_search.best();
-  return found;
-}
-
 bool TwoViewEstimator::Impl::findEpipolar(const TwoViewInput& input, TwoView& result) {
+  prosac::ProsacRules rules{options.max_iterations, options.confidence};
   // A strip of the limit on both sides of a line, in a square of the covered area.
   const double width = 2.0 * std::sqrt(2.0) * kSampsonShare * options.max_error;
-  chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
-  bool found = false;
-  if (cameras) {
-    std::optional<Epipolar> initial;
-    if (input.prediction && input.prediction->translation.norm() > 0.5) {
-      initial = normalised.fromMotion({input.prediction->rotation, input.prediction->translation});
-    }
-    found = search<5>(five, five_search, initial ? &*initial : nullptr, result);
-  } else {
-    found = search<7>(seven, seven_search, nullptr, result);
+  rules.chance_inlier = std::clamp(width / std::sqrt(std::max(target_area, 1.0)), 0.2, 0.5);
+  // With little parallax, wrong motions agree with most pairs, and so with all of the best ones.
+  rules.min_iterations = 40;
+  rules.seed = options.seed;
+  std::optional<Epipolar> initial;
+  if (cameras && input.prediction && input.prediction->translation.norm() > 0.5) {
+    initial = normalised.fromMotion(*input.prediction);
   }
-  if (!found || !fit.minimise(normalised, epipolar)) return false;
-  return !cameras || !startElsewhere() || fit.minimise(normalised, epipolar);
+  problem.setPairs(normalised);
+  const bool found = search.run(rules, initial, problem);
+  result.iterations = search.iterations();
+  if (!found) return false;
+  epipolar = search.best();
+  fit.setPairs(normalised);
+  if (!fit.minimise(epipolar)) return false;
+  return !cameras || !startElsewhere() || fit.minimise(epipolar);
 }
 
 /// With little parallax, a wrong direction of the translation agrees with most pairs once the turn
@@ -184,15 +162,15 @@ bool TwoViewEstimator::Impl::startElsewhere() {
   static const Eigen::Vector3d kDirections[] = {{0, 0, 1},  {1, 0, 0}, {0, 1, 0}, {1, 0, 1},
                                                 {-1, 0, 1}, {0, 1, 1}, {0, -1, 1}};
   const Eigen::Matrix3d turn = two_view::turnOf(normalised);
-  float least = five.cost(epipolar, std::numeric_limits<float>::infinity());
+  float least = problem.cost(epipolar, std::numeric_limits<float>::infinity());
   bool is_better = false;
   for (const Eigen::Vector3d& direction : kDirections) {
     RelativePose motion{turn, direction.normalized()};
     if (!two_view::isForward(normalised, motion)) motion.translation *= -1.0;
     Epipolar start = normalised.fromMotion(motion);
-    for (int step = 0; step < kSteps && five.refine(1.0, start); ++step) {
+    for (int step = 0; step < kSteps && problem.refine(1.0, start); ++step) {
     }
-    const float cost = five.cost(start, least);
+    const float cost = problem.cost(start, least);
     if (!(cost < least)) continue;
     least = cost;
     epipolar = start;
@@ -217,8 +195,8 @@ void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs) {
   };
   log_plane = judge(plane.answer.homography, 4);
   if (cameras && two_view::fitRotation(pairs, *cameras, plane.answer.homography, plane.inliers,
-                                       options.max_error, rotation)) {
-    log_rotation = judge(cameras->homographyOf(rotation.rotation), 2);
+                                       options.max_error, rotation, rotation_covariance)) {
+    log_rotation = judge(cameras->homographyOf(rotation), 2);
   }
 }
 
@@ -248,8 +226,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   // Parallax: of errors from the homography in random directions, how many would be as near to the
   // epipolar line? The homography is given, so that two pairs determine the rest, the epipole.
   const bool turned = cameras && log_rotation <= log_plane;
-  const Eigen::Matrix3d h =
-      turned ? cameras->homographyOf(rotation.rotation) : plane.answer.homography;
+  const Eigen::Matrix3d h = turned ? cameras->homographyOf(rotation) : plane.answer.homography;
   // On a near plane many pairs have a little parallax. Wrong pairs are farther away.
   constexpr double kNear = 2.0;  // times the limit
   displaced.assign(pairs.size(), {});
@@ -274,12 +251,12 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
 void TwoViewEstimator::Impl::setRotation(const PointPairs& pairs, TwoView& result) {
   result.status = Status::ok;
   result.geometry = Geometry::rotation;
-  result.homography = cameras->homographyOf(rotation.rotation);
+  result.homography = cameras->homographyOf(rotation);
   homography::scaleLastToOne(result.homography);
   two_view::label(pairs, cameras, options.max_error, result);
-  result.pose.rotation = rotation.rotation;
+  result.pose.rotation = rotation;
   result.pose_covariance.setZero();
-  result.pose_covariance.bottomRightCorner<3, 3>() = rotation.covariance;
+  result.pose_covariance.bottomRightCorner<3, 3>() = rotation_covariance;
   result.parallax = 0.0;
 }
 
@@ -303,8 +280,7 @@ bool TwoViewEstimator::Impl::setEpipolar(const PointPairs& pairs, const TwoViewI
   const auto corners = homography::imageCorners(input.reference_size, pairs.reference);
   const double cell =
       (corners[2] - corners[0]).norm() * normalised.scale() / homography::kCellsAlongDiagonal;
-  const auto covariance =
-      fit.covariance(normalised, epipolar, cell, options.shared_error * normalised.scale());
+  const auto covariance = fit.covariance(epipolar, cell, options.shared_error * normalised.scale());
   if (!covariance.allFinite()) return false;
   if (cameras) {
     if (covariance.topLeftCorner<3, 3>().trace() > kMostTurn * kMostTurn ||

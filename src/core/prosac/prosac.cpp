@@ -1,4 +1,4 @@
-#include "core/prosac/sampling.h"
+#include "core/prosac/prosac.h"
 
 #include <algorithm>
 #include <array>
