@@ -67,15 +67,6 @@ auto attempt(const Read& read, std::string& why) -> decltype(read()) {
 
 }  // namespace
 
-GroundMotionConfig groundMotionDefaults() {
-  GroundMotionConfig config;
-#define KTGP_ROW(name, value, ...) config.name = value;
-#include "parameters/each_row.def"
-#include "parameters/ground_motion.def"
-#include "parameters/table_end.def"
-  return config;
-}
-
 void GroundReadings::add(const sensor_msgs::Range& range) {
   keep(range, ranges_);
 }
@@ -400,23 +391,6 @@ std::string shutterReport(const GroundEstimate& estimate) {
   if (!(estimate.readout_time > kCertain * estimate.readout_deviation)) return "";
   return util::format("the shutter rolls: about %.1f ms from the first row to the last",
                       1e3 * estimate.readout_time);
-}
-
-GroundMotionConfig usable(GroundMotionConfig config) {
-  requireReadoutTime(config.readout_time);
-  for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
-    *frame = withoutSlash(*frame);
-  }
-  if (config.odom_frame.empty() || config.odom_frame == config.base_frame) {
-    throw std::invalid_argument(
-        "odom_frame is " + (config.odom_frame.empty() ? std::string("empty") : config.odom_frame) +
-        "; expected a frame other than base_frame");
-  }
-  return config;
-}
-
-std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
-  return config.base_frame.empty() ? withoutSlash(image.frame_id) + "_level" : config.base_frame;
 }
 
 }  // namespace ktgp_orb

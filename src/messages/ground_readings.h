@@ -1,6 +1,5 @@
 #pragma once
 
-#include <ktgp_orb/GroundMotionConfig.h>
 #include <ktgp_orb/HomographyStamped.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Imu.h>
@@ -13,12 +12,9 @@
 
 #include "ktgp_orb/ground_motion.h"
 #include "messages/camera.h"
+#include "messages/configuration.h"
 
 namespace ktgp_orb {
-
-/// The documented defaults. GroundMotionConfig::__getDefault__ has the same, but needs roscpp,
-/// which takes time to load.
-GroundMotionConfig groundMotionDefaults();
 
 /// Collects what the ground motion needs beside the homography, from messages and tf, and knows
 /// why something is missing. An instance belongs to one thread at a time.
@@ -103,10 +99,4 @@ class GroundReadings {
 
 /// What the pictures show of a rolling shutter; empty: nothing that is certain.
 std::string shutterReport(const GroundEstimate& estimate);
-/// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
-/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
-GroundMotionConfig usable(GroundMotionConfig config);
-/// The base frame of the messages: `base_frame`, or that of the camera.
-std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
-
 }  // namespace ktgp_orb
