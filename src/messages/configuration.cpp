@@ -1,5 +1,8 @@
 #include "messages/configuration.h"
 
+#include <stdexcept>
+
+#include "core/util/frame_name.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
@@ -7,6 +10,7 @@ namespace {
 
 using util::GreyStretch;
 using util::requireInRange;
+using util::withoutSlash;
 
 GreyStretch stretchFrom(const Parameters& parameters) {
   return parameters.stretch == "percentile" ? GreyStretch::percentile : GreyStretch::range;
@@ -43,6 +47,32 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   options.orb.threads = options.matcher.knn.threads = 1;
   const SequenceMatcher checked(options);
   return c;
+}
+
+GroundMotionConfig groundMotionDefaults() {
+  GroundMotionConfig config;
+#define KTGP_ROW(name, value, ...) config.name = value;
+#include "parameters/each_row.def"
+#include "parameters/ground_motion.def"
+#include "parameters/table_end.def"
+  return config;
+}
+
+GroundMotionConfig usable(GroundMotionConfig config) {
+  requireReadoutTime(config.readout_time);
+  for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
+    *frame = withoutSlash(*frame);
+  }
+  if (config.odom_frame.empty() || config.odom_frame == config.base_frame) {
+    throw std::invalid_argument(
+        "odom_frame is " + (config.odom_frame.empty() ? std::string("empty") : config.odom_frame) +
+        "; expected a frame other than base_frame");
+  }
+  return config;
+}
+
+std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
+  return config.base_frame.empty() ? withoutSlash(image.frame_id) + "_level" : config.base_frame;
 }
 
 }  // namespace ktgp_orb

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <ktgp_orb/GroundMotionConfig.h>
 #include <ktgp_orb/KtgpConfig.h>
 #include <sensor_msgs/Image.h>
+#include <std_msgs/Header.h>
 
 #include <boost/shared_ptr.hpp>
 #include <cstdint>
@@ -40,5 +42,15 @@ Parameters parametersFrom(const KtgpConfig& config);
 /// masks, the lens. Throws std::invalid_argument for values out of their limits, including NaN.
 Configuration configurationFrom(const Parameters& parameters, std::uint32_t number);
 Configuration configurationFrom(const KtgpConfig& config, std::uint32_t number);
+
+/// The documented defaults. GroundMotionConfig::__getDefault__ has the same, but needs roscpp,
+/// which takes time to load.
+GroundMotionConfig groundMotionDefaults();
+
+/// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
+/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
+GroundMotionConfig usable(GroundMotionConfig config);
+/// The base frame of the messages: `base_frame`, or that of the camera.
+std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
 
 }  // namespace ktgp_orb

@@ -19,25 +19,14 @@ namespace ktgp_orb {
 namespace {
 
 constexpr double kDegree = util::kPi / 180.0;
-constexpr std::size_t kKept = 1000;  // messages
 using util::withoutSlash;
-using RowMajor6 = Eigen::Matrix<double, 6, 6, Eigen::RowMajor>;
-
-template <typename Message>
-const Message* nearest(const std::deque<Message>& messages, const ros::Time& stamp) {
-  const auto found =
-      std::min_element(messages.begin(), messages.end(), [&](const auto& a, const auto& b) {
-        return std::abs((a.header.stamp - stamp).toSec()) <
-               std::abs((b.header.stamp - stamp).toSec());
-      });
-  return found == messages.end() ? nullptr : &*found;
-}
 
 /// In the order of their stamps, which may jitter. One that goes back farther means a looped bag,
 /// or a clock that was set.
 template <typename Message>
 void keep(const Message& message, std::deque<Message>& messages) {
-  constexpr double kWentBack = 1.0;  // s
+  constexpr std::size_t kKept = 1000;  // messages
+  constexpr double kWentBack = 1.0;    // s
   const ros::Time& stamp = message.header.stamp;
   if (!messages.empty() && (messages.back().header.stamp - stamp).toSec() > kWentBack) {
     messages.clear();
@@ -45,10 +34,6 @@ void keep(const Message& message, std::deque<Message>& messages) {
   const auto is_later = [&](const Message& other) { return other.header.stamp > stamp; };
   messages.insert(std::find_if_not(messages.rbegin(), messages.rend(), is_later).base(), message);
   if (messages.size() > kKept) messages.pop_front();
-}
-
-bool isFinite(const geometry_msgs::Vector3& v) {
-  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
 
 Eigen::Vector3d vector(const geometry_msgs::Vector3& v) {
@@ -68,33 +53,19 @@ double deviationOf(const Covariance& covariance, std::size_t axes, double usual)
   return largest > 0.0 ? std::sqrt(largest) : usual;
 }
 
-/// Why the range of a message is none.
-std::string whyNone(const sensor_msgs::Range& range) {
-  const double value = range.range;
-  if (std::isfinite(value) && value > 0.0 && value >= range.min_range && value <= range.max_range) {
-    return "";
+/// What `read` returns; nothing, and why, where it throws std::invalid_argument.
+template <typename Read>
+auto attempt(const Read& read, std::string& why) -> decltype(read()) {
+  why.clear();
+  try {
+    return read();
+  } catch (const std::invalid_argument& error) {
+    why = error.what();
+    return std::nullopt;
   }
-  return "is " + std::to_string(value) + " m; expected a number above 0 within its limits, " +
-         std::to_string(range.min_range) + " to " + std::to_string(range.max_range) + " m";
 }
 
 }  // namespace
-
-void GroundReadings::configure(const GroundMotionConfig& config, const std::string& range_topic,
-                               const std::string& imu_topic) {
-  config_ = config;
-  range_topic_ = range_topic;
-  imu_topic_ = imu_topic;
-}
-
-GroundMotionConfig groundMotionDefaults() {
-  GroundMotionConfig config;
-#define KTGP_ROW(name, value, ...) config.name = value;
-#include "parameters/each_row.def"
-#include "parameters/ground_motion.def"
-#include "parameters/table_end.def"
-  return config;
-}
 
 void GroundReadings::add(const sensor_msgs::Range& range) {
   keep(range, ranges_);
@@ -126,8 +97,8 @@ std::string GroundReadings::normalSource() const {
          (config_.base_frame.empty() ? "the camera, its optical axis" : config_.base_frame) + turn;
 }
 
-std::optional<Pose3> GroundReadings::transform(const std::string& target, const std::string& source,
-                                               const ros::Time& time, std::string& problem) const {
+Pose3 GroundReadings::transform(const std::string& target, const std::string& source,
+                                const ros::Time& time) const {
   if (withoutSlash(target) == withoutSlash(source)) return Pose3::Identity();
   try {
     const auto found =
@@ -140,8 +111,7 @@ std::optional<Pose3> GroundReadings::transform(const std::string& target, const 
     pose.translation() = vector(found.translation);
     return pose;
   } catch (const tf2::TransformException& error) {
-    problem = std::string("tf: ") + error.what();
-    return std::nullopt;
+    throw std::invalid_argument(std::string("tf: ") + error.what());
   }
 }
 
@@ -154,16 +124,17 @@ GroundMotionOptions GroundReadings::optionsFor(const std_msgs::Header& image) co
                                 ", the frame of the camera; expected another one");
   }
   if (config_.height_source == "parameter") options.scale_deviation = config_.height_deviation;
-  std::string problem;
   if (config_.base_frame.empty()) {
     // The base is level where the camera looks straight down.
     options.camera_to_base.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();
     return options;
   }
-  const auto found = transform(config_.base_frame, image.frame_id, image.stamp, problem);
-  if (!found)
-    throw std::invalid_argument("where the camera is in base_frame is not known: " + problem);
-  options.camera_to_base = *found;
+  try {
+    options.camera_to_base = transform(config_.base_frame, image.frame_id, image.stamp);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(std::string("where the camera is in base_frame is not known: ") +
+                                error.what());
+  }
   return options;
 }
 
@@ -183,14 +154,11 @@ GroundFrame GroundReadings::frameOf(const HomographyStamped& h, const cv::Size& 
     frame.size = size;
     frame.answer = answerOf(h);
   }
-  no_height_.clear();
-  no_normal_.clear();
-  no_turn_.clear();
   range_stamp_ = {};
-  frame.height = height(h.header);
-  frame.down = down(h.header);
+  frame.height = attempt([&] { return height(h.header); }, no_height_);
+  frame.down = attempt([&] { return down(h.header); }, no_normal_);
   dropSidewaysBeam(frame);
-  frame.turn = turn(h.header);
+  frame.turn = attempt([&] { return turn(h.header); }, no_turn_);
   last_image_ = h.header.stamp;
   return frame;
 }
@@ -230,11 +198,10 @@ std::string GroundReadings::turnTrouble(const GroundEstimate& estimate) const {
 }
 
 std::string GroundReadings::notUsed(const GroundEstimate& estimate) const {
-  if (const std::string height = heightTrouble(estimate); !height.empty())
-    return "height: " + height;
-  if (const std::string normal = normalTrouble(estimate); !normal.empty())
-    return "normal: " + normal;
-  return turnTrouble(estimate);
+  const std::string height = heightTrouble(estimate);
+  if (!height.empty()) return "height: " + height;
+  const std::string normal = normalTrouble(estimate);
+  return normal.empty() ? turnTrouble(estimate) : "normal: " + normal;
 }
 
 GroundEstimate GroundReadings::withPatience(GroundEstimate estimate) {
@@ -296,53 +263,53 @@ std::optional<HeightReading> GroundReadings::height(const std_msgs::Header& imag
   HeightReading reading;
   reading.metres = config_.height;
   if (config_.height_source == "tf_height") {
-    const auto found = transform(config_.ground_frame, image.frame_id, image.stamp, no_height_);
-    if (!found) return std::nullopt;
-    reading.metres = found->translation().z();
+    reading.metres = transform(config_.ground_frame, image.frame_id, image.stamp).translation().z();
   }
   reading.deviation = config_.height_deviation * std::abs(reading.metres);
-  no_height_ = whyUnusable(reading);
-  if (no_height_.empty()) return reading;
-  no_height_ = "the height of " + heightSource() + " " + no_height_;
-  return std::nullopt;
+  const std::string why = whyUnusable(reading);
+  if (why.empty()) return reading;
+  throw std::invalid_argument("the height of " + heightSource() + " " + why);
 }
 
-std::string GroundReadings::tooFar(const std::string& what, double age) const {
-  return util::format(
-      "the nearest %s is %.3f s away from the image; expected at most max_age, %.3f s",
-      what.c_str(), std::abs(age), config_.max_age);
+template <typename Message>
+const Message& GroundReadings::nearest(const std::deque<Message>& messages, const std::string& what,
+                                       const ros::Time& image) const {
+  const auto found =
+      std::min_element(messages.begin(), messages.end(), [&](const auto& a, const auto& b) {
+        return std::abs((a.header.stamp - image).toSec()) <
+               std::abs((b.header.stamp - image).toSec());
+      });
+  if (found == messages.end()) throw std::invalid_argument("no " + what);
+  const double age = std::abs((image - found->header.stamp).toSec());
+  if (age <= config_.max_age) return *found;
+  throw std::invalid_argument(
+      util::format("the nearest %s is %.3f s away from the image; expected at most max_age, %.3f s",
+                   what.c_str(), age, config_.max_age));
 }
 
 std::optional<HeightReading> GroundReadings::heightOfRange(const std_msgs::Header& image) {
-  const sensor_msgs::Range* range = nearest(ranges_, image.stamp);
-  if (range == nullptr) {
-    no_height_ = "no range on " + range_topic_;
-    return std::nullopt;
+  const sensor_msgs::Range& range = nearest(ranges_, "range on " + range_topic_, image.stamp);
+  const double value = range.range;
+  if (!(std::isfinite(value) && value > 0.0 && value >= range.min_range &&
+        value <= range.max_range)) {
+    throw std::invalid_argument("the range on " + range_topic_ + " is " + std::to_string(value) +
+                                " m; expected a number above 0 within its limits, " +
+                                std::to_string(range.min_range) + " to " +
+                                std::to_string(range.max_range) + " m");
   }
+  if (range.header.stamp == used_range_) return std::nullopt;  // each reading counts once
   HeightReading reading;
-  reading.age = (image.stamp - range->header.stamp).toSec();
-  if (std::abs(reading.age) > config_.max_age) {
-    no_height_ = tooFar("range on " + range_topic_, reading.age);
-    return std::nullopt;
-  }
-  no_height_ = whyNone(*range);
-  if (!no_height_.empty()) {
-    no_height_ = "the range on " + range_topic_ + " " + no_height_;
-    return std::nullopt;
-  }
-  if (range->header.stamp == used_range_) return std::nullopt;  // each reading counts once
-  reading.metres = range->range;
+  reading.age = (image.stamp - range.header.stamp).toSec();
+  reading.metres = value;
   reading.deviation = config_.height_deviation * reading.metres;
   reading.beam_direction = Eigen::Vector3d::UnitZ();
-  if (withoutSlash(range->header.frame_id) != withoutSlash(image.frame_id)) {
-    const auto found =
-        transform(image.frame_id, range->header.frame_id, range->header.stamp, no_height_);
-    if (!found) return std::nullopt;
-    reading.beam_origin = found->translation();
-    reading.beam_direction = found->linear().col(0);  // a range sensor looks along its x axis
+  if (withoutSlash(range.header.frame_id) != withoutSlash(image.frame_id)) {
+    const Pose3 found = transform(image.frame_id, range.header.frame_id, range.header.stamp);
+    reading.beam_origin = found.translation();
+    reading.beam_direction = found.linear().col(0);  // a range sensor looks along its x axis
   }
-  range_stamp_ = range->header.stamp;
-  range_frame_ = range->header.frame_id;
+  range_stamp_ = range.header.stamp;
+  range_frame_ = range.header.frame_id;
   return reading;
 }
 
@@ -353,43 +320,32 @@ std::optional<DownReading> GroundReadings::down(const std_msgs::Header& image) {
   reading.deviation = kNormalDeviation;
   const bool of_tf = config_.normal_source == "tf_normal";
   if (!of_tf && config_.base_frame.empty()) return reading;  // the optical axis
-  const auto found = transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id,
-                               image.stamp, no_normal_);
-  if (!found) return std::nullopt;
-  reading.direction = -found->linear().row(2).transpose();
+  const Pose3 found =
+      transform(of_tf ? config_.ground_frame : config_.base_frame, image.frame_id, image.stamp);
+  reading.direction = -found.linear().row(2).transpose();
   return reading;
 }
 
-std::optional<DownReading> GroundReadings::downOfImu(const std_msgs::Header& image) {
-  const sensor_msgs::Imu* imu = nearest(imus_, image.stamp);
-  if (imu == nullptr) {
-    no_normal_ = "no Imu on " + imu_topic_;
-    return std::nullopt;
+DownReading GroundReadings::downOfImu(const std_msgs::Header& image) const {
+  const sensor_msgs::Imu& imu = nearest(imus_, "Imu on " + imu_topic_, image.stamp);
+  const double age = (image.stamp - imu.header.stamp).toSec();
+  const Eigen::Quaterniond turn(imu.orientation.w, imu.orientation.x, imu.orientation.y,
+                                imu.orientation.z);
+  if (imu.orientation_covariance[0] < 0.0 || !(std::abs(turn.norm() - 1.0) < 0.01)) {
+    throw std::invalid_argument("the Imu on " + imu_topic_ +
+                                " has no orientation; expected a quaternion of length 1 and "
+                                "orientation_covariance[0] other than -1");
   }
-  const double age = (image.stamp - imu->header.stamp).toSec();
-  if (std::abs(age) > config_.max_age) {
-    no_normal_ = tooFar("Imu on " + imu_topic_, age);
-    return std::nullopt;
-  }
-  const Eigen::Quaterniond turn(imu->orientation.w, imu->orientation.x, imu->orientation.y,
-                                imu->orientation.z);
-  if (imu->orientation_covariance[0] < 0.0 || !(std::abs(turn.norm() - 1.0) < 0.01)) {
-    no_normal_ = "the Imu on " + imu_topic_ +
-                 " has no orientation; expected a quaternion of length 1 and "
-                 "orientation_covariance[0] other than -1";
-    return std::nullopt;
-  }
-  const auto found = transform(image.frame_id, imu->header.frame_id, image.stamp, no_normal_);
-  if (!found) return std::nullopt;
+  const Pose3 found = transform(image.frame_id, imu.header.frame_id, image.stamp);
   DownReading reading;
-  reading.deviation = deviationOf(imu->orientation_covariance, 2, kNormalDeviation);
+  reading.deviation = deviationOf(imu.orientation_covariance, 2, kNormalDeviation);
   Eigen::Vector3d down = -turn.normalized().toRotationMatrix().row(2).transpose();
   const bool has_rate =
-      imu->angular_velocity_covariance[0] >= 0.0 && isFinite(imu->angular_velocity);
-  if (has_rate) down -= age * vector(imu->angular_velocity).cross(down);
+      imu.angular_velocity_covariance[0] >= 0.0 && vector(imu.angular_velocity).allFinite();
+  if (has_rate) down -= age * vector(imu.angular_velocity).cross(down);
   reading.of_imu = true;
   reading.age = has_rate ? 0.0 : age;
-  reading.direction = (found->linear() * down).normalized();
+  reading.direction = (found.linear() * down).normalized();
   return reading;
 }
 
@@ -409,7 +365,7 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
             " begins with -1, so it has no angular velocity";
       continue;
     }
-    if (!isFinite(imu.angular_velocity)) {
+    if (!vector(imu.angular_velocity).allFinite()) {
       why = "the angular velocity on " + imu_topic_ + " has a number that is not finite";
       continue;
     }
@@ -419,17 +375,12 @@ std::optional<TurnReading> GroundReadings::turn(const std_msgs::Header& image) {
     deviation = deviationOf(imu.angular_velocity_covariance, 3, kGyroDeviation);
     frame = imu.header.frame_id;
   }
-  if (count == 0.0) {
-    no_turn_ = why;
-    return std::nullopt;
-  }
-  const auto found = transform(image.frame_id, frame, image.stamp, no_turn_);
-  if (!found) return std::nullopt;
+  if (count == 0.0) throw std::invalid_argument(why);
+  const Pose3 found = transform(image.frame_id, frame, image.stamp);
   const double length = (image.stamp - last_image_).toSec();
-  const Eigen::Vector3d angles = found->linear() * (length / count * sum);
+  const Eigen::Vector3d angles = found.linear() * (length / count * sum);
   TurnReading reading;
-  const double angle = angles.norm();
-  if (angle > 0.0) reading.rotation = Eigen::AngleAxisd(angle, angles / angle).toRotationMatrix();
+  reading.rotation = motion::rotationAbout(angles);
   reading.deviation = deviation * length;
   reading.age = ages / count - 0.5 * length;
   return reading;
@@ -440,55 +391,6 @@ std::string shutterReport(const GroundEstimate& estimate) {
   if (!(estimate.readout_time > kCertain * estimate.readout_deviation)) return "";
   return util::format("the shutter rolls: about %.1f ms from the first row to the last",
                       1e3 * estimate.readout_time);
-}
-
-GroundMotionConfig usable(GroundMotionConfig config) {
-  requireReadoutTime(config.readout_time);
-  for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
-    *frame = withoutSlash(*frame);
-  }
-  if (config.odom_frame.empty() || config.odom_frame == config.base_frame) {
-    throw std::invalid_argument(
-        "odom_frame is " + (config.odom_frame.empty() ? std::string("empty") : config.odom_frame) +
-        "; expected a frame other than base_frame");
-  }
-  return config;
-}
-
-std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
-  return config.base_frame.empty() ? withoutSlash(image.frame_id) + "_level" : config.base_frame;
-}
-
-nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
-                              const GroundMotionConfig& config) {
-  nav_msgs::Odometry message;
-  message.header = image;
-  message.header.frame_id = config.odom_frame;
-  message.child_frame_id = baseFrame(image, config);
-  message.pose = toMessage(estimate.base_to_odometry, estimate.pose_covariance);
-  if (estimate.hasTwist()) {
-    message.twist = twistOf(estimate, image, config).twist;
-  } else {
-    message.twist.covariance.fill(0.0);
-    for (std::size_t i = 0; i < 6; ++i) message.twist.covariance[7 * i] = 1e6;  // not known
-  }
-  return message;
-}
-
-geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate,
-                                                  const std_msgs::Header& image,
-                                                  const GroundMotionConfig& config) {
-  geometry_msgs::TwistWithCovarianceStamped message;
-  message.header = image;
-  message.header.frame_id = baseFrame(image, config);
-  message.twist.twist.linear.x = estimate.twist(0);
-  message.twist.twist.linear.y = estimate.twist(1);
-  message.twist.twist.linear.z = estimate.twist(2);
-  message.twist.twist.angular.x = estimate.twist(3);
-  message.twist.twist.angular.y = estimate.twist(4);
-  message.twist.twist.angular.z = estimate.twist(5);
-  Eigen::Map<RowMajor6>(message.twist.covariance.data()) = estimate.twist_covariance;
-  return message;
 }
 
 }  // namespace ktgp_orb

@@ -1,9 +1,6 @@
 #pragma once
 
-#include <geometry_msgs/TwistWithCovarianceStamped.h>
-#include <ktgp_orb/GroundMotionConfig.h>
 #include <ktgp_orb/HomographyStamped.h>
-#include <nav_msgs/Odometry.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/Range.h>
@@ -15,12 +12,9 @@
 
 #include "ktgp_orb/ground_motion.h"
 #include "messages/camera.h"
+#include "messages/configuration.h"
 
 namespace ktgp_orb {
-
-/// The documented defaults. GroundMotionConfig::__getDefault__ has the same, but needs roscpp,
-/// which takes time to load.
-GroundMotionConfig groundMotionDefaults();
 
 /// Collects what the ground motion needs beside the homography, from messages and tf, and knows
 /// why something is missing. An instance belongs to one thread at a time.
@@ -31,7 +25,11 @@ class GroundReadings {
 
   /// `range_topic`, `imu_topic`: their names in explanations.
   void configure(const GroundMotionConfig& config, const std::string& range_topic,
-                 const std::string& imu_topic);
+                 const std::string& imu_topic) {
+    config_ = config;
+    range_topic_ = range_topic;
+    imu_topic_ = imu_topic;
+  }
   void add(const sensor_msgs::Range& range);
   void add(const sensor_msgs::Imu& imu);
 
@@ -55,9 +53,6 @@ class GroundReadings {
   GroundEstimate withPatience(GroundEstimate estimate);
   /// Why the newest frame has no motion; empty: it has.
   std::string problemOf(const GroundEstimate& estimate) const;
-  /// Why the newest frame has no height and no normal that count.
-  std::string heightTrouble(const GroundEstimate& estimate) const;
-  std::string normalTrouble(const GroundEstimate& estimate) const;
   /// Which reading of the newest frame is missing or contradicts, so that it hardly counts, and
   /// what that most likely is; empty: none.
   std::string notUsed(const GroundEstimate& estimate) const;
@@ -66,16 +61,24 @@ class GroundReadings {
   std::string normalSource() const;
 
  private:
+  // The readings for an image; empty: none is wanted now. Throw std::invalid_argument with the
+  // reason why one is missing.
   std::optional<HeightReading> height(const std_msgs::Header& image);
-  std::string tooFar(const std::string& what, double age) const;
+  /// To the time of an image. Throws std::invalid_argument where there is none within max_age.
+  template <typename Message>
+  const Message& nearest(const std::deque<Message>& messages, const std::string& what,
+                         const ros::Time& image) const;
   std::optional<HeightReading> heightOfRange(const std_msgs::Header& image);
   void dropSidewaysBeam(GroundFrame& frame);
+  // Why the newest frame has no reading that counts.
+  std::string heightTrouble(const GroundEstimate& estimate) const;
+  std::string normalTrouble(const GroundEstimate& estimate) const;
   std::string turnTrouble(const GroundEstimate& estimate) const;
   std::optional<DownReading> down(const std_msgs::Header& image);
-  std::optional<DownReading> downOfImu(const std_msgs::Header& image);
+  DownReading downOfImu(const std_msgs::Header& image) const;
   std::optional<TurnReading> turn(const std_msgs::Header& image);
-  std::optional<Pose3> transform(const std::string& target, const std::string& source,
-                                 const ros::Time& time, std::string& problem) const;
+  Pose3 transform(const std::string& target, const std::string& source,
+                  const ros::Time& time) const;
 
   const tf2::BufferCore& tf_;
   GroundMotionConfig config_;
@@ -96,16 +99,4 @@ class GroundReadings {
 
 /// What the pictures show of a rolling shutter; empty: nothing that is certain.
 std::string shutterReport(const GroundEstimate& estimate);
-/// The estimate as messages; only where hasPose() and hasTwist().
-nav_msgs::Odometry odometryOf(const GroundEstimate& estimate, const std_msgs::Header& image,
-                              const GroundMotionConfig& config);
-geometry_msgs::TwistWithCovarianceStamped twistOf(const GroundEstimate& estimate,
-                                                  const std_msgs::Header& image,
-                                                  const GroundMotionConfig& config);
-/// The frames without a leading slash, which tf2 does not know. Throws std::invalid_argument for an
-/// odom_frame that tf could not place above the base, and for a readout_time without a meaning.
-GroundMotionConfig usable(GroundMotionConfig config);
-/// The base frame of the messages: `base_frame`, or that of the camera.
-std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config);
-
 }  // namespace ktgp_orb

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <cv_bridge/cv_bridge.h>
 #include <sensor_msgs/CompressedImage.h>
 #include <sensor_msgs/Image.h>
 
+#include <Eigen/Core>
 #include <memory>
 #include <opencv2/core.hpp>
 #include <stdexcept>
@@ -37,6 +39,17 @@ cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message,
 /// fits.
 cv::Mat greyImage(const sensor_msgs::ImageConstPtr& message, util::GreyStretch stretch,
                   cv::Mat& buffer);
+
+/// The image in its own encoding, but Bayer and YUV converted to bgr8, so that it can be warped.
+/// Throws RefusedImage as greyImage does.
+cv_bridge::CvImageConstPtr warpableImage(const sensor_msgs::ImageConstPtr& message);
+
+/// The image as CV_8UC3 (BGR), or CV_8UC1 for grey images; 16-bit grey is stretched. Valid while
+/// `message` lives. Throws RefusedImage as greyImage does.
+cv::Mat colourImage(const sensor_msgs::ImageConstPtr& message);
+
+/// The image after a stabilizer's `warp`, of the same size; where it ends, its border goes on.
+cv::Mat warped(const cv::Mat& image, const Eigen::Matrix3d& warp);
 
 /// The decoded image with the header of the message: mono8, mono16, bgr8, bgra8, bgr16, bgra16, or
 /// the Bayer pattern that begins the message's format. Null for data that is no image.

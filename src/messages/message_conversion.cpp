@@ -12,7 +12,7 @@
 #include "core/util/names.h"
 #include "ktgp_orb/evaluation.h"
 #include "messages/answer_message.h"
-#include "messages/colour_image.h"
+#include "messages/image_conversion.h"
 
 namespace ktgp_orb {
 namespace {

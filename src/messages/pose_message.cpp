@@ -39,6 +39,18 @@ geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6
   return message;
 }
 
+geometry_msgs::TwistWithCovariance toMessage(const Twist6& twist, const Covariance6& covariance) {
+  geometry_msgs::TwistWithCovariance message;
+  message.twist.linear.x = twist(0);
+  message.twist.linear.y = twist(1);
+  message.twist.linear.z = twist(2);
+  message.twist.angular.x = twist(3);
+  message.twist.angular.y = twist(4);
+  message.twist.angular.z = twist(5);
+  Eigen::Map<RowMajor6>(message.covariance.data()) = covariance;
+  return message;
+}
+
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,
                                             const std::string& child,
                                             const geometry_msgs::Pose& pose) {

@@ -3,16 +3,18 @@
 #include <geometry_msgs/Pose.h>
 #include <geometry_msgs/PoseWithCovariance.h>
 #include <geometry_msgs/TransformStamped.h>
+#include <geometry_msgs/TwistWithCovariance.h>
 #include <std_msgs/Header.h>
 
 #include <string>
 
-#include "ktgp_orb/planar_pose.h"
+#include "ktgp_orb/ground_motion.h"
 
 namespace ktgp_orb {
 
-/// Poses as messages, and back.
+/// Poses and velocities as messages, and back.
 geometry_msgs::PoseWithCovariance toMessage(const Pose3& pose, const Covariance6& covariance);
+geometry_msgs::TwistWithCovariance toMessage(const Twist6& twist, const Covariance6& covariance);
 
 /// For tf: the frame of the header -> `child`.
 geometry_msgs::TransformStamped transformOf(const std_msgs::Header& header,

@@ -43,10 +43,6 @@ constexpr double kCoveredBeforeGap = 0.9;
 // a patio.
 constexpr double kParallax = 0.5;
 
-void requireValid(const MosaicOptions& options) {
-  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
-}
-
 std::size_t tilesFor(const MosaicOptions& options) {
   constexpr double kTile = TileMap::kTileSize * TileMap::kTileSize;
   return static_cast<std::size_t>(std::max(1.0, 1e6 * options.max_megapixels / kTile));
@@ -55,11 +51,6 @@ std::size_t tilesFor(const MosaicOptions& options) {
 OrbOptions withImages(OrbOptions orb, bool alignment) {
   orb.images = alignment ? ImageKeeping::copy : ImageKeeping::none;
   return orb;
-}
-
-/// Enough for a map without gaps, and a limit when the camera stays over the same place.
-std::size_t keyframesFor(const MosaicOptions& options, const cv::Size& size) {
-  return static_cast<std::size_t>(1e6 * options.max_megapixels / (0.3 * size.area())) + 1;
 }
 
 Eigen::Matrix3d normalised(const Eigen::Matrix3d& h) {
@@ -117,14 +108,11 @@ struct Mosaic::Impl {
   cv::Mat colour;
   cv::Mat exposed;  // colour with the brightness of the map
 
-  struct Placed {
-    std::int64_t stamp = 0;
-    Eigen::Matrix3d from_map = Eigen::Matrix3d::Identity();
-  };
-  std::optional<Placed> last;                           // the last frame with a known position
-  std::optional<Features> last_features;                // its own, unless it is a keyframe
-  std::optional<Eigen::Vector2d> velocity;              // of its middle, px of the map a ns
-  std::optional<Eigen::Matrix3d> pose;                  // of the last placed frame
+  std::optional<Eigen::Matrix3d> last;      // map -> the last frame with a known position
+  std::int64_t last_stamp = 0;              // of that
+  std::optional<Features> last_features;    // its own, unless it is a keyframe
+  std::optional<Eigen::Vector2d> velocity;  // of its middle, px of the map a ns
+  std::optional<Eigen::Matrix3d> pose;      // of the last placed frame
   Eigen::Matrix3d drawn = Eigen::Matrix3d::Identity();  // of the last drawn frame
   std::int64_t first_stamp = 0;
   std::int64_t lost_since = 0;
@@ -149,9 +137,7 @@ struct Mosaic::Impl {
   void draw() {
     drawn = *pose;
     const Eigen::Matrix3d to_map = normalised(pose->inverse());
-    if (options.gain) {
-      colour.convertTo(exposed, CV_8UC3, tiles.gain(colour, to_map));
-    }
+    if (options.gain) colour.convertTo(exposed, CV_8UC3, tiles.gain(colour, to_map));
     is_full = !tiles.draw(options.gain ? exposed : colour, to_map) || is_full;
   }
 
@@ -162,7 +148,9 @@ struct Mosaic::Impl {
   }
 
   bool hasRoom() const {
-    return options.keyframes && !is_full && keyframes.size() < keyframesFor(options, size);
+    // Enough for a map without gaps, and a limit when the camera stays over the same place.
+    const double most = 1e6 * options.max_megapixels / (0.3 * size.area());
+    return options.keyframes && !is_full && keyframes.size() < static_cast<std::size_t>(most) + 1;
   }
 
   bool hasMoved() const {
@@ -177,11 +165,10 @@ struct Mosaic::Impl {
   /// The map -> frame homography along the path from the last placed frame.
   std::optional<Eigen::Matrix3d> chained(std::int64_t stamp) const {
     if (!last) return std::nullopt;
-    const auto step = path.between(last->stamp, stamp);
+    const auto step = path.between(last_stamp, stamp);
     if (!step) return std::nullopt;
-    const Eigen::Matrix3d from_map = normalised(*step * last->from_map);
-    if (!isDrawable(size, from_map)) return std::nullopt;
-    return from_map;
+    const Eigen::Matrix3d from_map = normalised(*step * *last);
+    return isDrawable(size, from_map) ? std::optional(from_map) : std::nullopt;
   }
 
   /// The middle of the frame in the map.
@@ -192,7 +179,7 @@ struct Mosaic::Impl {
 
   bool isPredictable(std::int64_t stamp) const {
     constexpr std::int64_t kPredictable = 100'000'000;  // ns: 3 m/s^2 move a camera by 15 mm
-    return velocity && stamp - last->stamp < kPredictable;
+    return velocity && stamp - last_stamp < kPredictable;
   }
 
   /// Whether the pose may be that of a place that looks the same, on ground that repeats: more than
@@ -207,9 +194,9 @@ struct Mosaic::Impl {
       return (in_frame(place) - middle()).norm();
     };
     const bool is_predictable = isPredictable(stamp);
-    const Eigen::Vector2d before = middleInMap(last->from_map);
+    const Eigen::Vector2d before = middleInMap(*last);
     Eigen::Vector2d predicted = before;
-    if (is_predictable) predicted += static_cast<double>(stamp - last->stamp) * *velocity;
+    if (is_predictable) predicted += static_cast<double>(stamp - last_stamp) * *velocity;
     constexpr double kNoSurprise = 4.0;  // px: half of the shortest period in a frame of 200 px
     if (is_predictable && surprise(predicted) < kNoSurprise) return false;
     const double half_period = 0.5 * metrics::shortestPeriod(grey);
@@ -222,11 +209,12 @@ struct Mosaic::Impl {
   void settle(std::int64_t stamp, const Eigen::Matrix3d& from_map) {
     pose = normalised(from_map);
     velocity.reset();
-    if (last && stamp > last->stamp) {
-      velocity = (middleInMap(*pose) - middleInMap(last->from_map)) /
-                 static_cast<double>(stamp - last->stamp);
+    if (last && stamp > last_stamp) {
+      velocity =
+          (middleInMap(*pose) - middleInMap(*last)) / static_cast<double>(stamp - last_stamp);
     }
-    last = Placed{stamp, *pose};
+    last = pose;
+    last_stamp = stamp;
     last_features.reset();
     lost_frames = 0;
   }
@@ -249,15 +237,15 @@ struct Mosaic::Impl {
     if (is_ambiguous) return lose(stamp, {});
     // What comes after a gap overlaps most with what came before it.
     if (!expected && last_features && hasRoom() &&
-        keyframes.coverage(size, last->from_map) < kCoveredBeforeGap) {
-      keyframes.add(std::move(*last_features), last->from_map);
+        keyframes.coverage(size, *last) < kCoveredBeforeGap) {
+      keyframes.add(std::move(*last_features), *last);
       last_features.reset();
     }
     Features features;
     std::optional<Eigen::Matrix3d> found;
     if (options.keyframes) {
       features = find();
-      found = keyframes.locate(features, expected.value_or(last->from_map), expected.has_value());
+      found = keyframes.locate(features, expected.value_or(*last), expected.has_value());
     }
     if (found && !isDrawable(size, *found)) found.reset();
     if (!found) found = expected;
@@ -276,7 +264,7 @@ struct Mosaic::Impl {
 };
 
 Mosaic::Mosaic(const MosaicOptions& options) {
-  requireValid(options);
+  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
   impl_ = std::make_unique<Impl>(options);
 }
 
@@ -289,7 +277,7 @@ const MosaicOptions& Mosaic::options() const {
 }
 
 void Mosaic::setOptions(const MosaicOptions& options) {
-  requireValid(options);
+  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
   impl_->extractor = OrbExtractor(withImages(options.orb, options.matcher.alignment.enabled));
   impl_->keyframes.setOptions(options.matcher);
   impl_->tiles.setMaxTiles(tilesFor(options));

@@ -23,6 +23,14 @@ Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation) {
   return turn.angle() * turn.axis();
 }
 
+Eigen::Matrix3d aboutUp(double yaw) {
+  return rotationAbout(yaw * Eigen::Vector3d::UnitZ());
+}
+
+double yawOf(const Eigen::Matrix3d& rotation) {
+  return std::atan2(rotation(1, 0), rotation(0, 0));
+}
+
 Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to) {
   const Eigen::Vector3d axis = from.cross(to);
   const double sine = axis.norm();

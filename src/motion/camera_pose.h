@@ -20,6 +20,9 @@ Eigen::Matrix3d cross(const Eigen::Vector3d& v);
 /// The rotation about a vector by its length, and the vector of a rotation.
 Eigen::Matrix3d rotationAbout(const Eigen::Vector3d& turn);
 Eigen::Vector3d turnOf(const Eigen::Matrix3d& rotation);
+/// The rotation about z by `yaw`, and the yaw of a rotation.
+Eigen::Matrix3d aboutUp(double yaw);
+double yawOf(const Eigen::Matrix3d& rotation);
 /// The smallest rotation that turns `from` to `to`; both have length 1.
 Eigen::Matrix3d rotationBetween(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 

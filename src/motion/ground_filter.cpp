@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/util/constants.h"
+
 namespace ktgp_orb::motion {
 
 using util::inverseOf;
@@ -36,8 +38,10 @@ std::optional<CameraPose> fitted(const Eigen::Matrix3d& seen, const SmallMatrix&
 
 }  // namespace
 
-void GroundFilter::setReadout(double seconds, double deviation) {
-  readout_ = seconds;
+void GroundFilter::setReadout(double seconds) {
+  constexpr double kShare = 0.1;  // of what was given
+  readout_ = std::max(seconds, 0.0);
+  const double deviation = seconds < 0.0 ? util::kUnknownReadout : kShare * readout_;
   covariance_.row(kReadout).setZero();
   covariance_.col(kReadout).setZero();
   covariance_(kReadout, kReadout) = deviation * deviation;
@@ -58,7 +62,7 @@ void GroundFilter::start(const CameraPose& pose, const Matrix6& covariance) {
 /// Puts the frame below the newest pose: the errors of x, y and yaw of the pose become its errors.
 /// What belongs to the map and to the pose before is lost.
 void GroundFilter::moveFrame() {
-  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * Eigen::Vector3d(now_.position.x(), now_.position.y(), 0.0);
   const Eigen::RowVector3d up = now_.axes.row(2);
   StateCovariance slope = StateCovariance::Zero();
@@ -74,15 +78,71 @@ void GroundFilter::moveFrame() {
   now_.position.head<2>().setZero();
 }
 
+void GroundFilter::predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
+                           const GroundMotionOptions& options) {
+  const CameraPose last = pose();
+  const Eigen::Matrix3d turn = rotationAbout(seconds * twist.tail<3>());
+  const CameraPose next{last.axes * turn, last.position + seconds * (last.axes * twist.head<3>())};
+  Matrix6 by_pose = Matrix6::Identity();
+  by_pose.bottomRightCorner<3, 3>() = turn.transpose();
+  Matrix6 by_twist = seconds * Matrix6::Identity();
+  by_twist.topLeftCorner<3, 3>() *= last.axes;
+  Matrix6 predicted = propagated(by_pose, covariance()) + propagated(by_twist, twist_covariance);
+  const double half_square = 0.5 * seconds * seconds;
+  predicted.diagonal().head<3>().array() += std::pow(half_square * options.acceleration, 2);
+  predicted.diagonal().tail<3>().array() += std::pow(half_square * options.turn_acceleration, 2);
+  start(next, predicted);
+}
+
+void GroundFilter::moveBase(const Pose3& base, const Covariance6& covariance_of_base,
+                            const Pose3& base_to_camera) {
+  const CameraPose last = pose();
+  CameraPose moved = last;
+  const double yaw_now = yawOf(moved.axes * base_to_camera.linear());
+  moved.axes = aboutUp(yawOf(base.linear()) - yaw_now) * moved.axes;
+  const Eigen::Vector3d lever = moved.axes * base_to_camera.translation();
+  moved.position.head<2>() = (base.translation() - lever).head<2>();
+  Matrix6 to_axes_of_ground = Matrix6::Identity();
+  to_axes_of_ground.bottomRightCorner<3, 3>() = last.axes;
+  Matrix6 both = propagated(to_axes_of_ground, covariance());
+  for (const int i : {0, 1, 5}) {
+    both.row(i).setZero();
+    both.col(i).setZero();
+  }
+  for (const int i : {0, 1, 5}) {
+    for (const int j : {0, 1, 5}) both(i, j) = covariance_of_base(i, j);
+  }
+  to_axes_of_ground.bottomRightCorner<3, 3>() = moved.axes;
+  start(moved, propagated(to_axes_of_ground.transpose(), both));
+}
+
 CameraPose GroundFilter::pose() const {
-  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   CameraPose pose{turn * now_.axes, turn * now_.position};
   pose.position.head<2>() += frame_position_;
   return pose;
 }
 
+void GroundFilter::report(const Eigen::Vector3d& origin, const GroundMotionOptions& options,
+                          GroundEstimate& estimate) const {
+  const CameraPose camera = pose();
+  const Eigen::Matrix3d& axes = camera.axes;
+  const Pose3 base_to_camera = options.camera_to_base.inverse();
+  const Eigen::Vector3d lever = base_to_camera.translation();
+  estimate.height = camera.position.z();
+  estimate.base_to_odometry.linear() = axes * base_to_camera.linear();
+  estimate.base_to_odometry.translation() = camera.position + axes * lever;
+  Matrix6 slope = Matrix6::Identity();
+  slope.topRightCorner<3, 3>() = -axes * cross(lever);
+  slope.bottomRightCorner<3, 3>() = axes;
+  const double scale_variance = options.scale_deviation * options.scale_deviation;
+  const Eigen::Vector3d way = estimate.base_to_odometry.translation() - origin;
+  estimate.pose_covariance = propagated(slope, covariance());
+  estimate.pose_covariance.topLeftCorner<3, 3>() += scale_variance * way * way.transpose();
+}
+
 Matrix6 GroundFilter::covariance() const {
-  const Eigen::Matrix3d turn = rotationAbout(frame_yaw_ * Eigen::Vector3d::UnitZ());
+  const Eigen::Matrix3d turn = aboutUp(frame_yaw_);
   const Eigen::Vector3d way = turn * now_.position;
   Eigen::Matrix<double, 6, 9> slope = Eigen::Matrix<double, 6, 9>::Zero();
   slope.topLeftCorner<2, 2>().setIdentity();
@@ -95,6 +155,12 @@ Matrix6 GroundFilter::covariance() const {
   both << covariance_.block<3, 3>(kFrame, kFrame), covariance_.block<3, 6>(kFrame, kNow),
       covariance_.block<6, 3>(kNow, kFrame), covariance_.block<6, 6>(kNow, kNow);
   return propagated(slope, both);
+}
+
+double GroundFilter::tiltDeviation() const {
+  const Eigen::Matrix3d turn =
+      now_.axes * covariance().bottomRightCorner<3, 3>() * now_.axes.transpose();
+  return std::sqrt(std::max(turn(0, 0), turn(1, 1)));
 }
 
 Eigen::Matrix<double, 12, 12> GroundFilter::noiseOfBoth() const {

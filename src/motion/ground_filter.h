@@ -5,19 +5,13 @@
 #include <optional>
 
 #include "core/util/small_matrix.h"
+#include "motion/noise.h"
 #include "motion/rows.h"
 
 namespace ktgp_orb::motion {
 
 using util::SmallMatrix;
 using util::SmallRef;
-
-/// How a measurement differs from what was expected.
-struct Innovation {
-  double misfit = 0.0;  ///< standard deviations
-  double noise =
-      0.0;  ///< mean square of its noise as this one shows it: 1 if its variance is right
-};
 
 /// A rotation that pictures show: camera now -> camera then. The covariance is that of small
 /// rotations about the axes of the camera now, rad².
@@ -41,13 +35,20 @@ class GroundFilter {
   /// steps of the pose before (6) and of the pose now (6).
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
-  /// The readout time of the shutter, s, and its standard deviation; 0, 0: it does not roll.
-  void setReadout(double seconds, double deviation);
+  /// What is said of the readout time of the shutter, s; 0: it does not roll, below 0: not known.
+  void setReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }
 
   /// A pose in the odometry, without a map.
   void start(const CameraPose& pose, const Matrix6& covariance);
+  /// Moves the pose on with a twist of the camera in its frame. Then there is no map.
+  void predict(const Vector6& twist, const Matrix6& twist_covariance, double seconds,
+               const GroundMotionOptions& options);
+  /// Moves x, y and the yaw of the base to those of `base`, and to the covariance there; height and
+  /// tilt keep theirs. Then there is no map.
+  void moveBase(const Pose3& base, const Covariance6& covariance_of_base,
+                const Pose3& base_to_camera);
   /// Makes the reference of `motion` the keyframe. Its pose, if `at_reference`, or else that of the
   /// frame that `motion` leads to, is the pose now. `motion`: with all its covariance, of which a
   /// share belongs to the keyframe.
@@ -63,15 +64,20 @@ class GroundFilter {
   /// the plane that is known. Empty: none fits.
   std::optional<SeenTurn> turnSinceKeyframe(const ImageMotion& motion) const;
 
-  /// Corrects everything by a reading of the newest pose. What differs from the expectation by more
-  /// than noise does is weighed down: see update().
+  /// Corrects everything by a reading of the newest pose, with the noise that readings of its kind
+  /// have shown, on ground of that number. What differs from the expectation by more than noise
+  /// does is weighed down: see update(). Returns its misfit.
   template <int kRows>
-  void use(const PoseRows<kRows>& rows) {
-    update(rows.residual, byState(rows), rows.deviation * rows.deviation);
-  }
-  template <int kRows>
-  Innovation innovationOf(const PoseRows<kRows>& rows) const {
-    return innovationOf(rows.residual, byState(rows), rows.deviation * rows.deviation);
+  double use(const PoseRows<kRows>& rows, Innovations& of_kind, std::int64_t ground) {
+    Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
+    slope.template middleCols<6>(kBefore) = rows.slope_before;
+    slope.template rightCols<6>() = rows.slope;
+    const Innovation innovation =
+        innovationOf(rows.residual, slope, rows.deviation * rows.deviation);
+    of_kind.add(innovation, ground);
+    const double deviation = rows.deviation * std::sqrt(of_kind.factor());
+    update(rows.residual, slope, deviation * deviation);
+    return innovation.misfit;
   }
   /// The ground may be another one: adds variances of its height, as a share of the height, and of
   /// its tilt. Poses and map follow it together.
@@ -85,6 +91,12 @@ class GroundFilter {
   /// The newest pose in the odometry, and its covariance.
   CameraPose pose() const;
   Matrix6 covariance() const;
+  /// Writes the height and the pose of the base to `estimate`. `origin`: the error of all lengths
+  /// (scale_deviation) counts from there.
+  void report(const Eigen::Vector3d& origin, const GroundMotionOptions& options,
+              GroundEstimate& estimate) const;
+  /// Standard deviation of the newest pose's tilt about one axis, rad.
+  double tiltDeviation() const;
   /// Of the poses before and now.
   Eigen::Matrix<double, 12, 12> covarianceOfBoth() const {
     return covariance_.bottomRightCorner<12, 12>();
@@ -96,13 +108,6 @@ class GroundFilter {
   using State = Eigen::Matrix<double, kSize, 1>;
   using StateCovariance = Eigen::Matrix<double, kSize, kSize>;
 
-  template <int kRows>
-  static Eigen::Matrix<double, kRows, kSize> byState(const PoseRows<kRows>& rows) {
-    Eigen::Matrix<double, kRows, kSize> slope = Eigen::Matrix<double, kRows, kSize>::Zero();
-    slope.template middleCols<6>(kBefore) = rows.slope_before;
-    slope.template rightCols<6>() = rows.slope;
-    return slope;
-  }
   void moveFrame();
   Eigen::Matrix3d straightened(const ImageMotion& motion) const;
   bool fit(const ImageMotion& motion, double noise);

@@ -30,6 +30,9 @@ class Mounting {
   void endFrame();
   /// In the base frame; `to_base`: camera -> base.
   std::optional<ImuMounting> estimate(const Eigen::Matrix3d& to_base) const;
+  /// What a delay and the mounting, where the pictures show them, add to the deviation of a turn of
+  /// the Imu, rad. `change`: of the angular velocity since the turn before, rad/s.
+  double doubtOf(const Eigen::Vector3d& turn, double change, const Eigen::Matrix3d& to_base) const;
 
  private:
   static constexpr int kMounting = 0, kDelay = 3, kBias = 4, kTilt = 7, kSize = 10;

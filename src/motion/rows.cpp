@@ -85,9 +85,9 @@ Matrix8 mapFromEntries(const Eigen::Matrix3d& h) {
   return slope;
 }
 
-double studentNoise(double misfit, int dimensions) {
-  constexpr double kFreedom = 4.0;
-  return std::max(1.0, (kFreedom + misfit * misfit) / (kFreedom + 3.0 * dimensions));
+bool looksDown(const Eigen::Vector3d& down) {
+  constexpr double kHorizon = 0.1;  // share of the optical axis along the direction to the ground
+  return down.z() > kHorizon;
 }
 
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down) {
@@ -122,12 +122,38 @@ PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double 
 }
 
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose) {
-  const Eigen::Vector3d down = -pose.axes.row(2).transpose();
+  const Eigen::Vector3d down = downOf(pose);
   PoseRows<3> rows;
   rows.deviation = std::hypot(reading.deviation, kLeastDeviation);
   rows.residual = reading.direction - down;
   rows.slope << Eigen::Matrix3d::Zero(), cross(down);
   return rows;
+}
+
+CameraPose onGround(const GroundFrame& frame, const CameraPose& pose,
+                    const Eigen::Vector3d& lever) {
+  CameraPose placed = pose;
+  const Eigen::Vector3d base = pose.position + pose.axes * lever;
+  if (frame.down) {
+    placed.axes = pose.axes * rotationBetween(frame.down->direction, downOf(pose));
+  }
+  placed.position.head<2>() = (base - placed.axes * lever).head<2>();
+  if (frame.height && meetsGround(*frame.height, placed)) {
+    const PoseRows<1> rows = rowsOf(*frame.height, placed, 0.0);
+    placed.position.z() += rows.residual(0) / rows.slope(2);
+  }
+  return placed;
+}
+
+CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base) {
+  CameraPose pose;
+  pose.axes = camera_to_base.linear();
+  pose.position.z() = frame.height->metres;
+  const Pose3 base_to_camera = camera_to_base.inverse();
+  pose = onGround(frame, pose, base_to_camera.translation());
+  pose.axes = aboutUp(-yawOf(pose.axes * base_to_camera.linear())) * pose.axes;
+  pose.position.head<2>() = -(pose.axes * base_to_camera.translation()).head<2>();
+  return pose;
 }
 
 PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before) {

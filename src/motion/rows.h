@@ -51,19 +51,21 @@ struct PoseRows {
   double deviation = 0.0;
 };
 
-/// How many times its variance the noise of a measurement has that differs from what was expected
-/// by `misfit` standard deviations: the weight of Student's t distribution with four degrees of
-/// freedom (Lange, Little & Taylor, JASA 1989), 1 for what normal noise does.
-double studentNoise(double misfit, int dimensions);
-
-/// Whether the beam of a range sensor, if there is one, meets the ground. `down`: to the ground, in
-/// the camera's frame.
+/// Whether the camera looks below the horizon. `down`: to the ground, in the camera's frame.
+bool looksDown(const Eigen::Vector3d& down);
+/// Whether the beam of a range sensor, if there is one, meets the ground.
 bool meetsGround(const HeightReading& reading, const Eigen::Vector3d& down);
 bool meetsGround(const HeightReading& reading, const CameraPose& pose);
 /// `rise`: vertical velocity, m/s. The residual is infinite where the beam does not meet the
 /// ground.
 PoseRows<1> rowsOf(const HeightReading& reading, const CameraPose& pose, double rise);
 PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
+
+/// The pose with the given height and normal, and the base where it was: it turns as little as
+/// possible. `lever`: of the base, in the camera's frame.
+CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eigen::Vector3d& lever);
+/// That above the origin, with the base's x axis along x. The frame has a height.
+CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base);
 
 /// Of the rotation since the pose `before`.
 PoseRows<3> rowsOf(const TurnReading& reading, const CameraPose& pose, const CameraPose& before);

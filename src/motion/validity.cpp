@@ -104,15 +104,25 @@ bool isUsable(const Covariance8& covariance) {
 
 }  // namespace motion
 
+namespace {
+
+/// What all readings have.
+std::string whyUnusable(double deviation, const char* unit, double age) {
+  if (!(deviation >= 0.0) || !std::isfinite(deviation)) {
+    return "has a standard deviation of " + std::to_string(deviation) + " " + unit +
+           "; expected a number of at least 0";
+  }
+  return std::isfinite(age) ? "" : "has an age that is not finite";
+}
+
+}  // namespace
+
 std::string whyUnusable(const HeightReading& reading) {
   if (!(reading.metres > 0.0) || !std::isfinite(reading.metres)) {
     return "is " + std::to_string(reading.metres) + " m; expected a number above 0";
   }
-  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
-    return "has a standard deviation of " + std::to_string(reading.deviation) +
-           " m; expected a number of at least 0";
-  }
-  if (!std::isfinite(reading.age)) return "has an age that is not finite";
+  const std::string why = whyUnusable(reading.deviation, "m", reading.age);
+  if (!why.empty()) return why;
   if (!reading.beam_origin.allFinite() || !reading.beam_direction.allFinite()) {
     return "has a beam that is not finite";
   }
@@ -128,24 +138,14 @@ std::string whyUnusable(const DownReading& reading) {
   if (!(std::abs(reading.direction.norm() - 1.0) < 1e-6)) {
     return "has a length of " + std::to_string(reading.direction.norm()) + "; expected 1";
   }
-  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
-    return "has a standard deviation of " + std::to_string(reading.deviation) +
-           " rad; expected a number of at least 0";
-  }
-  if (!std::isfinite(reading.age)) return "has an age that is not finite";
-  return "";
+  return whyUnusable(reading.deviation, "rad", reading.age);
 }
 
 std::string whyUnusable(const TurnReading& reading) {
   const double error =
       (reading.rotation.transpose() * reading.rotation - Eigen::Matrix3d::Identity()).norm();
   if (!(error < 1e-6)) return "is not a rotation matrix";
-  if (!(reading.deviation >= 0.0) || !std::isfinite(reading.deviation)) {
-    return "has a standard deviation of " + std::to_string(reading.deviation) +
-           " rad; expected a number of at least 0";
-  }
-  if (!std::isfinite(reading.age)) return "has an age that is not finite";
-  return "";
+  return whyUnusable(reading.deviation, "rad", reading.age);
 }
 
 const char* toString(GroundStatus status) {

@@ -1,5 +1,7 @@
+#include <geometry_msgs/TwistWithCovarianceStamped.h>
 #include <ktgp_orb/Match.h>
 #include <ktgp_orb/SetPose.h>
+#include <nav_msgs/Odometry.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -161,13 +163,23 @@ void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) 
 }
 
 void GroundWork::publish(const GroundEstimate& estimate, const std_msgs::Header& image) {
+  const std::string base = baseFrame(image, config_);
   if (estimate.hasTwist() && twists_.getNumSubscribers() > 0) {
-    twists_.publish(boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>(
-        twistOf(estimate, image, config_)));
+    const auto twist = boost::make_shared<geometry_msgs::TwistWithCovarianceStamped>();
+    twist->header = image;
+    twist->header.frame_id = base;
+    twist->twist = toMessage(estimate.twist, estimate.twist_covariance);
+    twists_.publish(twist);
   }
   if (odometry_.getNumSubscribers() == 0 && !config_.publish_tf) return;
-  const auto odometry =
-      boost::make_shared<nav_msgs::Odometry>(odometryOf(estimate, image, config_));
+  const Covariance6 not_known = 1e6 * Covariance6::Identity();
+  const auto odometry = boost::make_shared<nav_msgs::Odometry>();
+  odometry->header = image;
+  odometry->header.frame_id = config_.odom_frame;
+  odometry->child_frame_id = base;
+  odometry->pose = toMessage(estimate.base_to_odometry, estimate.pose_covariance);
+  odometry->twist =
+      toMessage(estimate.twist, estimate.hasTwist() ? estimate.twist_covariance : not_known);
   odometry_.publish(odometry);
   if (!config_.publish_tf) return;
   broadcaster_.sendTransform(

@@ -10,7 +10,7 @@
 #include "core/util/format.h"
 #include "files/output_file.h"
 #include "ktgp_orb/mosaic.h"
-#include "messages/colour_image.h"
+#include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"
 

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "ktgp_orb/stabilizer.h"
-#include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "nodelet/frame_consumer.h"

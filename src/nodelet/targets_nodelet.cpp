@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "ktgp_orb/overlay.h"
-#include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "messages/target_messages.h"

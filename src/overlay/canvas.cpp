@@ -1,10 +1,24 @@
 #include "overlay/canvas.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
 namespace ktgp_orb::overlay {
+
+const cv::Scalar& colourOf(Level level, Geometry geometry) {
+  static const cv::Scalar epipolar(115, 158, 0);
+  static const std::array<cv::Scalar, 4> colours{{
+      {150, 150, 150},
+      {233, 180, 86},
+      {167, 121, 204},
+      {66, 228, 240},
+  }};
+  if (level >= Level::ktgp && geometry == Geometry::epipolar) return epipolar;
+  return colours[std::min<std::size_t>(static_cast<std::size_t>(level), colours.size() - 1)];
+}
 
 void copyAsBgr(const cv::Mat& image, cv::Mat region) {
   if (image.type() == CV_8UC3) {
@@ -17,11 +31,28 @@ void copyAsBgr(const cv::Mat& image, cv::Mat region) {
   }
 }
 
-void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas) {
-  canvas.create(std::max(reference.rows, target.rows), reference.cols + target.cols, CV_8UC3);
-  canvas.setTo(cv::Scalar::all(0));
-  if (!reference.empty()) copyAsBgr(reference, canvas(cv::Rect({0, 0}, reference.size())));
-  if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
+// Capitals of OpenCV's plain typeface are 21 px high at scale 1; below 0.38 they are illegible,
+// also in a window 400 px wide.
+Typeface::Typeface(const cv::Size& size)
+    : scale_(std::clamp(std::min(size.width / 1100.0, size.height / 800.0), 0.38, 3.0)),
+      line_height_(static_cast<int>(std::lround(38.0 * scale_))),
+      stroke_(std::max(1, static_cast<int>(std::lround(1.6 * scale_)))) {}
+
+int Typeface::width(const std::string& text) const {
+  return cv::getTextSize(text, cv::FONT_HERSHEY_SIMPLEX, scale_, stroke_, nullptr).width;
+}
+
+void Typeface::draw(cv::Mat& canvas, const std::string& text, const cv::Point& corner) const {
+  const cv::Point baseline(corner.x, corner.y + static_cast<int>(std::lround(0.75 * line_height_)));
+  cv::putText(canvas, text, baseline, cv::FONT_HERSHEY_SIMPLEX, scale_, kWhite, stroke_,
+              cv::LINE_AA);
+}
+
+void darken(cv::Mat& canvas, const cv::Rect& area) {
+  const cv::Rect visible = area & cv::Rect({0, 0}, canvas.size());
+  if (visible.empty()) return;
+  cv::Mat region = canvas(visible);
+  region.convertTo(region, -1, 0.3);
 }
 
 }  // namespace ktgp_orb::overlay

@@ -2,19 +2,45 @@
 
 #include <cstddef>
 #include <opencv2/core.hpp>
+#include <string>
 
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/two_view.h"
+
+/// What all drawings are made of: pixels, colours and text.
 namespace ktgp_orb::overlay {
+
+inline const cv::Scalar kWhite(255, 255, 255);
+inline const cv::Scalar kBlack(0, 0, 0);
+
+/// Of a stage (BGR), from knn to ktgp; final matches of an epipolar geometry are green. Colours of
+/// Okabe & Ito, "Color Universal Design" (2008), which all kinds of colour vision can distinguish;
+/// grey for the background.
+const cv::Scalar& colourOf(Level level, Geometry geometry);
 
 /// The image as 8-bit BGR into `region`, which has its size. Throws std::invalid_argument for an
 /// image that is neither CV_8UC1 nor CV_8UC3.
 void copyAsBgr(const cv::Mat& image, cv::Mat region);
 
-/// Reference left, target right; black below the shorter one.
-void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas);
+/// Sizes of text and strokes, in px, for an image size.
+class Typeface {
+ public:
+  /// For an image of `size`: legible at 320x240, and in proportion at 1920x1080.
+  explicit Typeface(const cv::Size& size);
 
-/// True for `chosen` of `count` indices, evenly spaced.
-inline bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
-  return (i + 1) * chosen / count != i * chosen / count;
-}
+  int lineHeight() const { return line_height_; }
+  int stroke() const { return stroke_; }
+  int width(const std::string& text) const;
+  /// White text; `corner` is the upper left one of the line.
+  void draw(cv::Mat& canvas, const std::string& text, const cv::Point& corner) const;
+
+ private:
+  double scale_;
+  int line_height_;
+  int stroke_;
+};
+
+/// Darkens a part of the canvas, so that text on it is legible.
+void darken(cv::Mat& canvas, const cv::Rect& area);
 
 }  // namespace ktgp_orb::overlay

@@ -1,22 +1,280 @@
 #include "ktgp_orb/overlay.h"
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "core/homography/transform.h"
+#include "core/util/format.h"
+#include "core/util/keypoint_position.h"
 #include "core/util/names.h"
 #include "overlay/canvas.h"
-#include "overlay/styles.h"
-#include "overlay/text.h"
 
 namespace ktgp_orb {
+namespace overlay {
 namespace {
 
-using overlay::copyAsBgr;
-using overlay::darken;
-using overlay::drawDifference;
-using overlay::drawEpipolarLines;
-using overlay::drawFlow;
-using overlay::drawMatches;
-using overlay::drawOutline;
-using overlay::drawPanel;
-using overlay::Typeface;
+using util::format;
+using util::imagePoint;
+
+/// True for `chosen` of `count` indices, evenly spaced.
+bool isChosen(std::size_t i, std::size_t count, std::size_t chosen) {
+  return (i + 1) * chosen / count != i * chosen / count;
+}
+
+// Positions have a resolution of a sixteenth of a pixel, so that slow motion does not jump.
+constexpr int kFractionBits = 4;
+
+cv::Point subpixel(double x, double y) {
+  constexpr double kUnit = 1 << kFractionBits;
+  return {cvRound(x * kUnit), cvRound(y * kUnit)};
+}
+
+cv::Point subpixel(const cv::Point2f& p) {
+  return subpixel(p.x, p.y);
+}
+
+/// The image as the background of what is drawn on it; false where it is empty.
+bool drawDimmed(const cv::Mat& image, double share, double offset, cv::Mat& canvas) {
+  canvas.create(image.size(), CV_8UC3);
+  if (canvas.empty()) return false;
+  copyAsBgr(image, canvas);
+  canvas.convertTo(canvas, -1, share, offset);
+  return true;
+}
+
+void drawDots(const FrameView& target, const MatchResult& result, Level level, int radius,
+              cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level != level) continue;
+    const cv::Point2f& at = imagePoint(target.features, c.target_index);
+    cv::circle(canvas, subpixel(at), radius << kFractionBits, colourOf(level, result.geometry),
+               cv::FILLED, cv::LINE_AA, kFractionBits);
+  }
+}
+
+/// A stroke from the old position of a final match to the new one, which has a dot.
+void drawStrokes(const FrameView& reference, const FrameView& target, const MatchResult& result,
+                 int stroke, cv::Mat& canvas) {
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktgp) continue;
+    const cv::Point from = subpixel(imagePoint(reference.features, c.reference_index));
+    const cv::Point to = subpixel(imagePoint(target.features, c.target_index));
+    cv::line(canvas, from, to, colourOf(c.level, result.geometry), stroke, cv::LINE_AA,
+             kFractionBits);
+    cv::circle(canvas, to, stroke << kFractionBits, colourOf(c.level, result.geometry), cv::FILLED,
+               cv::LINE_AA, kFractionBits);
+  }
+}
+
+/// The border of the reference image mapped by the homography, if there is one, into the target's
+/// part of the canvas.
+void drawOutline(const cv::Size& reference_size, const MatchResult& result, int stroke,
+                 cv::Mat& canvas) {
+  if (result.status != Status::ok) return;
+  const auto corners = homography::imageCorners(reference_size, {});
+  if (!homography::keepsPlaneInView(result.answer.homography, corners)) return;
+  std::vector<cv::Point> outline;
+  for (const Eigen::Vector2d& corner : corners) {
+    const Eigen::Vector2d p = (result.answer.homography * corner.homogeneous()).hnormalized();
+    if (p.cwiseAbs().maxCoeff() > 1e6) return;  // beyond the range of OpenCV's drawing
+    outline.push_back(subpixel(p.x(), p.y()));
+  }
+  cv::polylines(canvas, outline, true, kBlack, stroke + 2, cv::LINE_AA, kFractionBits);
+  cv::polylines(canvas, outline, true, kWhite, stroke, cv::LINE_AA, kFractionBits);
+}
+
+/// The epipolar lines of a few final matches, if that is the geometry, into the target's part of
+/// the canvas. A line that misses its match, since the lens bends it, is left out.
+void drawEpipolarLines(const FrameView& reference, const FrameView& target,
+                       const MatchResult& result, int stroke, cv::Mat& canvas) {
+  constexpr std::size_t kLines = 8;
+  constexpr double kMost = 3.0;  // px between a line and its match
+  if (result.geometry != Geometry::epipolar) return;
+  const std::size_t count = countAtLeast(result.correspondences, Level::ktgp);
+  std::size_t i = 0;
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < Level::ktgp || !isChosen(i++, count, std::min(count, kLines))) continue;
+    const cv::Point2f from = imagePoint(reference.features, c.reference_index);
+    const cv::Point2f at = imagePoint(target.features, c.target_index);
+    const Eigen::Vector3d line =
+        result.two_view.view.fundamental * Eigen::Vector3d(from.x, from.y, 1.0);
+    const Eigen::Vector2d normal = line.head<2>().normalized();
+    const Eigen::Vector2d match(at.x, at.y);
+    const double distance = line.dot(match.homogeneous()) / line.head<2>().norm();
+    if (!(std::abs(distance) < kMost)) continue;
+    // Drawn from one side of the canvas to the other, through the point of the line at the match.
+    const Eigen::Vector2d along =
+        (canvas.cols + canvas.rows) * Eigen::Vector2d(-normal.y(), normal.x());
+    const Eigen::Vector2d middle = match - distance * normal;
+    const Eigen::Vector2d first = middle - along;
+    const Eigen::Vector2d last = middle + along;
+    cv::line(canvas, subpixel(first.x(), first.y()), subpixel(last.x(), last.y()), kWhite, stroke,
+             cv::LINE_AA, kFractionBits);
+  }
+}
+
+/// OverlayStyle::flow without the panel.
+void drawFlow(const FrameView& reference, const FrameView& target, const MatchResult& result,
+              cv::Mat& canvas) {
+  // A dark outline keeps white strokes visible on white.
+  if (!drawDimmed(target.image, 0.7, 15.0, canvas)) return;
+  const Typeface face(canvas.size());
+  for (const Level level : {Level::knn, Level::kt, Level::ktg}) {
+    drawDots(target, result, level, face.stroke(), canvas);
+  }
+  drawOutline(reference.image.size(), result, face.stroke(), canvas);
+  drawEpipolarLines(reference, target, result, face.stroke(), canvas);
+  drawStrokes(reference, target, result, face.stroke(), canvas);
+}
+
+/// Reference left, target right; black below the shorter one.
+void drawSideBySide(const cv::Mat& reference, const cv::Mat& target, cv::Mat& canvas) {
+  canvas.create(std::max(reference.rows, target.rows), reference.cols + target.cols, CV_8UC3);
+  canvas.setTo(cv::Scalar::all(0));
+  if (!reference.empty()) copyAsBgr(reference, canvas(cv::Rect({0, 0}, reference.size())));
+  if (!target.empty()) copyAsBgr(target, canvas(cv::Rect({reference.cols, 0}, target.size())));
+}
+
+/// Reference and target side by side. Lines join at most 150 of the matches that reached at least
+/// `level`, evenly chosen; the others are dots. `removed`: matches below `level` are dots, too. A
+/// thousand lines would hide both images.
+void drawMatches(const FrameView& reference, const FrameView& target, const MatchResult& result,
+                 Level level, bool removed, cv::Mat& canvas) {
+  drawSideBySide(reference.image, target.image, canvas);
+  const int stroke = Typeface(canvas.size()).stroke();
+  const cv::Point2f offset(static_cast<float>(reference.image.cols), 0.F);
+  const auto from = [&](const Correspondence& c) {
+    return imagePoint(reference.features, c.reference_index);
+  };
+  const auto to = [&](const Correspondence& c) {
+    return imagePoint(target.features, c.target_index) + offset;
+  };
+  const auto dots = [&](const Correspondence& c) {
+    const auto dot = [&](const cv::Point2f& p) {
+      cv::circle(canvas, p, stroke, colourOf(c.level, result.geometry), cv::FILLED, cv::LINE_AA);
+    };
+    if (c.reference_index >= 0) dot(from(c));
+    dot(to(c));
+  };
+
+  constexpr std::size_t kMaxLines = 150;
+  const std::size_t count = countAtLeast(result.correspondences, level);
+  const std::size_t lines = std::min(count, kMaxLines);
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level >= level || removed) dots(c);
+  }
+  std::size_t i = 0;
+  for (const Correspondence& c : result.correspondences) {
+    if (c.level < level || !isChosen(i++, count, lines)) continue;
+    cv::line(canvas, from(c), to(c), colourOf(c.level, result.geometry), stroke, cv::LINE_AA);
+  }
+}
+
+cv::Mat toGrey(const cv::Mat& image) {
+  if (image.type() != CV_8UC3) return image;
+  cv::Mat grey;
+  cv::cvtColor(image, grey, cv::COLOR_BGR2GRAY);
+  return grey;
+}
+
+/// OverlayStyle::difference without the panel: 128 + (target - warped reference) / 2 in grey
+/// values, after the images got the same mean and contrast. Darkened target outside the warped
+/// reference, or everywhere if there is no homography.
+void drawDifference(const FrameView& reference, const FrameView& target, const MatchResult& result,
+                    cv::Mat& canvas) {
+  if (!drawDimmed(target.image, 0.3, 0.0, canvas)) return;
+  if (result.status != Status::ok || reference.image.empty()) return;
+
+  cv::Mat homography;
+  cv::eigen2cv(result.answer.homography, homography);
+  const cv::Mat grey = toGrey(target.image);
+  cv::Mat warped;
+  cv::Mat covered;
+  cv::warpPerspective(toGrey(reference.image), warped, homography, grey.size(), cv::INTER_LINEAR);
+  cv::warpPerspective(cv::Mat(reference.image.size(), CV_8UC1, cv::Scalar(255)), covered,
+                      homography, grey.size(), cv::INTER_NEAREST);
+
+  cv::Scalar target_mean;
+  cv::Scalar target_deviation;
+  cv::Scalar warped_mean;
+  cv::Scalar warped_deviation;
+  cv::meanStdDev(grey, target_mean, target_deviation, covered);
+  cv::meanStdDev(warped, warped_mean, warped_deviation, covered);
+  const double gain =
+      std::clamp(target_deviation[0] / std::max(warped_deviation[0], 1.0), 0.25, 4.0);
+  cv::Mat difference;
+  cv::addWeighted(grey, 0.5, warped, -0.5 * gain,
+                  128.0 - 0.5 * (target_mean[0] - gain * warped_mean[0]), difference);
+  cv::Mat shown;
+  cv::cvtColor(difference, shown, cv::COLOR_GRAY2BGR);
+  shown.copyTo(canvas, covered);
+}
+
+std::string headline(const MatchResult& result, const cv::Size& reference_size) {
+  const bool epipolar = result.geometry == Geometry::epipolar;
+  std::string text =
+      format("%s  %.1f ms", epipolar ? toString(result.geometry) : toString(result.status),
+             result.milliseconds());
+  if (epipolar && std::isfinite(result.two_view.view.parallax)) {
+    return text + format("  parallax %.1f deg", result.two_view.view.parallax);
+  }
+  if (result.status != Status::ok) return text;
+  const double deviation =
+      homography::cornerDeviation(result.answer.homography, result.answer.covariance,
+                                  homography::imageCorners(reference_size, {}))
+          .target;
+  if (!std::isfinite(deviation)) return text;
+  text += format("  corners +-%.*f px", deviation < 10.0 ? 2 : 0, deviation);
+  if (result.answer.plane_deviation > 0.0) {
+    text += format("  plane %.2f px", result.answer.plane_deviation);
+  }
+  return text;
+}
+
+/// Draws the panel at the left, from row `top` on or, where it has no room there, at the top:
+/// status, milliseconds, uncertainty of the corners, and for each stage its colour with its
+/// meaning, a bar, and the number of matches that ended there. `reference_size`: of the reference
+/// image, px.
+void drawPanel(const MatchResult& result, const cv::Size& reference_size, int top,
+               cv::Mat& canvas) {
+  const Typeface face(canvas.size());
+  const int line = face.lineHeight();
+  const int margin = line / 3;
+  constexpr std::array<const char*, 4> kLabels{"- ratio", "- GMS", "- PROSAC", "final"};
+  std::array<std::size_t, 4> counts{};  // that ended at each level
+  for (const Correspondence& c : result.correspondences) {
+    ++counts[std::min<std::size_t>(static_cast<std::size_t>(c.level), counts.size() - 1)];
+  }
+  const double total = static_cast<double>(std::max<std::size_t>(result.correspondences.size(), 1));
+
+  const std::string title = headline(result, reference_size);
+  const int label_width = face.width(kLabels[static_cast<std::size_t>(Level::ktg)]) + margin;
+  const int count_width = face.width("0000000");
+  const int bar_start = 2 * margin + label_width + count_width;
+  const int width = std::max(face.width(title) + 2 * margin, bar_start + 3 * line);
+  const int height = 5 * line + 2 * margin;
+  if (top + height > canvas.rows) top = 0;
+  darken(canvas, {0, top, width, height});
+  face.draw(canvas, title, {margin, top + margin});
+  int y = top + margin + line;
+  for (const Level level : {Level::ktgp, Level::ktg, Level::kt, Level::knn}) {
+    const std::size_t count = counts[static_cast<std::size_t>(level)];
+    const std::string number = std::to_string(count);
+    face.draw(canvas, kLabels[static_cast<std::size_t>(level)], {margin, y});
+    face.draw(canvas, number, {bar_start - margin - face.width(number), y});
+    const int longest = width - margin - bar_start;
+    const int length =
+        std::max(2, static_cast<int>(std::lround(longest * static_cast<double>(count) / total)));
+    cv::rectangle(canvas, cv::Rect(bar_start, y + line / 4, length, line / 2),
+                  colourOf(level, result.geometry), cv::FILLED);
+    y += line;
+  }
+}
 
 /// A line of text along the upper border, on a darkened strip.
 void drawTitle(const std::string& text, cv::Mat& canvas) {
@@ -27,6 +285,7 @@ void drawTitle(const std::string& text, cv::Mat& canvas) {
 }
 
 }  // namespace
+}  // namespace overlay
 
 const char* toString(OverlayStyle style) {
   return util::nameOf<OverlayStyle::difference>(style, {"flow", "side_by_side", "difference"});
@@ -36,36 +295,32 @@ void drawOverlay(const FrameView& reference, const FrameView& target, const Matc
                  OverlayStyle style, cv::Mat& canvas) {
   switch (style) {
     case OverlayStyle::flow:
-      drawFlow(reference, target, result, canvas);
+      overlay::drawFlow(reference, target, result, canvas);
       break;
     case OverlayStyle::side_by_side: {
-      drawMatches(reference, target, result, Level::ktgp, true, canvas);
+      overlay::drawMatches(reference, target, result, Level::ktgp, true, canvas);
       cv::Mat right = canvas(cv::Rect({reference.image.cols, 0}, target.image.size()));
-      const int stroke = Typeface(canvas.size()).stroke();
-      drawOutline(reference.image.size(), result, stroke, right);
-      drawEpipolarLines(reference, target, result, stroke, right);
+      const int stroke = overlay::Typeface(canvas.size()).stroke();
+      overlay::drawOutline(reference.image.size(), result, stroke, right);
+      overlay::drawEpipolarLines(reference, target, result, stroke, right);
       break;
     }
     case OverlayStyle::difference:
-      drawDifference(reference, target, result, canvas);
+      overlay::drawDifference(reference, target, result, canvas);
       break;
   }
   // A smaller reference leaves room below it.
   const int top = style == OverlayStyle::side_by_side ? reference.image.rows : 0;
-  drawPanel(result, reference.image.size(), top, canvas);
+  overlay::drawPanel(result, reference.image.size(), top, canvas);
 }
 
 void drawUnmatched(const cv::Mat& target, const std::string& reason, cv::Mat& canvas) {
-  canvas.create(target.size(), CV_8UC3);
-  if (canvas.empty()) return;
-  copyAsBgr(target, canvas);
-  canvas.convertTo(canvas, -1, 0.7, 15.0);
-  drawTitle(reason, canvas);
+  if (overlay::drawDimmed(target, 0.7, 15.0, canvas)) overlay::drawTitle(reason, canvas);
 }
 
 void drawLevel(const FrameView& reference, const FrameView& target, const MatchResult& result,
                Level level, cv::Mat& canvas) {
-  drawMatches(reference, target, result, level, false, canvas);
+  overlay::drawMatches(reference, target, result, level, false, canvas);
 }
 
 void drawStages(const FrameView& reference, const FrameView& target, const MatchResult& result,
@@ -76,9 +331,9 @@ void drawStages(const FrameView& reference, const FrameView& target, const Match
   for (int i = 0; i < 4; ++i) {
     const auto level = static_cast<Level>(i);
     drawLevel(reference, target, result, level, panel);
-    drawTitle(std::string(names[i]) + ": " +
-                  std::to_string(countAtLeast(result.correspondences, level)) + " matches",
-              panel);
+    overlay::drawTitle(std::string(names[i]) + ": " +
+                           std::to_string(countAtLeast(result.correspondences, level)) + " matches",
+                       panel);
     if (i == 0) {
       canvas.create(2 * panel.rows + kGap, 2 * panel.cols + kGap, CV_8UC3);
       canvas.setTo(cv::Scalar::all(255));

@@ -1,19 +1,23 @@
 #include "stabilization/steady_path.h"
 
 #include <Eigen/LU>
+#include <Eigen/SparseCore>
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <memory>
 #include <stdexcept>
 #include <string>
 
 #include "core/homography/transform.h"
-#include "stabilization/linear_program.h"
+
+#ifdef KTGP_ORB_HAVE_CLP
+#include <Clp_C_Interface.h>
+#endif
 
 namespace ktgp_orb {
 namespace {
 
-using stabilization::LinearProgram;
 using Corners = std::array<Eigen::Vector2d, 4>;
 using Points = std::vector<Eigen::Vector2d>;
 using Steps = std::vector<std::optional<Eigen::Matrix3d>>;
@@ -40,23 +44,79 @@ struct Track {
   Points best;
 };
 
-/// The absolute value of an unknown, as the sum of two variables that are not negative.
-struct Absolute {
-  int plus = 0;
-  int minus = 0;
+/// Minimises the cost of variables within bounds, subject to linear equations.
+class LinearProgram {
+ public:
+  /// Returns the number of the new variable.
+  int addVariable(double low, double high, double cost) {
+    low_.push_back(low);
+    high_.push_back(high);
+    cost_.push_back(cost);
+    return static_cast<int>(cost_.size()) - 1;
+  }
+  /// An unknown of any value, whose absolute value has that cost. It is a variable less the next
+  /// one, both not negative; returns the number of the first.
+  int addUnknown(double cost) {
+    constexpr double kAny = std::numeric_limits<double>::infinity();
+    addVariable(0.0, kAny, cost);
+    return addVariable(0.0, kAny, cost) - 1;
+  }
+  /// Returns the number of the new equation, a sum of terms that equals `right`.
+  int addEquation(double right) {
+    right_.push_back(right);
+    return static_cast<int>(right_.size()) - 1;
+  }
+  void addTerm(int equation, int variable, double factor) {
+    terms_.emplace_back(equation, variable, factor);
+  }
+  void addUnknownTerm(int equation, int unknown, double factor) {
+    addTerm(equation, unknown, factor);
+    addTerm(equation, unknown + 1, -factor);
+  }
+
+  /// The values of the variables. Throws std::runtime_error without a solver or a solution.
+  std::vector<double> solve() const;
+
+ private:
+  std::vector<double> low_;
+  std::vector<double> high_;
+  std::vector<double> cost_;
+  std::vector<double> right_;
+  std::vector<Eigen::Triplet<double>> terms_;  // equation, variable, factor
 };
+
+#ifdef KTGP_ORB_HAVE_CLP
+
+std::vector<double> LinearProgram::solve() const {
+  // Column by column, as Clp takes it.
+  Eigen::SparseMatrix<double> matrix(static_cast<int>(right_.size()),
+                                     static_cast<int>(cost_.size()));
+  matrix.setFromTriplets(terms_.begin(), terms_.end());
+  const std::unique_ptr<Clp_Simplex, void (*)(Clp_Simplex*)> model(Clp_newModel(), Clp_deleteModel);
+  Clp_setLogLevel(model.get(), 0);
+  const std::vector<CoinBigIndex> begins(matrix.outerIndexPtr(),
+                                         matrix.outerIndexPtr() + matrix.cols() + 1);
+  Clp_loadProblem(model.get(), matrix.cols(), matrix.rows(), begins.data(), matrix.innerIndexPtr(),
+                  matrix.valuePtr(), low_.data(), high_.data(), cost_.data(), right_.data(),
+                  right_.data());
+  Clp_dual(model.get(), 0);
+  if (Clp_status(model.get()) != 0) {
+    throw std::runtime_error("the linear program of the steady path has no solution");
+  }
+  const double* const values = Clp_getColSolution(model.get());
+  return {values, values + cost_.size()};
+}
+
+#else
+
+std::vector<double> LinearProgram::solve() const {
+  throw std::runtime_error("this program was built without Clp (Debian's coinor-libclp-dev)");
+}
+
+#endif
+
 /// x and y for each frame; empty where a path begins.
-using Unknowns = std::vector<std::optional<std::array<Absolute, 2>>>;
-
-void addTo(LinearProgram& program, int equation, const Absolute& unknown, double factor) {
-  program.addTerm(equation, unknown.plus, factor);
-  program.addTerm(equation, unknown.minus, -factor);
-}
-
-Absolute newUnknown(LinearProgram& program, double weight) {
-  constexpr double kAny = std::numeric_limits<double>::infinity();
-  return {program.addVariable(0.0, kAny, weight), program.addVariable(0.0, kAny, weight)};
-}
+using Unknowns = std::vector<std::optional<std::array<int, 2>>>;
 
 Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) {
   Unknowns found(of.size());
@@ -65,10 +125,10 @@ Unknowns differences(LinearProgram& program, const Unknowns& of, double weight) 
     found[t].emplace();
     for (std::size_t k = 0; k < 2; ++k) {
       const int equation = program.addEquation(0.0);
-      (*found[t])[k] = newUnknown(program, weight);
-      addTo(program, equation, (*of[t])[k], 1.0);
-      addTo(program, equation, (*of[t - 1])[k], -1.0);
-      addTo(program, equation, (*found[t])[k], -1.0);
+      (*found[t])[k] = program.addUnknown(weight);
+      program.addUnknownTerm(equation, (*of[t])[k], 1.0);
+      program.addUnknownTerm(equation, (*of[t - 1])[k], -1.0);
+      program.addUnknownTerm(equation, (*found[t])[k], -1.0);
     }
   }
   return found;
@@ -95,8 +155,8 @@ Unknowns motions(LinearProgram& program, const Steps& steps, const Track& track,
       program.addTerm(equation, corrections[t][k], 1.0);
       program.addTerm(equation, corrections[t - 1][0], -slope(row, 0));
       program.addTerm(equation, corrections[t - 1][1], -slope(row, 1));
-      const Absolute motion = newUnknown(program, step ? kStanding : kHolding);
-      addTo(program, equation, motion, 1.0);
+      const int motion = program.addUnknown(step ? kStanding : kHolding);
+      program.addUnknownTerm(equation, motion, 1.0);
       if (step) (*found[t])[k] = motion;
     }
   }
@@ -155,6 +215,14 @@ Steps usableSteps(const Steps& steps, const Corners& corners) {
 }
 
 }  // namespace
+
+bool hasSteadyPath() {
+#ifdef KTGP_ORB_HAVE_CLP
+  return true;
+#else
+  return false;
+#endif
+}
 
 std::vector<Eigen::Matrix3d> steadyPath(const Steps& all_steps, const cv::Size& size,
                                         double max_crop) {

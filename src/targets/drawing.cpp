@@ -2,8 +2,6 @@
 
 #include "ktgp_orb/target_finder.h"
 #include "overlay/canvas.h"
-#include "overlay/palette.h"
-#include "overlay/text.h"
 
 namespace ktgp_orb {
 namespace {
@@ -32,8 +30,7 @@ void drawTargets(const cv::Mat& image, const std::vector<DetectedTarget>& detect
     const std::vector<cv::Point> outline = outlineOf(detection);
     if (outline.empty()) continue;
     const bool found = detection.status == Status::ok;
-    const cv::Scalar& colour =
-        overlay::lookOf(found ? Level::ktgp : Level::ktg, Geometry::plane).colour;
+    const cv::Scalar& colour = overlay::colourOf(found ? Level::ktgp : Level::ktg, Geometry::plane);
     cv::polylines(canvas, outline, true, overlay::kBlack, face.stroke() + 2, cv::LINE_AA,
                   kFractionBits);
     cv::polylines(canvas, outline, true, colour, face.stroke(), cv::LINE_AA, kFractionBits);

@@ -8,7 +8,7 @@
 #include "core/util/format.h"
 #include "core/util/milliseconds.h"
 #include "files/csv.h"
-#include "messages/colour_image.h"
+#include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "tools/view_text.h"
 

@@ -11,7 +11,6 @@
 #include "core/util/milliseconds.h"
 #include "files/csv.h"
 #include "files/input.h"
-#include "messages/colour_image.h"
 #include "messages/image_conversion.h"
 #include "messages/message_conversion.h"
 #include "stabilization/steady_path.h"

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "nodelet/image_store.h"
-#include "nodelet/sequence_numbers.h"
+#include "nodelet/input.h"
 #include "nodelet/worker.h"
 
 namespace ktgp_orb {

@@ -7,8 +7,7 @@
 #include <random>
 #include <utility>
 
-#include "motion/relief.h"
-#include "motion/twist_noise.h"
+#include "motion/noise.h"
 
 namespace ktgp_orb::motion {
 namespace {

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "ktgp_orb/ground_motion.h"
+#include "motion/ground_filter.h"
+#include "motion/noise.h"
+
+namespace ktgp_orb::motion {
+
+/// The velocity of the camera, from pose to pose, and whether a new pose can follow it: the
+/// homography may be off by a period of repetitive ground.
+class Velocity {
+ public:
+  /// The camera may stand still, or begin to move.
+  void start(const GroundMotionOptions& options);
+  /// The next one is that from a pose to which this one did not lead.
+  void interrupt() { is_measured_ = false; }
+  void beginKeyframe() { noise_.beginKeyframe(); }
+  /// From the pose before to the pose now. `seconds`: between them; `since_last`: since the last
+  /// velocity. `is_flat`: the noise of the pictures shows in it, see TwistNoise.
+  void measure(const GroundFilter& filter, double seconds, double since_last, double acceleration,
+               bool is_flat);
+
+  /// Of the camera in its frame: velocity (m/s) and angular velocity (rad/s).
+  const Vector6& twist() const { return twist_; }
+  const Matrix6& covariance() const { return covariance_; }
+  /// The readings of a frame at its reference, `seconds` before it, as far as the velocity that was
+  /// measured `gap` seconds before the frame tells them.
+  GroundFrame atReference(GroundFrame frame, double seconds, double gap,
+                          const GroundMotionOptions& options) const;
+
+  /// Writes the twist of the base to `estimate`.
+  void report(const GroundMotionOptions& options, GroundEstimate& estimate) const;
+
+  /// Whether the pose now is farther from where the last velocity leads than a vehicle can go.
+  bool isJump(const GroundFilter& filter, double seconds, double since_last) const;
+  /// Whether the pose now of the frame at `stamp`, which is a jump, and the refused ones just
+  /// before it, up to that of the frame at `before`, are one motion. Then the velocity before them
+  /// is of no use any more. `is_measured`: the pose before is that of the frame before, too, and
+  /// not that of the last frame which was not refused.
+  bool isBelieved(const GroundFilter& filter, std::int64_t stamp, std::int64_t before,
+                  std::int64_t keyframe_stamp, bool is_measured);
+
+ private:
+  double largestChange(const GroundFilter& filter, double seconds, double since_last) const;
+  void followLast(const Vector6& last, const Matrix6& last_covariance, const GroundFilter& filter,
+                  double deviation);
+
+  Vector6 twist_ = Vector6::Zero();
+  Matrix6 covariance_ = Matrix6::Zero();
+  bool is_measured_ = false;  // since the last gap
+  TwistNoise noise_;
+  // The newest refused frame.
+  std::int64_t refused_stamp_ = 0;
+  std::int64_t refused_keyframe_ = 0;
+  Eigen::Vector3d refused_position_ = Eigen::Vector3d::Zero();  // in the filter's frame
+  std::optional<Eigen::Vector3d> refused_velocity_;             // in the camera's frame
+  int agree_ = 0;  // refused frames one after the other that continue each other
+};
+
+}  // namespace ktgp_orb::motion
