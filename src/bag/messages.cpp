@@ -6,14 +6,6 @@
 namespace ktgp_orb {
 namespace {
 
-bag::BagFile openFile(const std::string& path) {
-  try {
-    return bag::BagFile(path);
-  } catch (const std::runtime_error& error) {
-    throw UnusableBag(error.what());
-  }
-}
-
 /// Limited to the range of times.
 ros::Time later(const ros::Time& time, double seconds) {
   if (time.toSec() + seconds >= ros::TIME_MAX.toSec()) return ros::TIME_MAX;
@@ -22,7 +14,7 @@ ros::Time later(const ros::Time& time, double seconds) {
 
 }  // namespace
 
-BagMessages::BagMessages(const std::string& path) : file_(openFile(path)) {}
+BagMessages::BagMessages(const std::string& path) : file_(path) {}
 
 std::set<bag::Topic> BagMessages::topics() const {
   std::set<bag::Topic> all;
@@ -74,11 +66,11 @@ std::optional<RecordedMessage> BagMessages::next() {
 
 void BagMessages::reject(const std::string& what) {
   --read_;
-  file_.damage().note(what);
+  file_.note(what);
 }
 
 std::string BagMessages::damage(const std::string& things) const {
-  std::string what = file_.damage().text();
+  const std::string what = file_.damage();
   std::size_t lost = expected_ - std::min(expected_, read_);
   for (const auto& of : file_.missing()) lost += connections_.count(of.first) > 0 ? of.second : 0;
   if (lost > 0) return std::to_string(lost) + " " + things + " lost; " + what;
@@ -113,8 +105,8 @@ void BagMessages::enqueue(std::size_t chunk) {
   std::sort(indexed.begin(), indexed.end());
   std::sort(found.begin(), found.end());
   if (indexed != found) {
-    file_.damage().note("the index and the messages differ in the chunk at byte " +
-                        std::to_string(file_.chunks()[chunk].position));
+    file_.note("the index and the messages differ in the chunk at byte " +
+               std::to_string(file_.chunks()[chunk].position));
   }
 }
 

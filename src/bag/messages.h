@@ -11,8 +11,8 @@
 #include <memory>
 #include <optional>
 #include <set>
-#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <tuple>
 #include <utility>
 #include <vector>
@@ -21,17 +21,11 @@
 
 namespace ktgp_orb {
 
-/// A bag that cannot be used at all; what() gives the reason.
-class UnusableBag : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
-
 /// A message of a bag, valid until the next one is read.
 struct RecordedMessage {
   std::set<bag::Topic> topics;  ///< one, or several that contradict each other in a damaged bag
   ros::Time received;
-  bag::View bytes;
+  std::string_view bytes;
 
   const std::string& topic() const { return topics.begin()->name; }
 
@@ -43,8 +37,8 @@ struct RecordedMessage {
     for (const bag::Topic& topic : topics) is_of_type |= topic.type == type;
     if (!is_of_type || !bag::isWellFormed(type, bytes)) return nullptr;
     // ROS has no stream of constant data; this one is only read.
-    ros::serialization::IStream stream(const_cast<std::uint8_t*>(bytes.data),
-                                       static_cast<std::uint32_t>(bytes.size));
+    auto* const data = reinterpret_cast<std::uint8_t*>(const_cast<char*>(bytes.data()));
+    ros::serialization::IStream stream(data, static_cast<std::uint32_t>(bytes.size()));
     auto message = boost::make_shared<Message>();
     try {
       ros::serialization::deserialize(stream, *message);
