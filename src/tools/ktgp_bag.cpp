@@ -21,7 +21,6 @@
 #include "bag/video.h"
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "cli/video_file.h"
 #include "core/util/format.h"
 #include "core/util/printable.h"

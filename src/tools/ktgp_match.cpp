@@ -12,7 +12,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "core/homography/transform.h"
 #include "files/csv.h"
 #include "files/input.h"
