@@ -13,6 +13,7 @@
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
 #include "core/homography/transform.h"
+#include "core/two_view/cameras.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -229,10 +230,6 @@ void printPose(const char* text, const RelativePose& pose) {
   }
 }
 
-bool hasPose(const TwoView& view) {
-  return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
-}
-
 /// Standard deviations of rotation and direction, degrees: over all axes.
 std::pair<double, double> poseDeviation(const TwoView& view) {
   const double degrees = 180.0 / CV_PI;
@@ -248,7 +245,7 @@ void printTwoView(const MatchResult& result) {
   if (std::isfinite(view.parallax)) std::printf(", parallax %.2f degrees", view.parallax);
   std::printf("\nlog10 of false alarms: homography %.1f, epipolar %.1f\n",
               view.log_false_alarms_homography, view.log_false_alarms_epipolar);
-  if (hasPose(view)) {
+  if (two_view::hasPose(view)) {
     printPose("motion A -> B (x right, y down, z forward)", view.pose);
     if (view.pose_covariance.allFinite()) {
       const auto [turn, direction] = poseDeviation(view);
@@ -336,7 +333,7 @@ json twoViewToJson(const MatchResult& result) {
            {"log_false_alarms_epipolar", view.log_false_alarms_epipolar}};
   if (std::isfinite(view.parallax)) out["parallax"] = view.parallax;
   if (!view.fundamental.isZero(0.0)) out["fundamental"] = tools::toJson(view.fundamental);
-  if (!hasPose(view)) return out;
+  if (!two_view::hasPose(view)) return out;
   out["pose"] = toJson(view.pose);
   if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
   if (!view.pose_covariance.allFinite()) return out;
