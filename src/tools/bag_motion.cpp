@@ -14,7 +14,7 @@
 #include "files/csv.h"
 #include "files/output_file.h"
 #include "ktgp_orb/status.h"
-#include "tools/view_text.h"
+#include "tools/bag_writer.h"
 
 namespace ktgp_orb {
 namespace {

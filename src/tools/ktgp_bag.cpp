@@ -37,7 +37,6 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
-#include "tools/view_options.h"
 
 namespace ktgp_orb {
 namespace {
