@@ -91,12 +91,6 @@ double pictureRate(const Arguments& arguments) {
   return rate > 0.0 ? rate : arguments.views.rate;
 }
 
-std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
-  if (arguments.draw.empty()) return std::nullopt;
-  return std::optional<tools::VideoFile>(std::in_place, arguments.draw, pictureRate(arguments),
-                                         arguments.force);
-}
-
 void sayNoMotion(const std::string& problem) {
   std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
                problem.c_str());
@@ -109,18 +103,24 @@ class Run {
       const Configuration& configuration, int threads)
       : source_(std::move(source)),
         matcher_(configuration),
-        pipeline_(configuration, fixedReference(configuration), threads),
+        pipeline_(configuration,
+                  configuration.sequence.reference.mode == ReferenceMode::fixed
+                      ? matcher_.fixedReference()
+                      : nullptr,
+                  threads),
         writer_(arguments.out, arguments.csv,
                 outputNames(arguments.name, source_->topic(), "matcher"), arguments.force),
         views_(arguments.views, [&arguments] { return openInput(arguments); }),
         motion_(arguments.motion, arguments.in, source_->topic()),
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
-        drawing_(drawingFor(arguments)),
         progress_(source_->total()),
         view_(configuration.view),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
+    if (!arguments.draw.empty()) {
+      drawing_.emplace(arguments.draw, pictureRate(arguments), arguments.force);
+    }
     rate_limiter_.setRate(configuration.max_rate);
   }
 
@@ -128,7 +128,11 @@ class Run {
     while (!tools::interrupted()) {
       auto recorded = source_->next();
       if (!recorded) break;
-      if (isSkipped(*recorded)) continue;
+      if (recorded->image && !rate_limiter_.takes(recorded->image->header.stamp)) {
+        ++skipped_;
+        progress_.advance("images");
+        continue;
+      }
       if (recorded->image) pipeline_.push(recorded->image);
       waiting_.push_back({std::move(*recorded), skipped_});
       if (pipeline_.full()) finishOldest();
@@ -181,18 +185,6 @@ class Run {
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
            others + '\n';
-  }
-
-  FrameConstPtr fixedReference(const Configuration& configuration) const {
-    const bool fixed = configuration.sequence.reference.mode == ReferenceMode::fixed;
-    return fixed ? matcher_.fixedReference() : nullptr;
-  }
-
-  bool isSkipped(const RecordedImage& recorded) {
-    if (!recorded.image || rate_limiter_.takes(recorded.image->header.stamp)) return false;
-    ++skipped_;
-    progress_.advance("images");
-    return true;
   }
 
   /// Said once: a camera_info that the images do not fit.
@@ -273,11 +265,6 @@ class Run {
   std::string refusal_;  // the first reason
 };
 
-int threadsFrom(const Parameters& parameters) {
-  if (parameters.threads > 0) return parameters.threads;
-  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-}
-
 /// The camera for the two-view geometry; without camera_info there is no motion.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
                Configuration& configuration) {
@@ -352,7 +339,10 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
   }
-  Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  const int threads = arguments.parameters.threads;
+  Run run(arguments, std::move(source), configuration,
+          threads > 0 ? threads : static_cast<int>(cores));
   const int code = run.run();
   run.report(arguments, code);
   return code;
