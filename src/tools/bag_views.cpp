@@ -41,24 +41,18 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
           ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
           ->needs(video)
           ->group(group);
-  app.add_option("--stabilizer_strength", views.stabilizer.strength,
-                 "with --stabilizer_lag: faster motion is shake and is removed [s]")
-      ->check(tools::numberIn(limitsOf("stabilizer", "strength")))
-      ->capture_default_str()
-      ->needs(lag)
-      ->group(group);
-  app.add_option("--stabilizer_max_crop", views.stabilizer.max_crop,
-                 "share of width and height to cut off at each border")
-      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")))
-      ->capture_default_str()
-      ->needs(video)
-      ->group(group);
-  app.add_option("--stabilizer_warps", views.warps,
-                 "write a table with the image -> steady image homography of every image; needs "
-                 "--stabilize")
-      ->type_name("FILE")
-      ->needs(video)
-      ->group(group);
+  const auto add = [&](CLI::Option* of, const char* name, auto& value, const char* text) {
+    return app.add_option(name, value, text)->capture_default_str()->needs(of)->group(group);
+  };
+  add(lag, "--stabilizer_strength", views.stabilizer.strength,
+      "with --stabilizer_lag: faster motion is shake and is removed [s]")
+      ->check(tools::numberIn(limitsOf("stabilizer", "strength")));
+  add(video, "--stabilizer_max_crop", views.stabilizer.max_crop,
+      "share of width and height to cut off at each border")
+      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")));
+  add(video, "--stabilizer_warps", views.warps,
+      "write a table with the image -> steady image homography of every image; needs --stabilize")
+      ->type_name("FILE");
   CLI::Option* const map =
       app.add_option(
              "--mosaic", views.mosaic,
@@ -66,22 +60,14 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
              "FILE-2 and so on")
           ->type_name("FILE")
           ->group(group);
-  app.add_option("--mosaic_keyframes", views.map.keyframes,
-                 "place frames by matches to keyframes; false: by the homographies alone")
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_max_megapixels", views.map.max_megapixels,
-                 "size at which the map stops growing")
-      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")))
-      ->capture_default_str()
-      ->needs(map)
-      ->group(group);
-  app.add_option("--mosaic_poses", views.mosaic_poses,
-                 "write a table with the map -> frame homography of every image; needs --mosaic")
-      ->type_name("FILE")
-      ->needs(map)
-      ->group(group);
+  add(map, "--mosaic_keyframes", views.map.keyframes,
+      "place frames by matches to keyframes; false: by the homographies alone");
+  add(map, "--mosaic_max_megapixels", views.map.max_megapixels,
+      "size at which the map stops growing")
+      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")));
+  add(map, "--mosaic_poses", views.mosaic_poses,
+      "write a table with the map -> frame homography of every image; needs --mosaic")
+      ->type_name("FILE");
 }
 
 void completeViewOptions(const CLI::App& app, ViewOptions& views, bool force) {

@@ -61,15 +61,14 @@ struct Arguments {
 
 std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   constexpr double kUsualRate = 30.0;
-  if (kindOf(arguments.in) != InputKind::images) files::requireRegularFile(arguments.in);
-  switch (kindOf(arguments.in)) {
-    case InputKind::video:
-      return openVideo(arguments.in, arguments.selection, arguments.rate);
-    case InputKind::images:
-      return openImages(arguments.in, arguments.selection,
-                        arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
-    case InputKind::bag:
-      break;
+  const InputKind kind = kindOf(arguments.in);
+  if (kind == InputKind::images) {
+    return openImages(arguments.in, arguments.selection,
+                      arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
+  }
+  files::requireRegularFile(arguments.in);
+  if (kind == InputKind::video) {
+    return openVideo(arguments.in, arguments.selection, arguments.rate);
   }
   if (arguments.rate > 0.0) {
     throw std::invalid_argument(
