@@ -1,8 +1,12 @@
 #include "bag/file.h"
 
+#include <rosbag/chunked_file.h>
+#include <rosbag/exceptions.h>
+
 #include <algorithm>
+#include <cstdlib>
 #include <cstring>
-#include <stdexcept>
+#include <new>
 
 #include "core/util/format.h"
 
@@ -12,53 +16,66 @@ namespace {
 constexpr char kFirstLine[] = "#ROSBAG V2.0\n";
 constexpr std::size_t kSearchBlock = 1 << 20;  // bytes that are searched at once after damage
 constexpr std::size_t kNotedAtMost = 4;        // kinds of damage that are described
+/// A damaged compressed chunk may declare any size; rosbag's own are below a megabyte, or one
+/// image.
+constexpr std::size_t kLargestChunk = std::size_t{1} << 30;
+/// Largest compression ratio of LZ4.
+constexpr std::size_t kLz4Ratio = 255;
 
 const std::vector<Operation> kAnyButHeader{Operation::message, Operation::index, Operation::chunk,
                                            Operation::chunk_info, Operation::connection};
 /// Kinds of records outside chunks.
 const std::vector<Operation> kOutsideChunks{Operation::index, Operation::chunk,
                                             Operation::chunk_info};
+const std::vector<Operation> kInChunks{Operation::message, Operation::connection};
+
+/// Zeroed memory that is physically allocated only when written to: a wrong size costs nothing.
+/// Throws std::bad_alloc.
+std::shared_ptr<char> zeroedMemory(std::size_t size) {
+  std::shared_ptr<char> memory(static_cast<char*>(std::calloc(std::max<std::size_t>(size, 1), 1)),
+                               std::free);
+  if (!memory) throw std::bad_alloc();
+  return memory;
+}
 
 }  // namespace
 
-void Damage::note(const std::string& what) {
-  if (std::count(first_.begin(), first_.end(), what) > 0) return;
-  if (first_.size() < kNotedAtMost) {
-    first_.push_back(what);
-  } else {
-    ++more_;
-  }
-}
-
-std::string Damage::text() const {
-  std::string text = util::joined(first_, "; ");
-  if (more_ > 0) text += "; and " + std::to_string(more_) + " more";
-  return text;
-}
-
 BagFile::BagFile(const std::string& path) : file_(path, std::ios::binary | std::ios::ate) {
-  if (!file_) throw std::runtime_error(path + " cannot be opened");
+  if (!file_) throw UnusableBag(path + " cannot be opened");
   size_ = static_cast<std::size_t>(std::max<std::streamoff>(file_.tellg(), 0));
-  const auto line = bytesAt(0, std::strlen(kFirstLine));
-  if (std::string(line.begin(), line.end()) != kFirstLine) {
-    throw std::runtime_error(path + " is not a bag of format 2.0");
+  if (bytesAt(0, std::strlen(kFirstLine)) != kFirstLine) {
+    throw UnusableBag(path + " is not a bag of format 2.0");
   }
   scan();
   if (header_ && !text(header_->fields, "encryptor").empty()) {
-    throw std::runtime_error(path + " is encrypted; decrypt it with 'rosbag decrypt'");
+    throw UnusableBag(path + " is encrypted; decrypt it with 'rosbag decrypt'");
   }
 }
 
+void BagFile::note(const std::string& what) {
+  if (std::count(noted_.begin(), noted_.end(), what) > 0) return;
+  if (noted_.size() < kNotedAtMost) {
+    noted_.push_back(what);
+  } else {
+    ++noted_more_;
+  }
+}
+
+std::string BagFile::damage() const {
+  const std::string text = util::joined(noted_, "; ");
+  return noted_more_ > 0 ? text + "; and " + std::to_string(noted_more_) + " more" : text;
+}
+
 void BagFile::noteAt(std::size_t position, const std::string& what) {
-  damage_.note(what + " at byte " + std::to_string(position));
+  note(what + " at byte " + std::to_string(position));
 }
 
 /// `size` bytes of the file, or fewer at its end.
-std::vector<std::uint8_t> BagFile::bytesAt(std::size_t position, std::size_t size) {
-  std::vector<std::uint8_t> bytes(position < size_ ? std::min(size, size_ - position) : 0);
+std::string BagFile::bytesAt(std::size_t position, std::size_t size) {
+  std::string bytes(position < size_ ? std::min(size, size_ - position) : 0, '\0');
   file_.clear();
   file_.seekg(static_cast<std::streamoff>(position));
-  file_.read(reinterpret_cast<char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  file_.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
   bytes.resize(static_cast<std::size_t>(std::max<std::streamsize>(file_.gcount(), 0)));
   return bytes;
 }
@@ -71,7 +88,7 @@ std::optional<Record> BagFile::recordAt(std::size_t position) {
     if (header > kLargestHeader) return std::nullopt;
     bytes = bytesAt(position, header + 8);
   }
-  return parseRecord({bytes.data(), bytes.size()});
+  return parseRecord(bytes);
 }
 
 std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
@@ -80,7 +97,7 @@ std::optional<std::size_t> BagFile::findInFile(std::size_t begin,
   for (std::size_t block = begin; block < size_; block += kSearchBlock) {
     const auto bytes = bytesAt(block, kSearchBlock + kOverlap);
     const std::size_t beyond = size_ - block - bytes.size();
-    const auto found = findRecord({bytes.data(), bytes.size()}, 0, kinds, beyond);
+    const auto found = findRecord(bytes, 0, kinds, beyond);
     if (found) return block + *found;
   }
   return std::nullopt;
@@ -120,11 +137,9 @@ std::size_t BagFile::scanRecord(std::size_t position) {
     case Operation::chunk_info:
       addChunkInfo(position, *record);
       break;
-    case Operation::connection: {
-      const auto bytes = bytesAt(data, record->data_size);
-      addConnection(*record, {bytes.data(), bytes.size()});
+    case Operation::connection:
+      addConnection(*record, bytesAt(data, record->data_size));
       break;
-    }
     case Operation::message:
       addLooseMessage(position, end);
       break;
@@ -139,16 +154,13 @@ std::size_t BagFile::skipDamage(std::size_t position) {
   damage_begin_ = position;
   damage_end_ = findInFile(position + 1, kAnyButHeader).value_or(size_);
   const auto next = recordAt(damage_end_);
-  if (next && next->operation == Operation::index) {
-    if (chunk_end_ == position && !chunks_.empty()) {
-      chunks_.back().index_damaged = true;
-    } else {  // the index of a lost chunk lists its messages
-      chunks_.push_back({position, position, 0, 0, "none", {}, false, false});
-    }
-    chunk_end_ = damage_end_;
-  } else if (chunk_end_ == position && !chunks_.empty()) {
+  const bool index_follows = next && next->operation == Operation::index;
+  if (chunk_end_ == position && !chunks_.empty()) {
     chunks_.back().index_damaged = true;
+  } else if (index_follows) {  // the index of a lost chunk lists its messages
+    chunks_.push_back({position, position, 0, 0, "none"});
   }
+  if (index_follows) chunk_end_ = damage_end_;
   return damage_end_;
 }
 
@@ -159,14 +171,8 @@ bool BagFile::chunkMayEndAt(std::size_t position) {
 }
 
 std::size_t BagFile::addChunk(std::size_t position, const Record& record) {
-  Chunk chunk{position,
-              position + record.data,
-              record.data_size,
-              number(record.fields, "size").value_or(0),
-              text(record.fields, "compression"),
-              {},
-              false,
-              false};
+  Chunk chunk{position, position + record.data, record.data_size,
+              number(record.fields, "size").value_or(0), text(record.fields, "compression")};
   if (!chunkMayEndAt(chunk.data + chunk.stored_size)) {
     if (chunk.compression == "none" && chunkMayEndAt(chunk.data + chunk.size)) {
       noteAt(position, "a wrong size");
@@ -191,7 +197,7 @@ void BagFile::addLooseMessage(std::size_t begin, std::size_t end) {
     chunks_.back().stored_size = chunks_.back().size = end - chunks_.back().data;
   } else {
     const std::size_t position = damage_end_ == begin ? damage_begin_ : begin;
-    chunks_.push_back({position, begin, end - begin, end - begin, "none", {}, false, false});
+    chunks_.push_back({position, begin, end - begin, end - begin, "none"});
   }
   chunk_end_ = end;
 }
@@ -234,17 +240,17 @@ void BagFile::addChunkInfo(std::size_t position, const Record& record) {
   infos_.push_back(info);
 }
 
-void BagFile::addConnection(const Record& record, View data) {
+void BagFile::addConnection(const Record& record, std::string_view data) {
   const auto connection = number(record.fields, "conn");
   const auto fields = parseFields(data);
   if (!connection || !fields) {
-    damage_.note("a damaged connection");
+    note("a damaged connection");
     return;
   }
   auto& topics = connections_[*connection];
   topics.insert({text(record.fields, "topic"), text(*fields, "type")});
   if (topics.size() == 2) {
-    damage_.note("connection " + std::to_string(*connection) + " has two different descriptions");
+    note("connection " + std::to_string(*connection) + " has two different descriptions");
   }
 }
 
@@ -252,13 +258,12 @@ void BagFile::readFileHeader(const Record& record) {
   header_ = record;
   const auto low = number(record.fields, "index_pos");
   const auto high = number(record.fields, "index_pos", 4);
-  if (low && high && *low == 0 && *high == 0)
-    damage_.note("no index; was the recording interrupted?");
+  if (low && high && *low == 0 && *high == 0) note("no index; was the recording interrupted?");
 }
 
 void BagFile::checkAgainstHeader() {
   if (!header_) {
-    damage_.note("the header of the bag is damaged");
+    note("the header of the bag is damaged");
     return;
   }
   const auto low = number(header_->fields, "index_pos");
@@ -266,9 +271,8 @@ void BagFile::checkAgainstHeader() {
   const auto is = [this](const char* name, std::size_t found) {
     const auto count = number(header_->fields, name);
     if (count && *count == found) return;
-    damage_.note(std::string("the header of the bag has ") + name + " " +
-                 (count ? std::to_string(*count) : "missing") + ", the file " +
-                 std::to_string(found));
+    note(std::string("the header of the bag has ") + name + " " +
+         (count ? std::to_string(*count) : "missing") + ", the file " + std::to_string(found));
   };
   is("chunk_count", chunks_.size());
   is("conn_count", connections_.size());
@@ -282,7 +286,7 @@ void BagFile::checkAgainstInfos() {
   for (const ChunkInfo& info : infos_) {
     const auto found = at.find(info.chunk);
     if (found == at.end()) {
-      damage_.note("there is no chunk at byte " + std::to_string(info.chunk));
+      note("there is no chunk at byte " + std::to_string(info.chunk));
     } else if (!agrees(*found->second, info)) {
       noteAt(info.chunk, "the index and the messages differ in the chunk");
       indexFromMessages(*found->second);
@@ -334,6 +338,65 @@ void BagFile::indexFromMessages(Chunk& chunk) {
   chunk.times = std::move(times);
   chunk.index_damaged = false;
   chunk.indexed = true;
+}
+
+// The messages of a chunk
+
+/// What a chunk holds, in the memory of `contents`. Throws rosbag::BagException or std::bad_alloc.
+std::string_view BagFile::plainBytes(const Chunk& chunk, ChunkContents& contents) {
+  std::string stored = bytesAt(chunk.data, chunk.stored_size);
+  if (chunk.compression == "none") {
+    contents.bytes = zeroedMemory(stored.size());
+    stored.copy(contents.bytes.get(), stored.size());
+    return {contents.bytes.get(), stored.size()};
+  }
+  const bool lz4 = chunk.compression == "lz4";
+  if (!lz4 && chunk.compression != "bz2") {
+    throw rosbag::BagException("compression '" + chunk.compression + "' is unknown");
+  }
+  if (chunk.size > kLargestChunk || (lz4 && chunk.size / kLz4Ratio > stored.size())) {
+    throw rosbag::BagException(std::to_string(stored.size()) + " bytes claim to be " +
+                               std::to_string(chunk.size));
+  }
+  contents.bytes = zeroedMemory(chunk.size);
+  const auto type = lz4 ? rosbag::compression::LZ4 : rosbag::compression::BZ2;
+  rosbag::ChunkedFile().decompress(type, reinterpret_cast<std::uint8_t*>(contents.bytes.get()),
+                                   static_cast<unsigned int>(chunk.size),
+                                   reinterpret_cast<std::uint8_t*>(stored.data()),
+                                   static_cast<unsigned int>(stored.size()));
+  return {contents.bytes.get(), chunk.size};
+}
+
+ChunkContents BagFile::read(const Chunk& chunk) {
+  ChunkContents contents;
+  std::string_view bytes;
+  try {
+    bytes = plainBytes(chunk, contents);
+  } catch (const std::exception& error) {  // of rosbag, or no memory
+    noteAt(chunk.position, std::string("a chunk cannot be decompressed (") + error.what() + ")");
+  }
+  std::size_t position = 0;
+  while (position < bytes.size()) {
+    const auto record = parseRecord(bytes.substr(position));
+    const bool here = record && record->data_size <= bytes.size() - position - record->data;
+    if (!here) {
+      noteAt(chunk.position, "a part is damaged or cut off in the chunk");
+      position = findRecord(bytes, position + 1, kInChunks).value_or(bytes.size());
+      continue;
+    }
+    const std::string_view data = bytes.substr(position + record->data, record->data_size);
+    position += record->data + record->data_size;
+    if (record->operation == Operation::connection) addConnection(*record, data);
+    if (record->operation != Operation::message) continue;
+    const auto connection = number(record->fields, "conn");
+    const auto when = time(record->fields, "time");
+    if (connection && when) {
+      contents.messages.push_back({*connection, *when, data});
+    } else {
+      noteAt(chunk.position, "a damaged message in the chunk");
+    }
+  }
+  return contents;
 }
 
 }  // namespace ktgp_orb::bag

@@ -6,26 +6,25 @@
 #include <cstdint>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
+#include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "bag/format.h"
 
-namespace ktgp_orb::bag {
+namespace ktgp_orb {
 
-/// Problems of a bag, for users.
-class Damage {
+/// A bag that cannot be used at all; what() gives the reason.
+class UnusableBag : public std::runtime_error {
  public:
-  void note(const std::string& what);
-  /// Empty if there are none; else the first few, and the number of further ones.
-  std::string text() const;
-
- private:
-  std::vector<std::string> first_;
-  std::size_t more_ = 0;
+  using std::runtime_error::runtime_error;
 };
+
+namespace bag {
 
 /// A topic as a connection describes it.
 struct Topic {
@@ -46,7 +45,7 @@ struct Chunk {
   std::size_t stored_size;  ///< bytes of its data in the file
   std::size_t size;         ///< bytes of the messages, according to the record
   std::string compression;  ///< "none", "bz2", "lz4"
-  Times times;              ///< of its messages, according to the index
+  Times times{};            ///< of its messages, according to the index
   bool indexed = false;
   bool index_damaged = false;
 };
@@ -55,12 +54,12 @@ struct Chunk {
 struct Message {
   std::uint32_t connection;
   ros::Time time;
-  View data;
+  std::string_view data;
 };
 
 /// A chunk in memory.
 struct ChunkContents {
-  Buffer bytes;
+  std::shared_ptr<char> bytes;
   std::vector<Message> messages;  ///< in the order of the file; their data are in `bytes`
 };
 
@@ -68,7 +67,7 @@ struct ChunkContents {
 /// are noted; after a damaged record, reading continues at the next intact one.
 class BagFile {
  public:
-  /// Throws std::runtime_error for a file that cannot be read or is not a bag of format 2.0.
+  /// Throws UnusableBag for a file that cannot be read or is not a bag of format 2.0.
   explicit BagFile(const std::string& path);
 
   const std::vector<Chunk>& chunks() const { return chunks_; }
@@ -78,9 +77,10 @@ class BagFile {
   const std::map<std::uint32_t, std::size_t>& missing() const { return missing_; }
   /// Whether the file ends with its index; an interrupted recording has none.
   bool hasIndex() const { return !infos_.empty(); }
-  /// Problems found so far.
-  const Damage& damage() const { return damage_; }
-  Damage& damage() { return damage_; }
+  /// Problems found so far, for users: the first few, and the number of further ones.
+  std::string damage() const;
+  /// Adds a problem, unless it is known.
+  void note(const std::string& what);
 
   /// All readable messages of a chunk.
   ChunkContents read(const Chunk& chunk);
@@ -100,7 +100,7 @@ class BagFile {
   void addLooseMessage(std::size_t begin, std::size_t end);
   bool addIndex(std::size_t position, const Record& record);
   void addChunkInfo(std::size_t position, const Record& record);
-  void addConnection(const Record& record, View data);
+  void addConnection(const Record& record, std::string_view data);
   void readFileHeader(const Record& record);
   void checkAgainstHeader();
   void checkAgainstInfos();
@@ -110,9 +110,8 @@ class BagFile {
   std::optional<Record> recordAt(std::size_t position);
   bool chunkMayEndAt(std::size_t position);
   std::optional<std::size_t> findInFile(std::size_t begin, const std::vector<Operation>& kinds);
-  std::vector<std::uint8_t> bytesAt(std::size_t position, std::size_t size);
-  Buffer plainBytes(const Chunk& chunk);
-  void readMessages(const Chunk& chunk, ChunkContents& contents);
+  std::string bytesAt(std::size_t position, std::size_t size);
+  std::string_view plainBytes(const Chunk& chunk, ChunkContents& contents);
   void noteAt(std::size_t position, const std::string& what);
 
   std::ifstream file_;
@@ -125,7 +124,9 @@ class BagFile {
   std::map<std::uint32_t, std::set<Topic>> connections_;
   std::map<std::uint32_t, std::size_t> missing_;
   std::optional<Record> header_;
-  Damage damage_;
+  std::vector<std::string> noted_;  ///< the first problems
+  std::size_t noted_more_ = 0;
 };
 
-}  // namespace ktgp_orb::bag
+}  // namespace bag
+}  // namespace ktgp_orb

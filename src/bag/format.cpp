@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <new>
 
 namespace ktgp_orb::bag {
 namespace {
@@ -19,53 +18,42 @@ std::optional<Operation> operationOf(const Fields& fields) {
 }
 
 /// Fast test whether a header may begin here; false for nearly all other positions.
-bool mayBegin(const std::uint8_t* bytes) {
+bool mayBegin(const char* bytes) {
   const std::size_t header = numberAt(bytes);
   const std::size_t field = numberAt(bytes + kLength);
   return header >= 2 * kLength && header <= kLikelyHeader && field >= 2 &&
          field + kLength <= header;
 }
 
-/// Walks over the parts of a serialised message.
-class Walk {
- public:
-  explicit Walk(View message) : left_(message) {}
-  void skip(std::size_t bytes) {
-    good_ = good_ && bytes <= left_.size;
-    if (good_) left_ = left_.from(bytes);
-  }
-  /// A string, or an array of elements of this size.
-  void skipArray(std::size_t element = 1) { skip(element * count()); }
-  void skipHeader() {
-    skip(12);  // seq, stamp
-    skipArray();
-  }
-  /// Of an array whose elements follow.
-  std::size_t count() {
-    good_ = good_ && left_.size >= kLength;
-    const std::size_t count = good_ ? numberAt(left_.data) : 0;
-    skip(kLength);
-    return count;
-  }
-  bool good() const { return good_; }
-  bool atEnd() const { return good_ && left_.size == 0; }
+/// Removes the number of an array's elements, which follow; empty if it is not there.
+std::optional<std::size_t> takeCount(std::string_view& message) {
+  if (message.size() < kLength) return std::nullopt;
+  const std::size_t count = numberAt(message.data());
+  message.remove_prefix(kLength);
+  return count;
+}
 
- private:
-  View left_;
-  bool good_ = true;
-};
+/// Removes the parts of a serialised message: so many bytes or, below 0, an array, which may be a
+/// text, of elements of so many bytes. False if the message is shorter.
+bool take(const std::vector<int>& parts, std::string_view& message) {
+  for (const int part : parts) {
+    auto size = static_cast<std::size_t>(std::abs(part));
+    if (part < 0) {
+      const auto count = takeCount(message);
+      if (!count) return false;
+      size *= *count;
+    }
+    if (size > message.size()) return false;
+    message.remove_prefix(size);
+  }
+  return true;
+}
 
 }  // namespace
 
-Buffer::Buffer(std::size_t size)
-    : bytes_(static_cast<std::uint8_t*>(std::calloc(std::max<std::size_t>(size, 1), 1)), std::free),
-      size_(size) {
-  if (!bytes_) throw std::bad_alloc();
-}
-
-std::uint32_t numberAt(const std::uint8_t* position) {
+std::uint32_t numberAt(const char* position) {
   std::uint32_t number = 0;
-  for (int i = 3; i >= 0; --i) number = number << 8 | position[i];
+  for (int i = 3; i >= 0; --i) number = number << 8 | static_cast<unsigned char>(position[i]);
   return number;
 }
 
@@ -73,7 +61,7 @@ std::optional<std::uint32_t> number(const Fields& fields, const std::string& nam
                                     std::size_t offset) {
   const auto found = fields.find(name);
   if (found == fields.end() || found->second.size() < offset + 4) return std::nullopt;
-  return numberAt(reinterpret_cast<const std::uint8_t*>(found->second.data()) + offset);
+  return numberAt(found->second.data() + offset);
 }
 
 std::optional<ros::Time> time(const Fields& fields, const std::string& name) {
@@ -88,74 +76,68 @@ std::string text(const Fields& fields, const std::string& name) {
   return found == fields.end() ? "" : found->second;
 }
 
-std::optional<Fields> parseFields(View bytes) {
+std::optional<Fields> parseFields(std::string_view bytes) {
   Fields fields;
-  while (bytes.size > 0) {
-    if (bytes.size < kLength) return std::nullopt;
-    const std::size_t length = numberAt(bytes.data);
-    bytes = bytes.from(kLength);
-    if (length > bytes.size) return std::nullopt;
-    const auto* end = bytes.data + length;
-    const auto* equals = std::find(bytes.data, end, '=');
-    if (equals == end) return std::nullopt;
-    fields[{bytes.data, equals}] = {equals + 1, end};
-    bytes = bytes.from(length);
+  while (!bytes.empty()) {
+    if (bytes.size() < kLength) return std::nullopt;
+    const std::size_t length = numberAt(bytes.data());
+    bytes.remove_prefix(kLength);
+    if (length > bytes.size()) return std::nullopt;
+    const std::string_view field = bytes.substr(0, length);
+    const std::size_t equals = field.find('=');
+    if (equals == std::string_view::npos) return std::nullopt;
+    fields[std::string(field.substr(0, equals))] = field.substr(equals + 1);
+    bytes.remove_prefix(length);
   }
   return fields;
 }
 
-std::optional<Record> parseRecord(View bytes) {
-  if (bytes.size < 2 * kLength) return std::nullopt;
-  const std::size_t length = numberAt(bytes.data);
-  if (length > kLargestHeader || length > bytes.size - 2 * kLength) return std::nullopt;
-  const auto fields = parseFields({bytes.data + kLength, length});
+std::optional<Record> parseRecord(std::string_view bytes) {
+  if (bytes.size() < 2 * kLength) return std::nullopt;
+  const std::size_t length = numberAt(bytes.data());
+  if (length > kLargestHeader || length > bytes.size() - 2 * kLength) return std::nullopt;
+  const auto fields = parseFields(bytes.substr(kLength, length));
   const auto operation = fields ? operationOf(*fields) : std::nullopt;
   if (!operation) return std::nullopt;
   const std::size_t data = length + 2 * kLength;
-  return Record{*operation, *fields, data, numberAt(bytes.data + data - kLength)};
+  return Record{*operation, *fields, data, numberAt(bytes.data() + data - kLength)};
 }
 
-std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
+std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond) {
-  for (std::size_t i = begin; i + 2 * kLength <= bytes.size; ++i) {
-    if (!mayBegin(bytes.data + i)) continue;
-    const auto record = parseRecord(bytes.from(i));
+  for (std::size_t i = begin; i + 2 * kLength <= bytes.size(); ++i) {
+    if (!mayBegin(bytes.data() + i)) continue;
+    const auto record = parseRecord(bytes.substr(i));
     if (!record || std::count(kinds.begin(), kinds.end(), record->operation) == 0) continue;
-    if (record->data_size <= bytes.size - i - record->data + beyond) return i;
+    if (record->data_size <= bytes.size() - i - record->data + beyond) return i;
   }
   return std::nullopt;
 }
 
-bool isWellFormed(const std::string& type, View message) {
-  constexpr std::size_t kDouble = 8;
-  Walk walk(message);
+bool isWellFormed(const std::string& type, std::string_view message) {
+  constexpr int kStamp = 12;  // seq and stamp of a header; frame_id follows
+  constexpr int kText = -1;
+  constexpr int kDouble = 8;
   if (type == "sensor_msgs/Image") {
-    walk.skipHeader();
-    walk.skip(8);  // height, width
-    walk.skipArray();
-    walk.skip(5);  // is_bigendian, step
-    walk.skipArray();
-  } else if (type == "sensor_msgs/CompressedImage") {
-    walk.skipHeader();
-    walk.skipArray();
-    walk.skipArray();
-  } else if (type == "sensor_msgs/CameraInfo") {
-    walk.skipHeader();
-    walk.skip(8);                       // height, width
-    walk.skipArray();                   // distortion_model
-    walk.skipArray(kDouble);            // D
-    walk.skip((9 + 9 + 12) * kDouble);  // K, R, P
-    walk.skip(8 + 17);                  // binning, roi
-  } else if (type == "tf2_msgs/TFMessage") {
-    for (std::size_t left = walk.count(); left > 0 && walk.good(); --left) {
-      walk.skipHeader();
-      walk.skipArray();        // child_frame_id
-      walk.skip(7 * kDouble);  // translation, rotation
-    }
-  } else {
-    return true;
+    // height and width, encoding, is_bigendian and step, data
+    return take({kStamp, kText, 8, kText, 5, -1}, message) && message.empty();
   }
-  return walk.atEnd();
+  if (type == "sensor_msgs/CompressedImage") {  // format, data
+    return take({kStamp, kText, kText, -1}, message) && message.empty();
+  }
+  if (type == "sensor_msgs/CameraInfo") {
+    // height and width, distortion_model, D, K and R and P, binning, roi
+    const int matrices = (9 + 9 + 12) * kDouble;
+    return take({kStamp, kText, 8, kText, -kDouble, matrices, 8, 17}, message) && message.empty();
+  }
+  if (type != "tf2_msgs/TFMessage") return true;
+  const auto count = takeCount(message);
+  // child_frame_id, translation and rotation
+  const std::vector<int> transform{kStamp, kText, kText, 7 * kDouble};
+  for (std::size_t left = count.value_or(0); left > 0; --left) {
+    if (!take(transform, message)) return false;
+  }
+  return count && message.empty();
 }
 
 }  // namespace ktgp_orb::bag

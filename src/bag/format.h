@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 /// Records of a bag of format 2.0 (http://wiki.ros.org/Bags/Format/2.0). No length is trusted. All
@@ -34,33 +34,11 @@ struct Record {
   std::size_t data_size;  ///< bytes of it, according to the record; the file may have fewer
 };
 
-/// Bytes in memory owned elsewhere.
-struct View {
-  const std::uint8_t* data = nullptr;
-  std::size_t size = 0;
-
-  View from(std::size_t position) const { return {data + position, size - position}; }
-};
-
-/// Zeroed memory that is physically allocated only when written to: a wrong size costs nothing.
-class Buffer {
- public:
-  Buffer() = default;
-  /// Throws std::bad_alloc.
-  explicit Buffer(std::size_t size);
-  std::uint8_t* data() { return bytes_.get(); }
-  View view() const { return {bytes_.get(), size_}; }
-
- private:
-  std::shared_ptr<std::uint8_t> bytes_;
-  std::size_t size_ = 0;
-};
-
 /// Longest header of a record, bytes; a longer one is damage.
 constexpr std::size_t kLargestHeader = 1 << 20;
 
 /// Little-endian, like all numbers of the format; `position` has four bytes.
-std::uint32_t numberAt(const std::uint8_t* position);
+std::uint32_t numberAt(const char* position);
 /// A field of four bytes (from `offset` on); empty if it is missing or short.
 std::optional<std::uint32_t> number(const Fields& fields, const std::string& name,
                                     std::size_t offset = 0);
@@ -70,20 +48,20 @@ std::optional<ros::Time> time(const Fields& fields, const std::string& name);
 std::string text(const Fields& fields, const std::string& name);
 
 /// name=value pairs, each after its length; empty unless they fill the bytes exactly.
-std::optional<Fields> parseFields(View bytes);
+std::optional<Fields> parseFields(std::string_view bytes);
 
 /// The record at the beginning of the bytes; empty unless its whole header is there and well
 /// formed.
-std::optional<Record> parseRecord(View bytes);
+std::optional<Record> parseRecord(std::string_view bytes);
 
 /// The first position from `begin` on of a record of one of the kinds, with all its data within the
 /// bytes and `beyond` more; empty if there is none. This is how reading continues after damage.
-std::optional<std::size_t> findRecord(View bytes, std::size_t begin,
+std::optional<std::size_t> findRecord(std::string_view bytes, std::size_t begin,
                                       const std::vector<Operation>& kinds, std::size_t beyond = 0);
 
 /// Whether a message of this type can be deserialised: its lengths fit its bytes. ROS does not
 /// check this before it allocates the memory of an array. True for types that have no arrays or are
 /// not read here.
-bool isWellFormed(const std::string& type, View message);
+bool isWellFormed(const std::string& type, std::string_view message);
 
 }  // namespace ktgp_orb::bag

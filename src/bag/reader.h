@@ -1,17 +1,104 @@
 #pragma once
 
+#include <ros/message_traits.h>
+#include <ros/serialization.h>
 #include <ros/time.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
+#include <boost/make_shared.hpp>
 #include <cstddef>
+#include <functional>
+#include <list>
+#include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
+#include <string_view>
+#include <tuple>
+#include <utility>
+#include <vector>
 
-#include "bag/messages.h"
+#include "bag/file.h"
 
 namespace ktgp_orb {
+
+/// A message of a bag, valid until the next one is read.
+struct RecordedMessage {
+  std::set<bag::Topic> topics;  ///< one, or several that contradict each other in a damaged bag
+  ros::Time received;
+  std::string_view bytes;
+
+  const std::string& topic() const { return topics.begin()->name; }
+
+  /// Null if it is of another type, or damaged.
+  template <typename Message>
+  boost::shared_ptr<Message> as() const {
+    const std::string type = ros::message_traits::datatype<Message>();
+    bool is_of_type = false;
+    for (const bag::Topic& topic : topics) is_of_type |= topic.type == type;
+    if (!is_of_type || !bag::isWellFormed(type, bytes)) return nullptr;
+    // ROS has no stream of constant data; this one is only read.
+    auto* const data = reinterpret_cast<std::uint8_t*>(const_cast<char*>(bytes.data()));
+    ros::serialization::IStream stream(data, static_cast<std::uint32_t>(bytes.size()));
+    auto message = boost::make_shared<Message>();
+    try {
+      ros::serialization::deserialize(stream, *message);
+    } catch (const ros::serialization::StreamOverrunException&) {
+      return nullptr;
+    }
+    return stream.getLength() == 0 ? message : nullptr;
+  }
+};
+
+/// The messages of some topics of a bag, damaged or not, in the order of their times. Reads chunks
+/// in the order of their first messages, and only as many as are needed to know the next one.
+class BagMessages {
+ public:
+  using Wanted = std::function<bool(const bag::Topic&)>;
+
+  /// Throws UnusableBag for a file that is not a bag.
+  explicit BagMessages(const std::string& path);
+
+  std::set<bag::Topic> topics() const;
+  /// To be called once, before next(). `start`: s after the beginning of the bag; `duration`: s,
+  /// below 0: to the end.
+  void select(const Wanted& wanted, double start = 0.0, double duration = -1.0);
+  /// Number of selected messages in the index.
+  std::size_t total() const { return total_; }
+
+  /// The next readable message; empty at the end.
+  std::optional<RecordedMessage> next();
+  /// The message that was returned last is damaged. `what` says so for users.
+  void reject(const std::string& what);
+
+  /// Problems so far, beginning with the number of lost `things` ("images") if it is known; empty
+  /// for an intact bag.
+  std::string damage(const std::string& things) const;
+
+ private:
+  using ContentsPtr = std::shared_ptr<const bag::ChunkContents>;
+  using Key = std::tuple<ros::Time, std::size_t, std::size_t>;  // time, chunk, index in it
+
+  bool isWanted(const ros::Time& time) const { return time >= begin_ && time <= end_; }
+  std::vector<ros::Time> wantedTimes(const bag::Chunk& chunk) const;
+  void enqueue(std::size_t chunk);
+  ContentsPtr contentsOf(std::size_t chunk);
+
+  bag::BagFile file_;
+  std::map<std::uint32_t, std::set<bag::Topic>> connections_;  // wanted
+  ros::Time begin_;
+  ros::Time end_;
+  std::size_t total_ = 0;
+  std::vector<std::pair<ros::Time, std::size_t>> order_;  // of the chunks with wanted messages
+  std::size_t unread_ = 0;                                // index in it
+  std::map<Key, std::uint32_t> queue_;                    // messages of chunks read: connection
+  std::list<std::pair<std::size_t, ContentsPtr>> kept_;
+  ContentsPtr current_;       // has the newest message
+  std::size_t expected_ = 0;  // messages of the chunks read
+  std::size_t read_ = 0;
+};
 
 /// A recorded image.
 struct RecordedImage {

@@ -146,7 +146,9 @@ class Video : public ImageSource {
 
   std::optional<RecordedImage> read() {
     while (video_.grab()) {
-      const double seconds = nextTime();
+      const auto number = static_cast<double>(read_++);
+      const double in_file = timeInFile();
+      const double seconds = rate_ > 0.0 ? number / rate_ : in_file;
       if (seconds < selection_.start) continue;
       if (isAfter(seconds, selection_)) return std::nullopt;
       cv::Mat image;
@@ -157,15 +159,9 @@ class Video : public ImageSource {
     return std::nullopt;
   }
 
-  /// Of the image grabbed last.
-  double nextTime() {
-    const auto number = static_cast<double>(read_++);
-    const double in_file = timeInFile();
-    return rate_ > 0.0 ? number / rate_ : in_file;
-  }
-
-  /// OpenCV has no time for the last images of a video with B-frames, and a repeated time would be
-  /// taken for the same image: these follow the one before by a usual step.
+  /// Of the image grabbed last. OpenCV has no time for the last images of a video with B-frames,
+  /// and a repeated time would be taken for the same image: these follow the one before by a usual
+  /// step.
   double timeInFile() {
     const double seconds = 1e-3 * video_.get(cv::CAP_PROP_POS_MSEC);
     if (read_ == 1) return last_ = seconds > 0.0 && seconds < 1e9 ? seconds : 0.0;

@@ -11,7 +11,6 @@
 #include <utility>
 
 #include "cli/parameter_file.h"
-#include "cli/program.h"
 #include "core/homography/transform.h"
 #include "core/util/format.h"
 
@@ -55,23 +54,8 @@ std::string typeName(const ParameterRow& row) {
   return (whole ? "INT in " : "NUMBER in ") + row.limits.text();
 }
 
-/// The values of the command line while it is parsed.
-struct Given {
-  std::string usual_preset;  ///< without --preset and --params; may be empty
-  std::string preset;
-  std::string file;
-  std::map<std::string, std::string> values;
-
-  /// Throws std::invalid_argument.
-  void applyTo(Parameters& parameters) const {
-    const std::string& first = preset.empty() && file.empty() ? usual_preset : preset;
-    if (!first.empty()) readPreset(first, parameters);
-    if (!file.empty()) readParameterFile(file, parameters);
-    for (const auto& [name, text] : values) setParameter(*findParameter(name), text, parameters);
-    const std::string note = noteOnFixed(parameters);
-    if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
-  }
-};
+/// Values of the command line by the names of the parameters, "preset" and "params".
+using Given = std::map<std::string, std::string>;
 
 void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,
                const std::shared_ptr<Given>& given) {
@@ -84,7 +68,7 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
     } catch (const std::invalid_argument& error) {
       throw CLI::ValidationError("--" + row.name, error.what());
     }
-    given->values[row.name] = value;
+    (*given)[row.name] = value;
   };
   CLI::Option* added = nullptr;
   if (isFlag(row)) {
@@ -99,15 +83,14 @@ void addOption(CLI::App& app, const ParameterRow& row, const Parameters& default
 void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parameters& defaults,
                 const std::string& preset, const std::function<void(const Parameters&)>& done) {
   const auto given = std::make_shared<Given>();
-  given->usual_preset = preset;
   Parameters shown = defaults;
   if (!preset.empty()) readPreset(preset, shown);
   const char* const group = "Parameters";
-  app.add_option("--preset", given->preset, "preset to start from: " + namesOfPresets())
+  app.add_option("--preset", (*given)["preset"], "preset to start from: " + namesOfPresets())
       ->type_name("NAME")
       ->default_str(preset)
       ->group(group);
-  app.add_option("--params", given->file,
+  app.add_option("--params", (*given)["params"],
                  "YAML file of parameters, as `rosparam dump` and `dynparam dump` write it")
       ->type_name("FILE")
       ->group(group);
@@ -124,10 +107,20 @@ void addOptions(CLI::App& app, bool (*wanted)(const ParameterRow&), const Parame
         ->group("")
         ->expected(0, 1);
   }
-  app.callback([given, defaults, done] {
+  app.callback([given, preset, defaults, done] {
     Parameters parameters = defaults;
+    const std::string& file = given->at("params");
+    const std::string& chosen = given->at("preset");
+    const std::string& first = chosen.empty() && file.empty() ? preset : chosen;
     try {
-      given->applyTo(parameters);
+      if (!first.empty()) readPreset(first, parameters);
+      if (!file.empty()) readParameterFile(file, parameters);
+      for (const auto& [name, text] : *given) {
+        const ParameterRow* const row = findParameter(name);
+        if (row != nullptr) setParameter(*row, text, parameters);
+      }
+      const std::string note = noteOnFixed(parameters);
+      if (!note.empty()) std::fprintf(stderr, "%s\n", note.c_str());
       done(parameters);
     } catch (const std::invalid_argument& error) {
       throw CLI::ValidationError(error.what());
@@ -203,7 +196,7 @@ void addCommonOptions(CLI::App& app, bool& force) {
   app.add_flag_callback(
       "--version",
       [] {
-        std::puts(version());
+        std::puts("ktgp_orb " KTGP_ORB_VERSION);
         throw CLI::Success();
       },
       "print the version and exit");

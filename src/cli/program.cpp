@@ -41,10 +41,6 @@ int runAndReport(const char* name, const std::function<int()>& program) {
 
 }  // namespace
 
-const char* version() {
-  return "ktgp_orb " KTGP_ORB_VERSION;
-}
-
 int runProgram(const char* name, const std::function<int()>& program) {
   // A reader that has seen enough ("| head") must not leave half a file: the other outputs are
   // completed.
@@ -67,6 +63,29 @@ bool interrupted() {
 
 void exitWhenInterrupted() {
   handleSignals([](int /*signal*/) { _exit(kExitInterrupted); });
+}
+
+ProgressBar::ProgressBar(std::size_t total) : total_(total), shown_(isatty(STDERR_FILENO) != 0) {}
+
+ProgressBar::~ProgressBar() {
+  say("");
+}
+
+void ProgressBar::say(const std::string& what) {
+  if (shown_) std::fprintf(stderr, "\r\033[K%s", what.c_str());
+}
+
+void ProgressBar::advance(const std::string& what) {
+  if (!shown_) return;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  ++done_;
+  if (total_ == 0) {
+    return say(std::to_string(done_) + " " + what);
+  }
+  constexpr std::size_t kWidth = 30;
+  const std::size_t filled = kWidth * done_ / total_;
+  const std::string bar = std::string(filled, '#') + std::string(kWidth - filled, '.');
+  say("[" + bar + "] " + std::to_string(done_) + "/" + std::to_string(total_) + " " + what);
 }
 
 }  // namespace ktgp_orb::tools

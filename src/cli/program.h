@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <mutex>
+#include <string>
 
 namespace ktgp_orb::tools {
 
@@ -15,9 +18,6 @@ constexpr const char* kExitCodes =
     "Exit code: 0 done, 1 some of the data could not be used (it is named), 2 options, inputs or\n"
     "outputs cannot be used, 130 interrupted (Ctrl-C).";
 
-/// "ktgp_orb 0.1.0"
-const char* version();
-
 /// Runs `program` and returns its exit code. Returns kExitUnusable, after a message that begins
 /// with `name`, if it throws or if its output could not be written.
 int runProgram(const char* name, const std::function<int()>& program);
@@ -30,5 +30,27 @@ bool interrupted();
 /// These signals end the program at once with kExitInterrupted. For programs that write their files
 /// at the end.
 void exitWhenInterrupted();
+
+/// A progress bar or a status line on stderr, only on a terminal. Can be used from several threads.
+class ProgressBar {
+ public:
+  /// `total` 0: not known; only the count is shown.
+  explicit ProgressBar(std::size_t total);
+  /// Removes the bar.
+  ~ProgressBar();
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  /// Counts one more; `what` is shown beside the bar.
+  void advance(const std::string& what);
+  /// Shows `what` alone.
+  void say(const std::string& what);
+
+ private:
+  std::mutex mutex_;
+  std::size_t total_;
+  std::size_t done_ = 0;
+  bool shown_;
+};
 
 }  // namespace ktgp_orb::tools

@@ -55,7 +55,7 @@ class Truth {
         previous_stamp_[homography->header.stamp] = homography->reference_stamp;
         homography_[homography->header.stamp] = homographyOf(*homography).value();
       } else if (const auto odometry = message->as<nav_msgs::Odometry>()) {
-        motion_.addTruth(*odometry);
+        motion_[odometry->header.stamp] = *odometry;
       } else if (const auto segment = message->as<std_msgs::String>()) {
         segment_[message->received] = segment->data;
       }
@@ -64,7 +64,7 @@ class Truth {
   }
 
   std::size_t frames() const { return segment_.size(); }
-  const MotionScore& motion() const { return motion_; }
+  const Odometries& motion() const { return motion_; }
   ros::Time lastStamp() const { return segment_.rbegin()->first; }
   std::string segment(const ros::Time& stamp) const {
     const auto found = segment_.find(stamp);
@@ -85,7 +85,7 @@ class Truth {
   std::map<ros::Time, Eigen::Matrix3d> homography_;
   std::map<ros::Time, ros::Time> previous_stamp_;
   std::map<ros::Time, std::string> segment_;
-  MotionScore motion_;
+  Odometries motion_;
 };
 
 /// Root mean square distance of the final matches from their true positions, px.
@@ -130,9 +130,7 @@ class Report {
     overlays_ = node.subscribe("/camera/matcher/matches_image", 10, &Report::onOverlay, this);
     steady_ = node.subscribe("/camera/stabilizer/image", 10, &Report::onSteady, this);
     places_ = node.subscribe("/camera/mosaic/homography", 50, &Report::onPlace, this);
-    motion_score_ = truth_.motion();
-    motion_ = node.subscribe("/camera/ground_motion/odometry", 50, &MotionScore::addMessage,
-                             &motion_score_);
+    motion_ = node.subscribe("/camera/ground_motion/odometry", 50, &Report::onMotion, this);
     save_ = node.serviceClient<SaveMosaic>("/camera/mosaic/save");
   }
 
@@ -157,8 +155,8 @@ class Report {
   }
 
   void write() {
-    const std::string text =
-        table_.text(truth_.frames()) + "\nmotion   " + motion_score_.text() + "\n";
+    const std::string text = table_.text(truth_.frames()) + "\nmotion   " +
+                             motionScore(truth_.motion(), odometries_) + "\n";
     std::fputs(text.c_str(), stdout);
     std::ofstream(folder_ + "/summary.txt") << text;
     drawPicture();
@@ -227,6 +225,10 @@ class Report {
                                 message->step));
   }
 
+  void onMotion(const nav_msgs::OdometryConstPtr& message) {
+    odometries_[message->header.stamp] = *message;
+  }
+
   void onPlace(const HomographyStampedConstPtr& message) {
     if (message->status == MatchStatus::STATUS_OK) last_place_ = message;
   }
@@ -265,7 +267,7 @@ class Report {
   ros::Subscriber matches_;
   ros::Subscriber overlays_;
   ros::Subscriber steady_;
-  MotionScore motion_score_;
+  Odometries odometries_;
   ros::Subscriber motion_;
   ros::Subscriber places_;
   ros::ServiceClient save_;

@@ -18,7 +18,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "demo/effects.h"
 #include "demo/flight.h"
 #include "demo/map.h"

@@ -26,32 +26,32 @@ double yawOf(const nav_msgs::Odometry& odometry) {
 
 }  // namespace
 
-std::string MotionScore::text() const {
+std::string motionScore(const Odometries& truth, const Odometries& found) {
   constexpr double kUnknown = 1e5;  // variance of a velocity that is not known
-  if (found_.empty() || truth_.empty()) return "no odometry to compare";
-  const auto first = truth_.find(found_.begin()->first);
-  const auto last = truth_.find(found_.rbegin()->first);
-  if (first == truth_.end() || last == truth_.end()) return "no odometry to compare";
+  if (found.empty() || truth.empty()) return "no odometry to compare";
+  const auto first = truth.find(found.begin()->first);
+  const auto last = truth.find(found.rbegin()->first);
+  if (first == truth.end() || last == truth.end()) return "no odometry to compare";
   double way = 0.0;
-  for (auto each = std::next(first); each != truth_.end() && each->first <= last->first; ++each) {
+  for (auto each = std::next(first); each != truth.end() && each->first <= last->first; ++each) {
     way += (positionOf(each->second) - positionOf(std::prev(each)->second)).norm();
   }
   // The odometry begins above its origin.
-  const double turn = yawOf(found_.begin()->second) - yawOf(first->second);
+  const double turn = yawOf(found.begin()->second) - yawOf(first->second);
   const Eigen::Matrix3d to_odometry =
       Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   const Eigen::Vector3d moved =
       to_odometry * (positionOf(last->second) - positionOf(first->second));
   const Eigen::Vector3d error =
-      positionOf(found_.rbegin()->second) - positionOf(found_.begin()->second) - moved;
+      positionOf(found.rbegin()->second) - positionOf(found.begin()->second) - moved;
   double squares = 0.0;
   double speeds = 0.0;
   double count = 0.0;
-  for (const auto& [stamp, odometry] : found_) {
-    const auto truth = truth_.find(stamp);
-    if (truth == truth_.end() || odometry.twist.covariance[0] > kUnknown) continue;
-    squares += (velocityOf(odometry) - velocityOf(truth->second)).squaredNorm();
-    speeds += velocityOf(truth->second).squaredNorm();
+  for (const auto& [stamp, odometry] : found) {
+    const auto true_one = truth.find(stamp);
+    if (true_one == truth.end() || odometry.twist.covariance[0] > kUnknown) continue;
+    squares += (velocityOf(odometry) - velocityOf(true_one->second)).squaredNorm();
+    speeds += velocityOf(true_one->second).squaredNorm();
     ++count;
   }
   return util::format("drift %.2f %% of %.0f m, velocity error %.3f m/s (RMS) at %.1f m/s",

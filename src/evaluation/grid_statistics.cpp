@@ -13,40 +13,33 @@ using util::imagePoint;
 
 constexpr int kNoCell = -1;
 
-/// Columns and rows of cells in an image.
-struct Grid {
-  int columns;
-  int rows;
-
-  int cells() const { return columns * rows; }
-
-  int neighbour(int cell, const cv::Point& offset) const {
-    const int x = cell % columns + offset.x;
-    const int y = cell / columns + offset.y;
-    return x < 0 || x >= columns || y < 0 || y >= rows ? kNoCell : y * columns + x;
-  }
-};
+/// `grid`: columns and rows of cells in an image.
+int neighbour(const cv::Size& grid, int cell, const cv::Point& offset) {
+  const cv::Point at = cv::Point(cell % grid.width, cell / grid.width) + offset;
+  return at.inside({{0, 0}, grid}) ? at.y * grid.width + at.x : kNoCell;
+}
 
 /// The cell of a keypoint in a grid shifted by `shift` half cells; the first column and row of a
 /// shifted grid are not used.
-int cellOf(const Grid& grid, const Features& features, std::int32_t index, const cv::Point& shift) {
+int cellOf(const cv::Size& grid, const Features& features, std::int32_t index,
+           const cv::Point& shift) {
   const cv::Point2f& p = imagePoint(features, index);
   const float x = p.x / static_cast<float>(features.image_size.width);
   const float y = p.y / static_cast<float>(features.image_size.height);
-  const double column = std::floor(x * static_cast<float>(grid.columns) + 0.5 * shift.x);
-  const double row = std::floor(y * static_cast<float>(grid.rows) + 0.5 * shift.y);
+  const double column = std::floor(x * static_cast<float>(grid.width) + 0.5 * shift.x);
+  const double row = std::floor(y * static_cast<float>(grid.height) + 0.5 * shift.y);
   const bool inside =
-      column >= shift.x && column < grid.columns && row >= shift.y && row < grid.rows;
-  return inside ? static_cast<int>(row) * grid.columns + static_cast<int>(column) : kNoCell;
+      column >= shift.x && column < grid.width && row >= shift.y && row < grid.height;
+  return inside ? static_cast<int>(row) * grid.width + static_cast<int>(column) : kNoCell;
 }
 
 /// The matches of one shifted grid, counted per target cell and per pair of cells.
 class CellCounts {
  public:
-  explicit CellCounts(const Grid& grid)
+  explicit CellCounts(const cv::Size& grid)
       : grid_(grid),
-        pair_(static_cast<std::size_t>(grid.cells()) * static_cast<std::size_t>(grid.cells())),
-        target_(static_cast<std::size_t>(grid.cells())) {}
+        pair_(static_cast<std::size_t>(grid.area()) * static_cast<std::size_t>(grid.area())),
+        target_(static_cast<std::size_t>(grid.area())) {}
 
   void add(int target, int reference) {
     ++pair_[at(target, reference)];
@@ -56,7 +49,7 @@ class CellCounts {
   /// The reference cell with most matches of the target cell; the first one for equal numbers.
   int best(int target) const {
     const auto row = pair_.begin() + static_cast<std::ptrdiff_t>(at(target, 0));
-    const auto best = std::max_element(row, row + grid_.cells());
+    const auto best = std::max_element(row, row + grid_.area());
     return *best > 0 ? static_cast<int>(best - row) : kNoCell;
   }
 
@@ -65,8 +58,8 @@ class CellCounts {
     int matches = 0;
     int cells = 0;
     for (const cv::Point& offset : around) {
-      const int t = grid_.neighbour(target, offset);
-      const int r = grid_.neighbour(reference, offset);
+      const int t = neighbour(grid_, target, offset);
+      const int r = neighbour(grid_, reference, offset);
       if (t == kNoCell || r == kNoCell) continue;
       support += pair_[at(t, r)];
       matches += target_[static_cast<std::size_t>(t)];
@@ -77,20 +70,20 @@ class CellCounts {
 
  private:
   std::size_t at(int target, int reference) const {
-    return static_cast<std::size_t>(target) * static_cast<std::size_t>(grid_.cells()) +
+    return static_cast<std::size_t>(target) * static_cast<std::size_t>(grid_.area()) +
            static_cast<std::size_t>(reference);
   }
 
-  Grid grid_;
+  cv::Size grid_;
   std::vector<int> pair_;
   std::vector<int> target_;
 };
 
 /// The best reference cell of each target cell if it is supported, else kNoCell.
-std::vector<int> supportedCells(const CellCounts& counts, const Grid& grid,
+std::vector<int> supportedCells(const CellCounts& counts, const cv::Size& grid,
                                 const Neighbourhood& neighbourhood, double factor) {
-  std::vector<int> supported(static_cast<std::size_t>(grid.cells()), kNoCell);
-  for (int target = 0; target < grid.cells(); ++target) {
+  std::vector<int> supported(static_cast<std::size_t>(grid.area()), kNoCell);
+  for (int target = 0; target < grid.area(); ++target) {
     const int best = counts.best(target);
     if (best == kNoCell || !counts.isSupported(target, best, neighbourhood, factor)) continue;
     supported[static_cast<std::size_t>(target)] = best;
@@ -120,7 +113,7 @@ void filterByGridStatistics(const Features& reference, const Features& target,
         "gms_grid is 0, by the number of matches; this method expects the number of cells, 1 or "
         "more");
   }
-  const Grid grid{options.grid_columns, options.grid_rows};
+  const cv::Size grid{options.grid_columns, options.grid_rows};
   std::vector<bool> keep(matches.size(), false);
   for (const cv::Point& shift : {cv::Point(0, 0), {1, 0}, {0, 1}, {1, 1}}) {
     CellCounts counts(grid);

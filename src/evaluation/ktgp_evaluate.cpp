@@ -8,7 +8,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "evaluation/hpatches.h"
 #include "evaluation/output.h"
 #include "evaluation/peers.h"

@@ -5,7 +5,6 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "evaluation/bag_frames.h"
 #include "evaluation/sequence_evaluation.h"
 #include "files/output_file.h"

@@ -15,24 +15,20 @@ namespace {
 using nlohmann::json;
 using util::format;
 
-/// Sums of values that some pairs do not have.
-struct Average {
-  double mean = 0.0;
-  double rms = 0.0;
-  std::size_t pairs = 0;
-
-  void add(const evaluation::ErrorSummary& summary) {
-    if (summary.count == 0) return;
-    mean += summary.mean;
-    rms += summary.rms;
-    ++pairs;
+/// Means over the pairs that have the value.
+evaluation::ErrorSummary averageOf(const std::vector<const MethodScore*>& scores,
+                                   evaluation::ErrorSummary MethodScore::*value) {
+  evaluation::ErrorSummary average;
+  for (const MethodScore* m : scores) {
+    const evaluation::ErrorSummary& summary = m->*value;
+    if (summary.count == 0) continue;
+    average.mean += summary.mean;
+    average.rms += summary.rms;
+    ++average.count;
   }
-  evaluation::ErrorSummary summary() const {
-    if (pairs == 0) return {};
-    const auto n = static_cast<double>(pairs);
-    return {pairs, mean / n, rms / n};
-  }
-};
+  const auto n = static_cast<double>(std::max<std::size_t>(average.count, 1));
+  return {average.count, average.mean / n, average.rms / n};
+}
 
 /// Empty if no pair has a corner error: the method estimates no homography.
 std::optional<AccuracySummary> summarizeAccuracy(const std::vector<const MethodScore*>& scores) {
@@ -80,7 +76,6 @@ SetSummary summarizeMethod(const std::string& set, std::size_t method,
   s.set = set;
   s.pairs = scores.size();
   const auto n = static_cast<double>(scores.size());
-  Average distance, displacement, reprojection;
   std::vector<const MethodScore*> members;
   for (const PairScore* pair : scores) {
     const MethodScore& m = pair->methods[method];
@@ -94,14 +89,11 @@ SetSummary summarizeMethod(const std::string& set, std::size_t method,
     s.milliseconds += m.milliseconds / n;
     s.total_milliseconds += m.total_milliseconds / n;
     for (std::size_t i = 0; i < m.precision.size(); ++i) s.precision[i] += m.precision[i] / n;
-    distance.add(m.descriptor_distance);
-    displacement.add(m.displacement);
-    reprojection.add(m.reprojection_error);
     members.push_back(&m);
   }
-  s.descriptor_distance = distance.summary();
-  s.displacement = displacement.summary();
-  s.reprojection_error = reprojection.summary();
+  s.descriptor_distance = averageOf(members, &MethodScore::descriptor_distance);
+  s.displacement = averageOf(members, &MethodScore::displacement);
+  s.reprojection_error = averageOf(members, &MethodScore::reprojection_error);
   s.accuracy = summarizeAccuracy(members);
   return s;
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <vector>
 
+#include "core/two_view/cameras.h"
 #include "messages/message_conversion.h"
 #include "messages/pose_message.h"
 
@@ -27,8 +28,7 @@ Pose3 toPose(const RelativePose& pose) {
 }
 
 void setPose(const TwoView& view, TwoViewGeometry& message) {
-  const bool turned = view.geometry == Geometry::rotation;
-  if (!turned && view.pose.translation.isZero(0.0)) return;
+  if (!two_view::hasPose(view)) return;
   message.has_pose = true;
   message.pose = toMessage(toPose(view.pose), view.pose_covariance);
   message.parallax = view.parallax;

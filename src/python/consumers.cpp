@@ -18,6 +18,14 @@
 namespace ktgp_orb::python {
 namespace {
 
+/// For a property of a shared object.
+template <typename Object, typename Value>
+auto getting(Value (Object::*get)() const) {
+  return [get](Shared<Object>& shared) {
+    return shared.use([get](const Object& object) { return (object.*get)(); });
+  };
+}
+
 using Homography = std::optional<Eigen::Matrix3d>;
 
 Homography homographyOf(const FrameMatch& frame) {
@@ -101,12 +109,8 @@ void defineTargets(py::module_& module) {
             return targets.use([&](TargetFinder& finder) { return finder.remove(id); });
           },
           py::arg("id"), "False if there is no such target.")
-      .def_property_readonly(
-          "ids",
-          [](Targets& targets) {
-            return targets.use([](TargetFinder& finder) { return finder.ids(); });
-          },
-          "In the order in which they were added.")
+      .def_property_readonly("ids", getting(&TargetFinder::ids),
+                             "In the order in which they were added.")
       .def("find", findTargets, py::arg("image"),
            "The targets in an image, a list of DetectedTarget. Images of one camera in their order "
            "are followed.");
@@ -150,17 +154,10 @@ void defineMosaic(py::module_& module) {
           "image", mapOf,
           "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where "
           "nothing was seen.")
+      .def_property_readonly("pose", getting(&Mosaic::pose),
+                             "(3, 3) float64: map to the last image, px; None where it is lost.")
       .def_property_readonly(
-          "pose",
-          [](SharedMosaic& shared) {
-            return shared.use([](Mosaic& mosaic) { return mosaic.pose(); });
-          },
-          "(3, 3) float64: map to the last image, px; None where it is lost.")
-      .def_property_readonly(
-          "plane_deviation",
-          [](SharedMosaic& shared) {
-            return shared.use([](Mosaic& mosaic) { return mosaic.planeDeviation(); });
-          },
+          "plane_deviation", getting(&Mosaic::planeDeviation),
           "How far points are off the map, px; where it is large, the scene is no "
           "plane.");
 }

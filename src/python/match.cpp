@@ -7,6 +7,9 @@
 #include <string_view>
 #include <tuple>
 
+#include "core/two_view/cameras.h"
+#include "core/util/pool.h"
+#include "ktgp_orb/orb_extractor.h"
 #include "parameters/options.h"
 #include "python/arrays.h"
 #include "python/options.h"
@@ -80,6 +83,55 @@ std::shared_ptr<Match> matchImages(const py::object& reference, const py::object
   matcher.match(features[0], features[1], hints, result);
   return std::make_shared<Match>(result, features[0], features[1]);
 }
+
+/// An extractor that several Python threads may call; one of them works at a time.
+class Extractor {
+ public:
+  explicit Extractor(const Settings& made_from)
+      : settings(made_from),
+        extractor_(pipelineOptions(parametersFrom(made_from, Scope::pair)).orb) {}
+
+  std::shared_ptr<Features> extract(const py::object& image, const py::object& mask) {
+    const ImageArray grey = greyImage(image, "image");
+    const ImageArray where = maskImage(mask);
+    return extractor_.use([&](OrbExtractor& extractor) {
+      auto features = made_.take();
+      extractor.extract(grey.pixels, where.pixels, *features);
+      return features;
+    });
+  }
+
+  const Settings settings;
+
+ private:
+  Shared<OrbExtractor> extractor_;
+  // New memory for the images of each frame would cost 2 % of its time.
+  util::Pool<Features> made_{4, [](Features&) {}};
+};
+
+/// A matcher that several Python threads may call; one of them works at a time.
+class Matcher {
+ public:
+  explicit Matcher(const Settings& made_from)
+      : settings(made_from),
+        matcher_(pipelineOptions(parametersFrom(made_from, Scope::pair)).matcher) {}
+
+  std::shared_ptr<Match> match(const Features& reference, const Features& target,
+                               const std::optional<Eigen::Matrix3d>& camera,
+                               const std::optional<Eigen::Matrix3d>& target_camera) {
+    return matcher_.use([&](KtgpMatcher& matcher) {
+      const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
+      matcher.match(reference, target, hints, result_);
+      return std::make_shared<Match>(result_, reference, target);
+    });
+  }
+
+  const Settings settings;
+
+ private:
+  Shared<KtgpMatcher> matcher_;
+  MatchResult result_;  // of the call that uses matcher_
+};
 
 void defineMatch(py::module_& module) {
   py::class_<Match, std::shared_ptr<Match>>(
@@ -225,7 +277,7 @@ Match::Match(const MatchResult& result, const Features& reference, const Feature
   if (view.geometry != Geometry::none) {
     parallax = view.parallax;
     if (!view.fundamental.isZero(0.0)) fundamental = view.fundamental;
-    if (view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0)) {
+    if (two_view::hasPose(view)) {
       rotation = view.pose.rotation;
       translation = view.pose.translation;
       if (view.pose_covariance.allFinite()) pose_covariance = view.pose_covariance;
@@ -306,33 +358,6 @@ void restore(const py::tuple& state, Match& match) {
                             stage["output"].cast<std::size_t>(),
                             stage["milliseconds"].cast<double>()});
   }
-}
-
-Extractor::Extractor(const Settings& settings)
-    : settings_(settings), extractor_(pipelineOptions(parametersFrom(settings, Scope::pair)).orb) {}
-
-std::shared_ptr<Features> Extractor::extract(const py::object& image, const py::object& mask) {
-  const ImageArray grey = greyImage(image, "image");
-  const ImageArray where = maskImage(mask);
-  return extractor_.use([&](OrbExtractor& extractor) {
-    auto features = made_.take();
-    extractor.extract(grey.pixels, where.pixels, *features);
-    return features;
-  });
-}
-
-Matcher::Matcher(const Settings& settings)
-    : settings_(settings),
-      matcher_(pipelineOptions(parametersFrom(settings, Scope::pair)).matcher) {}
-
-std::shared_ptr<Match> Matcher::match(const Features& reference, const Features& target,
-                                      const std::optional<Eigen::Matrix3d>& camera,
-                                      const std::optional<Eigen::Matrix3d>& target_camera) {
-  return matcher_.use([&](KtgpMatcher& matcher) {
-    const MatchHints hints = hintsOf(matcher.options(), camera, target_camera);
-    matcher.match(reference, target, hints, result_);
-    return std::make_shared<Match>(result_, reference, target);
-  });
 }
 
 void definePairs(py::module_& module) {

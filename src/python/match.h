@@ -13,11 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "core/util/pool.h"
 #include "ktgp_orb/ktgp_matcher.h"
-#include "ktgp_orb/orb_extractor.h"
-#include "python/options.h"
-#include "python/shared.h"
 
 namespace ktgp_orb::python {
 
@@ -71,35 +67,6 @@ struct FrameMatch : Match {
 inline double secondsOf(std::int64_t stamp) {
   return 1e-9 * static_cast<double>(stamp);
 }
-
-/// An extractor that several Python threads may call; one of them works at a time.
-class Extractor {
- public:
-  explicit Extractor(const Settings& settings);
-  std::shared_ptr<Features> extract(const py::object& image, const py::object& mask);
-  const Settings& settings() const { return settings_; }
-
- private:
-  Settings settings_;
-  Shared<OrbExtractor> extractor_;
-  // New memory for the images of each frame would cost 2 % of its time.
-  util::Pool<Features> made_{4, [](Features&) {}};
-};
-
-/// A matcher that several Python threads may call; one of them works at a time.
-class Matcher {
- public:
-  explicit Matcher(const Settings& settings);
-  std::shared_ptr<Match> match(const Features& reference, const Features& target,
-                               const std::optional<Eigen::Matrix3d>& camera,
-                               const std::optional<Eigen::Matrix3d>& target_camera);
-  const Settings& settings() const { return settings_; }
-
- private:
-  Settings settings_;
-  Shared<KtgpMatcher> matcher_;
-  MatchResult result_;  // of the call that uses matcher_
-};
 
 /// For pickle.
 py::tuple stateOf(const Match& match);

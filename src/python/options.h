@@ -37,7 +37,7 @@ void defineSettings(Class& object, const char* usual_preset, const char* text) {
            py::arg("preset") = usual_preset, text)
       .def(py::pickle(
           [](const Type& made) {
-            return py::make_tuple(made.settings().preset, made.settings().changes);
+            return py::make_tuple(made.settings.preset, made.settings.changes);
           },
           [](const py::tuple& state) {
             return std::make_unique<Type>(Settings{state[0], state[1].template cast<py::kwargs>()});

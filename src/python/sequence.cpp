@@ -31,9 +31,9 @@ std::shared_ptr<FrameMatch> copied(const SequenceMatch& found) {
 /// A sequence that several Python threads may call; one of them works at a time.
 class Sequence {
  public:
-  explicit Sequence(const Settings& settings)
-      : settings_(settings), matcher_(sequenceOptions(parametersFrom(settings, Scope::sequence))) {}
-  const Settings& settings() const { return settings_; }
+  explicit Sequence(const Settings& made_from)
+      : settings(made_from),
+        matcher_(sequenceOptions(parametersFrom(made_from, Scope::sequence))) {}
 
   std::shared_ptr<FrameMatch> match(const py::object& image, double seconds) {
     const ImageArray grey = greyImage(image, "image");
@@ -54,8 +54,9 @@ class Sequence {
     matcher_.use([](SequenceMatcher& matcher) { matcher.restart(); });
   }
 
+  const Settings settings;
+
  private:
-  Settings settings_;
   Shared<SequenceMatcher> matcher_;
 };
 

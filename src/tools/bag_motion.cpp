@@ -10,11 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "bag/reader.h"
 #include "files/csv.h"
 #include "files/output_file.h"
 #include "ktgp_orb/status.h"
-#include "tools/view_text.h"
+#include "tools/bag_writer.h"
 
 namespace ktgp_orb {
 namespace {
@@ -69,10 +68,10 @@ std::string rowOf(const ros::Time& stamp, const std::optional<GroundEstimate>& k
   return row.add(reason).line();
 }
 
-template <typename Message>
-void passUntil(const ros::Time& time, std::deque<Message>& messages, GroundReadings& readings) {
+template <typename Message, typename Use>
+void passUntil(const ros::Time& time, std::deque<Message>& messages, const Use& use) {
   for (; !messages.empty() && messages.front().header.stamp <= time; messages.pop_front()) {
-    readings.add(messages.front());
+    use(messages.front());
   }
 }
 
@@ -162,12 +161,9 @@ void BagMotion::readMessages(const std::string& path) {
 
 void BagMotion::passOn(const ros::Time& time) {
   const ros::Time until = time + ros::Duration(options_.config.max_age);
-  passUntil(until, ranges_, readings_);
-  passUntil(until, imus_, readings_);
-  for (; !transforms_.empty() && transforms_.front().header.stamp <= until;
-       transforms_.pop_front()) {
-    tf_.setTransform(transforms_.front(), "bag");
-  }
+  passUntil(until, ranges_, [this](const auto& range) { readings_.add(range); });
+  passUntil(until, imus_, [this](const auto& imu) { readings_.add(imu); });
+  passUntil(until, transforms_, [this](const auto& each) { tf_.setTransform(each, "bag"); });
 }
 
 void BagMotion::add(const HomographyStamped& homography, const cv::Size& image) {

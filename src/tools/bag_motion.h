@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "bag/messages.h"
+#include "bag/reader.h"
 #include "cli/matcher_cli.h"
 #include "messages/ground_readings.h"
 #include "messages/message_conversion.h"

@@ -5,11 +5,11 @@
 #include <stdexcept>
 
 #include "core/homography/transform.h"
+#include "core/util/format.h"
 #include "files/csv.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/status.h"
 #include "ktgp_orb/two_view.h"
-#include "tools/view_text.h"
 
 namespace ktgp_orb {
 namespace {
@@ -45,6 +45,10 @@ void addTwoView(const TwoViewGeometry* view, files::CsvRow& row) {
 }
 
 }  // namespace
+
+std::string textOf(const ros::Time& time) {
+  return util::format("%u.%09u", time.sec, time.nsec);
+}
 
 MatchWriter::MatchWriter(const std::string& bag, const std::string& csv, const std::string& prefix,
                          bool force)

@@ -14,6 +14,9 @@
 
 namespace ktgp_orb {
 
+/// A stamp in a table: "sec.nsec".
+std::string textOf(const ros::Time& time);
+
 /// Writes the results to a bag, on the topics of the nodelet, and to a table.
 class MatchWriter {
  public:

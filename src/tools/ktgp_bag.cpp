@@ -21,7 +21,6 @@
 #include "bag/video.h"
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "cli/video_file.h"
 #include "core/util/format.h"
 #include "core/util/printable.h"
@@ -38,7 +37,6 @@
 #include "tools/bag_targets.h"
 #include "tools/bag_views.h"
 #include "tools/bag_writer.h"
-#include "tools/view_options.h"
 
 namespace ktgp_orb {
 namespace {
@@ -63,15 +61,14 @@ struct Arguments {
 
 std::unique_ptr<ImageSource> openInput(const Arguments& arguments) {
   constexpr double kUsualRate = 30.0;
-  if (kindOf(arguments.in) != InputKind::images) files::requireRegularFile(arguments.in);
-  switch (kindOf(arguments.in)) {
-    case InputKind::video:
-      return openVideo(arguments.in, arguments.selection, arguments.rate);
-    case InputKind::images:
-      return openImages(arguments.in, arguments.selection,
-                        arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
-    case InputKind::bag:
-      break;
+  const InputKind kind = kindOf(arguments.in);
+  if (kind == InputKind::images) {
+    return openImages(arguments.in, arguments.selection,
+                      arguments.rate > 0.0 ? arguments.rate : kUsualRate, arguments.longest_side);
+  }
+  files::requireRegularFile(arguments.in);
+  if (kind == InputKind::video) {
+    return openVideo(arguments.in, arguments.selection, arguments.rate);
   }
   if (arguments.rate > 0.0) {
     throw std::invalid_argument(
@@ -93,12 +90,6 @@ double pictureRate(const Arguments& arguments) {
   return rate > 0.0 ? rate : arguments.views.rate;
 }
 
-std::optional<tools::VideoFile> drawingFor(const Arguments& arguments) {
-  if (arguments.draw.empty()) return std::nullopt;
-  return std::optional<tools::VideoFile>(std::in_place, arguments.draw, pictureRate(arguments),
-                                         arguments.force);
-}
-
 void sayNoMotion(const std::string& problem) {
   std::fprintf(stderr, "ktgp_bag: no motion of the camera, only the geometry: %s\n",
                problem.c_str());
@@ -111,18 +102,24 @@ class Run {
       const Configuration& configuration, int threads)
       : source_(std::move(source)),
         matcher_(configuration),
-        pipeline_(configuration, fixedReference(configuration), threads),
+        pipeline_(configuration,
+                  configuration.sequence.reference.mode == ReferenceMode::fixed
+                      ? matcher_.fixedReference()
+                      : nullptr,
+                  threads),
         writer_(arguments.out, arguments.csv,
                 outputNames(arguments.name, source_->topic(), "matcher"), arguments.force),
         views_(arguments.views, [&arguments] { return openInput(arguments); }),
         motion_(arguments.motion, arguments.in, source_->topic()),
         targets_(arguments.targets, arguments.in, source_->topic()),
         detections_topic_(outputNames(arguments.name, source_->topic(), "targets") + "/detections"),
-        drawing_(drawingFor(arguments)),
         progress_(source_->total()),
         view_(configuration.view),
         draws_overlay_(arguments.overlay),
         discards_interrupted_(arguments.skip_finished) {
+    if (!arguments.draw.empty()) {
+      drawing_.emplace(arguments.draw, pictureRate(arguments), arguments.force);
+    }
     rate_limiter_.setRate(configuration.max_rate);
   }
 
@@ -130,7 +127,11 @@ class Run {
     while (!tools::interrupted()) {
       auto recorded = source_->next();
       if (!recorded) break;
-      if (isSkipped(*recorded)) continue;
+      if (recorded->image && !rate_limiter_.takes(recorded->image->header.stamp)) {
+        ++skipped_;
+        progress_.advance("images");
+        continue;
+      }
       if (recorded->image) pipeline_.push(recorded->image);
       waiting_.push_back({std::move(*recorded), skipped_});
       if (pipeline_.full()) finishOldest();
@@ -183,18 +184,6 @@ class Run {
     return util::format("%zu homographies, median of %.0f inliers, %.2f ms an image", found,
                         evaluation::median(inliers_), evaluation::median(milliseconds_)) +
            others + '\n';
-  }
-
-  FrameConstPtr fixedReference(const Configuration& configuration) const {
-    const bool fixed = configuration.sequence.reference.mode == ReferenceMode::fixed;
-    return fixed ? matcher_.fixedReference() : nullptr;
-  }
-
-  bool isSkipped(const RecordedImage& recorded) {
-    if (!recorded.image || rate_limiter_.takes(recorded.image->header.stamp)) return false;
-    ++skipped_;
-    progress_.advance("images");
-    return true;
   }
 
   /// Said once: a camera_info that the images do not fit.
@@ -275,11 +264,6 @@ class Run {
   std::string refusal_;  // the first reason
 };
 
-int threadsFrom(const Parameters& parameters) {
-  if (parameters.threads > 0) return parameters.threads;
-  return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
-}
-
 /// The camera for the two-view geometry; without camera_info there is no motion.
 void setCamera(const Parameters& parameters, const std::string& bag, const std::string& topic,
                Configuration& configuration) {
@@ -354,7 +338,10 @@ int matchBag(const files::OutputPlan& plan, Arguments& arguments) {
     double& max_age = configuration.sequence.reference.max_age;
     max_age = std::max(max_age, kPeriods / arguments.rate);
   }
-  Run run(arguments, std::move(source), configuration, threadsFrom(arguments.parameters));
+  const unsigned cores = std::max(1U, std::thread::hardware_concurrency());
+  const int threads = arguments.parameters.threads;
+  Run run(arguments, std::move(source), configuration,
+          threads > 0 ? threads : static_cast<int>(cores));
   const int code = run.run();
   run.report(arguments, code);
   return code;

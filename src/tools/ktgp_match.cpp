@@ -12,8 +12,8 @@
 
 #include "cli/matcher_cli.h"
 #include "cli/program.h"
-#include "cli/progress_bar.h"
 #include "core/homography/transform.h"
+#include "core/two_view/cameras.h"
 #include "files/csv.h"
 #include "files/input.h"
 #include "files/output_file.h"
@@ -67,17 +67,13 @@ struct Arguments {
   PipelineOptions pipeline;
 };
 
-/// Of the matches left after one stage.
-struct StageQuality {
-  evaluation::ErrorSummary distance;  ///< of the descriptors
-  std::vector<double> errors;         ///< against the truth, px; empty without one
-};
-
 struct Outcome {
   Frame reference;
   Frame target;
   MatchResult result;
-  std::array<StageQuality, 4> stages;
+  // Of the matches left after each of the four stages:
+  std::array<evaluation::ErrorSummary, 4> distances;  ///< of the descriptors
+  std::array<std::vector<double>, 4> errors;          ///< against the truth, px; empty without one
   std::optional<Eigen::Matrix3d> truth;
 };
 
@@ -132,13 +128,12 @@ Outcome run(Arguments& arguments) {
   match(arguments, progress, outcome);
 
   std::vector<Correspondence> matches;
-  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
-    StageQuality& stage = outcome.stages[i];
+  for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
     outcome.result.surviving(static_cast<Level>(i), matches);
-    stage.distance = evaluation::descriptorDistance(matches);
+    outcome.distances[i] = evaluation::descriptorDistance(matches);
     if (outcome.truth) {
-      stage.errors = evaluation::reprojectionErrors(*outcome.truth, outcome.reference.features,
-                                                    outcome.target.features, matches);
+      outcome.errors[i] = evaluation::reprojectionErrors(*outcome.truth, outcome.reference.features,
+                                                         outcome.target.features, matches);
     }
   }
   return outcome;
@@ -153,23 +148,22 @@ void printFrame(const char* role, const std::string& file, const Frame& frame) {
 /// What followed the four stages.
 std::vector<StageResult> refinementsOf(const Outcome& outcome) {
   const std::vector<StageResult>& all = outcome.result.stages;
-  return {all.begin() + outcome.stages.size(), all.end()};
+  return {all.begin() + outcome.distances.size(), all.end()};
 }
 
 void printStages(const Outcome& outcome) {
   std::printf("\nstage    input  output   kept       ms  distance mean    rms");
   if (outcome.truth) std::printf("  within 3 px  error mean      rms");
   std::printf("\n");
-  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
-    const StageQuality& stage = outcome.stages[i];
+  for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
     const StageResult& s = outcome.result.stages[i];
     std::printf("%-7s %6zu  %6zu %5.1f%% %8.2f  %13.3f %6.3f", s.name, s.input, s.output,
                 100.0 * evaluation::retention(s.output, s.input), s.milliseconds,
-                stage.distance.mean, stage.distance.rms);
+                outcome.distances[i].mean, outcome.distances[i].rms);
     if (outcome.truth) {
-      const evaluation::ErrorSummary error = evaluation::summarize(stage.errors);
+      const evaluation::ErrorSummary error = evaluation::summarize(outcome.errors[i]);
       std::printf("  %10.1f%%  %7.2f px  %7.2f",
-                  100.0 * evaluation::precision(stage.errors, evaluation::kCorrectWithin),
+                  100.0 * evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin),
                   error.mean, error.rms);
     }
     std::printf("\n");
@@ -177,12 +171,6 @@ void printStages(const Outcome& outcome) {
   for (const StageResult& s : refinementsOf(outcome)) {
     std::printf("%-7s %6zu  %6zu %6s %8.2f\n", s.name, s.input, s.output, "", s.milliseconds);
   }
-}
-
-void printAlignment(const AlignmentResult& alignment) {
-  if (alignment.status == AlignmentStatus::not_run) return;
-  std::printf("alignment: %s, RMSE of the aligned points %.3f px before, %.3f px after\n",
-              toString(alignment.status), alignment.rmse_before, alignment.rmse_after);
 }
 
 /// The largest standard deviation of a corner of A in B, px.
@@ -230,17 +218,6 @@ void printPose(const char* text, const RelativePose& pose) {
   }
 }
 
-bool hasPose(const TwoView& view) {
-  return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
-}
-
-/// Standard deviations of rotation and direction, degrees: over all axes.
-std::pair<double, double> poseDeviation(const TwoView& view) {
-  const double degrees = 180.0 / CV_PI;
-  return {degrees * std::sqrt(view.pose_covariance.bottomRightCorner<3, 3>().trace()),
-          degrees * std::sqrt(view.pose_covariance.topLeftCorner<3, 3>().trace())};
-}
-
 void printTwoView(const MatchResult& result) {
   const TwoView& view = result.two_view.view;
   if (result.stage("two_view") == nullptr || result.geometry == Geometry::none) return;
@@ -249,12 +226,13 @@ void printTwoView(const MatchResult& result) {
   if (std::isfinite(view.parallax)) std::printf(", parallax %.2f degrees", view.parallax);
   std::printf("\nlog10 of false alarms: homography %.1f, epipolar %.1f\n",
               view.log_false_alarms_homography, view.log_false_alarms_epipolar);
-  if (hasPose(view)) {
+  if (two_view::hasPose(view)) {
     printPose("motion A -> B (x right, y down, z forward)", view.pose);
     if (view.pose_covariance.allFinite()) {
-      const auto [turn, direction] = poseDeviation(view);
-      std::printf("standard deviation: rotation %.3f degrees, direction %.3f degrees\n", turn,
-                  direction);
+      const double degrees = 180.0 / CV_PI;  // over all axes
+      std::printf("standard deviation: rotation %.3f degrees, direction %.3f degrees\n",
+                  degrees * std::sqrt(view.pose_covariance.bottomRightCorner<3, 3>().trace()),
+                  degrees * std::sqrt(view.pose_covariance.topLeftCorner<3, 3>().trace()));
     }
     if (view.other_pose) printPose("or, as likely for this plane", *view.other_pose);
   } else if (result.geometry == Geometry::epipolar) {
@@ -275,7 +253,11 @@ void printHomography(const Outcome& outcome, const PipelineOptions& options) {
   std::printf("\nhomography A -> B, %zu inliers, RMSE %.3f px, deviation from a plane %.3f px\n",
               result.inliers, result.rmse, result.answer.plane_deviation);
   printMatrix(result.answer.homography);
-  printAlignment(result.alignment);
+  if (result.alignment.status != AlignmentStatus::not_run) {
+    std::printf("alignment: %s, RMSE of the aligned points %.3f px before, %.3f px after\n",
+                toString(result.alignment.status), result.alignment.rmse_before,
+                result.alignment.rmse_after);
+  }
   const double deviation = cornerDeviation(outcome);
   std::printf("standard deviation of the least certain corner: %.3g px\n", deviation);
   if (!(deviation < kUncertainCorner)) {
@@ -317,15 +299,6 @@ json toJson(const StageResult& stage) {
           {"milliseconds", stage.milliseconds}};
 }
 
-json toJson(const StageResult& statistics, const StageQuality& stage) {
-  json out = toJson(statistics);
-  out["descriptor_distance"] = toJson(stage.distance);
-  if (stage.errors.empty()) return out;
-  out["reprojection_error"] = toJson(evaluation::summarize(stage.errors));
-  out["precision_3px"] = evaluation::precision(stage.errors, evaluation::kCorrectWithin);
-  return out;
-}
-
 json toJson(const RelativePose& pose) {
   return {{"rotation", tools::toJson(pose.rotation)},
           {"translation", {pose.translation.x(), pose.translation.y(), pose.translation.z()}}};
@@ -337,7 +310,7 @@ json twoViewToJson(const MatchResult& result) {
            {"log_false_alarms_epipolar", view.log_false_alarms_epipolar}};
   if (std::isfinite(view.parallax)) out["parallax"] = view.parallax;
   if (!view.fundamental.isZero(0.0)) out["fundamental"] = tools::toJson(view.fundamental);
-  if (!hasPose(view)) return out;
+  if (!two_view::hasPose(view)) return out;
   out["pose"] = toJson(view.pose);
   if (view.other_pose) out["other_pose"] = toJson(*view.other_pose);
   if (!view.pose_covariance.allFinite()) return out;
@@ -359,8 +332,14 @@ json toJson(const Outcome& outcome, const Arguments& arguments) {
            {"growth_seeds", outcome.result.growth.seeds},
            {"stages", json::array()},
            {"homography", nullptr}};
-  for (std::size_t i = 0; i < outcome.stages.size(); ++i) {
-    out["stages"].push_back(toJson(result.stages[i], outcome.stages[i]));
+  for (std::size_t i = 0; i < outcome.distances.size(); ++i) {
+    json stage = toJson(result.stages[i]);
+    stage["descriptor_distance"] = toJson(outcome.distances[i]);
+    if (!outcome.errors[i].empty()) {
+      stage["reprojection_error"] = toJson(evaluation::summarize(outcome.errors[i]));
+      stage["precision_3px"] = evaluation::precision(outcome.errors[i], evaluation::kCorrectWithin);
+    }
+    out["stages"].push_back(std::move(stage));
   }
   out["refinements"] = json::array();
   for (const StageResult& s : refinementsOf(outcome)) out["refinements"].push_back(toJson(s));
@@ -387,7 +366,7 @@ json toJson(const Outcome& outcome, const Arguments& arguments) {
 /// One row per nearest neighbour; `level` is the last stage that it passed.
 std::string toCsv(const Outcome& outcome) {
   const char* const levels[] = {"knn", "kt", "ktg", "ktgp"};
-  const std::vector<double>& errors = outcome.stages[0].errors;
+  const std::vector<double>& errors = outcome.errors[0];
   std::string out =
       "reference_index,target_index,reference_x,reference_y,target_x,target_y,"
       "distance,second_distance,ratio,level";
@@ -461,15 +440,6 @@ void addArguments(CLI::App& app, Arguments& arguments) {
   addPipelineOptions(app, arguments.pipeline, "photo");
 }
 
-void checkFiles(const CLI::App& app, const Arguments& arguments) {
-  files::OutputPlan plan = planOutputs(app, arguments.force);
-  plan.write(arguments.json);
-  plan.write(arguments.csv);
-  for (const auto& file : {arguments.draw, arguments.draw_stages, arguments.draw_final}) {
-    plan.writeImage(file);
-  }
-}
-
 int matchTwoImages(int argc, char** argv) {
   Arguments arguments;
   CLI::App app(kDescription);
@@ -485,7 +455,12 @@ int matchTwoImages(int argc, char** argv) {
         "--camera is of use with --geometry auto or epipolar, or --preset slam; expected one of "
         "them");
   }
-  checkFiles(app, arguments);
+  files::OutputPlan plan = planOutputs(app, arguments.force);
+  plan.write(arguments.json);
+  plan.write(arguments.csv);
+  for (const auto& file : {arguments.draw, arguments.draw_stages, arguments.draw_final}) {
+    plan.writeImage(file);
+  }
   exitWhenInterrupted();
   const Outcome outcome = run(arguments);
   const bool to_output =

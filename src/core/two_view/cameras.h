@@ -43,6 +43,11 @@ struct Cameras {
                   const Eigen::Vector2d& target, double max_error) const;
 };
 
+/// Whether the result has a motion. That of a rotation has no translation.
+inline bool hasPose(const TwoView& view) {
+  return view.geometry == Geometry::rotation || !view.pose.translation.isZero(0.0);
+}
+
 /// Empty without K. Throws std::invalid_argument as TwoViewEstimator::estimate.
 std::optional<Cameras> camerasOf(const TwoViewInput& input);
 
