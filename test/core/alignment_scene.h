@@ -13,6 +13,8 @@
 #include "ktgp_orb/features.h"
 #include "ktgp_orb/orb_extractor.h"
 #include "ktgp_orb/prosac_homography.h"
+#include "orb_test_images.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb::test {
 
@@ -46,16 +48,10 @@ class WavePicture {
   Wave waves_[12];
 };
 
-/// The image whose pixel x shows `picture` at `seen_from(x)`.
+/// The image whose pixel x has the value `grey(x)`.
 inline cv::Mat render(const cv::Size& size,
                       const std::function<double(const Eigen::Vector2d&)>& grey) {
-  cv::Mat image(size, CV_8U);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      image.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(grey({x, y}));
-    }
-  }
-  return image;
+  return drawn(size, [&](double x, double y) { return grey({x, y}); });
 }
 
 /// An image with its pyramid and a grid of keypoints `spacing` px apart, `margin` px off the
@@ -73,11 +69,6 @@ inline Features gridFeatures(const cv::Mat& image, double spacing, double margin
     }
   }
   return features;
-}
-
-inline Eigen::Vector2d apply(const Eigen::Matrix3d& h, const Eigen::Vector2d& x) {
-  const Eigen::Vector3d p = h * Eigen::Vector3d(x.x(), x.y(), 1.0);
-  return p.head<2>() / p.z();
 }
 
 /// A pair of frames with known truth, and their matches.
@@ -112,13 +103,6 @@ inline AlignmentScene planeScene(
   return {render(size, [&](const Eigen::Vector2d& x) { return picture.at(x); }),
           render(size, [&](const Eigen::Vector2d& x) { return shade(picture.at(apply(back, x))); }),
           truth};
-}
-
-inline Eigen::Matrix3d translation(double x, double y) {
-  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
-  h(0, 2) = x;
-  h(1, 2) = y;
-  return h;
 }
 
 /// Turn by `degrees`, zoom and tilt about the centre of an image.

@@ -3,17 +3,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <limits>
-#include <opencv2/imgproc.hpp>
-#include <random>
 #include <set>
+#include <stdexcept>
+#include <string>
+#include <tuple>
 
-#include "alignment_scene.h"
 #include "evaluation/methods.h"
 #include "evaluation/output.h"
+#include "evaluation/sequence_evaluation.h"
+#include "evaluation/truth_points.h"
+#include "files/input.h"
 #include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
 #include "orb_test_images.h"
+#include "refusal.h"
 
 namespace ktgp_orb::tools {
 namespace {
@@ -58,9 +64,8 @@ const cv::Mat kNoImage(100, 100, CV_8U, cv::Scalar(0));
 
 TEST(Steps, RatioKeepsWhatIsBelow) {
   const Features f = described({{0}, {0}, {0}});
-  EXPECT_EQ(
-      left(ratio(0.5), {kNoImage, kNoImage, f, f}, {{0, 0, 5, 10}, {0, 1, 4, 10}, {0, 2, 0, 0}}),
-      Indices{1});
+  const Scene scene{kNoImage, kNoImage, f, f};
+  EXPECT_EQ(left(ratio(0.5), scene, {{0, 0, 5, 10}, {0, 1, 4, 10}, {0, 2, 0, 0}}), Indices{1});
 }
 
 TEST(Steps, DistanceThresholdIsTwiceTheSmallestOrTheFloor) {
@@ -214,59 +219,46 @@ TEST(Methods, HaveDifferentNamesAndTheOnesThatAreExpected) {
   }
 }
 
+Method methodNamed(const std::string& name, const PipelineOptions& options = {}) {
+  for (const Method& method : allMethods(options)) {
+    if (method.name == name) return method;
+  }
+  throw std::invalid_argument(name);
+}
+
 TEST(Methods, KtgpIsTheMatcher) {
   const RandomScene random(900);
   const MatchResult expected = test::matched(random);
   ASSERT_EQ(expected.status, Status::ok);
   std::vector<StepResult> steps;
-  for (const Method& method : allMethods({})) {
-    if (method.name != "KTGP") continue;
-    const Matching m = runMethod(method, random.scene(), steps);
-    ASSERT_EQ(steps.size(), 4u);
-    for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(steps[i].matches, expected.stages[i].output);
-    ASSERT_TRUE(m.answer.has_value());
-    EXPECT_EQ(m.answer->homography, expected.prosac.answer.homography);
-  }
+  const Matching m = runMethod(methodNamed("KTGP"), random.scene(), steps);
+  ASSERT_EQ(steps.size(), 4u);
+  for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(steps[i].matches, expected.stages[i].output);
+  ASSERT_TRUE(m.answer.has_value());
+  EXPECT_EQ(m.answer->homography, expected.prosac.answer.homography);
 }
 
-/// Part of a patterned image and the same moved by a fraction of a pixel.
-struct MovedImages {
-  cv::Mat reference, target;
-
-  MovedImages() {
-    cv::Mat picture(560, 720, CV_8U);
-    cv::RNG(3).fill(picture, cv::RNG::UNIFORM, 0, 256);
-    cv::GaussianBlur(picture, picture, {0, 0}, 3.0);
-    cv::normalize(picture, picture, 0, 255, cv::NORM_MINMAX);
-    const cv::Matx23d move(1, 0, 6.3, 0, 1, 4.6);
-    reference = picture({40, 40, 640, 480}).clone();
-    cv::warpAffine(picture, target, move, picture.size());
-    target = target({40, 40, 640, 480}).clone();
-  }
-};
-
 TEST(Methods, OfTheAlignedChainsAreTheMatcher) {
-  const MovedImages images;
+  const cv::Mat reference = test::textureImage({640, 480}, 3);
+  const cv::Mat target = test::warped(reference, test::translation(6.3, 4.6), reference.size());
   PipelineOptions options;
   options.orb.max_features = 500;
-  for (const DescriptorKind kind : {DescriptorKind::orb, DescriptorKind::teblid}) {
-    options.orb.descriptor = kind;
-    const test::FramePair pair(images.reference, images.target, options.orb);
-    options.orb.descriptor = DescriptorKind::orb;
-    const bool teblid = kind == DescriptorKind::teblid;
-    const MatchResult ktgp = test::matched(pair);
-    const MatchResult robust = test::matched(pair, MatcherOptions::robust());
-    ASSERT_EQ(robust.alignment.status, AlignmentStatus::ok);
+  for (const auto& [name, matcher, descriptor] :
+       {std::tuple("KTGP+ALIGN", MatcherOptions(), DescriptorKind::orb),
+        {"ROBUST", MatcherOptions::robust(), DescriptorKind::orb},
+        {"ROBUST-TEBLID", MatcherOptions::robust(), DescriptorKind::teblid}}) {
+    SCOPED_TRACE(name);
+    OrbOptions orb = options.orb;
+    orb.descriptor = descriptor;
+    const test::FramePair pair(reference, target, orb);
+    const MatchResult expected = test::matched(pair, matcher);
+    ASSERT_EQ(expected.alignment.status, AlignmentStatus::ok);
     std::vector<StepResult> steps;
-    for (const Method& method : allMethods(options)) {
-      const bool is_robust = method.name == (teblid ? "ROBUST-TEBLID" : "ROBUST");
-      if (!is_robust && (teblid || method.name != "KTGP+ALIGN")) continue;
-      const Scene scene{images.reference, images.target, pair.reference, pair.target};
-      const Matching m = runMethod(method, scene, steps);
-      ASSERT_TRUE(m.answer.has_value()) << method.name;
-      EXPECT_EQ(m.answer->homography, (is_robust ? robust : ktgp).answer.homography) << method.name;
-      EXPECT_EQ(m.matches.size(), (is_robust ? robust : ktgp).inliers) << method.name;
-    }
+    const Matching m = runMethod(methodNamed(name, options),
+                                 {reference, target, pair.reference, pair.target}, steps);
+    ASSERT_TRUE(m.answer.has_value());
+    EXPECT_EQ(m.answer->homography, expected.answer.homography);
+    EXPECT_EQ(m.matches.size(), expected.inliers);
   }
 }
 
@@ -341,6 +333,139 @@ TEST(Output, EveryRowHasEveryColumn) {
   row.erase(0, std::string("\"a,\"\"b\"\"\"").size());
   EXPECT_EQ(std::count(header.begin(), header.end(), ','), std::count(row.begin(), row.end(), ','));
   EXPECT_EQ(csv.find("inf"), std::string::npos);
+}
+
+// --- sequences ---
+
+/// The camera's view after `i` steps of (3, 2) px.
+cv::Mat view(int i) {
+  static const cv::Mat world = test::blockImage({800, 600}, 3, 120);
+  return world(cv::Rect(3 * i, 2 * i, 320, 240)).clone();
+}
+
+const Eigen::Matrix3d kStep = test::translation(-3.0, -2.0);
+
+TEST(Sequence, FollowsASteadyCamera) {
+  SequenceEvaluator evaluator({}, {}, 5);
+  for (int i = 0; i < 12; ++i) evaluator.addFrame(100.0 + 0.1 * i, view(i), kStep);
+  const SequenceScore score = evaluator.score();
+  ASSERT_EQ(score.frames.size(), 12u);
+  EXPECT_EQ(score.frames[0].status, Status::no_reference);
+  EXPECT_FALSE(score.frames[0].drift.has_value());
+  for (std::size_t i = 1; i < 12; ++i) {
+    const FrameScore& f = score.frames[i];
+    EXPECT_NEAR(f.time, 0.1 * static_cast<double>(i), 1e-9);
+    EXPECT_EQ(f.status, Status::ok);
+    EXPECT_GT(f.inlier_ratio, 0.8);
+    EXPECT_EQ(f.keypoints, f.matches[0]);
+    EXPECT_LT(f.corner_error.value_or(99.0), 1.5);
+    EXPECT_LT(f.drift.value_or(99.0), 4.0);
+  }
+  // A window of five frames begins at frames 1, 6 and 11.
+  for (std::size_t i : {1, 6, 11}) {
+    EXPECT_NEAR(*score.frames[i].drift, *score.frames[i].corner_error, 1e-9);
+  }
+  ASSERT_EQ(score.survival.size(), 11u);
+  EXPECT_DOUBLE_EQ(score.survival[0], 1.0);
+  for (std::size_t k = 1; k < 11; ++k) {
+    EXPECT_LE(score.survival[k], score.survival[k - 1] + 0.05);
+    EXPECT_GT(score.survival[k], 0.02);
+  }
+}
+
+TEST(Sequence, TracksAndDriftEndAtAFrameThatShowsNothing) {
+  SequenceEvaluator evaluator({}, {}, 0);
+  for (int i = 0; i < 7; ++i) {
+    const bool blank = i == 3;
+    evaluator.addFrame(i, blank ? test::flatImage({320, 240}, 0) : view(i), kStep);
+  }
+  const SequenceScore score = evaluator.score();
+  EXPECT_EQ(score.frames[3].status, Status::too_few_features);
+  EXPECT_EQ(score.frames[4].status, Status::too_few_features);
+  EXPECT_FALSE(score.frames[3].drift.has_value());
+  EXPECT_NEAR(*score.frames[5].drift, *score.frames[5].corner_error, 1e-9) << "it restarts";
+  EXPECT_GT(score.survival[1], 0.0);
+  EXPECT_EQ(score.survival[2], 0.0) << "no track can be longer than two matches";
+}
+
+TEST(Sequence, WithoutTruthThereIsNoDrift) {
+  SequenceEvaluator evaluator({}, {}, 30);
+  for (int i = 0; i < 3; ++i) evaluator.addFrame(i, view(i), std::nullopt);
+  const SequenceScore score = evaluator.score();
+  EXPECT_EQ(score.frames[2].status, Status::ok);
+  EXPECT_FALSE(score.frames[2].corner_error.has_value());
+  EXPECT_FALSE(score.frames[2].drift.has_value());
+  EXPECT_EQ(toJson(score)["frames"].size(), 3u);
+}
+
+TEST(Sequence, OfNoFramesAndOfOne) {
+  SequenceEvaluator evaluator({}, {}, 30);
+  EXPECT_TRUE(evaluator.score().frames.empty());
+  EXPECT_TRUE(evaluator.score().survival.empty());
+  evaluator.addFrame(0.0, view(0), std::nullopt);
+  EXPECT_EQ(evaluator.score().frames.size(), 1u);
+  EXPECT_TRUE(evaluator.score().survival.empty());
+}
+
+// --- annotated points as truth: what is read, what is refused, how a homography is held to them
+// ---
+
+std::string written(const std::string& text) {
+  const auto* test = ::testing::UnitTest::GetInstance()->current_test_info();
+  const std::string file =
+      (std::filesystem::temp_directory_path() / (std::string(test->name()) + ".points")).string();
+  std::ofstream(file) << text;
+  return file;
+}
+
+const std::string kRows = "0 0 10 20\n100 0 110 20\r\n\n 100 50\t110 70\n0.5 50 10.5 7e1\n";
+
+TEST(TruthPoints, AreReadRowByRow) {
+  const std::vector<AnnotatedPoint> points = readPoints(written(kRows));
+  ASSERT_EQ(points.size(), 4U);
+  EXPECT_EQ(points[2].reference, Eigen::Vector2d(100, 50));
+  EXPECT_EQ(points[3].target, Eigen::Vector2d(10.5, 70));
+}
+
+TEST(TruthPoints, NeedFourNumbersARowAndFourRows) {
+  for (const auto& [text, words] :
+       {std::pair<std::string, const char*>("0 0 1 1\n1 0 2 1\n1 1 2 2\n", "holds 3"),
+        {"", "holds 0"},
+        {kRows + "1 2 3\n", "line 6"},
+        {kRows + "1 2 3 4 5\n1 2 3\n", "line 6"},
+        {"a b c d\n" + kRows, "line 1"},
+        {kRows + "1 2 3 nan\n", "line 6"}}) {
+    const std::string file = written(text);
+    test::expectRefused<files::FileError>([&] { readPoints(file); }, words);
+  }
+  EXPECT_THROW(readPoints("/nowhere/at.all"), files::FileError);
+}
+
+TEST(TruthPoints, DetermineAHomographyUnlessOnALine) {
+  const Eigen::Matrix3d h = homographyThrough(readPoints(written(kRows)));
+  EXPECT_NEAR(h(0, 2) / h(2, 2), 10.0, 1e-9);
+  EXPECT_NEAR(h(1, 2) / h(2, 2), 20.0, 1e-9);
+  const std::vector<AnnotatedPoint> same(4, {{1, 2}, {3, 4}});
+  EXPECT_THROW(homographyThrough(same), std::invalid_argument);
+}
+
+TEST(TruthPoints, TheErrorIsTheMeanDistance) {
+  std::vector<AnnotatedPoint> points{{{0, 0}, {3, 4}}, {{10, 0}, {10, 0}}};
+  EXPECT_DOUBLE_EQ(meanTransferError(Eigen::Matrix3d::Identity(), points), 2.5);
+  Eigen::Matrix3d horizon = Eigen::Matrix3d::Identity();
+  horizon.row(2) << 1.0, 0.0, -10.0;  // through the second point
+  EXPECT_TRUE(std::isinf(meanTransferError(horizon, points)));
+}
+
+TEST(TruthPoints, AreWithinACovarianceThatIsAsLargeAsTheErrors) {
+  UncertainHomography estimate;
+  estimate.homography.setIdentity();
+  estimate.covariance.setZero();
+  std::vector<AnnotatedPoint> points{{{0, 0}, {5, 0}}, {{10, 0}, {15, 0}}};
+  EXPECT_FALSE(isWithinCovariance(estimate, points, 1.0));  // 5 px are five deviations
+  EXPECT_TRUE(isWithinCovariance(estimate, points, 2.0));
+  estimate.covariance(2, 2) = 25.0;  // of the shift along x
+  EXPECT_TRUE(isWithinCovariance(estimate, points, 1.0));
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <limits>
 #include <random>
 
-#include "alignment_scene.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb::evaluation {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "ktgp_orb/ground_motion.h"
 #include "motion/rows.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb::test {
 
@@ -19,9 +20,7 @@ inline std::int64_t stampOf(int frame) {
 }
 
 inline Eigen::Matrix3d camera() {
-  Eigen::Matrix3d k;
-  k << 525.0, 0.0, 319.5, 0.0, 525.0, 239.5, 0.0, 0.0, 1.0;
-  return k;
+  return cameraMatrix(525.0, 525.0);
 }
 
 /// Looks straight down where the base is level.

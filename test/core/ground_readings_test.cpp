@@ -29,7 +29,7 @@ std::string textOf(const GroundMotionConfig& config) {
 
 TEST(GroundReadings, DefaultsAreThoseOfTheNode) {
   const std::string expected = textOf(GroundMotionConfig::__getDefault__());
-  EXPECT_NE(expected.find("height_deviation"), std::string::npos);
+  test::expectSays(expected, "height_deviation");
   EXPECT_EQ(textOf(groundMotionDefaults()), expected);
 }
 
@@ -65,9 +65,8 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
             }),
             "odom_frame is base; expected a frame other than base_frame");
   for (const char* frame : {"cam", "/cam", "cam_level"}) {
-    EXPECT_NE(refusalOf([&](Config& c) { c.odom_frame = frame; }).find("the frame of the camera"),
-              std::string::npos)
-        << frame;
+    test::expectSays(refusalOf([&](Config& c) { c.odom_frame = frame; }),
+                     "the frame of the camera");
   }
   Config config = groundMotionDefaults();
   config.base_frame = "/base_link";
@@ -76,37 +75,12 @@ TEST(GroundReadings, FramesThatTfCannotPlaceAreRefused) {
 
 TEST(GroundReadings, AReadoutTimeWithoutAMeaningIsRefused) {
   for (const double time : {-0.5, -0.001, -0.999}) {
-    EXPECT_NE(refusalOf([time](GroundMotionConfig& c) {
-                c.readout_time = time;
-              }).find("expected -1, not known, 0, a global shutter, or more"),
-              std::string::npos);
+    test::expectSays(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }),
+                     "expected -1, not known, 0, a global shutter, or more");
   }
   for (const double time : {-1.0, 0.0, 0.02}) {
     EXPECT_EQ(refusalOf([time](GroundMotionConfig& c) { c.readout_time = time; }), "");
   }
-}
-
-/// What is said about the rotation where all Imus are as this one.
-std::string noTurnWith(sensor_msgs::Imu imu) {
-  const tf2::BufferCore tf;
-  GroundReadings readings(tf);
-  GroundMotionConfig config = groundMotionDefaults();
-  config.base_frame.clear();
-  config.gyro = true;
-  readings.configure(config, "/range", "/imu");
-  sensor_msgs::CameraInfo info;
-  info.width = 640;
-  info.height = 480;
-  info.K = {500.0, 0.0, 320.0, 0.0, 500.0, 240.0, 0.0, 0.0, 1.0};
-  HomographyStamped homography;
-  homography.header.frame_id = "cam";
-  for (int i = 1; i <= 2; ++i) {
-    homography.header.stamp = ros::Time(i);
-    imu.header = homography.header;
-    readings.add(imu);
-    readings.frameOf(homography, {640, 480}, info, Pixels::raw);
-  }
-  return readings.noTurn();
 }
 
 /// Readings of a range and of the angular velocity for a camera that looks down.
@@ -127,18 +101,20 @@ struct Stream {
   }
   void addImu(double stamp, double rate) {
     sensor_msgs::Imu imu;
-    imu.header.frame_id = "cam";
-    imu.header.stamp = ros::Time(stamp);
     imu.angular_velocity.z = rate;
-    readings.add(imu);
+    add(stamp, imu);
+  }
+  template <typename Reading>
+  void add(double stamp, Reading& reading) {
+    reading.header.frame_id = "cam";
+    reading.header.stamp = ros::Time(stamp);
+    readings.add(reading);
   }
   void addRange(double stamp) {
     sensor_msgs::Range range;
-    range.header.frame_id = "cam";
-    range.header.stamp = ros::Time(stamp);
     range.max_range = 10.F;
     range.range = 2.F;
-    readings.add(range);
+    add(stamp, range);
   }
   GroundFrame frame(double stamp) {
     HomographyStamped homography;
@@ -147,6 +123,16 @@ struct Stream {
     return readings.frameOf(homography, {640, 480}, info, Pixels::raw);
   }
 };
+
+/// What is said about the rotation where all Imus are as this one.
+std::string noTurnWith(sensor_msgs::Imu imu) {
+  Stream stream;
+  for (const double stamp : {1.0, 2.0}) {
+    stream.add(stamp, imu);
+    stream.frame(stamp);
+  }
+  return stream.readings.noTurn();
+}
 
 TEST(GroundReadings, StampsThatJitterLoseNoReading) {
   Stream stream;

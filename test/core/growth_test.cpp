@@ -6,13 +6,18 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "core/growth/local_frame.h"
+#include "core/growth/local_matcher.h"
 #include "core/growth/map_fit.h"
 #include "core/growth/verdict.h"
+#include "core/growth/votes.h"
 #include "frame_pair.h"
 #include "ktgp_orb/knn_matcher.h"
 #include "ktgp_orb/ktgp_matcher.h"
@@ -35,17 +40,15 @@ Eigen::Matrix3d tilted() {
   return (Eigen::Matrix3d() << 0.9, -0.35, 120.0, 0.3, 0.75, 10.0, 2e-4, 3e-4, 1.0).finished();
 }
 
-MatcherOptions growing() {
-  return MatcherOptions::robust();
+std::vector<Correspondence> mutualMatches(const FramePair& pair) {
+  std::vector<Correspondence> matches;
+  KnnMatcher().matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
+  return matches;
 }
 
 GrowthResult grow(const FramePair& pair, const GrowthOptions& options = {}) {
-  KnnMatcher knn;
-  std::vector<Correspondence> matches;
-  knn.matchMutual(pair.reference.descriptors, pair.target.descriptors, matches);
-  HomographyGrowth growth(options);
   GrowthResult result;
-  growth.find(pair.reference, nullptr, pair.target, matches, result);
+  HomographyGrowth(options).find(pair.reference, nullptr, pair.target, mutualMatches(pair), result);
   return result;
 }
 
@@ -92,7 +95,7 @@ TEST(Growth, IsNotTakenInByLettersOfOneAlphabet) {
   OrbOptions orb;
   orb.fast_threshold = 10;
   MatchResult result;
-  KtgpMatcher matcher(growing());
+  KtgpMatcher matcher(MatcherOptions::robust());
   int tried = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {
     const FramePair pair(letters(seed), letters(seed + 100), orb);
@@ -123,15 +126,11 @@ TEST(Growth, TriesNoMoreSeedsThanAllowed) {
 TEST(Growth, GivesTheSameAnswerAgain) {
   const FramePair one = drawnPair(2000, 40, tilted(), 3);
   const FramePair other = drawnPair(900, 0, tilted(), 4);
-  KnnMatcher knn;
   HomographyGrowth growth;
   GrowthResult first, between, again;
-  std::vector<Correspondence> matches, other_matches;
-  knn.matchMutual(one.reference.descriptors, one.target.descriptors, matches);
-  knn.matchMutual(other.reference.descriptors, other.target.descriptors, other_matches);
-  growth.find(one.reference, nullptr, one.target, matches, first);
-  growth.find(other.reference, nullptr, other.target, other_matches, between);
-  growth.find(one.reference, nullptr, one.target, matches, again);
+  growth.find(one.reference, nullptr, one.target, mutualMatches(one), first);
+  growth.find(other.reference, nullptr, other.target, mutualMatches(other), between);
+  growth.find(one.reference, nullptr, one.target, mutualMatches(one), again);
   ASSERT_TRUE(first.found);
   EXPECT_EQ(first.answer.homography, again.answer.homography);
   EXPECT_EQ(first.answer.covariance, again.answer.covariance);
@@ -150,18 +149,9 @@ TEST(Growth, TakesKeypointsWithoutPlaceOrSizeAndFramesWithout) {
   EXPECT_FALSE(grow(pair).found);
 }
 
-TEST(Growth, RefusesOptionsOutOfRange) {
-  GrowthOptions options;
-  options.seeds = 0;
-  EXPECT_THROW(HomographyGrowth{options}, std::invalid_argument);
-  options.seeds = 1;
-  options.views = 14;
-  EXPECT_THROW(HomographyGrowth{options}, std::invalid_argument);
-}
-
 TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
-  MatcherOptions options = growing();
+  MatcherOptions options = MatcherOptions::robust();
   options.alignment.enabled = false;
   options.prosac.max_iterations = 20;  // all spent on the lures
   options.growth.enabled = false;
@@ -209,7 +199,7 @@ FramePair doubtfulPair(bool with_directions) {
 }
 
 TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
-  MatcherOptions options = growing();
+  MatcherOptions options = MatcherOptions::robust();
   options.alignment.enabled = false;
   for (const bool with_directions : {false, true}) {
     const FramePair pair = doubtfulPair(with_directions);
@@ -233,7 +223,7 @@ TEST(Growth, JudgesWhatFewOfProsacsMatchesAgreeWith) {
 // does not have them.
 TEST(Growth, WhatFewMatchesOfANearSearchAgreeWithIsRejected) {
   const FramePair pair = doubtfulPair(true);
-  MatcherOptions options = growing();
+  MatcherOptions options = MatcherOptions::robust();
   options.knn.search_radius = 10000.0;
   MatchHints hints;
   hints.prediction = tilted();
@@ -258,7 +248,7 @@ TEST(Growth, IsOneAnswerWithAndWithoutWhatComesBeforeAndAfter) {
   for (const bool gms : {false, true}) {
     for (const bool guided : {false, true}) {
       for (const double max_error : {0.3, 3.0}) {
-        MatcherOptions options = growing();
+        MatcherOptions options = MatcherOptions::robust();
         options.gms.enabled = gms;
         options.guided.enabled = guided;
         options.prosac.max_error = max_error;
@@ -286,7 +276,7 @@ TEST(Growth, IsInThePresetRobustAlone) {
 TEST(Growth, IsNeverUsedOnTheFrameBefore) {
   const FramePair pair = drawnPair(2000, 40, tilted(), 3, 100);
   SequenceOptions options;
-  options.matcher = growing();
+  options.matcher = MatcherOptions::robust();
   options.matcher.prosac.max_iterations = 20;  // all spent on the lures
   for (const ReferenceMode mode : {ReferenceMode::previous, ReferenceMode::keyframe}) {
     options.reference.mode = mode;
@@ -295,39 +285,6 @@ TEST(Growth, IsNeverUsedOnTheFrameBefore) {
     const MatchResult& result = sequence.match(pair.target, 0.1).match;
     EXPECT_EQ(result.found_by, mode == ReferenceMode::previous ? FoundBy::none : FoundBy::growth);
   }
-}
-
-TEST(GrowthVerdict, ChanceOfManyIsSmallAndGrowsWithTheSpread) {
-  EXPECT_EQ(growth::logChance(3.0, 4.0, 1.0), 0.0);
-  // P(Poisson(1) >= 10) = 1.1e-7; the bound lies above it, within two orders.
-  EXPECT_NEAR(growth::logChance(10.0, 1.0, 1.0), -6.1, 0.1);
-  EXPECT_GT(growth::logChance(10.0, 1.0, 3.0), growth::logChance(10.0, 1.0, 1.0));
-  EXPECT_GT(growth::logChance(10.0, 2.0, 1.0), growth::logChance(10.0, 1.0, 1.0));
-}
-
-TEST(GrowthFit, RecoversExactMaps) {
-  Numbers numbers(1);
-  growth::Places from, to;
-  for (int i = 0; i < 20; ++i) {
-    from.push_back(numbers.pointIn(kSize));
-    to.push_back((tilted() * from.back().homogeneous()).hnormalized());
-  }
-  Eigen::Matrix3d map = tilted();
-  map(0, 2) += 1.0;
-  for (int i = 0; i < 3; ++i) ASSERT_TRUE(growth::fitHomography(from, to, 2.0, map));
-  EXPECT_LT(test::cornerError(map, tilted(), kSize), 1e-6);
-  const growth::Places one(5, from.front()), its_target(5, to.front());
-  EXPECT_FALSE(growth::fitAffine(one, its_target, 2.0, map));
-  EXPECT_FALSE(growth::fitHomography(one, its_target, 2.0, map));
-}
-
-TEST(GrowthDistance, CountsBits) {
-  growth::Bits a{}, b{};
-  EXPECT_EQ(growth::distance(a, b), 0);
-  b.fill(~std::uint64_t{0});
-  EXPECT_EQ(growth::distance(a, b), 256);
-  b = {1, 0x8000000000000000U, 0, 0xff};
-  EXPECT_EQ(growth::distance(a, b), 10);
 }
 
 TEST(GrowthViews, AreAsManyAsTheTiltsThatFit) {
@@ -411,11 +368,11 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
   cv::Mat blurred;
   cv::GaussianBlur(reference_image, blurred, cv::Size(0, 1), 1.8, 1e-6);
   const FramePair pair(reference_image, test::warped(blurred, truth, kSize, cv::INTER_LINEAR));
-  EXPECT_NE(matched(pair, growing()).status, Status::ok);
+  EXPECT_NE(matched(pair, MatcherOptions::robust()).status, Status::ok);
   const ReferenceViews views = simulateViews(reference_image, {}, 13);
   MatchHints hints;
   hints.views = &views;
-  const MatchResult result = matched(pair, growing(), hints);
+  const MatchResult result = matched(pair, MatcherOptions::robust(), hints);
   ASSERT_EQ(result.status, Status::ok);
   EXPECT_EQ(result.found_by, FoundBy::growth);
   EXPECT_LT(test::cornerError(result.answer.homography, truth, kSize), 5.0);
@@ -423,3 +380,184 @@ TEST(GrowthViews, ShowWhatATiltOfSeventyDegreesHides) {
 
 }  // namespace
 }  // namespace ktgp_orb
+
+namespace ktgp_orb::growth {
+namespace {
+
+// The parts of the growth beside plain programs that do the same.
+
+LocalFrame frameAt(const Eigen::Vector2d& p, double angle, double size) {
+  return {static_cast<float>(p.x()), static_cast<float>(p.y()), static_cast<float>(std::cos(angle)),
+          static_cast<float>(std::sin(angle)), static_cast<float>(std::log(size))};
+}
+
+/// Two keypoints that may show the same point.
+struct FramePair {
+  LocalFrame from, to;
+};
+
+double angleOf(const LocalFrame& frame) {
+  return std::atan2(frame.dy, frame.dx);
+}
+
+/// By the definition in votes.h, in double precision; without the limit of one vote per 8x8 px.
+bool votesFor(const FramePair& voter, const FramePair& pair) {
+  const Eigen::Vector2d d(voter.from.x - pair.from.x, voter.from.y - pair.from.y);
+  const double turn = angleOf(pair.to) - angleOf(pair.from);
+  const double scale = std::exp(pair.to.log_size - pair.from.log_size);
+  const double other_turn = angleOf(voter.to) - angleOf(voter.from);
+  const double other_scale = std::exp(voter.to.log_size - voter.from.log_size);
+  const Eigen::Vector2d where = Eigen::Vector2d(pair.to.x, pair.to.y) +
+                                scale * (Eigen::Rotation2Dd(turn).toRotationMatrix() * d);
+  return d.norm() <= 120.0 && std::abs(std::remainder(turn - other_turn, 2.0 * M_PI)) <= 0.5 &&
+         std::abs(std::log(scale / other_scale)) <= std::log(1.6) &&
+         (where - Eigen::Vector2d(voter.to.x, voter.to.y)).norm() <= 4.0 + 0.45 * scale * d.norm();
+}
+
+void count(const std::vector<FramePair>& pairs, Votes& votes) {
+  votes.clear();
+  for (const FramePair& pair : pairs) votes.add(pair.from, pair.to);
+  votes.count(kSize, kSize);
+}
+
+TEST(GrowthVotes, VotersAreThoseOfTheDefinition) {
+  Numbers numbers(1);
+  std::vector<FramePair> pairs;
+  for (int i = 0; i < 400; ++i) {
+    const Eigen::Vector2d p = numbers.pointIn(kSize);
+    const double angle = numbers.uniform(0.0, 2.0 * M_PI);
+    const Eigen::Vector2d off(numbers.uniform(-30.0, 30.0), numbers.uniform(-30.0, 30.0));
+    pairs.push_back(
+        {frameAt(p, angle, 31.0), frameAt(0.8 * p + off, angle + numbers.uniform(-0.6, 0.6),
+                                          31.0 * 0.8 * std::exp(numbers.uniform(-0.6, 0.6)))});
+  }
+  Votes votes;
+  count(pairs, votes);
+  std::size_t all = 0;
+  std::vector<std::int32_t> voters;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    std::set<std::int32_t> expected;
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      if (k != i && votesFor(pairs[k], pairs[i])) expected.insert(static_cast<std::int32_t>(k));
+    }
+    votes.voters(static_cast<std::int32_t>(i), voters);
+    EXPECT_EQ(std::set<std::int32_t>(voters.begin(), voters.end()), expected) << i;
+    // Once per cell of either image.
+    EXPECT_LE(votes.votes()[i], static_cast<std::int32_t>(expected.size()));
+    all += expected.size();
+  }
+  EXPECT_GT(all, 400U);
+}
+
+TEST(GrowthVotes, AClusterHasOneVote) {
+  const FramePair seed{frameAt({100, 100}, 0, 31), frameAt({200, 200}, 0, 31)};
+  const auto near = [](double x) {
+    return FramePair{frameAt({x, 140}, 0, 31), frameAt({x + 100, 240}, 0, 31)};
+  };
+  Votes votes;
+  count({seed, near(120.5), near(121.5), near(122.5)}, votes);
+  EXPECT_EQ(votes.votes()[0], 1);
+  count({seed, near(120.5), near(150.5), near(170.5)}, votes);
+  EXPECT_EQ(votes.votes()[0], 3);
+}
+
+TEST(GrowthFit, NearAPriorFewPairsAreEnoughAndManyDecide) {
+  const Eigen::Matrix2d truth = (Eigen::Matrix2d() << 1.2, 0.3, -0.2, 0.9).finished();
+  const Eigen::Vector2d from(100, 100);
+  const Eigen::Vector2d to(50, 60);
+  Places near, target;
+  EXPECT_TRUE(fitAffineNear(near, target, from, to, truth, 30.0)
+                  .topLeftCorner(2, 2)
+                  .isApprox(truth, 1e-12));
+  Numbers numbers(2);
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Vector2d d(numbers.uniform(-100, 100), numbers.uniform(-100, 100));
+    near.push_back(from + d);
+    target.push_back(to + truth * d);
+  }
+  const Eigen::Matrix3d map =
+      fitAffineNear(near, target, from, to, Eigen::Matrix2d::Identity(), 30.0);
+  EXPECT_LT((map.topLeftCorner<2, 2>() - truth).norm(), 1e-3);
+  const Eigen::Vector2d middle = (map * from.homogeneous()).hnormalized();
+  EXPECT_LT((middle - to).norm(), 1e-9);
+}
+
+TEST(GrowthVerdict, ChanceOfManyIsSmallAndGrowsWithTheSpread) {
+  EXPECT_EQ(logChance(3.0, 4.0, 1.0), 0.0);
+  // P(Poisson(1) >= 10) = 1.1e-7; the bound lies above it, within two orders.
+  EXPECT_NEAR(logChance(10.0, 1.0, 1.0), -6.1, 0.1);
+  EXPECT_GT(logChance(10.0, 1.0, 3.0), logChance(10.0, 1.0, 1.0));
+  EXPECT_GT(logChance(10.0, 2.0, 1.0), logChance(10.0, 1.0, 1.0));
+}
+
+TEST(GrowthFit, RecoversExactMaps) {
+  Numbers numbers(1);
+  Places from, to;
+  for (int i = 0; i < 20; ++i) {
+    from.push_back(numbers.pointIn(kSize));
+    to.push_back((tilted() * from.back().homogeneous()).hnormalized());
+  }
+  Eigen::Matrix3d map = tilted();
+  map(0, 2) += 1.0;
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(fitHomography(from, to, 2.0, map));
+  EXPECT_LT(test::cornerError(map, tilted(), kSize), 1e-6);
+  const Places one(5, from.front()), its_target(5, to.front());
+  EXPECT_FALSE(fitAffine(one, its_target, 2.0, map));
+  EXPECT_FALSE(fitHomography(one, its_target, 2.0, map));
+}
+
+TEST(GrowthDistance, CountsBits) {
+  Bits a{}, b{};
+  EXPECT_EQ(distance(a, b), 0);
+  b.fill(~std::uint64_t{0});
+  EXPECT_EQ(distance(a, b), 256);
+  b = {1, 0x8000000000000000U, 0, 0xff};
+  EXPECT_EQ(distance(a, b), 10);
+}
+
+/// P(Poisson(mean) >= count), summed up.
+double logTail(int count, double mean) {
+  double sum = 0.0;
+  for (int k = count; k < count + 200; ++k) {
+    sum += std::exp(k * std::log(mean) - mean - std::lgamma(k + 1.0));
+  }
+  return std::log10(sum);
+}
+
+TEST(GrowthVerdict, IsABoundOnTheTailOfThePoissonDistribution) {
+  for (const double mean : {0.1, 1.0, 5.0}) {
+    for (const int count : {6, 10, 20, 40}) {
+      const double bound = logChance(count, mean, 1.0);
+      EXPECT_GE(bound, logTail(count, mean)) << count << " of " << mean;
+      EXPECT_LE(bound, logTail(count, mean) + 2.5) << count << " of " << mean;
+    }
+  }
+}
+
+Grown grownFrom(const Eigen::Vector2d& shift, std::size_t matched) {
+  Grown grown;
+  grown.map = Eigen::Matrix3d::Identity();
+  grown.map.topRightCorner<2, 1>() = shift;
+  grown.judgement.matched = matched;
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector2d p(200.0 + 20.0 * (i % 8), 200.0 + 20.0 * (i / 8));
+    grown.pairs.add(p, p + shift, 0.0);
+  }
+  return grown;
+}
+
+TEST(GrowthRivals, ContradictWhereTheSameIsSeenElsewhere) {
+  const Grown grown = grownFrom({0.0, 0.0}, 40);
+  std::vector<std::uint8_t> covered;
+  const auto contradict = [&](const Grown& rival) {
+    return contradicts(rival, grown, kSize, covered);
+  };
+  EXPECT_TRUE(contradict(grownFrom({40.0, 0.0}, 40)));
+  EXPECT_FALSE(contradict(grownFrom({40.0, 0.0}, 20)));   // much poorer
+  EXPECT_TRUE(contradict(grownFrom({40.0, 0.0}, 28)));    // within chance
+  EXPECT_FALSE(contradict(grownFrom({2.0, 0.0}, 40)));    // the same
+  EXPECT_FALSE(contradict(grownFrom({250.0, 0.0}, 40)));  // another plane
+}
+
+}  // namespace
+}  // namespace ktgp_orb::growth

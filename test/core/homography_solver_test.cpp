@@ -4,26 +4,31 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
+#include <optional>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "core/homography/m_estimator.h"
 #include "core/homography/point_pairs.h"
+#include "core/homography/smooth_field.h"
 #include "core/homography/transform.h"
+#include "core/homography/verdict.h"
+#include "core/prosac/prosac.h"
 #include "synthetic_pairs.h"
 
 namespace ktgp_orb::homography {
 namespace {
 
+using test::apply;
 using test::Numbers;
 
 const cv::Size kSize(640, 480);
-
-Eigen::Vector2d project(const Eigen::Matrix3d& h, const Eigen::Vector2d& x) {
-  return (h * x.homogeneous()).hnormalized();
-}
 
 double area(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c) {
   return (b - a).x() * (c - a).y() - (b - a).y() * (c - a).x();
@@ -61,7 +66,7 @@ TEST(HomographySolver, MapsTheFourPointsOrSaysThatNoPlaneLooksLikeThat) {
     ++solved;
     for (std::size_t i = 0; i < 4; ++i) {
       EXPECT_GT((h * x[i].homogeneous()).z(), 0.0);
-      EXPECT_LT((project(h, x[i]) - u[i]).norm(), 1e-4);
+      EXPECT_LT((apply(h, x[i]) - u[i]).norm(), 1e-4);
     }
   }
   EXPECT_GT(solved, 1000);
@@ -73,7 +78,7 @@ TEST(HomographySolver, RecoversKnownHomographies) {
     const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.2, numbers);
     FourPoints x{Eigen::Vector2d(10, 20), {600, 40}, {620, 470}, {30, 400}};
     FourPoints u;
-    for (std::size_t i = 0; i < 4; ++i) u[i] = project(truth, x[i]);
+    for (std::size_t i = 0; i < 4; ++i) u[i] = apply(truth, x[i]);
     Eigen::Matrix3d h;
     ASSERT_TRUE(solveFourPoints(x, u, 1.0, 1.0, h));
     EXPECT_LT((h / h(2, 2) - truth).norm(), 1e-8 * truth.norm());
@@ -85,10 +90,10 @@ TEST(HomographySolver, RefusesFlatAndRepeatedPoints) {
   const FourPoints flat{Eigen::Vector2d(0, 0), {50, 0}, {100, 0}, {0, 100}};
   const FourPoints repeated{Eigen::Vector2d(0, 0), {100, 0}, {100, 100}, {100, 100}};
   Eigen::Matrix3d h;
-  EXPECT_FALSE(solveFourPoints(flat, square, 1.0, 1.0, h));
-  EXPECT_FALSE(solveFourPoints(square, flat, 1.0, 1.0, h));
-  EXPECT_FALSE(solveFourPoints(repeated, square, 1.0, 1.0, h));
-  EXPECT_FALSE(solveFourPoints(square, repeated, 1.0, 1.0, h));
+  for (const FourPoints& bad : {flat, repeated}) {
+    EXPECT_FALSE(solveFourPoints(bad, square, 1.0, 1.0, h));
+    EXPECT_FALSE(solveFourPoints(square, bad, 1.0, 1.0, h));
+  }
   EXPECT_TRUE(solveFourPoints(square, square, 1.0, 1.0, h));
 }
 
@@ -103,10 +108,10 @@ TEST(HomographyScore, IsTheSumOfTruncatedSquares) {
     std::size_t undecided = 0;
     for (std::size_t i = 0; i < n; ++i) {
       const Eigen::Vector2d x(numbers.uniform(0, 1), numbers.uniform(0, 1));
-      Eigen::Vector2d u = project(h, x);
+      Eigen::Vector2d u = apply(h, x);
       if (i % 3 != 0) u.x() += numbers.uniform(-0.05, 0.05);
       points.set(i, x, u);
-      const double error = (project(h, x) - u).squaredNorm();
+      const double error = (apply(h, x) - u).squaredNorm();
       expected += std::min(error, 0.02 * 0.02);
       if (error < 0.02 * 0.02) ++inliers;
       if (std::abs(error - 0.02 * 0.02) < 1e-7) ++undecided;  // within single precision
@@ -131,10 +136,8 @@ TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
     test::Scene scene{200, 150, test::randomHomography(kSize, 0.15, numbers), test::Order::good,
                       0.1};
     const PointPairs pairs = test::makePairs(scene, numbers);
-    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-    shift(0, 2) = 1.5;
     UncertainHomography h;
-    h.homography = -2.0 * shift * scene.homography;
+    h.homography = -2.0 * test::translation(1.5, 0.0) * scene.homography;
     EvidenceOptions options;
     ASSERT_TRUE(refiner.refine(pairs.reference, pairs.target, kSize, options, h));
     EXPECT_EQ(h.homography(2, 2), 1.0);
@@ -150,14 +153,13 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
   Numbers numbers(5);
   std::vector<Eigen::Vector2d> reference;
   std::vector<Eigen::Vector2d> target;
-  Eigen::Matrix3d plane = Eigen::Matrix3d::Identity();
-  Eigen::Matrix3d other = Eigen::Matrix3d::Identity();
-  other(0, 2) = 0.3;
+  const Eigen::Matrix3d plane = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d other = test::translation(0.3, 0.0);
   for (int i = 0; i < 300; ++i) {
     const Eigen::Vector2d x = numbers.pointIn(kSize);
     const Eigen::Vector2d noise(0.02 * numbers.normal(), 0.02 * numbers.normal());
     reference.push_back(x);
-    target.push_back(project(i % 3 == 0 ? other : plane, x) + noise);
+    target.push_back(apply(i % 3 == 0 ? other : plane, x) + noise);
   }
   HomographyRefiner refiner;
   EvidenceOptions options;
@@ -167,8 +169,7 @@ TEST(HomographyRefiner, AFloorUnderTheScaleKeepsItFromLockingOntoOnePlane) {
   EXPECT_LT(test::cornerError(h.homography, plane, kSize), 0.04);
   options.min_scale = 1.0;
   ASSERT_TRUE(refiner.refine(reference, target, kSize, options, h));
-  Eigen::Matrix3d mean = plane;
-  mean(0, 2) = 0.1;  // least squares: a third of 0.3
+  const Eigen::Matrix3d mean = test::translation(0.1, 0.0);  // least squares: a third of 0.3
   EXPECT_LT(test::cornerError(h.homography, mean, kSize), 0.05);
 }
 
@@ -190,7 +191,7 @@ TEST(HomographyRefiner, ByCellManyPairsInOnePlaceDoNotDecideAlone) {
       const Eigen::Vector2d noise(0.5 * numbers.normal(), 0.5 * numbers.normal());
       const Eigen::Vector2d off =
           on_balcony ? Eigen::Vector2d(2.0, 1.0) : Eigen::Vector2d(0.0, 0.0);
-      target.push_back(project(facade, reference.back()) + noise + off);
+      target.push_back(apply(facade, reference.back()) + noise + off);
     }
     HomographyRefiner refiner;
     EvidenceOptions options;
@@ -218,12 +219,12 @@ TEST(HomographyRefiner, LeavesTheHomographyWhereThePairsDoNotDetermineIt) {
   EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
   for (int i = 0; i < 4; ++i) {
     reference.push_back(numbers.pointIn(kSize));
-    target.push_back(project(before, reference.back()));
+    target.push_back(apply(before, reference.back()));
   }
   EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
   for (int i = 0; i < 50; ++i) {  // far from the optimum
     reference.push_back(numbers.pointIn(kSize));
-    target.emplace_back(project(before, reference.back()) + Eigen::Vector2d(40.0, 0.0));
+    target.emplace_back(apply(before, reference.back()) + Eigen::Vector2d(40.0, 0.0));
   }
   EXPECT_FALSE(refiner.refine(reference, target, kSize, options, h));
   EXPECT_EQ(h.homography, before);
@@ -239,7 +240,7 @@ TEST(MEstimator, ForgetsThePairsOfTheCallBefore) {
   points.resize(8);
   for (std::size_t i = 0; i < 7; ++i) {
     const Eigen::Vector2d x(0.2 * static_cast<double>(i), i % 3 == 0 ? -0.7 : 0.3 * (i % 2));
-    points.set(i, x, project(h, x) + Eigen::Vector2d(1e-3, -1e-3));
+    points.set(i, x, apply(h, x) + Eigen::Vector2d(1e-3, -1e-3));
   }
   points.set(7, {2.0, 0.1}, {0.0, 0.0});
   MEstimator fresh, used;
@@ -279,6 +280,292 @@ TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain)
   covariance(2, 2) = std::numeric_limits<double>::infinity();
   EXPECT_TRUE(std::isinf(cornerDeviation(twice, covariance, corners).target));
   EXPECT_TRUE(std::isinf(cornerDeviation(twice, covariance, corners).reference));
+}
+
+// The covariance describes the error of the homography, also when neighbouring points have similar
+// errors.
+
+/// Results over many scenes with known truth.
+struct Consistency {
+  double median = 0.0;        ///< of e' S^-1 e at the corners; 1.39 if S is right
+  double within = 0.0;        ///< share below 13.8, the 99.9 % bound
+  double noise_within = 0.0;  ///< the same with only the noise's part of S
+  double deviation = 0.0;     ///< median of plane_deviation, px
+};
+
+/// Errors at the points of one scene.
+using Errors =
+    std::function<std::vector<Eigen::Vector2d>(const std::vector<Eigen::Vector2d>&, Numbers&)>;
+
+double normalised(const Eigen::Vector2d& error, const Eigen::Matrix<double, 2, 8>& jacobian,
+                  const Covariance8& covariance) {
+  const Eigen::Matrix2d spread = jacobian * covariance * jacobian.transpose();
+  return error.dot(spread.inverse() * error);
+}
+
+/// `by_cell`: also has two thirds of the points in a ninth of the image.
+Consistency measure(const Errors& errors, std::size_t points, double min_scale,
+                    bool by_cell = false) {
+  constexpr int kScenes = 300;
+  Numbers numbers(1);
+  HomographyRefiner refiner;
+  EvidenceOptions options;
+  options.min_scale = min_scale;
+  options.by_cell = by_cell;
+  std::vector<double> all, of_noise, deviations;
+  for (int scene = 0; scene < kScenes; ++scene) {
+    const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
+    std::vector<Eigen::Vector2d> reference, target;
+    while (reference.size() < points) {
+      const Eigen::Vector2d any = numbers.pointIn(kSize);
+      reference.push_back(by_cell && reference.size() % 3 != 0 ? any / 3.0 : any);
+    }
+    const std::vector<Eigen::Vector2d> off = errors(reference, numbers);
+    for (std::size_t i = 0; i < points; ++i) target.push_back(apply(truth, reference[i]) + off[i]);
+    UncertainHomography found;
+    found.homography = truth;
+    EXPECT_TRUE(refiner.refine(reference, target, kSize, options, found));
+    deviations.push_back(found.plane_deviation);
+    for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
+      const Eigen::Vector2d error = apply(found.homography, corner) - apply(truth, corner);
+      const auto jacobian = jacobianByEntries(found.homography, corner);
+      all.push_back(normalised(error, jacobian, found.covariance));
+      of_noise.push_back(normalised(error, jacobian, found.covariance - found.shared_covariance));
+    }
+  }
+  const auto share = [](const std::vector<double>& values) {
+    const auto below = [](double value) { return value < 13.8; };
+    return static_cast<double>(std::count_if(values.begin(), values.end(), below)) /
+           static_cast<double>(values.size());
+  };
+  using evaluation::median;
+  return {median(all), share(all), share(of_noise), median(deviations)};
+}
+
+Eigen::Vector2d white(double sigma, Numbers& numbers) {
+  const double x = sigma * numbers.normal();
+  return {x, sigma * numbers.normal()};
+}
+
+/// A field of standard deviation about `tau`: a few wide hills at random positions.
+Errors hills(double tau, double sigma) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    constexpr int kHills = 40;
+    constexpr double kWidth = 150.0;  // px
+    std::vector<Eigen::Vector2d> places, heights;
+    for (int i = 0; i < kHills; ++i) {
+      places.emplace_back(numbers.uniform(-200.0, 840.0), numbers.uniform(-200.0, 680.0));
+      heights.push_back(white(1.0, numbers));
+    }
+    std::vector<Eigen::Vector2d> errors;
+    double squares = 0.0;
+    for (const Eigen::Vector2d& p : points) {
+      Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+      for (int i = 0; i < kHills; ++i) {
+        const double d2 = (p - places[static_cast<std::size_t>(i)]).squaredNorm();
+        sum += std::exp(-0.5 * d2 / (kWidth * kWidth)) * heights[static_cast<std::size_t>(i)];
+      }
+      errors.push_back(sum);
+      squares += sum.squaredNorm() / 2.0;
+    }
+    const double scale = tau / std::sqrt(squares / static_cast<double>(points.size()));
+    for (Eigen::Vector2d& e : errors) e = scale * e + white(sigma, numbers);
+    return errors;
+  };
+}
+
+/// Outward distortion of a lens: r³ from the middle.
+Errors lens(double at_corner, double sigma) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    const Eigen::Vector2d middle(319.5, 239.5);
+    std::vector<Eigen::Vector2d> errors;
+    for (const Eigen::Vector2d& p : points) {
+      const Eigen::Vector2d out = (p - middle) / middle.norm();
+      errors.emplace_back(at_corner * out.squaredNorm() * out + white(sigma, numbers));
+    }
+    return errors;
+  };
+}
+
+/// Independent ones; `octaves`: 1.2^o times as large for keypoints of octave o.
+Errors noise(double sigma, double octaves = 0.0) {
+  return [=](const std::vector<Eigen::Vector2d>& points, Numbers& numbers) {
+    std::vector<Eigen::Vector2d> errors(points.size());
+    for (Eigen::Vector2d& e : errors) {
+      const double octave = octaves > 0.0 ? std::floor(numbers.uniform(0.0, octaves)) : 0.0;
+      e = white(sigma * std::pow(1.2, octave), numbers);
+    }
+    return errors;
+  };
+}
+
+struct Case {
+  const char* name;
+  Errors errors;
+  std::vector<std::size_t> points;
+  double min_scale;
+  bool by_cell;
+  double lowest, highest;  ///< bounds of the median
+  double within;           ///< at least
+};
+
+TEST(SmoothField, ErrorsAreCovered) {
+  const std::vector<std::size_t> few_and_many{40, 150, 400, 1500};
+  const std::vector<Case> cases{
+      {"white noise", noise(0.5), few_and_many, 1e-4, false, 0.8, 1.8, 0.99},
+      {"that grows with the pyramid level", noise(0.4, 8.0), {300}, 1e-4, false, 0.5, 1.8, 0.99},
+      // Unequal weights of the pairs are part of the covariance.
+      {"weighed by cell", noise(0.5), few_and_many, 1e-4, true, 0.5, 2.2, 0.98},
+      {"hills weighed by cell", hills(0.5, 0.3), {400}, 1e-4, true, 0.2, 2.5, 0.95},
+      // A common error counts once, for any number of points.
+      {"hills", hills(0.5, 0.05), {100, 1600}, 1.0, false, 0.0, 1e9, 0.9},
+      // The error at the corners, where H is compared, is the largest.
+      {"lens", lens(2.0, 0.05), {400}, 1.0, false, 0.0, 6.0, 0.9}};
+  for (const Case& each : cases) {
+    for (const std::size_t points : each.points) {
+      SCOPED_TRACE(each.name + (", " + std::to_string(points)));
+      const Consistency c = measure(each.errors, points, each.min_scale, each.by_cell);
+      EXPECT_GT(c.median, each.lowest);
+      EXPECT_LT(c.median, each.highest);
+      EXPECT_GT(c.within, each.within);
+    }
+  }
+}
+
+TEST(SmoothField, TheDeviationFromAPlaneIsThatOfTheScene) {
+  for (const double sigma : {0.03, 0.3}) {
+    const Consistency c = measure(hills(0.5, sigma), 400, 1.0);
+    EXPECT_LT(c.median, 2.5) << sigma;
+    EXPECT_GT(c.median, 0.2) << sigma;
+    EXPECT_GT(c.within, 0.95) << sigma;
+    EXPECT_LT(c.noise_within, 0.7) << "as if the errors were independent, " << sigma;
+    EXPECT_GT(c.deviation, 0.25) << sigma;
+    EXPECT_LT(c.deviation, 1.5) << sigma;
+  }
+  EXPECT_GT(measure(lens(2.0, 0.05), 400, 1.0).deviation, 0.1);
+  EXPECT_LT(measure(noise(0.5), 400, 1e-4).deviation, 0.1);
+}
+
+TEST(SmoothField, IsZeroForTooFewPairs) {
+  PointArrays<double> pairs;
+  pairs.resize(8);
+  Numbers numbers(2);
+  for (std::size_t i = 0; i < 8; ++i) {
+    const Eigen::Vector2d x(numbers.uniform(-1.0, 1.0), numbers.uniform(-1.0, 1.0));
+    pairs.set(i, x, x + white(0.01, numbers));
+  }
+  const FieldFit fit = SmoothField().fit(pairs, std::vector<double>(8, 1.0), 1.0,
+                                         Eigen::Matrix3d::Identity(), {4.0, 0.0, 0.1});
+  EXPECT_EQ(fit.variance, 0.0);
+  EXPECT_EQ(fit.noise_share, 1.0);
+  EXPECT_TRUE(fit.covariance.isZero());
+}
+
+// The search for a homography, and the number of false alarms of the verdict.
+
+using prosac::ProsacRules;
+
+using Search = prosac::ProsacSearch<HomographyProblem>;
+
+/// Pairs in random order of quality; `inliers` of 300 agree with the homography.
+NormalisedPairs makePairs(std::size_t inliers, Numbers& numbers, Eigen::Matrix3d& truth) {
+  truth = test::randomHomography(kSize, 0.1, numbers);
+  const PointPairs pairs =
+      test::makePairs({300, inliers, truth, test::Order::random, 0.3}, numbers);
+  NormalisedPairs normalised;
+  prosac::QualityOrder order;
+  order.sort(pairs.quality);
+  normalised.load(
+      pairs.reference, pairs.target, [&](std::size_t i) { return order[i]; }, 3.0);
+  return normalised;
+}
+
+double cornerError(const Search& search, const NormalisedPairs& pairs,
+                   const Eigen::Matrix3d& truth) {
+  return test::cornerError(pairs.toPixels(search.best()), truth, kSize);
+}
+
+TEST(ProsacSearch, FindsTheHomographyThatHalfOfThePairsAgreeWith) {
+  Numbers numbers(1);
+  Search search;
+  HomographyProblem problem;
+  for (int run = 0; run < 100; ++run) {
+    Eigen::Matrix3d truth;
+    const NormalisedPairs pairs = makePairs(150, numbers, truth);
+    problem.setPairs(pairs);
+    ProsacRules rules;
+    rules.seed = static_cast<std::uint64_t>(run);
+    ASSERT_TRUE(search.run(rules, std::nullopt, problem));
+    EXPECT_LT(cornerError(search, pairs, truth), 3.0);
+    EXPECT_FALSE(search.exhausted());
+    // One in 16 samples is good, so log(0.005) / log(1 - 1/16) = 82 are enough, plus 20 from the
+    // inliers of each new best.
+    EXPECT_LT(search.iterations(), 400);
+  }
+}
+
+TEST(ProsacSearch, CountsEverySampleAndKeepsItsBudget) {
+  Numbers numbers(3);
+  Search search;
+  HomographyProblem problem;
+  for (int budget : {1, 2, 7, 50, 500}) {
+    for (int run = 0; run < 20; ++run) {
+      Eigen::Matrix3d truth;
+      const NormalisedPairs pairs = makePairs(60, numbers, truth);
+      problem.setPairs(pairs);
+      ProsacRules rules;
+      rules.max_iterations = budget;
+      rules.confidence = 0.999999;
+      search.run(rules, std::nullopt, problem);
+      EXPECT_LE(search.iterations(), budget);
+      if (search.exhausted()) {
+        EXPECT_EQ(search.iterations(), budget);
+      }
+    }
+  }
+}
+
+TEST(ProsacSearch, StartsWhereItIsTold) {
+  Numbers numbers(2);
+  Search search;
+  HomographyProblem problem;
+  ProsacRules rules;
+  rules.max_iterations = 1;
+  int found_alone = 0;
+  for (int run = 0; run < 20; ++run) {
+    Eigen::Matrix3d truth;
+    const NormalisedPairs pairs = makePairs(30, numbers, truth);
+    problem.setPairs(pairs);
+    const auto start = pairs.fromPixels(truth);
+    ASSERT_TRUE(start);
+    search.run(rules, start, problem);
+    EXPECT_LT(cornerError(search, pairs, truth), 3.0);
+    const bool found = search.run(rules, std::nullopt, problem);  // and no old state remains
+    if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
+  }
+  EXPECT_LT(found_alone, 3);
+}
+
+/// log10 of the binomial coefficient.
+double logChoose(double n, double k) {
+  return (std::lgamma(n + 1.0) - std::lgamma(k + 1.0) - std::lgamma(n - k + 1.0)) / std::log(10.0);
+}
+
+TEST(FalseAlarms, IsTheNumberOfSetsAndSamplesTimesTheirProbability) {
+  for (std::size_t m : {1, 2, 4, 7}) {
+    for (std::size_t n : {10, 50, 1000}) {
+      FalseAlarms false_alarms(m, n);
+      const double pairs = static_cast<double>(n);
+      const double sample = static_cast<double>(m);
+      for (double k = sample + 1.0; k <= std::min(pairs, 40.0); k += 1.0) {
+        const double p = 0.001 * k;
+        const double expected = std::log10(pairs - sample) + logChoose(pairs, k) +
+                                logChoose(k, sample) + (k - sample) * std::log10(p);
+        EXPECT_NEAR(false_alarms.next(p), expected, 1e-8 * (1.0 + std::abs(expected)))
+            << m << ' ' << n << ' ' << k;
+      }
+    }
+  }
 }
 
 }  // namespace

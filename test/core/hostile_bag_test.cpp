@@ -7,17 +7,188 @@
 #include <tf2_msgs/TFMessage.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <cstdlib>
+#include <cstring>
 #include <fstream>
-#include <map>
+#include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "bag/reader.h"
-#include "bag_damage.h"
 
 namespace ktgp_orb {
 namespace {
+
+using FileBytes = std::vector<std::uint8_t>;
+
+/// Damages the bytes of an intact bag in many ways. Damage number `n` is always the same.
+class BagDamage {
+ public:
+  explicit BagDamage(FileBytes sound) : sound_(std::move(sound)) { findRecords(); }
+
+  /// The damaged bytes; `what` describes the damage.
+  FileBytes make(std::uint64_t n, std::string& what) const {
+    std::mt19937_64 random(n);
+    FileBytes bytes = sound_;
+    // First a cut at every boundary of records, then random kinds.
+    if (n < boundaries_.size()) return cut(bytes, boundaries_[n], what);
+    using Kind = void (BagDamage::*)(FileBytes&, std::mt19937_64&, std::string&) const;
+    constexpr Kind kKinds[] = {&BagDamage::flipAnywhere,  &BagDamage::flipInHeader,
+                               &BagDamage::flipInHeader,  &BagDamage::falsifyLength,
+                               &BagDamage::falsifyLength, &BagDamage::cutAnywhere,
+                               &BagDamage::swapRecords,   &BagDamage::overwrite,
+                               &BagDamage::removePart,    &BagDamage::repeatPart};
+    const auto kind = kKinds[random() % std::size(kKinds)];
+    (this->*kind)(bytes, random, what);
+    if (random() % 8 == 0) flipInHeader(bytes, random, what);  // a second one
+    return bytes;
+  }
+
+ private:
+  struct Record {
+    std::size_t begin;  ///< the length of the header
+    std::size_t data;   ///< the length of the data precedes it
+    std::size_t end;
+    bool chunk;
+  };
+
+  std::uint32_t numberAt(std::size_t i) const {
+    std::uint32_t number = 0;
+    std::memcpy(&number, &sound_[i], 4);
+    return number;
+  }
+
+  void findRecords() {
+    addRecords(13, sound_.size());
+    boundaries_.push_back(0);
+    for (const Record& record : records_) {
+      for (const std::size_t place : {record.begin, record.begin + 4, record.data, record.end}) {
+        boundaries_.push_back(place);
+        if (place > 0) boundaries_.push_back(place - 1);
+      }
+    }
+    std::sort(boundaries_.begin(), boundaries_.end());
+    boundaries_.erase(std::unique(boundaries_.begin(), boundaries_.end()), boundaries_.end());
+    boundaries_.pop_back();  // the whole file
+  }
+
+  /// Including those within uncompressed chunks.
+  void addRecords(std::size_t begin, std::size_t end) {
+    while (begin + 8 <= end) {
+      const std::size_t data = begin + 8 + numberAt(begin);
+      if (data > end) return;
+      Record record{begin, data, data + numberAt(data - 4), false};
+      const std::string header(&sound_[begin], &sound_[data]);
+      record.chunk = header.find("compression=") != std::string::npos;
+      records_.push_back(record);
+      if (header.find("compression=none") != std::string::npos) addRecords(data, record.end);
+      begin = record.end;
+    }
+  }
+
+  FileBytes cut(FileBytes bytes, std::size_t size, std::string& what) const {
+    what += "cut at " + std::to_string(size) + "; ";
+    bytes.resize(size);
+    return bytes;
+  }
+
+  const Record& anyRecord(std::mt19937_64& random) const {
+    return records_[random() % records_.size()];
+  }
+
+  static void flip(FileBytes& bytes, std::size_t byte, std::mt19937_64& random, std::string& what) {
+    if (byte >= bytes.size()) return;
+    const unsigned bit = random() % 8;
+    bytes[byte] = static_cast<std::uint8_t>(bytes[byte] ^ 1U << bit);
+    what += "bit " + std::to_string(bit) + " of byte " + std::to_string(byte) + " flipped; ";
+  }
+
+  void flipAnywhere(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    flip(bytes, random() % bytes.size(), random, what);
+  }
+
+  void flipInHeader(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const Record& record = anyRecord(random);
+    flip(bytes, record.begin + random() % (record.data - record.begin), random, what);
+  }
+
+  /// Replaces a length or another number by a critical value.
+  void falsifyLength(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const Record& record = anyRecord(random);
+    const std::size_t places[] = {record.begin, record.data - 4, record.begin + 4,
+                                  record.begin + random() % (record.data - record.begin),
+                                  record.data + random() % 64};
+    const std::size_t place = places[random() % std::size(places)];
+    if (place + 4 > bytes.size()) return;
+    const std::uint32_t old = numberAt(place);
+    const std::uint32_t values[] = {0,       1,       old + 1,     old - 1,     old * 2,
+                                    old / 2, old + 4, 0x7fffffffU, 0xffffffffU, 0x40000000U};
+    const std::uint32_t value = values[random() % std::size(values)];
+    std::memcpy(&bytes[place], &value, 4);
+    what += "number at " + std::to_string(place) + " is " + std::to_string(value) + "; ";
+  }
+
+  void cutAnywhere(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    bytes = cut(bytes, random() % bytes.size(), what);
+  }
+
+  void swapRecords(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const bool chunks = random() % 2 == 0;
+    std::vector<Record> those;
+    for (const Record& record : records_) {
+      if (!chunks || record.chunk) those.push_back(record);
+    }
+    Record a = those[random() % those.size()];
+    Record b = those[random() % those.size()];
+    if (b.begin < a.begin) std::swap(a, b);
+    if (a.end > b.begin) return;  // the same record, or one within the other
+    const auto at = [&](std::size_t i) { return sound_.begin() + static_cast<std::ptrdiff_t>(i); };
+    bytes.assign(at(0), at(a.begin));
+    bytes.insert(bytes.end(), at(b.begin), at(b.end));
+    bytes.insert(bytes.end(), at(a.end), at(b.begin));
+    bytes.insert(bytes.end(), at(a.begin), at(a.end));
+    bytes.insert(bytes.end(), at(b.end), sound_.end());
+    what +=
+        "records at " + std::to_string(a.begin) + " and " + std::to_string(b.begin) + " swapped; ";
+  }
+
+  static std::pair<std::size_t, std::size_t> part(const FileBytes& bytes, std::mt19937_64& random) {
+    const std::size_t begin = random() % bytes.size();
+    const std::size_t size = std::size_t{1} << random() % 14;
+    return {begin, std::min(size, bytes.size() - begin)};
+  }
+
+  void overwrite(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const auto [begin, size] = part(bytes, random);
+    const bool zero = random() % 2 == 0;
+    for (std::size_t i = begin; i < begin + size; ++i) {
+      bytes[i] = zero ? 0 : static_cast<std::uint8_t>(random());
+    }
+    what += std::to_string(size) + " bytes at " + std::to_string(begin) + " overwritten; ";
+  }
+
+  void removePart(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const auto [begin, size] = part(bytes, random);
+    const auto at = bytes.begin() + static_cast<std::ptrdiff_t>(begin);
+    bytes.erase(at, at + static_cast<std::ptrdiff_t>(size));
+    what += std::to_string(size) + " bytes at " + std::to_string(begin) + " removed; ";
+  }
+
+  void repeatPart(FileBytes& bytes, std::mt19937_64& random, std::string& what) const {
+    const auto [begin, size] = part(bytes, random);
+    const auto at = bytes.begin() + static_cast<std::ptrdiff_t>(begin);
+    const FileBytes copy(at, at + static_cast<std::ptrdiff_t>(size));
+    bytes.insert(bytes.begin() + static_cast<std::ptrdiff_t>(begin), copy.begin(), copy.end());
+    what += std::to_string(size) + " bytes at " + std::to_string(begin) + " repeated; ";
+  }
+
+  FileBytes sound_;
+  std::vector<Record> records_;
+  std::vector<std::size_t> boundaries_;
+};
 
 constexpr int kFrames = 8;
 constexpr char kTopic[] = "/camera/image_raw";
@@ -46,19 +217,19 @@ std::string temporaryFile() {
   return testing::TempDir() + "hostile_bag_" + std::to_string(getpid()) + ".bag";
 }
 
-test::FileBytes bytesOf(const std::string& path) {
+FileBytes bytesOf(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-void write(const std::string& path, const test::FileBytes& bytes) {
+void write(const std::string& path, const FileBytes& bytes) {
   std::ofstream(path, std::ios::binary | std::ios::trunc)
       .write(reinterpret_cast<const char*>(bytes.data()),
              static_cast<std::streamsize>(bytes.size()));
 }
 
 /// Eight images and as many strings in chunks of about two images.
-test::FileBytes soundBag(rosbag::CompressionType compression) {
+FileBytes soundBag(rosbag::CompressionType compression) {
   const std::string path = temporaryFile();
   {
     rosbag::Bag bag(path, rosbag::bagmode::Write);
@@ -81,7 +252,10 @@ struct Reading {
   bool refused = false;  ///< UnusableBag: the program ends with an error
 };
 
-Reading read(const std::string& path) {
+/// The bytes as a file.
+Reading read(const FileBytes& bytes) {
+  const std::string path = temporaryFile();
+  write(path, bytes);
   Reading reading;
   try {
     const auto source = openBag(path, {kTopic, 0.0, -1.0});
@@ -91,6 +265,7 @@ Reading read(const std::string& path) {
     reading.refused = true;
     reading.damage = error.what();
   }
+  std::remove(path.c_str());
   return reading;
 }
 
@@ -104,25 +279,20 @@ std::size_t asRecorded(const Reading& reading) {
   return count;
 }
 
-class HostileBag : public testing::TestWithParam<rosbag::CompressionType> {
- protected:
-  void TearDown() override { std::remove(temporaryFile().c_str()); }
-};
+class HostileBag : public testing::TestWithParam<rosbag::CompressionType> {};
 
 TEST_P(HostileBag, ASoundOneIsReadToTheEndAndNotComplainedAbout) {
-  write(temporaryFile(), soundBag(GetParam()));
-  const Reading reading = read(temporaryFile());
+  const Reading reading = read(soundBag(GetParam()));
   EXPECT_EQ(asRecorded(reading), std::size_t{kFrames});
   EXPECT_EQ(reading.damage, "");
 }
 
 TEST_P(HostileBag, NoDamageCrashesOrLosesAFrameWithoutAWord) {
-  const test::BagDamage damage(soundBag(GetParam()));
+  const BagDamage damage(soundBag(GetParam()));
   std::size_t complete = 0, partly = 0, refused = 0, frames = 0;
   for (std::uint64_t n = 0; n < damages() && !HasFailure(); ++n) {
     std::string what = "damage " + std::to_string(n) + ": ";
-    write(temporaryFile(), damage.make(n, what));
-    const Reading reading = read(temporaryFile());
+    const Reading reading = read(damage.make(n, what));
     frames += reading.images.size();
     // A pixel or a stamp may have changed: there is no checksum. But no frame may be missing, and a
     // part that occurs twice must not add frames.
@@ -143,38 +313,34 @@ INSTANTIATE_TEST_SUITE_P(Compressions, HostileBag,
                                          rosbag::compression::BZ2, rosbag::compression::LZ4));
 
 TEST(HostileBag, OneDamagedChunkCostsItsOwnFramesAlone) {
-  const test::FileBytes sound = soundBag(rosbag::compression::BZ2);
+  const FileBytes sound = soundBag(rosbag::compression::BZ2);
   const std::string header = "compression=bz2";
   auto place = std::search(sound.begin(), sound.end(), header.begin(), header.end());
   place = std::search(place + 1, sound.end(), header.begin(), header.end());
-  test::FileBytes damaged = sound;
+  FileBytes damaged = sound;
   damaged[static_cast<std::size_t>(place - sound.begin()) + 200] ^= 0x10;
-  write(temporaryFile(), damaged);
-  const Reading reading = read(temporaryFile());
+  const Reading reading = read(damaged);
   EXPECT_EQ(asRecorded(reading), reading.images.size());
   EXPECT_EQ(reading.images.size(), std::size_t{kFrames - 2});
   EXPECT_EQ(reading.damage.rfind("2 images lost; a chunk cannot be decompressed", 0), 0U)
       << reading.damage;
-  std::remove(temporaryFile().c_str());
 }
 
 TEST(HostileBag, AnImageThatClaimsFourGigabytesTakesNone) {
-  test::FileBytes bytes = soundBag(rosbag::compression::Uncompressed);
+  FileBytes bytes = soundBag(rosbag::compression::Uncompressed);
   const std::uint32_t size = 40 * 30;
   const auto* wanted = reinterpret_cast<const std::uint8_t*>(&size);
   const auto place = std::search(bytes.begin(), bytes.end(), wanted, wanted + 4);
   ASSERT_NE(place, bytes.end());
   std::fill(place, place + 4, 0xff);
-  write(temporaryFile(), bytes);
   rusage before{};
   getrusage(RUSAGE_SELF, &before);
-  const Reading reading = read(temporaryFile());
+  const Reading reading = read(bytes);
   rusage after{};
   getrusage(RUSAGE_SELF, &after);
   EXPECT_LT(after.ru_maxrss - before.ru_maxrss, 50000) << "kB";
   EXPECT_EQ(reading.images.size(), std::size_t{kFrames - 1});
   EXPECT_EQ(reading.damage.rfind("1 images lost", 0), 0U) << reading.damage;
-  std::remove(temporaryFile().c_str());
 }
 
 TEST(HostileBag, TransformsThatClaimFourBillionTakeNoMemory) {
@@ -186,7 +352,7 @@ TEST(HostileBag, TransformsThatClaimFourBillionTakeNoMemory) {
     bag.write("/tf", ros::Time(1), transforms);
     bag.write("/tf", ros::Time(2), transforms);
   }
-  test::FileBytes bytes = bytesOf(temporaryFile());
+  FileBytes bytes = bytesOf(temporaryFile());
   const std::vector<std::uint8_t> count{3, 0, 0, 0, 0, 0, 0, 0};  // and seq of the first header
   const auto place = std::search(bytes.begin(), bytes.end(), count.begin(), count.end());
   ASSERT_NE(place, bytes.end());

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 #include <opencv2/core.hpp>
 
+#include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
 
 namespace ktgp_orb::test {
@@ -15,6 +16,21 @@ const cv::Size kView(320, 240);
 inline cv::Mat viewAt(int x, int y) {
   static const cv::Mat world = textureImage(cv::Size(1200, 600), 1);
   return world(cv::Rect(cv::Point(x, y), kView)).clone();
+}
+
+inline SequenceOptions sequenceOf(ReferenceMode mode, double search_radius = 0.0) {
+  SequenceOptions options;
+  options.orb.max_features = 500;
+  options.matcher.knn.search_radius = search_radius;
+  options.reference.mode = mode;
+  return options;
+}
+
+/// A frame of the matcher's pool with that image.
+inline FramePtr frameOf(SequenceMatcher& matcher, const cv::Mat& image) {
+  const FramePtr frame = matcher.newFrame();
+  frame->image = image;
+  return frame;
 }
 
 /// Checks that H moves the centre of a view by (x, y).

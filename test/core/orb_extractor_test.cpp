@@ -4,13 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <opencv2/features2d.hpp>
-#include <opencv2/imgcodecs.hpp>
+#include <set>
 #include <stdexcept>
 #include <string>
 
 #include "core/orb/kernels.h"
 #include "core/orb/pipeline.h"
+#include "core/orb/uniform.h"
+#include "frame_pair.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"
 #include "test_data.h"
@@ -96,13 +99,15 @@ TEST_F(OrbBesideOpencv, AgreesOnEveryKindOfImage) {
   for (int features : {1, 7, 500, 2000, 20000}) {
     options.max_features = features;
     const std::string n = " with " + std::to_string(features) + " features";
-    expectOpencvsAnswer(test::textureImage(size, 1), options, "texture" + n);
-    expectOpencvsAnswer(test::noiseImage(size, 2), options, "noise" + n);
-    expectOpencvsAnswer(test::blockImage(size, 3), options, "blocks" + n);
-    expectOpencvsAnswer(test::flatImage(size, 128), options, "flat" + n);
-    expectOpencvsAnswer(test::gradientImage(size), options, "gradient" + n);
-    expectOpencvsAnswer(test::checkerboardImage(size, 16), options, "checkerboard" + n);
-    expectOpencvsAnswer(test::checkerboardImage(size, 1), options, "fine checkerboard" + n);
+    for (const auto& [name, image] : {std::pair("texture", test::textureImage(size, 1)),
+                                      {"noise", test::noiseImage(size, 2)},
+                                      {"blocks", test::blockImage(size, 3)},
+                                      {"flat", test::flatImage(size, 128)},
+                                      {"gradient", test::gradientImage(size)},
+                                      {"checkerboard", test::checkerboardImage(size, 16)},
+                                      {"fine checkerboard", test::checkerboardImage(size, 1)}}) {
+      expectOpencvsAnswer(image, options, name + n);
+    }
   }
 }
 
@@ -139,17 +144,6 @@ TEST_F(OrbBesideOpencv, AgreesWithLevelsLargerThanTheImage) {
     expectOpencvsAnswer(test::noiseImage(Size(40, 50), 5), options, level + ", small");
     expectOpencvsAnswer(test::blockImage(Size(320, 240), 6), options, level + ", disc", disc);
   }
-}
-
-TEST(OrbExtractor, RefusesAFirstLevelThatIsNone) {
-  OrbOptions options;
-  for (const int first : {-1, 8}) {
-    options.first_level = first;
-    EXPECT_THROW(OrbExtractor{options}, std::invalid_argument) << first;
-  }
-  options.first_level = 3;
-  options.descriptor = DescriptorKind::teblid;
-  EXPECT_THROW(OrbExtractor{options}, std::invalid_argument);
 }
 
 TEST_F(OrbBesideOpencv, AgreesForEverySmallSize) {
@@ -263,19 +257,283 @@ TEST(OrbExtractor, RefusesWhatItCannotTake) {
                std::invalid_argument);
 }
 
-TEST(OrbExtractor, RefusesOptionsOutsideTheirRange) {
-  const auto refuses = [](auto change) {
-    OrbOptions options;
-    change(options);
-    EXPECT_THROW(OrbExtractor{options}, std::invalid_argument);
-  };
-  refuses([](OrbOptions& o) { o.max_features = 0; });
-  refuses([](OrbOptions& o) { o.scale_factor = 1.0; });
-  refuses([](OrbOptions& o) { o.scale_factor = std::nan(""); });
-  refuses([](OrbOptions& o) { o.levels = 17; });
-  refuses([](OrbOptions& o) { o.fast_threshold = 0; });
-  refuses([](OrbOptions& o) { o.threads = -1; });
+OrbOptions sharingImages() {
+  OrbOptions options;
+  options.images = ImageKeeping::share;
+  return options;
+}
+
+TEST(OrbImages, DoNotComeWhereNotWanted) {
+  Features features;
+  OrbExtractor(sharingImages()).extract(test::textureImage(cv::Size(320, 240), 1), features);
+  EXPECT_FALSE(features.images.empty());
+  OrbOptions options;
+  options.images = ImageKeeping::none;
+  OrbExtractor(options).extract(test::textureImage(cv::Size(320, 240), 1), features);
+  EXPECT_TRUE(features.images.empty());
+}
+
+TEST(OrbImages, AreTheImageItselfAndLevelsOfTheWantedRatio) {
+  const cv::Mat image = test::textureImage(cv::Size(320, 240), 2);
+  Features features;
+  OrbExtractor(sharingImages()).extract(image, features);
+  ASSERT_EQ(features.images.size(), 8u);
+  EXPECT_EQ(features.images[0].data, image.data);
+  for (std::size_t i = 1; i < features.images.size(); ++i) {
+    const cv::Mat& level = features.images[i];
+    EXPECT_NEAR(level.cols, 320 / std::pow(1.2, i), 0.6) << "level " << i;
+    cv::Mat expected;
+    cv::resize(features.images[i - 1], expected, level.size(), 0, 0, cv::INTER_LINEAR_EXACT);
+    EXPECT_EQ(cv::norm(level, expected, cv::NORM_INF), 0.0) << "level " << i;
+  }
+}
+
+TEST(OrbImages, AreTheSameWithLevelsLargerThanTheImage) {
+  const cv::Mat image = test::textureImage(cv::Size(120, 90), 2);
+  OrbOptions options;
+  Features plain, larger;
+  OrbExtractor(options).extract(image, plain);
+  options.first_level = 4;
+  options.levels += 4;
+  OrbExtractor(options).extract(image, larger);
+  EXPECT_GT(larger.size(), plain.size());
+  ASSERT_EQ(larger.images.size(), plain.images.size());
+  for (std::size_t i = 0; i < plain.images.size(); ++i) {
+    EXPECT_EQ(cv::norm(larger.images[i], plain.images[i], cv::NORM_INF), 0.0) << i;
+  }
+}
+
+// A camera's loop reads every frame into the same matrix.
+TEST(OrbImages, AreCopiedUnlessTheyAreShared) {
+  cv::Mat image = test::textureImage(cv::Size(320, 240), 8);
+  const cv::Mat before = image.clone();
+  Features features;
+  OrbExtractor extractor;
+  extractor.extract(image, features);
+  const Features kept = features;
+  image.setTo(0);
+  EXPECT_EQ(cv::norm(kept.images[0], before, cv::NORM_INF), 0.0);
+  extractor.extract(image, features);
+  EXPECT_EQ(cv::norm(kept.images[0], before, cv::NORM_INF), 0.0);
+}
+
+TEST(OrbImages, StayAsTheyAreWhileTheExtractorGoesOn) {
+  OrbExtractor extractor(sharingImages());
+  Features features;
+  extractor.extract(test::textureImage(cv::Size(320, 240), 3), features);
+  const Features kept = features;
+  std::vector<cv::Mat> copies;
+  for (const cv::Mat& image : kept.images) copies.push_back(image.clone());
+  extractor.extract(test::textureImage(cv::Size(320, 240), 4), features);
+  Features others;
+  extractor.extract(test::textureImage(cv::Size(320, 240), 5), others);
+  for (std::size_t i = 0; i < copies.size(); ++i) {
+    EXPECT_EQ(cv::norm(kept.images[i], copies[i], cv::NORM_INF), 0.0) << "level " << i;
+  }
+}
+
+TEST(OrbImages, MoveNoMoreOnceTwoFramesHaveTheirs) {
+  const cv::Mat images[] = {test::textureImage(cv::Size(320, 240), 6),
+                            test::textureImage(cv::Size(320, 240), 7)};
+  OrbExtractor extractor(sharingImages());
+  Features frames[2];
+  const auto extract = [&](int i) { extractor.extract(images[i % 2], frames[i % 2]); };
+  for (int i = 0; i < 4; ++i) extract(i);
+  const std::uint8_t* pixels[] = {frames[0].images[1].data, frames[1].images[1].data};
+  for (int i = 0; i < 6; ++i) extract(i);
+  EXPECT_EQ(frames[0].images[1].data, pixels[0]);
+  EXPECT_EQ(frames[1].images[1].data, pixels[1]);
+}
+
+TEST(OrbExtractor, LeavesDescriptorsAloneThatSomebodyElseHolds) {
+  OrbExtractor extractor;
+  Features features;
+  extractor.extract(test::textureImage(cv::Size(320, 240), 3), features);
+  const Features kept = features;
+  const cv::Mat copy = kept.descriptors.clone();
+  extractor.extract(test::textureImage(cv::Size(320, 240), 4), features);
+  EXPECT_EQ(cv::norm(kept.descriptors, copy, cv::NORM_INF), 0.0);
 }
 
 }  // namespace
 }  // namespace ktgp_orb
+
+namespace ktgp_orb::orb {
+namespace {
+
+// Uniform distribution of the keypoints.
+
+constexpr int kStrong = 20;
+constexpr int kShare = 8;
+
+// Random corners, more on the left, with scores of 10..59: some are weak.
+std::vector<cv::KeyPoint> randomCorners(const Size& size, int count, std::uint64_t seed) {
+  cv::RNG rng(seed);
+  std::vector<cv::KeyPoint> corners;
+  std::set<std::pair<int, int>> taken;
+  while (static_cast<int>(corners.size()) < count) {
+    const int x = std::min(rng.uniform(kEdgeMargin, size.width - kEdgeMargin),
+                           rng.uniform(kEdgeMargin, size.width - kEdgeMargin));
+    const int y = rng.uniform(kEdgeMargin, size.height - kEdgeMargin);
+    if (!taken.emplace(x, y).second) continue;
+    corners.emplace_back(static_cast<float>(x), static_cast<float>(y), 7.f, -1.f,
+                         static_cast<float>(rng.uniform(10, 60)));
+  }
+  return corners;
+}
+
+std::vector<int> countPerCell(const LevelCells& grid, const std::vector<cv::KeyPoint>& keypoints) {
+  std::vector<int> count(grid.count());
+  for (const cv::KeyPoint& keypoint : keypoints) ++count[grid.cellOf(keypoint.pt)];
+  return count;
+}
+
+struct Chosen {
+  std::vector<cv::KeyPoint> keypoints;
+  std::vector<int> before;  // corners per cell
+  std::vector<int> after;
+};
+
+Chosen choose(const cv::Mat& image, int features, std::vector<cv::KeyPoint> corners) {
+  const LevelCells grid(image.size(), features, kShare);
+  Chosen result;
+  result.before = countPerCell(grid, corners);
+  UniformChoice choice(features, kStrong, kShare, 1);
+  choice.sortIntoCells(0, image.size(), features, corners);
+  choice.share(1);
+  choice.keepShares(0, image, bestOrbKernels(), corners);
+  result.after = countPerCell(grid, corners);
+  result.keypoints = corners;
+  return result;
+}
+
+TEST(UniformChoice, GivesEveryCellAnEqualShareAndLosesNone) {
+  const cv::Mat image = test::noiseImage(Size(400, 300), 1);
+  for (int count : {0, 1, 5, 50, 200, 500, 1500, 4000}) {
+    for (int features : {1, 3, 17, 100, 499, 1000}) {
+      const Chosen chosen = choose(image, features, randomCorners(image.size(), count, 2));
+      ASSERT_EQ(static_cast<int>(chosen.keypoints.size()), std::min(count, features));
+      // Cells with too many corners keep the same number; some keep one more.
+      int most = 0;
+      for (int kept : chosen.after) most = std::max(most, kept);
+      for (std::size_t i = 0; i < chosen.after.size(); ++i) {
+        EXPECT_GE(chosen.after[i], std::min(chosen.before[i], most - 1))
+            << "cell " << i << " of " << count << " corners for " << features;
+      }
+    }
+  }
+}
+
+TEST(UniformChoice, PrefersStrongCornersAndThenHigherHarrisResponses) {
+  const cv::Mat image = test::noiseImage(Size(400, 300), 3);
+  const int features = 300;
+  const std::vector<cv::KeyPoint> corners = randomCorners(image.size(), 2000, 4);
+  const Chosen chosen = choose(image, features, corners);
+  const LevelCells grid(image.size(), features, kShare);
+  const auto key = [](const cv::KeyPoint& k) { return std::make_pair(k.pt.y, k.pt.x); };
+  std::map<std::pair<float, float>, float> kept;
+  for (const cv::KeyPoint& keypoint : chosen.keypoints) kept[key(keypoint)] = keypoint.response;
+  std::vector<bool> keeps_weak(grid.count());
+  std::vector<float> least_kept(grid.count(), 1e9f);
+  for (const cv::KeyPoint& corner : corners) {
+    const auto it = kept.find(key(corner));
+    if (it == kept.end()) continue;
+    const int cell = grid.cellOf(corner.pt);
+    if (corner.response < kStrong) keeps_weak[cell] = true;
+    if (corner.response >= kStrong) least_kept[cell] = std::min(least_kept[cell], it->second);
+  }
+  for (const cv::KeyPoint& corner : corners) {
+    if (corner.response < kStrong || kept.count(key(corner)) != 0) continue;
+    const int cell = grid.cellOf(corner.pt);
+    EXPECT_FALSE(keeps_weak[cell]) << "a weak corner was kept before a strong one";
+    EXPECT_LE(harrisResponse(image, portableOrbKernels(), corner.pt), least_kept[cell]);
+  }
+}
+
+// The right half of the image has less contrast than the left.
+cv::Mat halfFaint(const Size& size) {
+  cv::Mat image = test::textureImage(size, 5);
+  cv::Mat faint = image.colRange(size.width / 2, size.width);
+  faint.convertTo(faint, CV_8U, 0.6, 50);
+  return image;
+}
+
+OrbOptions uniform(int features = 1000, int threads = 1) {
+  OrbOptions options;
+  options.max_features = features;
+  options.distribution = KeypointDistribution::uniform;
+  options.threads = threads;
+  return options;
+}
+
+TEST(UniformDistribution, FillsTheFaintHalfOfAnImage) {
+  const cv::Mat image = halfFaint(Size(640, 480));
+  const auto share_of_faint = [&](const Features& features) {
+    const auto faint = std::count_if(features.keypoints.begin(), features.keypoints.end(),
+                                     [](const cv::KeyPoint& k) { return k.pt.x > 320; });
+    return static_cast<double>(faint) / static_cast<double>(features.size());
+  };
+  OrbOptions ranked = uniform();
+  ranked.distribution = KeypointDistribution::ranked;
+  EXPECT_LT(share_of_faint(test::featuresOf(image, ranked)), 0.2);
+  EXPECT_GT(share_of_faint(test::featuresOf(image, uniform())), 0.35);
+}
+
+TEST(UniformDistribution, KeepsExactlyAsManyAsWantedWhereTheImageHasThem) {
+  const cv::Mat image = test::textureImage(Size(640, 480), 6);
+  for (int features : {1, 100, 777, 2000}) {
+    const Features result = test::featuresOf(image, uniform(features));
+    EXPECT_EQ(static_cast<int>(result.size()), features);
+  }
+}
+
+TEST(UniformDistribution, IsTheSameForEveryNumberOfThreadsAndInstructionSet) {
+  const cv::Mat image = halfFaint(Size(403, 301));
+  const Features expected = test::featuresOf(image, uniform());
+  const auto expect_same = [&](const Features& actual) {
+    ASSERT_EQ(actual.size(), expected.size());
+    for (std::size_t i = 0; i < actual.size(); ++i) {
+      ASSERT_EQ(actual.keypoints[i].pt, expected.keypoints[i].pt);
+      ASSERT_EQ(actual.keypoints[i].response, expected.keypoints[i].response);
+    }
+    EXPECT_EQ(cv::norm(actual.descriptors, expected.descriptors, cv::NORM_INF), 0.0);
+  };
+  for (int threads = 2; threads <= 8; ++threads) {
+    expect_same(test::featuresOf(image, uniform(1000, threads)));
+  }
+  for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
+    Features features;
+    OrbPipeline(uniform(), *kernels).extract(image, cv::Mat(), features);
+    expect_same(features);
+  }
+}
+
+TEST(UniformDistribution, DescribesEachKeypointAsOpencvWould) {
+  const cv::Mat image = test::textureImage(Size(500, 400), 7);
+  const Features features = test::featuresOf(image, uniform());
+  std::vector<cv::KeyPoint> keypoints = features.keypoints;
+  cv::Mat expected;
+  cv::ORB::create(1000, 1.2f, 8, 31, 0, 2, cv::ORB::HARRIS_SCORE, 31, 20)
+      ->compute(image, keypoints, expected);
+  ASSERT_EQ(keypoints.size(), features.size());
+  EXPECT_EQ(cv::norm(features.descriptors, expected, cv::NORM_INF), 0.0);
+}
+
+TEST(UniformDistribution, RespectsTheMask) {
+  const cv::Mat image = test::textureImage(Size(400, 300), 8);
+  cv::Mat mask = cv::Mat::zeros(image.size(), CV_8U);
+  mask(cv::Rect(100, 80, 200, 150)).setTo(255);
+  Features features;
+  OrbExtractor(uniform(2000)).extract(image, mask, features);
+  EXPECT_GT(features.size(), 50u);
+  for (const cv::KeyPoint& keypoint : features.keypoints) {
+    EXPECT_TRUE(cv::Rect2f(96, 76, 208, 158).contains(keypoint.pt));
+  }
+}
+
+TEST(UniformDistribution, FindsNothingOnAFlatImage) {
+  EXPECT_TRUE(test::featuresOf(test::flatImage(Size(300, 200), 9), uniform()).empty());
+}
+
+}  // namespace
+}  // namespace ktgp_orb::orb

@@ -3,10 +3,17 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <opencv2/core.hpp>
 #include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "core/orb/detector.h"
+#include "core/orb/resize.h"
+#include "core/orb/vector_angle.h"
+#include "core/util/constants.h"
 #include "instruction_sets.h"
 #include "orb_test_images.h"
 
@@ -178,6 +185,105 @@ TEST(OrbKernels, IncludesTheBestAndThePortableSet) {
   EXPECT_EQ(all.front(), &bestOrbKernels());
   EXPECT_EQ(all.back(), &portableOrbKernels());
 }
+
+void expectOpencvsImage(const cv::Mat& image, const cv::Size& size) {
+  cv::Mat expected;
+  cv::resize(image, expected, size, 0, 0, cv::INTER_LINEAR_EXACT);
+  for (const OrbKernels* kernels : test::everyKernels(bestOrbKernels, portableOrbKernels())) {
+    Shrinker shrinker;
+    cv::Mat actual;
+    shrinker.shrink(image, size, *kernels, actual);
+    ASSERT_EQ(actual.size(), size);
+    EXPECT_EQ(cv::norm(actual, expected, cv::NORM_INF), 0.0)
+        << kernels->name << ": " << image.size() << " to " << size;
+  }
+}
+
+TEST(Shrinker, AgreesWithOpencvForEveryRatio) {
+  for (int length = 20; length <= 300; length += 7) {
+    const cv::Mat image = test::noiseImage(cv::Size(length, length + 1), 1);
+    for (int target = length / 2 - 3; target <= length; target += 1 + length / 40) {
+      expectOpencvsImage(image, cv::Size(target, length + 1 - length / 6));
+      expectOpencvsImage(image, cv::Size(length - length / 6, target));
+    }
+  }
+}
+
+TEST(Shrinker, AgreesWithOpencvForThePyramidsOfUsualImages) {
+  for (const cv::Size& size : {cv::Size(640, 480), cv::Size(1280, 720), cv::Size(1921, 1081)}) {
+    cv::Mat image = test::textureImage(size, 2);
+    for (int level = 1; level < 8; ++level) {
+      const float scale = 1.f / static_cast<float>(std::pow(1.2, level));
+      const cv::Size smaller(cvRound(size.width * scale), cvRound(size.height * scale));
+      expectOpencvsImage(image, smaller);
+      cv::resize(image, image, smaller, 0, 0, cv::INTER_LINEAR_EXACT);
+    }
+  }
+}
+
+TEST(Shrinker, TakesRowsOfAnyStrideAndImagesOfChangingSize) {
+  Shrinker shrinker;
+  cv::Mat actual, expected;
+  for (int width : {100, 37, 64, 63, 190}) {
+    const cv::Mat image = test::asRegion(test::noiseImage(cv::Size(width, 50), 3), 5, 1);
+    const cv::Size size(width * 5 / 6, 43);
+    cv::resize(image, expected, size, 0, 0, cv::INTER_LINEAR_EXACT);
+    shrinker.shrink(image, size, bestOrbKernels(), actual);
+    EXPECT_EQ(cv::norm(actual, expected, cv::NORM_INF), 0.0) << width;
+  }
+}
+
+using util::kPi;
+
+/// Calls visit(y, x) with integer vectors of all lengths, like the moments of a patch.
+template <typename Visit>
+void forEachVector(const Visit& visit) {
+  std::uint64_t state = 1;
+  const auto next = [&](int bits) {
+    state = state * 6364136223846793005U + 1442695040888963407U;
+    return static_cast<float>(static_cast<std::int32_t>(state >> 32) >> (32 - bits));
+  };
+  for (int i = 0; i < 200000; ++i) {
+    const int bits = 4 + i % 20;
+    const float y = next(bits);
+    visit(y, next(bits));
+  }
+}
+
+TEST(VectorAngle, IsTheArcTangent) {
+  forEachVector([](float y, float x) {
+    if (x == 0.f && y == 0.f) return;
+    const double exact = std::atan2(y, x) * 180 / kPi;
+    const double difference = std::abs(vectorAngle(y, x) - (exact < 0 ? exact + 360 : exact));
+    EXPECT_LT(difference, 0.012) << y << ", " << x;
+  });
+}
+
+TEST(VectorAngle, IsExactOnTheAxes) {
+  EXPECT_EQ(vectorAngle(0.f, 0.f), 0.f);
+  EXPECT_EQ(vectorAngle(0.f, 5.f), 0.f);
+  EXPECT_EQ(vectorAngle(5.f, 0.f), 90.f);
+  EXPECT_EQ(vectorAngle(0.f, -5.f), 180.f);
+  EXPECT_EQ(vectorAngle(-5.f, 0.f), 270.f);
+}
+
+// FNV-1a of all bits, recorded on x86-64. Fused multiply-adds would change it.
+TEST(VectorAngle, HasTheSameBitsEverywhere) {
+  std::uint64_t hash = 0xcbf29ce484222325U;
+  forEachVector([&](float y, float x) {
+    const float angle = vectorAngle(y, x);
+    std::uint32_t bits;
+    std::memcpy(&bits, &angle, sizeof bits);
+    hash = (hash ^ bits) * 0x100000001b3U;
+  });
+  EXPECT_EQ(hash, 0x2d315b563cc708c2U);
+}
+
+#if defined(__x86_64__)
+TEST(VectorAngle, IsThatOfOpencv) {
+  forEachVector([](float y, float x) { EXPECT_EQ(vectorAngle(y, x), cv::fastAtan2(y, x)); });
+}
+#endif
 
 }  // namespace
 }  // namespace ktgp_orb::orb

@@ -9,6 +9,18 @@
 
 namespace ktgp_orb::test {
 
+/// The image whose pixel at (x, y) has the value `grey(x, y)`.
+template <typename Grey>
+cv::Mat drawn(const cv::Size& size, const Grey& grey) {
+  cv::Mat image(size, CV_8U);
+  for (int y = 0; y < size.height; ++y) {
+    for (int x = 0; x < size.width; ++x) {
+      image.at<std::uint8_t>(y, x) = cv::saturate_cast<std::uint8_t>(grey(x, y));
+    }
+  }
+  return image;
+}
+
 /// Grey noise, equal for equal seeds.
 inline cv::Mat noiseImage(const cv::Size& size, std::uint64_t seed) {
   cv::Mat image(size, CV_8U);
@@ -73,23 +85,21 @@ inline cv::Mat flatImage(const cv::Size& size, int grey) {
 }
 
 inline cv::Mat gradientImage(const cv::Size& size) {
-  cv::Mat image(size, CV_8U);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      image.at<std::uint8_t>(y, x) = static_cast<std::uint8_t>((2 * x + 3 * y) % 256);
-    }
-  }
-  return image;
+  return drawn(size, [](int x, int y) { return (2 * x + 3 * y) % 256; });
 }
 
 inline cv::Mat checkerboardImage(const cv::Size& size, int square) {
-  cv::Mat image(size, CV_8U);
-  for (int y = 0; y < size.height; ++y) {
-    for (int x = 0; x < size.width; ++x) {
-      image.at<std::uint8_t>(y, x) = (x / square + y / square) % 2 != 0 ? 255 : 0;
-    }
-  }
-  return image;
+  return drawn(size, [=](int x, int y) { return (x / square + y / square) % 2 * 255; });
+}
+
+/// The image with normal noise of that deviation.
+inline cv::Mat withNoise(const cv::Mat& image, double deviation, std::uint64_t seed) {
+  if (deviation <= 0.0) return image.clone();
+  cv::Mat noise(image.size(), CV_32F);
+  cv::RNG(seed).fill(noise, cv::RNG::NORMAL, 0.0, deviation);
+  cv::Mat noisy;
+  cv::add(image, noise, noisy, cv::noArray(), CV_8U);
+  return noisy;
 }
 
 /// The same pixels in the middle of a larger image: rows are not contiguous.

@@ -2,14 +2,12 @@
 // the right result.
 #include <gtest/gtest.h>
 
-#include <Eigen/Geometry>
 #include <atomic>
 #include <cerrno>
 #include <cstdlib>
 #include <functional>
 #include <opencv2/core.hpp>
 
-#include "alignment_scene.h"
 #include "allocation_counter.h"
 #include "ktgp_orb/sequence_matcher.h"
 #include "orb_test_images.h"
@@ -87,6 +85,19 @@ void refuseEach(const std::function<std::function<void()>()>& make,
   FAIL() << "no end of allocations";
 }
 
+/// The same for the call of a stage, which begins anew each time, as does its result.
+template <typename Stage, typename Options, typename Result, typename Call>
+void refuseEachOf(const Options& options, Result& result, const Call& call,
+                  const std::function<void()>& check) {
+  refuseEach(
+      [&]() -> std::function<void()> {
+        const auto stage = std::make_shared<Stage>(options);
+        result = {};
+        return [&call, stage] { call(*stage); };
+      },
+      check);
+}
+
 class OutOfMemory : public testing::Test {
  protected:
   void SetUp() override {
@@ -129,12 +140,8 @@ TEST_F(OutOfMemory, Extraction) {
     options.distribution = KeypointDistribution::uniform;
     Features expected, features;
     OrbExtractor(options).extract(picture(5), expected);
-    refuseEach(
-        [&]() -> std::function<void()> {
-          const auto extractor = std::make_shared<OrbExtractor>(options);
-          features = {};
-          return [&features, extractor] { extractor->extract(picture(5), features); };
-        },
+    refuseEachOf<OrbExtractor>(
+        options, features, [&](OrbExtractor& stage) { stage.extract(picture(5), features); },
         [&] {
           ASSERT_EQ(features.size(), expected.size());
           EXPECT_EQ(cv::norm(features.descriptors, expected.descriptors, cv::NORM_INF), 0.0);
@@ -145,11 +152,10 @@ TEST_F(OutOfMemory, Extraction) {
 TEST_F(OutOfMemory, NearestNeighbours) {
   std::vector<Correspondence> found;
   for (const int threads : {1, 2}) {
-    refuseEach(
-        [&]() -> std::function<void()> {
-          const auto knn = std::make_shared<KnnMatcher>(KnnOptions{threads});
-          found = {};
-          return [&, knn] { knn->matchMutual(reference_.descriptors, target_.descriptors, found); };
+    refuseEachOf<KnnMatcher>(
+        KnnOptions{threads}, found,
+        [&](KnnMatcher& stage) {
+          stage.matchMutual(reference_.descriptors, target_.descriptors, found);
         },
         [&] {
           ASSERT_EQ(found.size(), target_.size());
@@ -171,13 +177,11 @@ TEST_F(OutOfMemory, MotionStatistics) {
   auto expected = input();
   GmsFilter(options).filter(reference_, target_, expected);
   std::vector<Correspondence> matches;
-  refuseEach(
-      [&]() -> std::function<void()> {
-        const auto gms = std::make_shared<GmsFilter>(options);
-        return [&, gms] {
-          matches = input();
-          gms->filter(reference_, target_, matches);
-        };
+  refuseEachOf<GmsFilter>(
+      options, matches,
+      [&](GmsFilter& stage) {
+        matches = input();
+        stage.filter(reference_, target_, matches);
       },
       [&] { EXPECT_EQ(countAtLeast(matches, Level::ktg), countAtLeast(expected, Level::ktg)); });
 }
@@ -185,12 +189,9 @@ TEST_F(OutOfMemory, MotionStatistics) {
 TEST_F(OutOfMemory, Prosac) {
   ProsacResult expected, result;
   ProsacHomography().estimate(pairs_, reference_.image_size, expected);
-  refuseEach(
-      [&]() -> std::function<void()> {
-        const auto prosac = std::make_shared<ProsacHomography>();
-        result = {};
-        return [&, prosac] { prosac->estimate(pairs_, reference_.image_size, result); };
-      },
+  refuseEachOf<ProsacHomography>(
+      ProsacOptions(), result,
+      [&](ProsacHomography& stage) { stage.estimate(pairs_, reference_.image_size, result); },
       [&] {
         EXPECT_EQ(result.answer.homography, expected.answer.homography);
         EXPECT_EQ(result.mask, expected.mask);
@@ -202,13 +203,10 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
   GuidedOptions options;
   options.enabled = true;
   GuidedMatcher(options).match(reference_, target_, result_.answer.homography, expected);
-  refuseEach(
-      [&]() -> std::function<void()> {
-        const auto matcher = std::make_shared<GuidedMatcher>(options);
-        guided = {};
-        return [&, matcher] {
-          matcher->match(reference_, target_, result_.answer.homography, guided);
-        };
+  refuseEachOf<GuidedMatcher>(
+      options, guided,
+      [&](GuidedMatcher& stage) {
+        stage.match(reference_, target_, result_.answer.homography, guided);
       },
       [&] { EXPECT_EQ(guided.size(), expected.size()); });
   AlignmentResult aligned, aligned_expected;
@@ -216,12 +214,9 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
   start.homography = result_.answer.homography;
   start.covariance = result_.answer.covariance;
   Alignment().align(reference_, target_, expected, start, aligned_expected);
-  refuseEach(
-      [&]() -> std::function<void()> {
-        const auto alignment = std::make_shared<Alignment>();
-        aligned = {};
-        return [&, alignment] { alignment->align(reference_, target_, expected, start, aligned); };
-      },
+  refuseEachOf<Alignment>(
+      AlignmentOptions(), aligned,
+      [&](Alignment& stage) { stage.align(reference_, target_, expected, start, aligned); },
       [&] {
         EXPECT_EQ(aligned.status, aligned_expected.status);
         EXPECT_EQ(aligned.answer.homography, aligned_expected.answer.homography);
@@ -230,12 +225,8 @@ TEST_F(OutOfMemory, GuidedMatchingAndAlignment) {
 
 TEST_F(OutOfMemory, AllStages) {
   MatchResult result;
-  refuseEach(
-      [&]() -> std::function<void()> {
-        const auto chain = std::make_shared<KtgpMatcher>(matcher());
-        result = {};
-        return [&, chain] { chain->match(reference_, target_, result); };
-      },
+  refuseEachOf<KtgpMatcher>(
+      matcher(), result, [&](KtgpMatcher& stage) { stage.match(reference_, target_, result); },
       [&] {
         EXPECT_EQ(result.answer.homography, result_.answer.homography);
         EXPECT_EQ(result.inliers, result_.inliers);

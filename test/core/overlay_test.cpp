@@ -8,8 +8,9 @@
 #include <limits>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
-#include <string>
 #include <tuple>
+
+#include "orb_test_images.h"
 
 namespace ktgp_orb {
 namespace {
@@ -23,13 +24,9 @@ bool isNear(const cv::Vec3b& a, const cv::Vec3b& b) {
 }
 
 int countColour(const cv::Mat& canvas, const cv::Vec3b& colour) {
-  int count = 0;
-  for (int y = 0; y < canvas.rows; ++y) {
-    for (int x = 0; x < canvas.cols; ++x) {
-      count += isNear(canvas.at<cv::Vec3b>(y, x), colour) ? 1 : 0;
-    }
-  }
-  return count;
+  const cv::Mat_<cv::Vec3b> pixels = canvas;
+  return static_cast<int>(std::count_if(
+      pixels.begin(), pixels.end(), [&](const cv::Vec3b& pixel) { return isNear(pixel, colour); }));
 }
 
 /// A textured scene that moves by (20, 10) px, with matches on a grid; every fourth was removed by
@@ -68,6 +65,14 @@ struct Scene {
   Features target;
   MatchResult result;
 };
+
+/// Over the same image twice, without keypoints.
+cv::Mat drawnOver(const cv::Mat& image, const MatchResult& result, OverlayStyle style) {
+  const Features none;
+  cv::Mat canvas;
+  drawOverlay({image, none}, {image, none}, result, style, canvas);
+  return canvas;
+}
 
 TEST(Overlay, FlowDrawsEachFinalMatchAlongItsMotionAndOthersAsDots) {
   const Scene scene({640, 480});
@@ -201,10 +206,7 @@ TEST(Overlay, PanelStaysInsideAndIsLegible) {
 /// of a uniform image.
 int rightEnd(const MatchResult& result, int grey, int low, int high) {
   const cv::Size size(640, 480);
-  const cv::Mat image(size, CV_8UC1, cv::Scalar(grey));
-  const Features none;
-  cv::Mat canvas;
-  drawOverlay({image, none}, {image, none}, result, OverlayStyle::flow, canvas);
+  const cv::Mat canvas = drawnOver(test::flatImage(size, grey), result, OverlayStyle::flow);
   int right = -1;
   for (int y = 8; y < 20; ++y) {
     for (int x = 8; x < size.width - 8; ++x) {  // without the outline of the reference
@@ -261,17 +263,14 @@ TEST(Overlay, ThePanelIsBelowASmallReference) {
 }
 
 TEST(Overlay, AnyImageAndResultCanBeDrawn) {
-  const Features none;
   for (const cv::Size& size : {cv::Size(1, 1), cv::Size(3, 200), cv::Size(641, 7)}) {
-    const cv::Mat image(size, CV_8UC1, cv::Scalar(90));
     for (const auto style :
          {OverlayStyle::flow, OverlayStyle::side_by_side, OverlayStyle::difference}) {
       for (const Status status : {Status::no_model, Status::ok}) {
         MatchResult result;
         result.status = status;
         result.answer.homography << 1, 0, 1e300, 0, 1, -1e300, 1, 1, 1;
-        cv::Mat canvas;
-        drawOverlay({image, none}, {image, none}, result, style, canvas);
+        const cv::Mat canvas = drawnOver(test::flatImage(size, 90), result, style);
         EXPECT_EQ(canvas.type(), CV_8UC3);
         EXPECT_EQ(canvas.rows, size.height);
       }
@@ -291,10 +290,7 @@ TEST(Overlay, AFrameWithoutMatchShowsTheReason) {
 
 TEST(Overlay, RefusesImagesThatAreNotEightBit) {
   const cv::Mat image(48, 64, CV_16UC1, cv::Scalar(90));
-  const Features none;
-  cv::Mat canvas;
-  EXPECT_THROW(drawOverlay({image, none}, {image, none}, {}, OverlayStyle::flow, canvas),
-               std::invalid_argument);
+  EXPECT_THROW(drawnOver(image, {}, OverlayStyle::flow), std::invalid_argument);
 }
 
 }  // namespace

@@ -21,9 +21,7 @@ constexpr double kWidth = 0.4;  // m
 constexpr double kPi = 3.14159265358979;
 
 Eigen::Matrix3d camera() {
-  Eigen::Matrix3d k;
-  k << 500.0, 0.0, 319.5, 0.0, 500.0, 239.5, 0.0, 0.0, 1.0;
-  return k;
+  return test::cameraMatrix(500.0, 500.0);
 }
 
 /// Tilted by `tilt` about a random axis in the picture, and rotated by up to 20 degrees. More
@@ -42,9 +40,8 @@ Eigen::Isometry3d drawPose(double tilt, test::Numbers& numbers) {
 
 Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose) {
   const double metre = kWidth / kSize.width;
-  Eigen::Matrix3d target;
-  target << metre, 0.0, -0.5 * metre * (kSize.width - 1), 0.0, metre,
-      -0.5 * metre * (kSize.height - 1), 0.0, 0.0, 1.0;
+  const Eigen::Matrix3d target = test::cameraMatrix(metre, metre, -0.5 * metre * (kSize.width - 1),
+                                                    -0.5 * metre * (kSize.height - 1));
   Eigen::Matrix3d plane;
   plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
   const Eigen::Matrix3d h = camera() * plane * target;
@@ -58,15 +55,12 @@ constexpr double kFiner = 2.0;
 /// The camera's view of the picture through a homography from the reference image, with some sensor
 /// noise.
 cv::Mat view(const cv::Mat& picture, const Eigen::Matrix3d& homography, int seed) {
-  cv::Mat source, noise(kSize, CV_32F), grey;
+  cv::Mat source;
   picture.convertTo(source, CV_32F);
-  cv::RNG(static_cast<std::uint64_t>(seed)).fill(noise, cv::RNG::NORMAL, 0.0, 2.0);
   const double middle = 0.5 * (kFiner - 1.0);
-  Eigen::Matrix3d finer;
-  finer << kFiner, 0.0, middle, 0.0, kFiner, middle, 0.0, 0.0, 1.0;
-  const cv::Mat seen = tools::renderView(source, finer * homography.inverse(), kSize) + noise;
-  seen.convertTo(grey, CV_8U);
-  return grey;
+  const Eigen::Matrix3d finer = test::cameraMatrix(kFiner, kFiner, middle, middle);
+  return test::withNoise(tools::renderView(source, finer * homography.inverse(), kSize), 2.0,
+                         static_cast<std::uint64_t>(seed));
 }
 
 TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
@@ -99,8 +93,7 @@ TEST(PlanarPose, CovarianceIsWhatHappensInRenderings) {
   ASSERT_GE(normalised.size(), 50u) << "found";
   const auto within = std::count_if(normalised.begin(), normalised.end(),
                                     [](double value) { return value < kChi6; });
-  std::sort(normalised.begin(), normalised.end());
-  const double median = normalised[normalised.size() / 2];
+  const double median = evaluation::median(normalised);
   RecordProperty("within", std::to_string(within));
   RecordProperty("median", std::to_string(median));
   EXPECT_GE(static_cast<double>(within), 0.98 * static_cast<double>(normalised.size()));

@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -15,6 +14,9 @@
 #include <utility>
 #include <vector>
 
+#include "refusal.h"
+#include "synthetic_pairs.h"
+
 namespace ktgp_orb {
 namespace {
 
@@ -22,9 +24,7 @@ const cv::Size kReference(800, 600);
 constexpr double kWidth = 0.4;  // m
 
 Eigen::Matrix3d camera() {
-  Eigen::Matrix3d k;
-  k << 525.0, 0.0, 319.5, 0.0, 530.0, 239.5, 0.0, 0.0, 1.0;
-  return k;
+  return test::cameraMatrix(525.0, 530.0);
 }
 
 Eigen::Isometry3d somePose() {
@@ -48,22 +48,10 @@ Eigen::Vector2d project(const Eigen::Isometry3d& pose, const Eigen::Vector2d& re
 /// The homography through the four corners with `noise` px on each, by plain linear equations.
 Eigen::Matrix3d fit(const Eigen::Isometry3d& pose, double noise, std::mt19937& random) {
   std::normal_distribution<double> normal(0.0, 1.0);
-  Eigen::Matrix<double, 8, 8> a;
-  Eigen::Matrix<double, 8, 1> b;
-  int row = 0;
-  for (const Eigen::Vector2d& p : {Eigen::Vector2d(0, 0), Eigen::Vector2d(799, 0),
-                                   Eigen::Vector2d(799, 599), Eigen::Vector2d(0, 599)}) {
-    const Eigen::Vector2d q =
-        project(pose, p) + noise * Eigen::Vector2d(normal(random), normal(random));
-    a.row(row) << p.x(), p.y(), 1, 0, 0, 0, -q.x() * p.x(), -q.x() * p.y();
-    b(row++) = q.x();
-    a.row(row) << 0, 0, 0, p.x(), p.y(), 1, -q.y() * p.x(), -q.y() * p.y();
-    b(row++) = q.y();
-  }
-  const Eigen::Matrix<double, 8, 1> h = a.fullPivLu().solve(b);
-  Eigen::Matrix3d out;
-  out << h(0), h(1), h(2), h(3), h(4), h(5), h(6), h(7), 1.0;
-  return out;
+  return test::byCorners(kReference, [&](const Eigen::Vector2d& corner) {
+    const Eigen::Vector2d off(normal(random), normal(random));
+    return Eigen::Vector2d(project(pose, corner) + noise * off);
+  });
 }
 
 /// Measured covariance of fit()'s results.
@@ -87,13 +75,17 @@ Eigen::Matrix<double, 6, 1> difference(const Eigen::Isometry3d& found,
   return d;
 }
 
+PlanarPoses posesOf(const Eigen::Matrix3d& homography, const Covariance8& covariance) {
+  return planarPoses(homography, covariance, camera(), kReference, kWidth);
+}
+
 TEST(PlanarPose, IsTheTruthForATrueHomography) {
   std::mt19937 random(1);
   const Eigen::Isometry3d truth = somePose();
   const Covariance8 covariance = covarianceOf(truth, 0.5, random);
   const Eigen::Matrix3d h = fit(truth, 0.0, random);
   for (const double scale : {1.0, -3.0}) {  // a homography has no scale
-    const auto found = planarPoses(scale * h, covariance, camera(), kReference, kWidth).poses;
+    const auto found = posesOf(scale * h, covariance).poses;
     ASSERT_FALSE(found.empty());
     EXPECT_LT(difference(found[0].target_to_camera, truth).norm(), 1e-6);
   }
@@ -107,8 +99,7 @@ TEST(PlanarPose, CovarianceIsWhatHappens) {
   double translation = 0.0;
   constexpr int kTrials = 2000;
   for (int i = 0; i < kTrials; ++i) {
-    const auto found =
-        planarPoses(fit(truth, 0.5, random), covariance, camera(), kReference, kWidth).poses;
+    const auto found = posesOf(fit(truth, 0.5, random), covariance).poses;
     ASSERT_FALSE(found.empty());
     const auto d = difference(found[0].target_to_camera, truth);
     sum += d.dot(found[0].covariance.ldlt().solve(d));
@@ -160,7 +151,7 @@ TEST(PlanarPose, OfASmallTargetIsFiniteAndNearThatOfItsCorners) {
     const Covariance8 covariance = covarianceOf(truth, 0.7, random);
     for (int i = 0; i < 100; ++i, ++trials) {
       const Eigen::Matrix3d h = fit(truth, 0.7, random);
-      const PlanarPoses found = planarPoses(h, covariance, camera(), kReference, kWidth);
+      const PlanarPoses found = posesOf(h, covariance);
       if (found.poses.empty()) {
         EXPECT_NE(found.problem, "");
         continue;
@@ -188,18 +179,18 @@ TEST(PlanarPose, OfASmallTargetIsFiniteAndNearThatOfItsCorners) {
 /// From afar, a small tilt to the left looks like one to the right; near and steep there is one.
 TEST(PlanarPose, AFrontalViewAllowsTwo) {
   std::mt19937 random(6);
-  const auto posesOf = [&](const Eigen::Isometry3d& truth) {
+  const auto ofTruth = [&](const Eigen::Isometry3d& truth) {
     const Covariance8 covariance = covarianceOf(truth, 0.5, random);
-    return planarPoses(fit(truth, 0.0, random), covariance, camera(), kReference, kWidth).poses;
+    return posesOf(fit(truth, 0.0, random), covariance).poses;
   };
   const Eigen::Isometry3d far_truth = farPose(60.0, 0.3);
-  const auto two = posesOf(far_truth);
+  const auto two = ofTruth(far_truth);
   ASSERT_EQ(two.size(), 2U);
   EXPECT_GE(two[0].share, two[1].share);
   EXPECT_LT(two[0].share, 0.999);
   EXPECT_LT(difference(two[0].target_to_camera, far_truth).norm(), 1e-3) << "no noise: the truth";
   EXPECT_GT(difference(two[1].target_to_camera, far_truth).tail<3>().norm(), 0.3);
-  const auto one = posesOf(farPose(400.0, 0.8));
+  const auto one = ofTruth(farPose(400.0, 0.8));
   ASSERT_EQ(one.size(), 1U);
   EXPECT_EQ(one[0].share, 1.0);
 }
@@ -209,12 +200,9 @@ TEST(PlanarPose, IsNotThereWithoutACovariance) {
   std::mt19937 random(3);
   const Eigen::Matrix3d homography = fit(somePose(), 0.0, random);
   for (const double value : {std::nan(""), 0.0, -1.0}) {
-    const PlanarPoses found = planarPoses(homography, Covariance8(value * Covariance8::Identity()),
-                                          camera(), kReference, kWidth);
+    const PlanarPoses found = posesOf(homography, Covariance8(value * Covariance8::Identity()));
     EXPECT_TRUE(found.poses.empty()) << value;
-    EXPECT_NE(found.problem.find("no covariance, or one that is not positive definite"),
-              std::string::npos)
-        << value;
+    test::expectSays(found.problem, "no covariance, or one that is not positive definite");
   }
 }
 
@@ -223,10 +211,9 @@ TEST(PlanarPose, IsNotThereForAMirrorImageOrNothing) {
   Eigen::Matrix3d mirrored = fit(somePose(), 0.0, random);
   mirrored.col(0) *= -1.0;
   const Covariance8 one = Covariance8::Identity();
-  EXPECT_TRUE(
-      planarPoses(Eigen::Matrix3d::Zero(), one, camera(), kReference, kWidth).poses.empty());
-  EXPECT_TRUE(planarPoses(mirrored, one, camera(), kReference, kWidth).poses.empty());
-  EXPECT_NE(planarPoses(mirrored, one, camera(), kReference, kWidth).problem, "");
+  EXPECT_TRUE(posesOf(Eigen::Matrix3d::Zero(), one).poses.empty());
+  EXPECT_TRUE(posesOf(mirrored, one).poses.empty());
+  EXPECT_NE(posesOf(mirrored, one).problem, "");
 }
 
 constexpr double kReadout = 0.02;  // s
@@ -317,8 +304,7 @@ ShutterErrors errorsOf(double readout_time, double noise,
     if (readout_time != 0.0) {
       now = withoutShutter(now, before, kPeriod, readout_time, kReference, kRows);
     }
-    const auto found =
-        planarPoses(now.homography, now.covariance, camera(), kReference, kWidth).poses;
+    const auto found = posesOf(now.homography, now.covariance).poses;
     if (found.empty()) {
       ADD_FAILURE();
       continue;
@@ -330,11 +316,7 @@ ShutterErrors errorsOf(double readout_time, double noise,
     sum += square;
     if (square < kChiSquare) within += 1.0 / kTrials;
   }
-  const auto median = [](std::vector<double>& values) {
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
-  };
-  return {median(metres), median(degrees), sum / kTrials, within};
+  return {evaluation::median(metres), evaluation::median(degrees), sum / kTrials, within};
 }
 
 TEST(PlanarPose, OfATargetThatPassesARollingShutterIsThatOfItsMiddleRow) {

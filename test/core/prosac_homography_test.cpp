@@ -4,8 +4,6 @@
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
-#include <algorithm>
 #include <limits>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core/eigen.hpp>
@@ -18,7 +16,7 @@
 namespace ktgp_orb {
 namespace {
 
-using test::cornerError;
+using evaluation::cornerError;
 using test::makePairs;
 using test::Numbers;
 using test::Order;
@@ -33,8 +31,8 @@ void expectConsistent(const PointPairs& pairs, const ProsacResult& result, doubl
   std::size_t inliers = 0;
   double sum = 0.0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const Eigen::Vector3d p = result.answer.homography * pairs.reference[i].homogeneous();
-    const double error = (p.hnormalized() - pairs.target[i]).norm();
+    const double error =
+        reprojectionError(result.answer.homography, pairs.reference[i], pairs.target[i]);
     const bool inlier = result.status == Status::ok && error < threshold;
     ASSERT_EQ(result.mask[i], inlier ? 1 : 0) << "pair " << i << " error " << error;
     if (!inlier) continue;
@@ -58,20 +56,18 @@ struct Truth {
 };
 
 std::vector<Truth> truths() {
-  const auto matrix = [](std::initializer_list<double> v) {
-    Eigen::Matrix3d m;
-    for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = *(v.begin() + i);
-    return m;
-  };
-  const double c = std::cos(0.6);
-  const double s = std::sin(0.6);
+  const Eigen::Matrix3d about_middle =
+      test::translation(320, 240) *
+      Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitZ()).toRotationMatrix() *
+      test::translation(-320, -240);
+  Eigen::Matrix3d perspective;
+  perspective << 0.9, 0.1, 30, -0.2, 0.7, 120, -0.0004, -0.0009, 1;
   return {{"identity", Eigen::Matrix3d::Identity()},
-          {"translation", matrix({1, 0, 35.5, 0, 1, -20.25, 0, 0, 1})},
-          {"rotation",
-           matrix({c, -s, 320 - c * 320 + s * 240, s, c, 240 - s * 320 - c * 240, 0, 0, 1})},
-          {"zoom", matrix({1.7, 0, -220, 0, 1.7, -160, 0, 0, 1})},
-          {"shrink", matrix({0.4, 0, 190, 0, 0.4, 140, 0, 0, 1})},
-          {"perspective", matrix({0.9, 0.1, 30, -0.2, 0.7, 120, -0.0004, -0.0009, 1})}};
+          {"translation", test::translation(35.5, -20.25)},
+          {"rotation", about_middle},
+          {"zoom", test::cameraMatrix(1.7, 1.7, -220, -160)},
+          {"shrink", test::cameraMatrix(0.4, 0.4, 190, 140)},
+          {"perspective", perspective}};
 }
 
 TEST(ProsacHomography, FindsEveryKindOfHomographyFromExactPairs) {
@@ -254,10 +250,7 @@ TEST(ProsacHomography, ScoresAnInitialHomographyFirst) {
     const PointPairs pairs = makePairs(scene, numbers);
     prosac.estimate(pairs, kSize, from_scratch);
     // A prediction is a few px off, and known up to a factor.
-    Eigen::Matrix3d shift = Eigen::Matrix3d::Identity();
-    shift(0, 2) = 1.0;
-    shift(1, 2) = -1.0;
-    prosac.estimate(pairs, kSize, -7.0 * shift * scene.homography, result);
+    prosac.estimate(pairs, kSize, -7.0 * test::translation(1, -1) * scene.homography, result);
     expectConsistent(pairs, result, 3.0);
     ASSERT_EQ(result.status, Status::ok);
     EXPECT_LT(cornerError(result.answer.homography, scene.homography, kSize), 8.0);
@@ -325,36 +318,253 @@ TEST(ProsacHomography, RefusesValuesThatAreNotFinite) {
   ProsacResult result;
   Numbers numbers(9);
   const PointPairs good = makePairs(Scene(), numbers);
-  for (double bad :
-       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
-        -std::numeric_limits<double>::infinity()}) {
-    PointPairs pairs = good;
-    pairs.reference[7].x() = bad;
-    EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument);
-    pairs = good;
-    pairs.target[7].y() = bad;
-    EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument);
-    pairs = good;
-    pairs.quality[7] = bad;
-    EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double bad : {std::nan(""), kInfinity, -kInfinity}) {
+    PointPairs of_reference = good, of_target = good, of_quality = good;
+    of_reference.reference[7].x() = bad;
+    of_target.target[7].y() = bad;
+    of_quality.quality[7] = bad;
+    for (const PointPairs& pairs : {of_reference, of_target, of_quality}) {
+      EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument) << bad;
+    }
   }
   PointPairs pairs = good;
   pairs.quality.pop_back();
   EXPECT_THROW(prosac.estimate(pairs, kSize, result), std::invalid_argument);
 }
 
-TEST(ProsacHomography, RefusesOptionsOutsideTheirRange) {
-  const auto refuses = [](auto change) {
+// When it must refuse: chance, repetition, and data that do not determine H.
+
+/// Pairs of the given reference points under a homography, with noise in the target.
+class Verdict : public testing::Test {
+ protected:
+  void add(const Eigen::Vector2d& x, double sigma) {
+    const Eigen::Vector2d noise(numbers_.normal(), numbers_.normal());
+    pairs_.add(x, test::apply(truth_, x) + sigma * noise, numbers_.uniform(0.0, 1.0));
+  }
+
+  Status estimate() {
+    prosac_.estimate(pairs_, kSize, result_);
+    return result_.status;
+  }
+
+  bool isRight() { return cornerError(result_.answer.homography, truth_, kSize) < 20.0; }
+
+  Numbers numbers_{11};
+  Eigen::Matrix3d truth_ = test::randomHomography(kSize, 0.1, numbers_);
+  PointPairs pairs_;
+  ProsacHomography prosac_;
+  ProsacResult result_;
+};
+
+TEST_F(Verdict, RejectsPureOutliers) {
+  int accepted = 0;
+  for (int run = 0; run < 10000; ++run) {
     ProsacOptions options;
-    change(options);
-    EXPECT_THROW(ProsacHomography{options}, std::invalid_argument);
-  };
-  refuses([](ProsacOptions& o) { o.max_error = 0.0; });
-  refuses([](ProsacOptions& o) { o.max_error = std::numeric_limits<double>::quiet_NaN(); });
-  refuses([](ProsacOptions& o) { o.max_iterations = 0; });
-  refuses([](ProsacOptions& o) { o.confidence = 1.0; });
-  refuses([](ProsacOptions& o) { o.confidence = 0.0; });
+    options.seed = static_cast<std::uint64_t>(run);
+    ProsacHomography(options).estimate(
+        makePairs({4 + static_cast<std::size_t>(numbers_.uniform(0.0, 997.0)), 0}, numbers_), kSize,
+        result_);
+    if (result_.status == Status::ok) ++accepted;
+  }
+  EXPECT_LE(accepted, 1);  // the documented one in 10 000
 }
+
+TEST_F(Verdict, RejectsPureOutliersWithWildOnesAmongThem) {
+  // An outlier enlarges the area, so that the agreement of the others seems significant.
+  int accepted = 0;
+  for (int run = 0; run < 5000; ++run) {
+    pairs_ = makePairs({12, 0}, numbers_);
+    pairs_.target[0] = Eigen::Vector2d(1e5, 1e5);
+    if (run % 2 == 0) pairs_.target[1] = Eigen::Vector2d(-1e5, 0.0);
+    if (estimate() == Status::ok) ++accepted;
+  }
+  EXPECT_EQ(accepted, 0);
+}
+
+TEST_F(Verdict, RejectsPureOutliersWhenThereAreFew) {
+  int accepted = 0;
+  for (std::size_t n = 4; n <= 20; n += 2) {
+    for (int run = 0; run < 2000; ++run) {
+      pairs_ = makePairs({n, 0}, numbers_);
+      if (estimate() == Status::ok) ++accepted;
+    }
+  }
+  EXPECT_LE(accepted, 2);  // 18 000 of one in 10 000
+}
+
+TEST_F(Verdict, AcceptsFewPairsThatAllAgree) {
+  int right = 0;
+  for (int run = 0; run < 500; ++run) {
+    pairs_ = makePairs({8, 8, truth_}, numbers_);
+    if (estimate() == Status::ok && isRight()) ++right;
+  }
+  EXPECT_GE(right, 450);
+}
+
+TEST_F(Verdict, IsRightWhenTheOrderIsReversed) {
+  for (std::size_t n : {100, 300, 1000}) {
+    int right = 0;
+    int wrong = 0;
+    for (std::uint64_t seed = 0; seed < 500; ++seed) {
+      Scene scene{n, n * 3 / 10, Eigen::Matrix3d::Identity(), Order::reversed};
+      truth_ = scene.homography = test::randomHomography(kSize, 0.15, numbers_);
+      ProsacOptions options;
+      options.seed = seed;
+      ProsacHomography(options).estimate(makePairs(scene, numbers_), kSize, result_);
+      if (result_.status != Status::ok) continue;
+      ++(isRight() ? right : wrong);
+    }
+    EXPECT_EQ(wrong, 0) << n;
+    EXPECT_GE(right, 495) << n;
+  }
+}
+
+TEST_F(Verdict, ManyToOneDoesNotProveAnything) {
+  const auto many = [&](bool one_target, bool one_reference) {
+    pairs_.clear();
+    const Eigen::Vector2d x = numbers_.pointIn(kSize);
+    const Eigen::Vector2d u = numbers_.pointIn(kSize);
+    for (int i = 0; i < 100; ++i) {
+      pairs_.reference.push_back(one_reference ? x : numbers_.pointIn(kSize));
+      pairs_.target.push_back(one_target ? u : numbers_.pointIn(kSize));
+      pairs_.quality.push_back(0.5);
+    }
+    return estimate();
+  };
+  for (int run = 0; run < 50; ++run) {
+    EXPECT_NE(many(true, false), Status::ok);
+    EXPECT_NE(many(false, true), Status::ok);
+  }
+  EXPECT_EQ(many(true, true), Status::no_model);
+}
+
+TEST_F(Verdict, RepeatedPairsCountOnce) {
+  const std::vector<Eigen::Vector2d> places{{50, 60}, {600, 40}, {590, 450}, {30, 430}};
+  for (double jitter : {0.0, 0.5}) {  // the same keypoint, or the same corner in another octave
+    pairs_.clear();
+    for (int i = 0; i < 100; ++i) add(places[static_cast<std::size_t>(i % 4)], jitter);
+    EXPECT_EQ(estimate(), Status::model_rejected) << jitter;
+  }
+  pairs_.clear();
+  for (int i = 0; i < 40; ++i) {
+    const Eigen::Vector2d x = numbers_.pointIn(kSize);
+    add(x, 0.0);
+    add(x, 0.0);
+  }
+  ASSERT_EQ(estimate(), Status::ok);
+  EXPECT_EQ(result_.inliers, 80u);
+}
+
+TEST_F(Verdict, FindsPointsOnTwoLines) {
+  for (int run = 0; run < 100; ++run) {
+    pairs_.clear();
+    for (int i = 0; i < 40; ++i) {
+      add({numbers_.uniform(0, 639), 100.0}, 0.3);
+      add({numbers_.uniform(0, 639), 400.0}, 0.3);
+    }
+    ASSERT_EQ(estimate(), Status::ok);
+    EXPECT_TRUE(isRight());
+  }
+}
+
+TEST_F(Verdict, NeverTrustsASinglePointBesideALine) {
+  for (double sigma : {0.0, 0.3, 1.0}) {
+    for (int others : {0, 1}) {
+      for (int run = 0; run < 100; ++run) {
+        pairs_.clear();
+        for (int i = 0; i < 60; ++i) {
+          const double x = numbers_.uniform(0, 639);
+          add({x, 80.0 + 0.5 * x}, sigma);
+        }
+        for (int i = 0; i < others; ++i) add({100.0, 400.0}, sigma);
+        EXPECT_NE(estimate(), Status::ok) << sigma << ' ' << others;
+      }
+    }
+  }
+}
+
+TEST_F(Verdict, IsNeverWrongOnATinyCluster) {
+  for (double size : {1.0, 5.0, 20.0, 60.0}) {
+    for (int run = 0; run < 200; ++run) {
+      pairs_.clear();
+      for (int i = 0; i < 60; ++i) {
+        add({300.0 + numbers_.uniform(0, size), 200.0 + numbers_.uniform(0, size)}, 0.5);
+      }
+      EXPECT_TRUE(estimate() != Status::ok || isRight()) << size;
+    }
+  }
+}
+
+TEST_F(Verdict, RejectsAMirrorImage) {
+  truth_ << -1, 0, 639, 0, 1, 0, 0, 0, 1;
+  for (int i = 0; i < 100; ++i) add(numbers_.pointIn(kSize), 0.0);
+  EXPECT_NE(estimate(), Status::ok);
+}
+
+TEST_F(Verdict, RejectsAHorizonThatCrossesTheImage) {
+  truth_ << 1, 0, 0, 0, 1, 0, 0, -1.0 / 400.0, 1;  // y = 400 goes to infinity
+  while (pairs_.size() < 100) {
+    const Eigen::Vector2d x = numbers_.pointIn(kSize);
+    if (x.y() < 300.0) add(x, 0.0);
+  }
+  EXPECT_EQ(estimate(), Status::model_rejected);
+  prosac_.estimate(pairs_, cv::Size(640, 301), result_);  // clear of a smaller image
+  EXPECT_EQ(result_.status, Status::ok);
+  prosac_.estimate(pairs_, cv::Size(), result_);  // and of the points
+  EXPECT_EQ(result_.status, Status::ok);
+}
+
+// The covariance must describe the error of the homography, also for few pairs.
+
+/// Number of inliers, and bounds for the mean of the normalised squared error. For normal errors
+/// and a known covariance it is 8. If the scale of the errors is estimated from the same few pairs,
+/// it has heavy tails, which the bounds allow for.
+struct Case {
+  std::size_t inliers;
+  double lowest;
+  double highest;
+};
+
+class Covariance : public testing::TestWithParam<Case> {
+ protected:
+  /// The mean over 3000 scenes with this number of outliers per inlier is within the bounds.
+  void check(double outliers_per_inlier) {
+    const auto& [inliers, lowest, highest] = GetParam();
+    Numbers numbers(21);
+    ProsacHomography prosac;
+    ProsacResult result;
+    double sum = 0.0;
+    int found = 0;
+    for (int run = 0; run < 3000; ++run) {
+      const Scene scene{
+          inliers + static_cast<std::size_t>(outliers_per_inlier * static_cast<double>(inliers)),
+          inliers, test::randomHomography(kSize, 0.15, numbers)};
+      prosac.estimate(makePairs(scene, numbers), kSize, result);
+      if (result.status != Status::ok) continue;
+      sum += test::squaredDeviation(result.answer, scene.homography);
+      ++found;
+    }
+    EXPECT_GT(found, 2600);
+    RecordProperty("normalised_squared_error", std::to_string(sum / found));
+    EXPECT_GT(sum / found, lowest);
+    EXPECT_LT(sum / found, highest);
+  }
+};
+
+TEST_P(Covariance, IsAsLargeAsTheErrors) {
+  check(0.0);
+}
+
+TEST_P(Covariance, IsAsLargeAsTheErrorsAmongOutliers) {
+  check(0.5);
+}
+
+INSTANTIATE_TEST_SUITE_P(FewAndMany, Covariance,
+                         testing::Values(Case{8, 7.0, 11.5}, Case{12, 7.0, 10.0},
+                                         Case{20, 7.2, 9.0}, Case{50, 7.3, 8.7},
+                                         Case{200, 7.5, 8.5}),
+                         [](const auto& info) { return std::to_string(info.param.inliers); });
 
 }  // namespace
 }  // namespace ktgp_orb

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <stdexcept>
 #include <string>
 
@@ -14,6 +16,16 @@ std::string refusalOf(const Call& call) {
     return error.what();
   }
   return "";
+}
+
+inline void expectSays(const std::string& text, const std::string& words) {
+  EXPECT_NE(text.find(words), std::string::npos) << words << " | " << text;
+}
+
+/// With these words.
+template <typename Error = std::invalid_argument, typename Call>
+void expectRefused(const Call& call, const std::string& words) {
+  expectSays(refusalOf<Error>(call), words);
 }
 
 }  // namespace ktgp_orb::test

@@ -9,9 +9,30 @@
 #include <random>
 #include <vector>
 
+#include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::test {
+
+using evaluation::cornerError;
+
+inline Eigen::Matrix3d translation(double x, double y) {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  h.topRightCorner<2, 1>() << x, y;
+  return h;
+}
+
+/// K of a camera, px.
+inline Eigen::Matrix3d cameraMatrix(double fx, double fy, double cx = 319.5, double cy = 239.5) {
+  Eigen::Matrix3d k = translation(cx, cy);
+  k(0, 0) = fx;
+  k(1, 1) = fy;
+  return k;
+}
+
+inline Eigen::Vector2d apply(const Eigen::Matrix3d& h, const Eigen::Vector2d& x) {
+  return (h * x.homogeneous()).hnormalized();
+}
 
 /// How well the order of quality separates inliers from outliers.
 enum class Order {
@@ -60,17 +81,17 @@ inline std::vector<Eigen::Vector2d> corners(const cv::Size& size) {
   return {{0.0, 0.0}, {w, 0.0}, {w, h}, {0.0, h}};
 }
 
-/// The homography that moves each corner of the image by up to `shift` of its size.
-inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numbers& numbers) {
+/// The homography that maps each corner of the image to `place(corner)`, by plain linear equations.
+template <typename Place>
+Eigen::Matrix3d byCorners(const cv::Size& size, const Place& place) {
   Eigen::Matrix<double, 8, 8> a = Eigen::Matrix<double, 8, 8>::Zero();
   Eigen::Matrix<double, 8, 1> b;
   int row = 0;
   for (const Eigen::Vector2d& c : corners(size)) {
-    const double u = c.x() + size.width * numbers.uniform(-shift, shift);
-    const double v = c.y() + size.height * numbers.uniform(-shift, shift);
-    a.row(row) << c.x(), c.y(), 1, 0, 0, 0, -u * c.x(), -u * c.y();
-    a.row(row + 1) << 0, 0, 0, c.x(), c.y(), 1, -v * c.x(), -v * c.y();
-    b.segment<2>(row) << u, v;
+    const Eigen::Vector2d p = place(c);
+    a.row(row) << c.x(), c.y(), 1, 0, 0, 0, -p.x() * c.x(), -p.x() * c.y();
+    a.row(row + 1) << 0, 0, 0, c.x(), c.y(), 1, -p.y() * c.x(), -p.y() * c.y();
+    b.segment<2>(row) = p;
     row += 2;
   }
   const Eigen::Matrix<double, 8, 1> h = a.fullPivLu().solve(b);
@@ -79,16 +100,13 @@ inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numb
   return homography;
 }
 
-/// Mean distance in px between the corners of the reference image mapped by two homographies.
-inline double cornerError(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b,
-                          const cv::Size& size) {
-  double sum = 0.0;
-  for (const Eigen::Vector2d& c : corners(size)) {
-    const Eigen::Vector3d p = a * c.homogeneous();
-    const Eigen::Vector3d q = b * c.homogeneous();
-    sum += (p.hnormalized() - q.hnormalized()).norm() / 4.0;
-  }
-  return sum;
+/// The homography that moves each corner of the image by up to `shift` of its size.
+inline Eigen::Matrix3d randomHomography(const cv::Size& size, double shift, Numbers& numbers) {
+  return byCorners(size, [&](const Eigen::Vector2d& corner) {
+    const double x = size.width * numbers.uniform(-shift, shift);
+    return Eigen::Vector2d(corner +
+                           Eigen::Vector2d(x, size.height * numbers.uniform(-shift, shift)));
+  });
 }
 
 /// The error of the first eight entries against their covariance, squared. The entries differ by
@@ -125,7 +143,7 @@ inline PointPairs makePairs(const Scene& scene, Numbers& numbers) {
     const Eigen::Vector2d x = numbers.pointIn(scene.size);
     Eigen::Vector2d u = numbers.pointIn(scene.size);
     if (inlier) {
-      u = (scene.homography * x.homogeneous()).hnormalized();
+      u = apply(scene.homography, x);
       if (!isInside(u, scene.size)) continue;
       u.x() += scene.sigma * numbers.normal();
       u.y() += scene.sigma * numbers.normal();

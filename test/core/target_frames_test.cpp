@@ -117,16 +117,15 @@ TEST_F(DrawnFrames, NamesMayHaveBlanks) {
   EXPECT_EQ(answer.rows[0].target, "my target.png");
   EXPECT_EQ(answer.rows[0].source, "my scene.png");
   EXPECT_EQ(answer.rows[0].found[0], 1U);
-  EXPECT_NE(refusalOf(R"({"my target.png my picture.png": {)" + target_ + "}}")
-                .find("\"my target.png my picture.png\" is not \"TARGET IMAGE\""),
-            std::string::npos);
+  test::expectSays(refusalOf(R"({"my target.png my picture.png": {)" + target_ + "}}"),
+                   "\"my target.png my picture.png\" is not \"TARGET IMAGE\"");
 }
 
 TEST_F(DrawnFrames, LabelsThatCannotBeUsedAreNamed) {
   const auto expectRefused = [&](const std::string& labels, const std::string& words) {
     const std::string said = refusalOf(labels);
     EXPECT_EQ(said.find(folder_ + "/labels.json"), 0U) << said;
-    EXPECT_NE(said.find(words), std::string::npos) << said;
+    test::expectSays(said, words);
   };
   const std::string begin = R"({"a.png video.avi": {)" + target_;
   for (const char* number : {"first", "-1", "1st", ""}) {
@@ -145,10 +144,8 @@ TEST_F(DrawnFrames, ALabelBeyondTheEndOfAVideoIsNamedAndDoesNotCount) {
       searched(R"({"a.png video.avi": {)" + target_ + R"(, "frames": {"0": )" + there_ +
                R"(, "9999": )" + there_ + R"(, "6": []}}})");
   ASSERT_EQ(answer.problems.size(), 2U);
-  EXPECT_NE(answer.problems[1].find("\"a.png video.avi\" has a label for frame 9999, and the video "
-                                    "has 6 frames"),
-            std::string::npos)
-      << answer.problems[1];
+  test::expectSays(answer.problems[1],
+                   "\"a.png video.avi\" has a label for frame 9999, and the video has 6 frames");
   EXPECT_EQ(answer.rows[0].frames, 1U);
   EXPECT_EQ(answer.rows[0].found[0], 1U);
 }

@@ -38,8 +38,7 @@ struct Placement {
 /// Target -> frame, px, for a camera with a focal length of 600 px.
 inline Eigen::Matrix3d homographyOf(const Placement& p, const cv::Size& target) {
   constexpr double kFocal = 600.0;
-  const Eigen::Matrix3d camera =
-      (Eigen::Matrix3d() << kFocal, 0, 319.5, 0, kFocal, 239.5, 0, 0, 1).finished();
+  const Eigen::Matrix3d camera = cameraMatrix(kFocal, kFocal);
   const Eigen::Matrix3d rotation =
       (Eigen::AngleAxisd(p.tilt, Eigen::Vector3d(std::cos(p.axis), std::sin(p.axis), 0.0)) *
        Eigen::AngleAxisd(p.turn, Eigen::Vector3d::UnitZ()))
@@ -48,10 +47,8 @@ inline Eigen::Matrix3d homographyOf(const Placement& p, const cv::Size& target) 
   Eigen::Matrix3d pose;
   pose << rotation.col(0), rotation.col(1),
       depth * (camera.inverse() * p.middle.homogeneous()).eval();
-  Eigen::Matrix3d centred = Eigen::Matrix3d::Identity();
-  centred(0, 2) = -0.5 * (target.width - 1);
-  centred(1, 2) = -0.5 * (target.height - 1);
-  const Eigen::Matrix3d h = camera * pose * centred;
+  const Eigen::Matrix3d h =
+      camera * pose * translation(-0.5 * (target.width - 1), -0.5 * (target.height - 1));
   return h / h(2, 2);
 }
 
@@ -75,6 +72,26 @@ inline cv::Mat inFrontOf(const cv::Mat& background, const cv::Mat& target,
   return image;
 }
 
+/// Errors of found corners beside their covariances.
+struct CornerErrors {
+  double squares = 0.0, largest = 0.0;  ///< px
+  double squared_deviations = 0.0;
+  int count = 0, right = 0;  ///< how many are within 99.9 %
+
+  void add(const DetectedTarget& found, const Eigen::Matrix3d& truth, const cv::Size& target) {
+    std::size_t i = 0;
+    for (const Eigen::Vector2d& corner : corners(target)) {
+      const Eigen::Vector2d error = found.corners[i] - apply(truth, corner);
+      const double square = error.dot(found.corner_covariances[i++].inverse() * error);
+      squares += error.squaredNorm();
+      largest = std::max(largest, error.norm());
+      squared_deviations += square;
+      right += square < 13.8 ? 1 : 0;
+      ++count;
+    }
+  }
+};
+
 /// Largest distance between the positions that both homographies give for the parts of the target
 /// that are in the frame, px.
 inline double errorInView(const Eigen::Matrix3d& truth, const Eigen::Matrix3d& found,
@@ -82,10 +99,9 @@ inline double errorInView(const Eigen::Matrix3d& truth, const Eigen::Matrix3d& f
   double largest = 0.0;
   for (int y = 0; y <= 8; ++y) {
     for (int x = 0; x <= 8; ++x) {
-      const Eigen::Vector3d p(x * (target.width - 1) / 8.0, y * (target.height - 1) / 8.0, 1.0);
-      const Eigen::Vector2d there = (truth * p).hnormalized();
-      if (!isInside(there, frame)) continue;
-      largest = std::max(largest, (there - (found * p).hnormalized()).norm());
+      const Eigen::Vector2d p(x * (target.width - 1) / 8.0, y * (target.height - 1) / 8.0);
+      const Eigen::Vector2d there = apply(truth, p);
+      if (isInside(there, frame)) largest = std::max(largest, (there - apply(found, p)).norm());
     }
   }
   return largest;

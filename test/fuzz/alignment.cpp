@@ -10,15 +10,6 @@ namespace {
 
 using util::Random;
 
-Eigen::Matrix3d homography(Input& in) {
-  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < 9; ++i) {
-    const double unit = i % 3 == 2 && i < 8 ? 20.0 : (i == 6 || i == 7 ? 2e-3 : 0.3);
-    h(i / 3, i % 3) += anyDouble(in, -unit, unit);
-  }
-  return h;
-}
-
 std::vector<Correspondence> matches(Input& in, const Features& reference, const Features& target) {
   std::vector<Correspondence> all;
   if (reference.empty() || target.empty()) return all;
@@ -64,7 +55,7 @@ void run(Input& in) {
   AlignmentOptions options;
   options.points = in.ConsumeIntegralInRange(12, 300);
   const Features reference = frame(in);
-  const Eigen::Matrix3d h = homography(in);
+  const Eigen::Matrix3d h = homography(in, 20.0, 0.3, 2e-3);
   Features target = in.ConsumeBool() ? moved(reference, h) : frame(in);
   if (in.ConsumeIntegralInRange(0, 63) == 0) target.images.clear();
   const auto pairs = matches(in, reference, target);

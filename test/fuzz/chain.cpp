@@ -33,13 +33,7 @@ Features moved(Input& in, const Features& reference) {
 
 MatchHints matchHints(Input& in) {
   MatchHints hints;
-  if (in.ConsumeBool()) {
-    hints.prediction = Eigen::Matrix3d::Identity();
-    for (int i = 0; i < 9; ++i) {
-      const double unit = i % 3 == 2 && i < 8 ? 50.0 : (i < 6 ? 0.3 : 1e-3);
-      (*hints.prediction)(i / 3, i % 3) += anyDouble(in, -unit, unit);
-    }
-  }
+  if (in.ConsumeBool()) hints.prediction = homography(in, 50.0);
   hints.whole_image = in.ConsumeIntegralInRange(0, 7) == 0;
   return hints;
 }

@@ -33,11 +33,8 @@ void requireEqual(const Features& a, const Features& b, const char* what) {
 
 void requireSound(const Features& features, const cv::Mat& mask) {
   requireValid(features, "features");
+  require(isWithin(features), "keypoints lie in the image");
   for (const cv::KeyPoint& keypoint : features.keypoints) {
-    require(keypoint.pt.x >= 0.0F && keypoint.pt.y >= 0.0F &&
-                keypoint.pt.x < static_cast<float>(features.image_size.width) &&
-                keypoint.pt.y < static_cast<float>(features.image_size.height),
-            "keypoints lie in the image");
     require(std::isfinite(keypoint.angle) && std::isfinite(keypoint.response), "finite keypoints");
     require(keypoint.octave >= 0 && keypoint.octave < 16, "levels of the pyramid");
   }

@@ -9,16 +9,6 @@ namespace {
 
 using util::Random;
 
-bool isWithin(const Features& features) {
-  for (const cv::KeyPoint& k : features.keypoints) {
-    const bool within = k.pt.x >= 0.0F && k.pt.y >= 0.0F &&
-                        k.pt.x < static_cast<float>(features.image_size.width) &&
-                        k.pt.y < static_cast<float>(features.image_size.height);
-    if (!within) return false;
-  }
-  return true;
-}
-
 std::vector<Correspondence> correspondences(Input& in, const Features& reference,
                                             const Features& target) {
   std::vector<Correspondence> all;

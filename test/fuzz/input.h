@@ -4,6 +4,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -53,6 +54,17 @@ inline double anyDouble(Input& in, double low, double high) {
                              std::numeric_limits<double>::infinity()};
   if (in.ConsumeIntegralInRange(0, 63) == 0) return kOdd[in.ConsumeIntegralInRange(0, 6)];
   return in.ConsumeFloatingPointInRange(low, high);
+}
+
+/// Mostly near the identity; its shift in px.
+inline Eigen::Matrix3d homography(Input& in, double shift, double linear = 0.3,
+                                  double perspective = 1e-3) {
+  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 9; ++i) {
+    const double unit = i % 3 == 2 && i < 8 ? shift : (i < 6 ? linear : perspective);
+    h(i / 3, i % 3) += anyDouble(in, -unit, unit);
+  }
+  return h;
 }
 
 /// Mostly few, sometimes up to `most`: small inputs find most and are fast.
@@ -161,6 +173,15 @@ inline Features features(Input& in, int most) {
   }
   out.descriptors = descriptors(in, count);
   return out;
+}
+
+/// Whether all keypoints lie in the image.
+inline bool isWithin(const Features& features) {
+  return std::all_of(features.keypoints.begin(), features.keypoints.end(), [&](const auto& k) {
+    return k.pt.x >= 0.0F && k.pt.y >= 0.0F &&
+           k.pt.x < static_cast<float>(features.image_size.width) &&
+           k.pt.y < static_cast<float>(features.image_size.height);
+  });
 }
 
 inline MatcherOptions matcherOptions(Input& in) {

@@ -52,11 +52,7 @@ void searchNear(Input& in, const Features& reference, const Features& target) {
   const bool any_radius = in.ConsumeIntegralInRange(0, 15) == 0;  // small ones make many cells
   const double radius = any_radius ? in.ConsumeFloatingPointInRange(0.01, 5000.0)
                                    : in.ConsumeFloatingPointInRange(20.0, 500.0);
-  Eigen::Matrix3d prediction = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < 9; ++i) {
-    const double unit = i % 3 == 2 && i < 8 ? 50.0 : (i < 6 ? 0.3 : 1e-3);
-    prediction(i / 3, i % 3) += anyDouble(in, -unit, unit);
-  }
+  const Eigen::Matrix3d prediction = homography(in, 50.0);
   ThreadPool pool(threads(in));
   NearSearch search(any(in, kernels), radius, pool);
   std::vector<Correspondence> found;

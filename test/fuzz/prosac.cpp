@@ -16,11 +16,7 @@ PointPairs pointPairs(Input& in) {
   const int kind = in.ConsumeIntegralInRange(0, 4);
   const double noise = in.ConsumeFloatingPointInRange(0.0, 8.0);
   const unsigned outliers = in.ConsumeIntegralInRange(0U, 100U);
-  Eigen::Matrix3d h = Eigen::Matrix3d::Identity();
-  for (int i = 0; i < 8; ++i) {
-    const double unit = i % 3 == 2 ? 100.0 : (i >= 6 ? 1e-3 : 0.5);
-    h(i / 3, i % 3) += anyDouble(in, -unit, unit);
-  }
+  const Eigen::Matrix3d h = homography(in, 100.0, 0.5);
   Random random(in.ConsumeIntegral<std::uint16_t>());
   const auto uniform = [&](double size) {
     return size * static_cast<double>(random.below(65536)) / 65536.0;
@@ -45,10 +41,7 @@ void run(Input& in) {
   const cv::Size size = in.ConsumeBool() ? cv::Size(640, 480) : cv::Size();
   const PointPairs pairs = pointPairs(in);
   std::optional<Eigen::Matrix3d> initial;
-  if (in.ConsumeBool()) {
-    initial = Eigen::Matrix3d::Identity();
-    for (int i = 0; i < 9; ++i) (*initial)(i / 3, i % 3) += anyDouble(in, -1.0, 1.0);
-  }
+  if (in.ConsumeBool()) initial = homography(in, 1.0, 1.0, 1.0);
   ProsacHomography prosac(options);
   // Reused: the result must not depend on old content.
   static ProsacResult result, again;

@@ -4,34 +4,105 @@
 // FOLDER keeps the homographies, so that a second run takes seconds. Prints the table of
 // doc/measurements/motion.md, and fails where one of its bounds does not hold.
 
+#include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
 #include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "core/homography/transform.h"
 #include "demo/effects.h"
-#include "exact_flight.h"
+#include "demo/flight.h"
+#include "demo/map.h"
 #include "ground_flight.h"
 #include "ktgp_orb/ground_motion.h"
 #include "ktgp_orb/sequence_matcher.h"
+#include "motion/camera_pose.h"
+#include "synthetic_pairs.h"
 
 namespace ktgp_orb {
 namespace {
 
+/// A flight over the drawn map with random height, speed, yaw and tilt: exact at every time. The
+/// height is 600 px of the map in the middle, so pictures have details at every height.
+class ExactFlight {
+ public:
+  explicit ExactFlight(std::uint64_t seed) {
+    std::mt19937_64 random(seed);
+    const auto between = [&random](double low, double high) {
+      return low + (high - low) * static_cast<double>(random() >> 11) * 0x1.0p-53;
+    };
+    height_ = std::pow(30.0, between(0.0, 1.0));                            // m, 1 to 30
+    const double speed = between(0.3, 1.0) * std::min(8.0, 3.0 * height_);  // m/s, the highest
+    metre_ = height_ / 600.0;
+    const double turn = speed / (metre_ * std::hypot(900.0, 770.0));
+    along_ = {turn, between(0.0, 6.28)};
+    across_ = {1.1 * turn, between(0.0, 6.28)};
+    rise_ = {between(0.3, 0.9), between(0.0, 6.28)};
+    yaw_ = {between(0.4, 1.0), between(0.0, 6.28)};
+    yaw_size_ = between(10.0, 60.0) / yaw_.rate * kDegree;
+    pitch_ = {between(0.5, 1.2), between(0.0, 6.28)};
+    roll_ = {between(0.5, 1.2), between(0.0, 6.28)};
+    tilt_ = between(5.0, 25.0) / std::sqrt(2.0) * kDegree;
+  }
+
+  double height() const { return height_; }
+
+  /// Ground: the map's plane, metres, z up.
+  motion::CameraPose pose(double t) const {
+    using Eigen::AngleAxisd;
+    using Eigen::Vector3d;
+    motion::CameraPose pose;
+    pose.axes = AngleAxisd(yaw_size_ * yaw_.at(t), Vector3d::UnitZ()).toRotationMatrix() *
+                Vector3d(1.0, -1.0, -1.0).asDiagonal() *
+                AngleAxisd(tilt_ * pitch_.at(t), Vector3d::UnitX()).toRotationMatrix() *
+                AngleAxisd(tilt_ * roll_.at(t), Vector3d::UnitY()).toRotationMatrix();
+    pose.position << 900.0 * metre_ * along_.at(t), 700.0 * metre_ * across_.at(t),
+        height_ * (1.0 + 0.2 * rise_.at(t));
+    return pose;
+  }
+
+  Eigen::Matrix3d imageFromMap(double t) const {
+    const double middle = 0.5 * demo::kMapSize * metre_;
+    return camera() * motion::imageFromGround(pose(t)) *
+           test::cameraMatrix(metre_, -metre_, -middle, middle);
+  }
+
+  static Eigen::Matrix3d camera() {
+    return test::cameraMatrix(demo::kFocalLength, demo::kFocalLength, 0.5 * (demo::kImageWidth - 1),
+                              0.5 * (demo::kImageHeight - 1));
+  }
+
+ private:
+  static constexpr double kDegree = 3.14159265358979323846 / 180.0;
+  struct Wave {
+    double rate = 0.0;
+    double phase = 0.0;
+    double at(double t) const { return std::sin(rate * t + phase); }
+  };
+
+  double height_, metre_, yaw_size_, tilt_;
+  Wave along_, across_, rise_, yaw_, pitch_, roll_;
+};
+
+using evaluation::median;
 using motion::CameraPose;
 using motion::Vector6;
-using test::ExactFlight;
 
 /// A homography of a flight; the numbers of the frames are their times.
 struct Link {
@@ -77,8 +148,7 @@ cv::Mat pictureOfRelief(const cv::Mat& map, const ExactFlight& flight, double t)
       coarse.at<double>(v, u) = ground;
     }
   }
-  cv::Mat columns(size, CV_32F);
-  cv::Mat rows(size, CV_32F);
+  cv::Mat columns(size, CV_32F), rows(size, CV_32F);
   for (int v = 0; v < size.height; ++v) {
     const double* above = coarse.ptr<double>(v / kStep);
     const double* below = coarse.ptr<double>(v / kStep + 1);
@@ -93,8 +163,7 @@ cv::Mat pictureOfRelief(const cv::Mat& map, const ExactFlight& flight, double t)
       rows.at<float>(v, u) = static_cast<float>(0.5 * demo::kMapSize - point.y() / metre);
     }
   }
-  cv::Mat large;
-  cv::Mat image;
+  cv::Mat large, image;
   cv::remap(map, large, columns, rows, cv::INTER_LINEAR, cv::BORDER_REFLECT_101);
   cv::resize(large, image, cv::Size(), 0.5, 0.5, cv::INTER_AREA);
   return image;
@@ -143,14 +212,11 @@ class FlowMatcher {
 
   Link follow(const cv::Mat& image) {
     Link link;
-    std::vector<cv::Point2f> next;
-    std::vector<cv::Point2f> back;
-    std::vector<std::uint8_t> found;
-    std::vector<std::uint8_t> returned;
+    std::vector<cv::Point2f> next, back;
+    std::vector<std::uint8_t> found, returned;
     cv::calcOpticalFlowPyrLK(last_, image, points_, next, found, cv::noArray());
     cv::calcOpticalFlowPyrLK(image, last_, next, back, returned, cv::noArray());
-    std::vector<cv::Point2f> kept;
-    std::vector<cv::Point2f> from;
+    std::vector<cv::Point2f> kept, from;
     for (std::size_t i = 0; i < next.size(); ++i) {
       const bool good = found[i] != 0 && returned[i] != 0 && cv::norm(back[i] - points_[i]) < 0.5;
       if (!good) continue;
@@ -164,8 +230,8 @@ class FlowMatcher {
     const cv::Mat h = cv::findHomography(from, kept, cv::USAC_MAGSAC, 1.0, inliers, 2000, 0.999);
     if (h.empty()) return link;
     RowMajor3 found_h;
-    for (int i = 0; i < 9; ++i)
-      found_h(i / 3, i % 3) = h.at<double>(i / 3, i % 3) / h.at<double>(2, 2);
+    cv::cv2eigen(h, found_h);
+    found_h /= found_h(2, 2);
     Eigen::Matrix<double, 8, 8> information = Eigen::Matrix<double, 8, 8>::Zero();
     double squares = 0.0;
     double count = 0.0;
@@ -265,10 +331,7 @@ Score score(std::uint64_t seed, const Links& links, const Noise& noise) {
   std::normal_distribution<double> normal;
   GroundMotion ground(test::optionsWith(test::downward()));
   Score score;
-  double way = 0.0;
-  double speeds = 0.0;
-  double along = 0.0;
-  double count = 0.0;
+  double way = 0.0, speeds = 0.0, along = 0.0, count = 0.0;
   std::vector<double> deviations;
   std::optional<CameraPose> origin;
   CameraPose last;
@@ -288,23 +351,19 @@ Score score(std::uint64_t seed, const Links& links, const Noise& noise) {
                                          Covariance8::Zero(), links[i].plane_deviation};
       deviations.push_back(links[i].plane_deviation);
     }
-    HeightReading height;
-    height.metres = truth.position.z() * (1.0 + noise.range * normal(random));
-    height.deviation = noise.range * truth.position.z();
-    frame.height = height;
-    DownReading down;
-    const Eigen::Vector3d shaken(noise.tilt * normal(random), noise.tilt * normal(random),
-                                 noise.tilt * normal(random));
-    down.direction = motion::rotationAbout(shaken) * -truth.axes.row(2).transpose();
-    down.direction.normalize();
-    down.deviation = noise.tilt;
-    frame.down = down;
+    const double metres = truth.position.z();
+    frame.height =
+        HeightReading{metres * (1.0 + noise.range * normal(random)), noise.range * metres};
+    const auto shaken = [&](double deviation) {
+      const double x = normal(random), y = normal(random);
+      return motion::rotationAbout(deviation * Eigen::Vector3d(x, y, normal(random)));
+    };
+    const Eigen::Vector3d down = shaken(noise.tilt) * -truth.axes.row(2).transpose();
+    frame.down = DownReading{down.normalized(), noise.tilt};
     if (noise.turn > 0.0 && i > 0) {
       const CameraPose before = flight.pose(static_cast<double>(i - 1) / kRate);
-      const Eigen::Vector3d error(noise.turn * normal(random), noise.turn * normal(random),
-                                  noise.turn * normal(random));
-      frame.turn = TurnReading{before.axes.transpose() * truth.axes * motion::rotationAbout(error),
-                               noise.turn};
+      frame.turn =
+          TurnReading{before.axes.transpose() * truth.axes * shaken(noise.turn), noise.turn};
     }
     const auto start = std::chrono::steady_clock::now();
     const GroundEstimate& estimate = ground.add(frame);
@@ -350,18 +409,8 @@ Score score(std::uint64_t seed, const Links& links, const Noise& noise) {
   score.nees /= count;
   score.held /= count;
   score.lost = 1.0 - count / static_cast<double>(links.size());
-  if (!deviations.empty()) {
-    std::nth_element(deviations.begin(),
-                     deviations.begin() + static_cast<std::ptrdiff_t>(deviations.size() / 2),
-                     deviations.end());
-    score.plane_deviation = deviations[deviations.size() / 2];
-  }
+  score.plane_deviation = median(deviations);
   return score;
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 struct Table {
@@ -436,12 +485,11 @@ int run(int argc, char** argv) {
   }
   const std::string folder = argv[1];
   const int flights = std::atoi(argv[2]);
-  const int all_frames = static_cast<int>(std::lround(std::atof(argv[3]) * kRate));
+  const int frames = static_cast<int>(std::lround(std::atof(argv[3]) * kRate));
   std::filesystem::create_directories(folder);
   cv::setNumThreads(1);
   cv::Mat map;
   const auto linksOf = [&](int seed, bool with_relief, Links& ours, Links& flow) {
-    const int frames = all_frames;
     const std::string path = folder + "/" + (with_relief ? "relief-" : "flat-") +
                              std::to_string(seed) + "-" + std::to_string(frames);
     if (load(path + "-ktgp", frames, ours) && load(path + "-flow", frames, flow)) return;

@@ -76,21 +76,16 @@ class Traffic:
 
 
 class FaultTest(unittest.TestCase):
-    def launch(self, *arguments, environment=None):
+    def matching(self, *arguments, environment=None, **traffic):
+        """The statistics of a nodelet that matches."""
         process = subprocess.Popen(['roslaunch', 'ktgp_orb', 'matcher.launch', 'features:=500'] +
                                    list(arguments), env=dict(os.environ, **(environment or {})))
         self.addCleanup(process.wait)
         self.addCleanup(process.terminate)
-        return process
-
-    def traffic(self, **options):
-        traffic = Traffic(**options)
-        self.addCleanup(traffic.stop)
-        return traffic
-
-    def statistics(self):
         recorder = Recorder(STATISTICS, MatchStatistics)
         self.addCleanup(recorder.close)
+        self.addCleanup(Traffic(**traffic).stop)
+        self.check_ok(recorder, 'it matches')
         return recorder
 
     def wait_for_more(self, recorder, count, what):
@@ -111,10 +106,7 @@ class FaultTest(unittest.TestCase):
         return xmlrpc.client.ServerProxy(uri).getPid('/test')[2]
 
     def test_a_killed_process_is_started_again_under_load(self):
-        self.launch('respawn:=true')
-        recorder = self.statistics()
-        self.traffic()
-        self.check_ok(recorder, 'it matches')
+        recorder = self.matching('respawn:=true')
         for round_number in range(5):
             pid = self.pid_of('/camera/matcher')
             os.kill(pid, signal.SIGKILL)
@@ -128,10 +120,7 @@ class FaultTest(unittest.TestCase):
             self.check_ok(recorder, 'it matches after kill %d' % (round_number + 1))
 
     def test_a_master_that_is_gone_for_ten_seconds(self):
-        self.launch()
-        recorder = self.statistics()
-        self.traffic()
-        self.check_ok(recorder, 'it matches')
+        recorder = self.matching()
         MASTER.send_signal(signal.SIGSTOP)
         try:
             end = time.time() + 10
@@ -153,11 +142,8 @@ class FaultTest(unittest.TestCase):
                 ahead.write(struct.pack('d', seconds))
                 ahead.flush()
             set_clock(0.0)
-            self.launch(environment={'LD_PRELOAD': os.environ['KTGP_ORB_FAULTS'],
-                                     'KTGP_ORB_CLOCK': ahead.name})
-            recorder = self.statistics()
-            self.traffic()
-            self.check_ok(recorder, 'it matches')
+            recorder = self.matching(environment={'LD_PRELOAD': os.environ['KTGP_ORB_FAULTS'],
+                                                  'KTGP_ORB_CLOCK': ahead.name})
             for seconds in (3600.0, 0.0, -3600.0, 0.0):
                 set_clock(seconds)
                 self.check_ok(recorder, 'it matches with its clock ahead by %d s' % seconds)
@@ -178,19 +164,13 @@ class FaultTest(unittest.TestCase):
         ticking.start()
         self.addCleanup(ticking.join)
         self.addCleanup(state.update, running=False)
-        self.launch()
-        recorder = self.statistics()
-        self.traffic(now=lambda: rospy.Time.from_sec(state['now']))
-        self.check_ok(recorder, 'it matches')
+        recorder = self.matching(now=lambda: rospy.Time.from_sec(state['now']))
         for jump in (3600.0, -3600.0, -3600.0, 3600.0):
             state['now'] += jump
             self.check_ok(recorder, 'it matches after a jump of %d s' % jump)
 
     def test_a_viewer_that_never_reads_slows_no_data(self):
-        self.launch()
-        recorder = self.statistics()
-        self.traffic(size=(640, 480))
-        self.check_ok(recorder, 'it matches')
+        recorder = self.matching(size=(640, 480))
 
         def rate():
             begin, before = time.time(), len(recorder.messages())

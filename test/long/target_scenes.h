@@ -170,23 +170,17 @@ inline View makeView(const World& world, std::uint64_t seed) {
     p.zoom = std::exp(numbers.uniform(-std::log(3.0), std::log(3.0)));
     p.middle = {numbers.uniform(100.0, 540.0), numbers.uniform(80.0, 400.0)};
     const Eigen::Matrix3d h = homographyOf(p, size);
-    double left = 1e9, top = 1e9, right = -1e9, bottom = -1e9;
-    for (const Eigen::Vector2d& c : corners(size)) {
-      const Eigen::Vector2d q = (h * c.homogeneous()).hnormalized();
-      left = std::min(left, q.x());
-      right = std::max(right, q.x());
-      top = std::min(top, q.y());
-      bottom = std::max(bottom, q.y());
+    Eigen::Matrix<double, 2, 4> outline;
+    for (int i = 0; i < 4; ++i) {
+      outline.col(i) = apply(h, corners(size)[static_cast<std::size_t>(i)]);
     }
-    // At least so wide in either direction of the target... and mostly in view when it is small.
-    const auto outline = corners(size);
-    const auto at = [&](const Eigen::Vector2d& c) {
-      return Eigen::Vector2d((h * c.homogeneous()).hnormalized());
-    };
+    // At least so wide, and mostly in view when it is small.
     const double width =
-        0.5 * ((at(outline[1]) - at(outline[0])).norm() + (at(outline[2]) - at(outline[3])).norm());
+        0.5 * ((outline.col(1) - outline.col(0)).norm() + (outline.col(2) - outline.col(3)).norm());
     if (width < kWide) continue;
-    const cv::Rect2d box(left, top, right - left, bottom - top);
+    const Eigen::Vector2d low = outline.rowwise().minCoeff();
+    const Eigen::Vector2d extent = outline.rowwise().maxCoeff() - low;
+    const cv::Rect2d box(low.x(), low.y(), extent.x(), extent.y());
     const cv::Rect2d seen = box & cv::Rect2d(0, 0, kFrame.width, kFrame.height);
     const bool fits = seen.area() > 0.95 * box.area();
     const bool fills = p.zoom > 1.2 && seen.area() > 0.6 * kFrame.area();

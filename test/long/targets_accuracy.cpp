@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <limits>
 #include <opencv2/calib3d.hpp>
+#include <opencv2/core/eigen.hpp>
 #include <opencv2/features2d.hpp>
 
 #include "core/homography/transform.h"
@@ -204,9 +205,8 @@ void measurePeer(const World& world, std::size_t frames) {
       cv::Mat mask;
       const cv::Mat h = cv::findHomography(from, to, cv::RANSAC, 3.0, mask);
       if (h.empty() || static_cast<std::size_t>(cv::countNonZero(mask)) < kFewest) continue;
-      const cv::Matx33d m(h);
       Eigen::Matrix3d homography;
-      homography << m(0, 0), m(0, 1), m(0, 2), m(1, 0), m(1, 1), m(1, 2), m(2, 0), m(2, 1), m(2, 2);
+      cv::cv2eigen(h, homography);
       answers.push_back({world.targets[t].id, homography});
     }
     score.milliseconds.push_back(processorMilliseconds() - start);

@@ -11,6 +11,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <limits>
+#include <opencv2/core/eigen.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
@@ -48,7 +49,7 @@ test::Placement placementOf(std::size_t shown, std::size_t frame, const cv::Size
 }
 
 Eigen::Matrix3d camera() {
-  return (Eigen::Matrix3d() << 600, 0, 319.5, 0, 600, 239.5, 0, 0, 1).finished();
+  return test::cameraMatrix(600, 600);
 }
 
 /// Error of the found pose in units of its covariance, squared.
@@ -70,9 +71,7 @@ double normalisedError(const DetectedTarget& found, const Eigen::Matrix3d& truth
 
 struct Score {
   std::size_t shown = 0, found = 0, others = 0;
-  double squares = 0.0;     // px², of the corners
-  double largest = 0.0;     // px
-  std::size_t corners = 0;  // of followed targets
+  test::CornerErrors corners;  // of followed targets
   std::size_t poses = 0, right_poses = 0;
   std::size_t frames_for_all = 1;
   std::vector<double> milliseconds;
@@ -81,14 +80,7 @@ struct Score {
 void count(const DetectedTarget& found, const Eigen::Matrix3d& truth, Score& score) {
   constexpr double kBound = 22.458;  // chi-square, six degrees of freedom, 99.9 %
   ++score.found;
-  std::size_t i = 0;
-  for (const Eigen::Vector2d& corner : test::corners(found.image_size)) {
-    const double error =
-        (found.corners[i++] - Eigen::Vector2d((truth * corner.homogeneous()).hnormalized())).norm();
-    score.squares += error * error;
-    score.largest = std::max(score.largest, error);
-    ++score.corners;
-  }
+  score.corners.add(found, truth, found.image_size);
   ++score.poses;
   if (normalisedError(found, truth) < kBound) ++score.right_poses;
 }
@@ -140,13 +132,12 @@ void follow(const World& world, TargetFinder& finder, double search_ms, bool noi
       }
     }
   }
-  std::printf(
-      "| %.0f | %s | %.1f | %zu | %.1f | %.1f | %zu | %.3f | %.2f | %.1f |\n", search_ms,
-      noisy ? "light, blur, noise" : "exact", percent(score.found, score.shown), score.others,
-      percentile(score.milliseconds, 0.5), percentile(score.milliseconds, 0.95),
-      score.frames_for_all,
-      std::sqrt(score.squares / static_cast<double>(std::max<std::size_t>(1, score.corners))),
-      score.largest, percent(score.right_poses, score.poses));
+  std::printf("| %.0f | %s | %.1f | %zu | %.1f | %.1f | %zu | %.3f | %.2f | %.1f |\n", search_ms,
+              noisy ? "light, blur, noise" : "exact", percent(score.found, score.shown),
+              score.others, percentile(score.milliseconds, 0.5),
+              percentile(score.milliseconds, 0.95), score.frames_for_all,
+              std::sqrt(score.corners.squares / std::max(1, score.corners.count)),
+              score.corners.largest, percent(score.right_poses, score.poses));
   std::fflush(stdout);
 }
 
@@ -184,8 +175,8 @@ cv::Mat otherScene(const std::vector<cv::Mat>& scenes, std::size_t number) {
   p.zoom = std::exp(numbers.uniform(-0.4, 1.1)) * 640.0 / scene.cols;
   p.middle = {numbers.uniform(200.0, 440.0), numbers.uniform(150.0, 330.0)};
   const Eigen::Matrix3d h = test::homographyOf(p, scene.size());
-  cv::Mat map(3, 3, CV_64F);
-  for (int i = 0; i < 9; ++i) map.at<double>(i / 3, i % 3) = h(i / 3, i % 3);
+  cv::Mat map;
+  cv::eigen2cv(h, map);
   cv::warpPerspective(scene, frame, map, kFrame, cv::INTER_LINEAR, cv::BORDER_REFLECT);
   frame.convertTo(frame, CV_32F);
   return test::lit(frame, numbers, rng);

@@ -9,23 +9,107 @@
 #include <ktgp_orb/TargetDetections.h>
 #include <visualization_msgs/MarkerArray.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <opencv2/imgcodecs.hpp>
+#include <set>
+#include <string>
+#include <vector>
 
 #include "parameters/target_list.h"
 #include "resources.h"
 #include "robot_testing.h"
-#include "targets_world.h"
+#include "target_world.h"
 
 namespace ktgp_orb {
 namespace {
 
+constexpr int kPictures = 80;
+const cv::Size kPictureSize(300, 220);
+
+cv::Mat picture(int number) {
+  return test::drawnPicture(kPictureSize, static_cast<std::uint64_t>(number));
+}
+
+/// A picture in a frame.
+struct Shown {
+  int picture;
+  Eigen::Matrix3d homography;  // picture -> frame, px
+};
+
+struct TargetScene {
+  cv::Mat image;
+  std::vector<Shown> shown;
+};
+
+/// One or two pictures on a background, each at least 120 px wide; in every eighth scene one of
+/// them twice.
+TargetScene sceneOf(int number, const cv::Size& size) {
+  cv::RNG random(static_cast<std::uint64_t>(number) + 1);
+  TargetScene scene;
+  cv::Mat canvas;
+  test::drawnPicture(size, 5000 + static_cast<std::uint64_t>(number)).convertTo(canvas, CV_32F);
+  const int first = random.uniform(0, kPictures);
+  const int second = number % 8 == 0 ? first : (first + 1 + number % 7) % kPictures;
+  for (int i = 0; i < 2; ++i) {
+    test::Placement place;
+    place.tilt = random.uniform(0.0, 0.5);
+    place.axis = random.uniform(0.0, 6.28);
+    place.turn = random.uniform(-0.4, 0.4);
+    place.zoom = random.uniform(0.42, 0.5);
+    place.middle = {size.width * (i == 0 ? 0.26 : 0.74), size.height * random.uniform(0.4, 0.6)};
+    const int shown = i == 0 ? first : second;
+    scene.shown.push_back({shown, test::homographyOf(place, kPictureSize)});
+    test::place(picture(shown), scene.shown.back().homography, canvas);
+  }
+  canvas.convertTo(scene.image, CV_8U);
+  return scene;
+}
+
+/// Which targets are known, with the numbers of their pictures. No picture belongs to two.
+class Known {
+ public:
+  Known() {
+    for (int i = 0; i < kPictures; ++i) free_.insert(i);
+  }
+
+  std::size_t size() const { return targets_.size(); }
+  const std::map<std::string, std::vector<int>>& targets() const { return targets_; }
+  bool has(const std::string& id) const { return targets_.count(id) > 0; }
+  bool shows(const std::string& id, int picture) const {
+    const auto it = targets_.find(id);
+    return it != targets_.end() &&
+           std::find(it->second.begin(), it->second.end(), picture) != it->second.end();
+  }
+  bool isFree(int picture) const { return free_.count(picture) > 0; }
+  std::string drawId(cv::RNG& random) const {
+    return std::next(targets_.begin(), random.uniform(0, static_cast<int>(size())))->first;
+  }
+  int drawFree(cv::RNG& random) const {
+    return *std::next(free_.begin(), random.uniform(0, static_cast<int>(free_.size())));
+  }
+
+  void set(const std::string& id, const std::vector<int>& pictures) {
+    remove(id);
+    targets_[id] = pictures;
+    for (const int picture : pictures) free_.erase(picture);
+  }
+  void remove(const std::string& id) {
+    const auto it = targets_.find(id);
+    if (it == targets_.end()) return;
+    free_.insert(it->second.begin(), it->second.end());
+    targets_.erase(it);
+  }
+
+ private:
+  std::map<std::string, std::vector<int>> targets_;
+  std::set<int> free_;
+};
+
 namespace fs = std::filesystem;
 using test::Held;
-using test::Known;
-using test::Shown;
-using test::TargetScene;
 
 int frames = 20000;
 constexpr int kCycle = 1000;                     // frames; then all targets are removed
@@ -55,7 +139,7 @@ class Soak {
     folder_ = mkdtemp(name);
     for (const cv::Size& size : kSizes) {
       for (int i = 0; i < kScenes; ++i) {
-        scenes_.push_back(test::sceneOf(static_cast<int>(scenes_.size()), size));
+        scenes_.push_back(sceneOf(static_cast<int>(scenes_.size()), size));
       }
     }
     ros::param::set(kTargets + "file", file());
@@ -187,7 +271,7 @@ class Soak {
     for (std::size_t i = 0; i < scene.shown.size(); ++i) {
       const Shown& shown = scene.shown[i];
       if (known_.shows(detection.id, shown.picture) &&
-          test::errorInView(shown.homography, homography, test::kPictureSize, scene.image.size()) <
+          test::errorInView(shown.homography, homography, kPictureSize, scene.image.size()) <
               kMaxError) {
         return static_cast<int>(i);
       }
@@ -216,7 +300,7 @@ class Soak {
     SetTarget call;
     call.request.id = id;
     for (const int picture : pictures) {
-      call.request.images.push_back(*test::imageMessage(test::picture(picture), ros::Time(1)));
+      call.request.images.push_back(*test::imageMessage(picture(picture), ros::Time(1)));
     }
     if (random_.uniform(0, 2) == 0) {
       call.request.width = 0.3;
@@ -243,8 +327,7 @@ class Soak {
     ++tally_.refused;
     SetTarget call;
     call.request.id = "bad";
-    call.request.images = {
-        *test::imageMessage(test::picture(known_.drawFree(random_)), ros::Time(1))};
+    call.request.images = {*test::imageMessage(picture(known_.drawFree(random_)), ros::Time(1))};
     std::string service = "add", words;
     switch (kind % 7) {
       case 0:
@@ -257,12 +340,12 @@ class Soak {
         break;
       case 2:
         call.request.images = {
-            *test::imageMessage(cv::Mat(test::kPictureSize, CV_8U, cv::Scalar(90)), ros::Time(1))};
+            *test::imageMessage(cv::Mat(kPictureSize, CV_8U, cv::Scalar(90)), ros::Time(1))};
         words = "too little texture";
         break;
       case 3:
         call.request.images = {*test::imageMessage(
-            test::picture(known_.targets().at(known_.drawId(random_)).front()), ros::Time(1))};
+            picture(known_.targets().at(known_.drawId(random_)).front()), ros::Time(1))};
         words = "shows the same as";
         break;
       case 4:
@@ -324,7 +407,7 @@ class Soak {
       EXPECT_EQ(entry.files.size(), pictures.size());
       for (std::size_t i = 0; i < std::min(entry.files.size(), pictures.size()); ++i) {
         const cv::Mat image = cv::imread(entry.files[i], cv::IMREAD_UNCHANGED);
-        EXPECT_EQ(cv::norm(image, test::picture(pictures[i]), cv::NORM_INF), 0.0) << entry.id;
+        EXPECT_EQ(cv::norm(image, picture(pictures[i]), cv::NORM_INF), 0.0) << entry.id;
       }
       files += pictures.size();
       kept[entry.id] = pictures;

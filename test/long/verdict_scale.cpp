@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "frame_pair.h"
 #include "ktgp_orb/evaluation.h"
 #include "ktgp_orb/ktgp_matcher.h"
 #include "ktgp_orb/orb_extractor.h"
@@ -61,28 +62,25 @@ std::vector<Preset> presets() {
 const Preset kSlam{"slam", MatcherOptions::slam(), DescriptorKind::orb};
 
 Eigen::Matrix3d cameraOf(const cv::Size& size) {
-  constexpr double kFocalLength = 1.2;  // widths
-  Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
-  k(0, 0) = k(1, 1) = kFocalLength * size.width;
-  k(0, 2) = 0.5 * (size.width - 1);
-  k(1, 2) = 0.5 * (size.height - 1);
-  return k;
+  const double focal = 1.2 * size.width;
+  return test::cameraMatrix(focal, focal, 0.5 * (size.width - 1), 0.5 * (size.height - 1));
 }
 
 std::vector<Preset> settingsNamed(const std::string& name) {
-  std::vector<Preset> named = presets();
-  named.push_back(kSlam);
-  named.erase(
-      std::remove_if(named.begin(), named.end(), [&](const Preset& p) { return name != p.name; }),
-      named.end());
+  if (name == kSlam.name) return {kSlam};
+  std::vector<Preset> named;
+  for (const Preset& preset : presets()) {
+    if (name == preset.name) named.push_back(preset);
+  }
   return named;
 }
 
 std::vector<Preset> presetsWithoutViews() {
-  std::vector<Preset> all = presets();
-  all.erase(std::remove_if(all.begin(), all.end(), [](const Preset& p) { return p.views; }),
-            all.end());
-  return all;
+  std::vector<Preset> some;
+  for (const Preset& preset : presets()) {
+    if (!preset.views) some.push_back(preset);
+  }
+  return some;
 }
 
 constexpr long kTextureKinds = 6;
@@ -249,8 +247,7 @@ double overlap(const Eigen::Matrix3d& truth, const cv::Size& size) {
   int inside = 0, all = 0;
   for (int y = 0; y < size.height; y += 8) {
     for (int x = 0; x < size.width; x += 8, ++all) {
-      const Eigen::Vector2d p = (truth.inverse() * Eigen::Vector3d(x, y, 1.0)).hnormalized();
-      inside += test::isInside(p, size) ? 1 : 0;
+      inside += test::isInside(test::apply(truth.inverse(), {x, y}), size) ? 1 : 0;
     }
   }
   return static_cast<double>(inside) / all;
@@ -258,12 +255,9 @@ double overlap(const Eigen::Matrix3d& truth, const cv::Size& size) {
 
 /// The camera's view. OpenCV places samples to 1/32 px: at four times the resolution it is 1/128.
 cv::Mat seen(const cv::Mat& scene, const Eigen::Matrix3d& to_target, const cv::Size& size) {
-  const Eigen::Matrix3d finer = (Eigen::Matrix3d() << 4, 0, 1.5, 0, 4, 1.5, 0, 0, 1).finished();
-  const Eigen::Matrix3d to_fine = finer * to_target;
-  cv::Matx33d matrix;
-  for (int k = 0; k < 9; ++k) matrix(k / 3, k % 3) = to_fine(k / 3, k % 3);
-  cv::Mat fine, view;
-  cv::warpPerspective(scene, fine, matrix, size * 4, cv::INTER_LINEAR);
+  const Eigen::Matrix3d to_fine = test::cameraMatrix(4, 4, 1.5, 1.5) * to_target;
+  const cv::Mat fine = test::warped(scene, to_fine, size * 4, cv::INTER_LINEAR);
+  cv::Mat view;
   cv::resize(fine, view, size, 0.0, 0.0, cv::INTER_AREA);
   return view;
 }
@@ -295,8 +289,7 @@ int related(long pairs, std::uint64_t seed) {
   std::array<Features, 2> reference, target;
   for (long i = 0; i < pairs; ++i) {
     const cv::Mat scene = texture(size * 3, seed * 7919U + static_cast<std::uint64_t>(i));
-    const Eigen::Matrix3d centre =
-        (Eigen::Matrix3d() << 1, 0, -size.width, 0, 1, -size.height, 0, 0, 1).finished();
+    const Eigen::Matrix3d centre = test::translation(-size.width, -size.height);
     Eigen::Matrix3d truth = test::randomHomography(size, numbers.uniform(0.0, 0.2), numbers);
     truth.topRows<2>() += Eigen::Vector2d(numbers.uniform(-0.9, 0.9) * size.width,
                                           numbers.uniform(-0.9, 0.9) * size.height) *
