@@ -1,14 +1,11 @@
 #!/usr/bin/python3
 """Each kind of image encoding is matched; others are refused with a message, and counted."""
 
-import unittest
-
 import numpy as np
 import rospy
-from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Diagnostics, Recorder, check_each, image_message, run_as_node, view, wait_until
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import MatcherCase, check_each, image_message, run_as_node, view, wait_until
 from rosgraph_msgs.msg import Log
-
 
 # One of each kind; image_conversion_test has all.
 ENCODINGS = {
@@ -20,21 +17,14 @@ ENCODINGS = {
 }
 
 
-class EncodingsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.log = Recorder('/rosout', Log)
-        cls.diagnostics = Diagnostics()
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
+class EncodingsTest(MatcherCase):
+    topics = 'statistics', 'homography'
 
     def send_and_wait(self, encoding='mono8', convert=lambda grey: grey):
         return self.statistics.wait_for(self.camera.send_view(encoding, convert))
 
     def assert_translation(self, stamp):
-        message = self.homographies.wait_for(stamp)
+        message = self.homography.wait_for(stamp)
         self.assertEqual(message.status, MatchStatus.STATUS_OK)
         homography = np.array(message.homography).reshape(3, 3)
         corners = np.array([[0, 0, 1], [639, 0, 1], [639, 479, 1], [0, 479, 1]]).T
@@ -58,8 +48,7 @@ class EncodingsTest(unittest.TestCase):
 
     def test_a_change_of_size_resets_the_reference(self):
         self.send_and_wait()
-        stamp = self.camera.show(view(100, 100, 320, 240))
-        self.assertEqual(self.statistics.wait_for(stamp).status, MatchStatus.STATUS_NO_REFERENCE)
+        self.assertEqual(self.send(view(100, 100, 320, 240)).status, MatchStatus.STATUS_NO_REFERENCE)
 
     def refused(self, change, expected_words):
         """Sends a broken image; it must be refused with a reason, and the next good one must work."""
