@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """ktgp_evaluate_bag, and ktgp_bag's motion in metres, on the demo bag, which contains the truth."""
 
 import contextlib
@@ -6,12 +5,10 @@ import math
 import os
 import re
 import shutil
-import sys
 import unittest
 
 import rosbag
 import rospy
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
 from ktgp_testing import FolderCase, messages_of
 from tf2_msgs.msg import TFMessage
@@ -36,7 +33,8 @@ class BagEvaluationTest(FolderCase):
         with rosbag.Bag(BAG) as bag, rosbag.Bag(self.path('changed.bag'), 'w') as changed:
             begin = bag.get_start_time()
             end = rospy.Time.from_sec(begin + seconds)
-            yield ((t.to_sec() - begin, topic, message, t) for topic, message, t in bag.read_messages(end_time=end)), changed
+            messages = bag.read_messages(end_time=end)
+            yield ((t.to_sec() - begin, topic, message, t) for topic, message, t in messages), changed
 
     def test_every_frame_is_matched_close_to_the_truth(self):
         self.run_program(TOOL, BAG, '--json', 'out.json')

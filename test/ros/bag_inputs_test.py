@@ -1,16 +1,11 @@
-#!/usr/bin/python3
 """ktgp_bag handles inputs like the nodelet: compressed topics, max_rate, roi, lens."""
 
 import os
-import sys
-import unittest
 
 import cv2
 import numpy as np
 import rosbag
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import FolderCase, image_message, messages_of, texture, view
 from poster import information
 from sensor_msgs.msg import CompressedImage
@@ -153,7 +148,3 @@ class BagInputsTest(FolderCase):
         self.damage(bag, 0.25)
         self.run_bag(bag, code=1,
                      words='how many images are lost is not known, since the index at the end is missing')
-
-
-if __name__ == '__main__':
-    unittest.main()

@@ -1,16 +1,11 @@
-#!/usr/bin/python3
 """ktgp_bag --targets: a poster in a recording, against the truth and against ktgp_find; what is refused."""
 
 import os
-import sys
-import unittest
 
 import cv2
 import numpy as np
 import rosbag
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
 from ktgp_testing import FolderCase, image_message, messages_of, texture
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
@@ -137,7 +132,3 @@ class BagTargetsTest(FolderCase):
         self.write('out.bag', 'mine')
         self.run_bag(code=2, words='--force')
         self.assertEqual(self.read('out.bag'), 'mine')
-
-
-if __name__ == '__main__':
-    unittest.main()

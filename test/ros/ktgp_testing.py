@@ -17,7 +17,7 @@ import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, TwoViewGeometry
-from rosgraph_msgs.msg import Log
+from rosgraph_msgs.msg import Log as LogMessage
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import Trigger
 
@@ -135,7 +135,7 @@ class MatcherCase(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.diagnostics, cls.log = Diagnostics(), Recorder('/rosout', Log)
+        cls.diagnostics, cls.log = Diagnostics(), Log()
         for name in cls.topics:
             setattr(cls, name, of_matcher(name))
         cls.camera = Camera()
@@ -280,6 +280,19 @@ class Diagnostics(Recorder):
             meanwhile()
             return any(words in status.message for status in self.of('', seen))
         wait_until(said, 'diagnostics say "%s"' % words)
+
+
+class Log(Recorder):
+    """Keeps what all nodes say."""
+
+    def __init__(self, test=None):
+        super().__init__('/rosout', LogMessage, test)
+
+    def with_words(self, *words):
+        return [m for m in self.messages() if all(each in m.msg for each in words)]
+
+    def wait_for_words(self, words):
+        wait_until(lambda: self.with_words(words), 'the log says ' + words)
 
 
 class Camera:

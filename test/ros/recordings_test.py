@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """ktgp_bag with videos, images of a folder, and many recordings."""
 
 import contextlib
@@ -9,7 +8,6 @@ import os
 import shutil
 import signal
 import struct
-import sys
 import time
 import unittest
 
@@ -17,8 +15,6 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import FolderCase, image_message, messages_of, view
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
@@ -348,7 +344,3 @@ class ManyRecordingsTest(RecordingCase):
         _, err = run.communicate(timeout=300)
         self.assertEqual(run.returncode, 130, err)
         self.assertEqual(os.listdir(self.folder), ['in.bag'])
-
-
-if __name__ == '__main__':
-    unittest.main()

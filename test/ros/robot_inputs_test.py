@@ -259,8 +259,7 @@ class InputsTest(MatcherCase):
             self.assertAlmostEqual(measured, true, delta=1.5)
         # One of no use is refused; the old one stays, also over a reset.
         self.reference.publish(image_message(np.zeros((9, 9), np.float32), rospy.Time(8), '32FC1'))
-        wait_until(lambda: any('the reference on /camera/matcher/reference is refused' in m.msg
-                               for m in self.log.messages()), 'the depth image is refused')
+        self.log.wait_for_words('the reference on /camera/matcher/reference is refused')
         self.call('reset')
         self.assertEqual(self.send(view(200, 150)).reference_stamp, rospy.Time(7))
         before = self.send(view(200, 150)).configuration

@@ -9,8 +9,7 @@ import unittest
 import cv2
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Program, Recorder, run_as_node, view, wait_until
-from rosgraph_msgs.msg import Log
+from ktgp_testing import Log, Program, Recorder, run_as_node, view, wait_until
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
@@ -40,13 +39,10 @@ def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=(),
 
 class StartupTest(unittest.TestCase):
     def test_a_wrong_topic_is_named_after_five_seconds(self):
-        log = Recorder('/rosout', Log)
+        log = Log()
         Recorder('/camera/matcher/statistics', MatchStatistics)
-
-        def warning():
-            return any(m.level == Log.WARN and 'no image on /camera/no_such_topic' in m.msg
-                       for m in log.messages())
-        wait_until(warning, 'the topic is named in a warning')
+        wait_until(lambda: any(m.level == m.WARN for m in log.with_words('no image on /camera/no_such_topic')),
+                   'the topic is named in a warning')
 
     def test_a_topic_without_publisher_is_named_also_while_idle(self):
         # Its results have no subscriber, so it subscribes to nothing: it asks the master.

@@ -318,7 +318,3 @@ class KtgpEvaluate(ToolCase):
             for row in rows:
                 self.assertLess(float(row["corner_error"]), 3.0, row)
                 self.assertEqual(row["total_ms"], row["ms"], "without our features")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,7 +1,6 @@
 """Runs ktgp_find as a program."""
 import os
 import shutil
-import unittest
 
 import cv2
 import numpy as np
@@ -177,7 +176,3 @@ class KtgpFind(ToolCase):
                       "pipe": (None, "neither a folder nor a file")})
         for name, (_, reason) in lists.items():
             self.find("scene.pgm", name, code=2, words=reason)
-
-
-if __name__ == "__main__":
-    unittest.main()

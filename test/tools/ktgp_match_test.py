@@ -1,7 +1,6 @@
 """Runs ktgp_match as a program."""
 import re
 import subprocess
-import unittest
 
 import cv2
 import numpy as np
@@ -315,7 +314,3 @@ class KtgpMatch(PairCase):
             self.match("a.pgm", "b.pgm", "--csv", name, "--threads", name[0])
         self.assertEqual((self.folder / "1.csv").read_bytes(),
                          (self.folder / "2.csv").read_bytes())
-
-
-if __name__ == "__main__":
-    unittest.main()

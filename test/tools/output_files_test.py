@@ -382,7 +382,3 @@ class BagOutput(OutputCase):
     def test_too_little_memory_for_the_threads_is_said(self):
         self.run_tool("ktgp_bag", self.bag, "out.bag", "--threads", 256, preexec_fn=little_memory(900 << 20), code=2)
         self.assertFalse((self.folder / "out.bag").exists())
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -37,9 +37,10 @@ def translation(x, y):
 class FolderCase(unittest.TestCase):
     """With a folder that is deleted after each test, and a way to run programs in it."""
     timeout = 300  # s, of a program
+    prefix = None  # of the folder's name
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
+        folder = tempfile.TemporaryDirectory(prefix=self.prefix)
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
 

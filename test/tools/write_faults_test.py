@@ -62,7 +62,3 @@ class WriteFaults(PairCase):
         self.run_tool("make_demo_bag", "in.bag", "--seconds", "0.2")
         self.check("ktgp_bag", "in.bag", "out.bag", "--csv", "out.csv", "--force", "--features", "200",
                    outputs=["out.bag", "out.csv"])
-
-
-if __name__ == "__main__":
-    unittest.main()
