@@ -67,10 +67,12 @@ class MotionTest(unittest.TestCase):
                        publisher.name + ' is subscribed')
         cls.place = 0
         cls.frames = 0
-        end = rospy.get_time() + 120
-        while not all(r.messages() for r in cls.twists.values()) and rospy.get_time() < end:
+
+        def answered():
             cls.send()
             rospy.sleep(0.1)
+            return all(r.messages() for r in cls.twists.values())
+        wait_until(answered, 'every one has a twist')
 
     @classmethod
     def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False, sensor='camera',
