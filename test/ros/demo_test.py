@@ -130,6 +130,8 @@ class DemoTest(FolderCase):
     def test_an_option_that_is_none_is_refused(self):
         self.demo('--no-such-option', code=2, prints='--no-such-option')
 
+
+class BuildTest(FolderCase):
     def test_a_failed_build_is_shown_on_a_terminal_and_in_a_file(self):
         self.write('CMakeLists.txt', 'cmake_minimum_required(VERSION 3.10)\nproject(broken NONE)\n'
                                      'add_custom_target(broken COMMAND no_such_program)\n')
