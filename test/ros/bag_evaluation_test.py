@@ -1,18 +1,16 @@
-#!/usr/bin/python3
 """ktgp_evaluate_bag, and ktgp_bag's motion in metres, on the demo bag, which contains the truth."""
 
-import csv
-import json
+import contextlib
 import math
 import os
 import re
-import subprocess
-import tempfile
+import shutil
 import unittest
 
 import rosbag
 import rospy
 from geometry_msgs.msg import TransformStamped
+from ktgp_testing import FolderCase, messages_of
 from tf2_msgs.msg import TFMessage
 
 TOOL, BAG = os.environ['KTGP_ORB_EVALUATE'], os.environ['KTGP_ORB_DEMO_BAG']
@@ -21,36 +19,26 @@ REAL = os.path.join(os.environ.get('KTGP_ORB_DATA', ''), 'motion/checkerboard.ba
 BY_IMU = ('--motion_normal_source', 'imu', '--motion_base_frame=')
 
 
-class BagEvaluationTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.run_result = cls.evaluate(BAG, '--json', 'out.json')
-        cls.addClassCleanup(cls.folder.cleanup)
+class BagEvaluationTest(FolderCase):
+    def motion(self, bag, *options, **expected):
+        """What ktgp_bag says, and its table."""
+        run = self.run_program(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--motion',
+                               'motion.csv', '--force', *options, **expected)
+        return run.stdout + run.stderr, self.table('motion.csv') if os.path.exists(self.path('motion.csv')) else []
 
-    @classmethod
-    def run_tool(cls, *command):
-        return subprocess.run(list(command), cwd=cls.folder.name, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                              universal_newlines=True)
-
-    @classmethod
-    def evaluate(cls, bag, *options):
-        return cls.run_tool(TOOL, bag, *options)
-
-    def motion(self, bag, *options):
-        """What ktgp_bag answers, and its table."""
-        run = self.run_tool(os.path.join(os.path.dirname(TOOL), 'ktgp_bag'), bag, 'matched.bag', '--motion',
-                            'motion.csv', '--force', *options)
-        table = os.path.join(self.folder.name, 'motion.csv')
-        if not os.path.exists(table):
-            return run, []
-        with open(table) as file:
-            return run, list(csv.DictReader(file))
+    @contextlib.contextmanager
+    def changed_bag(self, seconds=100):
+        """The messages of the first seconds of the demo bag, each after its time since the beginning; and a bag to
+        write, changed.bag."""
+        with rosbag.Bag(BAG) as bag, rosbag.Bag(self.path('changed.bag'), 'w') as changed:
+            begin = bag.get_start_time()
+            end = rospy.Time.from_sec(begin + seconds)
+            messages = bag.read_messages(end_time=end)
+            yield ((t.to_sec() - begin, topic, message, t) for topic, message, t in messages), changed
 
     def test_every_frame_is_matched_close_to_the_truth(self):
-        self.assertEqual(self.run_result.returncode, 0, self.run_result.stderr)
-        with open(os.path.join(self.folder.name, 'out.json')) as file:
-            sequence = json.load(file)['sequence']
+        self.run_program(TOOL, BAG, '--json', 'out.json')
+        sequence = self.json()['sequence']
         self.assertEqual(len(sequence['frames']), 300)
         errors = sorted(frame['corner_error'] for frame in sequence['frames']
                         if frame.get('corner_error') is not None)
@@ -59,14 +47,12 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertLess(errors[int(0.95 * len(errors))], 1.5)
 
     def test_motion_in_metres_is_close_to_the_truth(self):
-        run, rows = self.motion(BAG, '--reference_mode', 'keyframe', *BY_IMU)
-        self.assertEqual(run.returncode, 0, run.stderr)
+        _, rows = self.motion(BAG, '--reference_mode', 'keyframe', *BY_IMU)
         truth = {}
-        with rosbag.Bag(BAG) as bag:
-            for _, message, _ in bag.read_messages(['/camera/ground_truth/odometry']):
-                v = message.twist.twist.linear
-                truth['%d.%09d' % (message.header.stamp.secs, message.header.stamp.nsecs)] = \
-                    math.sqrt(v.x ** 2 + v.y ** 2 + v.z ** 2)
+        for message in messages_of(BAG, '/camera/ground_truth/odometry'):
+            v = message.twist.twist.linear
+            truth['%d.%09d' % (message.header.stamp.secs, message.header.stamp.nsecs)] = \
+                math.sqrt(v.x ** 2 + v.y ** 2 + v.z ** 2)
         rows = [row for row in rows if row['vx']]
         self.assertGreater(len(rows), 270)
         # The velocity of a row is that between two frames, half a frame older than the truth.
@@ -78,10 +64,9 @@ class BagEvaluationTest(unittest.TestCase):
     def said_about_imu(self, late, degrees):
         """What ktgp_bag says about the Imu, if its stamps are late by so many seconds, and tf has it turned by that
         angle about the optical axis."""
-        path = os.path.join(self.folder.name, 'rig.bag')
-        with rosbag.Bag(BAG) as bag, rosbag.Bag(path, 'w') as rig:
+        with self.changed_bag() as (messages, rig):
             first = True
-            for topic, message, stamp in bag:
+            for _, topic, message, stamp in messages:
                 if topic == '/camera/imu':
                     place = TransformStamped()
                     place.header.frame_id, place.child_frame_id = message.header.frame_id, 'imu'
@@ -93,9 +78,7 @@ class BagEvaluationTest(unittest.TestCase):
                     message.header.stamp += rospy.Duration(late)
                     message.header.frame_id = 'imu'
                 rig.write(topic, message, stamp)
-        run, _ = self.motion('rig.bag', '--reference_mode', 'keyframe', '--motion_gyro', 'true', *BY_IMU)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        return run.stdout + run.stderr
+        return self.motion('changed.bag', '--reference_mode', 'keyframe', '--motion_gyro', 'true', *BY_IMU)[0]
 
     def test_an_imu_with_late_stamps_in_another_place_than_tf_says_is_named(self):
         said = self.said_about_imu(0.04, 2.0)
@@ -113,52 +96,38 @@ class BagEvaluationTest(unittest.TestCase):
         self.assertNotIn('seem', said)
 
     def test_a_recording_that_was_cut_off_has_the_motion_up_to_there(self):
-        with open(BAG, 'rb') as file:
-            content = file.read()
-        with open(os.path.join(self.folder.name, 'cut.bag'), 'wb') as file:
-            file.write(content[:len(content) // 10])  # and without its index
-        run, rows = self.motion('cut.bag', *BY_IMU)
-        self.assertEqual(run.returncode, 1, run.stderr)
-        self.assertIn('the index at the end is missing', run.stderr)
+        shutil.copy(BAG, self.path('cut.bag'))
+        self.damage('cut.bag', 0.1)  # and without its index
+        _, rows = self.motion('cut.bag', *BY_IMU, code=1, words='the index at the end is missing')
         self.assertGreater(sum(bool(row['vx']) for row in rows), 15)
 
     def test_no_motion_at_all_is_no_success_and_every_row_says_why(self):
-        run, rows = self.motion(BAG, '--duration', '0.3', '--motion_base_frame', 'no_frame')
-        self.assertEqual(run.returncode, 1, run.stderr)
-        self.assertIn('motion of 0 of 10 frames', run.stderr)
-        self.assertRegex(run.stderr, '10 frames without: .*no_frame')
+        said, rows = self.motion(BAG, '--duration', '0.3', '--motion_base_frame', 'no_frame', code=1,
+                                 words='motion of 0 of 10 frames')
+        self.assertRegex(said, '10 frames without: .*no_frame')
         self.assertEqual({row['status'] for row in rows}, {'refused'})
         self.assertTrue(all('no_frame' in row['reason'] for row in rows))
 
     def test_problems_are_counted_by_their_kind_and_readings_that_contradict_are_said(self):
-        with rosbag.Bag(BAG) as bag, rosbag.Bag(os.path.join(self.folder.name, 'box.bag'), 'w') as changed:
-            begin = bag.get_start_time()
-            for topic, message, stamp in bag.read_messages():
-                seconds = stamp.to_sec() - begin
-                if seconds > 3.5:
-                    break
+        with self.changed_bag(3.5) as (messages, changed):
+            for seconds, topic, message, stamp in messages:
                 if topic == '/camera/range':
                     if 0.2 < seconds < 1.6:
                         continue
                     if 2.0 < seconds < 3.0 and int(10 * seconds) % 2:
                         message.range *= 0.5  # what passes below
                 changed.write(topic, message, stamp)
-        run, _ = self.motion('box.bag', *BY_IMU)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        said = run.stdout + run.stderr
+        said, _ = self.motion('changed.bag', *BY_IMU)
         self.assertRegex(said, '[0-9]+ frames without: no height: the nearest range on /camera/range is [0-9.]+ s away')
         self.assertEqual(len(re.findall('frames without: no height: the nearest range', said)), 1, said)
         self.assertRegex(said, '[0-9]+ frames with motion, but not by all readings: height: .*contradicts')
 
     def test_after_a_second_without_a_height_there_is_no_motion(self):
-        with rosbag.Bag(BAG) as bag, rosbag.Bag(os.path.join(self.folder.name, 'gap.bag'), 'w') as gap:
-            begin = bag.get_start_time()
-            for topic, message, stamp in bag.read_messages():
-                seconds = stamp.to_sec() - begin
-                if seconds < 3.5 and not (topic == '/camera/range' and 0.5 < seconds < 2.5):
+        with self.changed_bag(3.5) as (messages, gap):
+            for seconds, topic, message, stamp in messages:
+                if not (topic == '/camera/range' and 0.5 < seconds < 2.5):
                     gap.write(topic, message, stamp)
-        run, rows = self.motion('gap.bag', *BY_IMU)
-        self.assertEqual(run.returncode, 0, run.stderr)
+        _, rows = self.motion('changed.bag', *BY_IMU)
         for row in rows:
             row['s'] = float(row['stamp']) - float(rows[0]['stamp'])
         old = [row for row in rows if 1.6 < row['s'] < 2.4]
@@ -174,26 +143,20 @@ class BagEvaluationTest(unittest.TestCase):
                                 '/camera/imu is of type sensor_msgs/Imu; expected sensor_msgs/Range'),
                                (['--motion_gyro', 'true', '--motion_imu', '/camera/range'],
                                 '/camera/range is of type sensor_msgs/Range; expected sensor_msgs/Imu')):
-            run, _ = self.motion(BAG, *options)
-            self.assertEqual(run.returncode, 2, run.stderr)
-            self.assertIn(words, run.stderr)
+            self.motion(BAG, *options, code=2, words=words)
 
     def test_a_missing_bag_is_named(self):
-        run = self.evaluate('no_such.bag')
-        self.assertNotEqual(run.returncode, 0)
-        self.assertIn('no_such.bag', run.stderr)
+        self.run_program(TOOL, 'no_such.bag', code=2, words='no_such.bag')
 
 
 @unittest.skipUnless(os.path.exists(REAL), 'KTGP_ORB_DATA is not set: this test needs its motion/checkerboard.bag')
-class RealMotionTest(unittest.TestCase):
+class RealMotionTest(FolderCase):
     """A camera with a rolling shutter in the hand, against motion capture."""
 
     def table(self, *options):
         """Its rows: in flight, and above 0.3 m; the numbers of each cell."""
-        run = subprocess.run(['/usr/bin/python3', '-B', os.path.join(ROOT, 'scripts/report/motion.py'), '--tools',
-                              os.path.dirname(TOOL), '--motion', REAL, '--drift', '3', '8', *options],
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True)
-        self.assertEqual(run.returncode, 0, run.stderr)
+        run = self.run_program('/usr/bin/python3', '-B', os.path.join(ROOT, 'scripts/report/motion.py'), '--tools',
+                               os.path.dirname(TOOL), '--motion', REAL, '--drift', '3', '8', *options)
         print(run.stdout)
         rows = run.stdout.splitlines()[2:]
         self.assertEqual(len(rows), 2)

@@ -1,18 +1,11 @@
-#!/usr/bin/python3
 """ktgp_bag --targets: a poster in a recording, against the truth and against ktgp_find; what is refused."""
 
-import json
 import os
-import subprocess
-import sys
-import unittest
 
 import cv2
 import numpy as np
 import rosbag
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
 from ktgp_testing import FolderCase, image_message, messages_of, texture
 from poster import CHI_SQUARE, K, POSITION, POSTER, information, pose_errors, rendered
@@ -30,10 +23,6 @@ class BagTargetsTest(FolderCase):
         cv2.imwrite(self.path('other.png'), texture(300, 400, seed=11))
         self.write('targets.yaml', LIST)
 
-    def write(self, name, text):
-        with open(self.path(name), 'w') as file:
-            file.write(text)
-
     def write_bag(self, frames=FRAMES, info=information(), seconds=None):
         """seconds: stamps of the images, if not 33 ms apart."""
         with rosbag.Bag(self.path('in.bag'), 'w') as bag:
@@ -44,20 +33,16 @@ class BagTargetsTest(FolderCase):
                 if info:
                     bag.write('/camera/camera_info', info, arrival)
 
-    def run_bag(self, *arguments, recording='in.bag'):
-        return subprocess.run([os.environ['KTGP_ORB_BAG'], recording, 'out.bag', '--targets', 'targets.yaml'] +
-                              list(arguments), stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=self.folder,
-                              universal_newlines=True)
+    def run_bag(self, *arguments, recording='in.bag', **expected):
+        self.run_program(os.environ['KTGP_ORB_BAG'], recording, 'out.bag', '--targets', 'targets.yaml', *arguments,
+                         **expected)
 
     def detections(self, topic=DETECTIONS, bag='out.bag'):
         return messages_of(self.path(bag), topic)
 
     def test_finds_the_poster_in_every_image(self):
         self.write_bag()
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 2\n',
-                      run.stderr)
+        self.run_bag(words='targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 2\n')
         messages = self.detections()
         self.assertEqual(len(messages), len(FRAMES))
         for i, (message, position) in enumerate(zip(messages, POSITIONS)):
@@ -77,38 +62,30 @@ class BagTargetsTest(FolderCase):
         twin = np.hstack([POSTER[:, :130], texture(300, 270, seed=12)])  # a third of it is that of the poster
         cv2.imwrite(self.path('twin.png'), twin)
         self.write('targets.yaml', LIST + '- {id: twin, image: twin.png, width: 1.0}\n')
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 0, run.stderr)
+        self.run_bag(words='targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 3\n')
         rejected = [d for m in self.detections() for d in m.detections if d.status != MatchStatus.STATUS_OK]
         self.assertGreater(len(rejected), 0)
         self.assertEqual({d.id for d in rejected}, {'twin'})
-        self.assertIn('targets.yaml: 5 detections in 5 of 5 images, 5 of them with a pose; known targets: 3\n',
-                      run.stderr)
 
     def test_images_without_a_target_count_and_a_loop_begins_anew(self):
         blank = np.full_like(FRAMES[0], 90)
         self.write_bag([FRAMES[0], FRAMES[1], FRAMES[0], blank], seconds=(1000.0, 1000.1, 900.0, 900.1))
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('3 detections in 3 of 4 images, 3 of them with a pose', run.stderr)
+        self.run_bag(words='3 detections in 3 of 4 images, 3 of them with a pose')
         self.assertEqual([[d.age for d in m.detections] for m in self.detections()], [[1], [2], [1], []])
 
     def test_takes_the_calibration_of_the_images(self):
         self.write_bag(info=information(k=np.diag([1.2, 1.2, 1.0]) @ K, p=K))
         for kind, is_right in (('raw', False), ('rectified', True)):
-            run = self.run_bag('--calibration', kind, '--force')
-            self.assertEqual(run.returncode, 0, run.stderr)
+            self.run_bag('--calibration', kind, '--force')
             metres = pose_errors(self.detections()[0].detections[0].pose, position=POSITIONS[0])[0]
             self.assertEqual(metres < 0.002, is_right, kind)
 
     def test_has_the_bits_of_ktgp_find(self):
         self.write_bag()
-        self.assertEqual(self.run_bag('--name', '/mine').returncode, 0)
+        self.run_bag('--name', '/mine')
         cv2.imwrite(self.path('frame.png'), FRAMES[0])
-        subprocess.check_call([os.environ['KTGP_ORB_FIND'], 'frame.png', 'targets.yaml', '--json', 'found.json'],
-                              cwd=self.folder, stdout=subprocess.DEVNULL)
-        with open(self.path('found.json')) as file:
-            expected, = json.load(file)['detections']
+        self.run_program(os.environ['KTGP_ORB_FIND'], 'frame.png', 'targets.yaml', '--json', 'found.json')
+        expected, = self.json('found.json')['detections']
         found, = self.detections('/mine/detections')[0].detections
         self.assertEqual(list(found.homography), list(np.ravel(expected['homography'])))
         self.assertEqual(list(found.corners), list(np.ravel(expected['corners'])))
@@ -118,10 +95,8 @@ class BagTargetsTest(FolderCase):
 
     def test_says_why_there_is_no_pose(self):
         self.write_bag(info=None)
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('0 of them with a pose', run.stderr)
-        self.assertIn('first reason for no pose: no camera_info on /camera/camera_info', run.stderr)
+        self.run_bag(words=('0 of them with a pose',
+                            'first reason for no pose: no camera_info on /camera/camera_info'))
         for message in self.detections():
             self.assertEqual(message.no_pose, 'no camera_info on /camera/camera_info')
             self.assertFalse(message.detections[0].has_pose)
@@ -129,25 +104,18 @@ class BagTargetsTest(FolderCase):
     def test_images_in_files_have_no_calibration(self):
         for i, picture in enumerate(FRAMES):
             cv2.imwrite(self.path('frame%d.png' % i), picture)
-        run = self.run_bag(recording='frame*.png')
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('5 detections in 5 of 5 images, 0 of them with a pose', run.stderr)
-        self.assertIn('first reason for no pose: no camera_info', run.stderr)
+        self.run_bag(recording='frame*.png', words=('5 detections in 5 of 5 images, 0 of them with a pose',
+                                                    'first reason for no pose: no camera_info'))
 
     def test_a_bad_target_is_named_and_the_others_are_found(self):
         self.write_bag()
         self.write('broken.png', 'no image')
         self.write('targets.yaml', LIST + '- {image: broken.png}\n')
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn('broken.png', run.stderr)
-        self.assertIn('known targets: 2, refused: 1', run.stderr)
+        self.run_bag(words=('broken.png', 'known targets: 2, refused: 1'))
         self.assertEqual([d.id for m in self.detections() for d in m.detections], len(FRAMES) * ['mine'])
 
     def refused(self, words, *arguments):
-        run = self.run_bag(*arguments)
-        self.assertEqual(run.returncode, 2, run.stderr)
-        self.assertIn(words, run.stderr)
+        self.run_bag(*arguments, code=2, words=words)
         self.assertFalse(os.path.exists(self.path('out.bag')))
 
     def test_refuses_with_the_reason(self):
@@ -162,12 +130,5 @@ class BagTargetsTest(FolderCase):
         self.refused('targets.yaml: is missing')
         self.write('targets.yaml', LIST)
         self.write('out.bag', 'mine')
-        run = self.run_bag()
-        self.assertEqual(run.returncode, 2, run.stderr)
-        self.assertIn('--force', run.stderr)
-        with open(self.path('out.bag')) as file:
-            self.assertEqual(file.read(), 'mine')
-
-
-if __name__ == '__main__':
-    unittest.main()
+        self.run_bag(code=2, words='--force')
+        self.assertEqual(self.read('out.bag'), 'mine')

@@ -6,13 +6,11 @@ Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be
 statistics of the previous one, so that none is dropped on a busy machine.
 """
 
-import unittest
-
 import numpy as np
 import rosbag
 import rospy
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, run_as_node
+from ktgp_orb.msg import Correspondences, MatchStatus
+from ktgp_testing import MatcherCase, run_as_node
 
 STAGES = ['knn', 'tf', 'gms', 'prosac', 'align']
 
@@ -32,15 +30,13 @@ def corner_error(estimate, truth, width, height):
                                  axis=1)).max()
 
 
-class BagTest(unittest.TestCase):
+class BagTest(MatcherCase):
+    topics = 'statistics', 'correspondences', 'homography'
+
     @classmethod
     def setUpClass(cls):
+        super().setUpClass()
         path, topic = rospy.get_param('~bag'), rospy.get_param('~topic', '/camera/image_raw')
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
         cls.truth, cls.segments, cls.headers = {}, {}, []
         topics = {topic, rospy.get_param('~truth_topic', ''), rospy.get_param('~segment_topic', '')}
         with rosbag.Bag(path) as bag:
@@ -55,7 +51,7 @@ class BagTest(unittest.TestCase):
                     cls.segments[time] = message.data
         last = cls.headers[-1].stamp
         cls.correspondences.wait_for(last)
-        cls.homographies.wait_for(last)
+        cls.homography.wait_for(last)
 
     def pairs(self):
         """Headers of each frame and of the previous one."""
@@ -71,9 +67,9 @@ class BagTest(unittest.TestCase):
                          [(name, 0) for name in STAGES])
         self.assertEqual(statistics[-1].dropped_frames + statistics[-1].lost_frames, 0)
         self.assertEqual(len(self.correspondences.messages()), len(self.headers) - 1)
-        self.assertEqual(len(self.homographies.messages()), len(self.headers))
+        self.assertEqual(len(self.homography.messages()), len(self.headers))
         for header, before in self.pairs():
-            for recorder in (self.statistics, self.correspondences, self.homographies):
+            for recorder in (self.statistics, self.correspondences, self.homography):
                 message = recorder.with_stamp(header.stamp)
                 self.assertEqual(message.header.frame_id, header.frame_id)
                 self.assertEqual(message.reference_stamp, before.stamp)
@@ -98,7 +94,7 @@ class BagTest(unittest.TestCase):
     def test_correspondences_agree_with_statistics_and_homography(self):
         for m in self.correspondences.messages():
             statistics = self.statistics.with_stamp(m.header.stamp)
-            homography = self.homographies.with_stamp(m.header.stamp)
+            homography = self.homography.with_stamp(m.header.stamp)
             levels = np.frombuffer(m.level, np.uint8)
             for level, stage in ((Correspondences.LEVEL_KT, 1), (Correspondences.LEVEL_KTG, 2)):
                 self.assertEqual((levels >= level).sum(), statistics.stages[stage].output)
@@ -137,7 +133,7 @@ class BagTest(unittest.TestCase):
         for header, _ in self.pairs():
             if self.segment(header.stamp) != 'clean':
                 continue
-            message = self.homographies.with_stamp(header.stamp)
+            message = self.homography.with_stamp(header.stamp)
             truth = self.truth[header.stamp]
             self.assertEqual(truth.reference_stamp, message.reference_stamp)
             found = message.status == MatchStatus.STATUS_OK

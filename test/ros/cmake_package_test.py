@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The CMake recipe of doc/cpp.md in the devel space of this build, as in a sourced workspace."""
 
 import os
@@ -13,7 +12,3 @@ class CMakePackageTest(unittest.TestCase):
         run = subprocess.run([CHECK, os.environ['KTGP_ORB_DEVEL']], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                              universal_newlines=True)
         self.assertEqual(run.returncode, 0, run.stdout)
-
-
-if __name__ == '__main__':
-    unittest.main()

@@ -1,8 +1,7 @@
-#!/usr/bin/python3
 """Runs every command of README.md and doc/ in a clean clone, with small data.
 
-Commands are the indented lines, and spans between backticks that begin like a command. Each one has a row
-in COMMANDS: how it is run here, or the reason why it is not. The clone has the build of this test in
+Commands are the indented lines, and spans between backticks that begin like a command. Of each is said
+how it is run here, or the reason why it is not. The clone has the build of this test in
 out/release, as after scripts/test."""
 
 import concurrent.futures
@@ -11,7 +10,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import unittest
 
@@ -20,7 +18,6 @@ import rosbag
 import rospy
 from sensor_msgs.msg import CameraInfo
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import TIMEOUT, image_message, view
 from ports import free_port
 
@@ -30,230 +27,151 @@ FIRST_WORDS = ('cmake', 'catkin', 'catkin_make', 'catkin_test_results', 'git', '
                'rosparam', 'rosrun', 'rosservice', 'rostest', 'rostopic', 'source', 'sudo')
 
 
-class Skipped(str):
-    """Why a command is not run here."""
+class Run:
+    """How a command is run here: with other words, and more of them at the end; what does not end by itself until it
+    prints `until`."""
+
+    def __init__(self, *changes, add='', before='', until=None):
+        self.changes, self.add, self.before, self.until = changes, add, before, until
+
+    def of(self, command):
+        for old, new in self.changes:
+            assert old in command, (old, command)
+            command = command.replace(old, new)
+        return self.before + command + self.add
 
 
-class Until(str):
-    """A command that does not end by itself; it is ended when it prints `text`."""
-
-    def __new__(cls, command, text):
-        made = super().__new__(cls, command)
-        made.text = text
-        return made
-
-
-IN_CI = Skipped('a part of continuous integration, for minutes')
-TOO_LONG = Skipped('takes minutes to hours')
-BENCHMARKS = Skipped('builds the benchmark programs, which takes minutes; then a row takes seconds')
-WORKSPACE = Skipped('dev/check_workspace runs it in a workspace of its own, in CI')
-SOURCED = Skipped('every command here runs after it')
-WINDOW = Skipped('opens rviz; the test "launch_run" runs it with a stand-in')
-MATCHER = 'matches images on /camera/image_raw'
+AS_WRITTEN = Run()
+MATCHER = Run(until='matches images on /camera/image_raw')
+CONSUMER = Run(until='takes images on /camera/image_raw')
+MOTION = Run(until='takes matches on /camera/matcher/match')
 SMALL = ' --features 300 --repeat 1'
+OXFORD = ('oxford/leuven oxford/bikes oxford/boat', 'sets/leuven')
 # The estimator of these methods needs OpenCV 4.6.
 PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''
+TARGETS = "echo '- {id: place, image: first.png}' > targets.yaml && "
+POSTERS = 'mkdir -p posters && cp first.png posters/ && '
 
-COMMANDS = {
-    'git clone <this repository> ktgp_orb && cd ktgp_orb': Skipped('this is such a clone'),
-    'scripts/demo': Skipped('the test "demo" runs it'),
-    'scripts/test': Skipped('runs this test'),
-    'scripts/test -R robot_': Skipped('runs tests of which this is one'),
-    'scripts/bench': BENCHMARKS,
-    'scripts/bench --benchmark_filter=align': BENCHMARKS,
+RUN = {
     'scripts/bench --compare OLD.json NEW.json':
-        'scripts/bench --compare old/benchmarks.json new/benchmarks.json',
-    'scripts/bench --benchmark_filter=preset': BENCHMARKS,
-    'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test': TOO_LONG,
-    'rosbag reindex': Skipped('for a damaged bag; rosbag\'s own'),
-    'rosparam delete /use_sim_time': Skipped('for a master that has it; rosparam\'s own'),
-    'dev/check': IN_CI,
-    'dev/check_arm64': TOO_LONG,
-    'dev/check_arm64 --fast': TOO_LONG,
-    'dev/check_arm64 knn_matcher_test': TOO_LONG,
-    'dev/check_includes': 'dev/check_includes',
-    'test/long/stabilization.py': TOO_LONG,
-    'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png':
-        'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png',
-    'scripts/test -L long -R motion': TOO_LONG,
-    'dev/check_platform bullseye': TOO_LONG,
-    'dev/check_platform bookworm': IN_CI,
-    'dev/check_workspace': IN_CI,
-    'sudo dev/check_platform bookworm': IN_CI,
-    'sudo dev/package bookworm': TOO_LONG,
-    'sudo dev/package trixie': TOO_LONG,
-    'sudo apt install ./build/packages/bookworm/*.deb': Skipped('dev/package does it in a bare root'),
+        Run(('OLD', 'old/benchmarks'), ('NEW', 'new/benchmarks')),
+    'dev/check_includes': AS_WRITTEN,
+    'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png': AS_WRITTEN,
     'scripts/evaluate':
-        'scripts/evaluate --built out/release --data sets --output report --methods ORB,KTGP '
-        '--repeat 1 --warp-pairs 1',
-    'scripts/evaluate --hpatches DIR':
-        'scripts/evaluate --built out/release --hpatches sets --methods KTGP',
+        Run(add=' --built out/release --data sets --output report --methods ORB,KTGP --repeat 1 --warp-pairs 1'),
+    'scripts/evaluate --hpatches DIR': Run(('DIR', 'sets'), add=' --built out/release --methods KTGP'),
     'scripts/evaluate --data DIR':
-        'scripts/evaluate --built out/release --data sets --methods KTGP --repeat 1 --warp-pairs 0 '
-        '--output one_method',
-    'dev/fuzz': TOO_LONG,
-    'dev/fuzz gms 600': TOO_LONG,
-    'dev/fuzz gms FILE': Skipped('needs an input that a fuzz target has found'),
-    'dev/mutate': TOO_LONG,
-    'dev/mutate --refresh': TOO_LONG,
-    'dev/mutate --refresh 15 1': TOO_LONG,
-    'scripts/evaluate --targets FOLDER': TOO_LONG,
-    'scripts/evaluate --motion BAG': TOO_LONG,
-    'scripts/setup test': Skipped('installs the packages of the tests'),
-    'dev/mutate core/gms': TOO_LONG,
-    'dev/sanitize': IN_CI,
-    'dev/sanitize thread': IN_CI,
-    'dev/sanitize address': IN_CI,
-    'dev/sanitize thread full': TOO_LONG,
-    'scripts/test -L long': TOO_LONG,
-    'scripts/test -L long -R latency': TOO_LONG,
-    'scripts/test -L long -R lost_target': TOO_LONG,
-    'scripts/test -L long -R faults': TOO_LONG,
-    'scripts/test -L long -R verdict': TOO_LONG,
-    'scripts/test -L long -R targets': TOO_LONG,
-    'scripts/test -L long -R long_flood': TOO_LONG,
-    'test/long/flood_test.py SECONDS': TOO_LONG,
-    'scripts/test -L long -R long_soak': IN_CI,
-    'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak': TOO_LONG,
-    'scripts/test -L long -R targets_soak': TOO_LONG,
-    'dev/nightly': TOO_LONG,
-    'ktgp_evaluate homogr evd dogman notredame --longest-side 1200 --methods '
-    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
-    'ktgp_evaluate --warps extreme --warp-pairs 480 IMAGES --methods '
-    'ROBUST-GROWTH,ROBUST,HARD,HARD-VIEWS,SIFT,AKAZE': TOO_LONG,
-    'rostopic echo /usb_cam/matcher/homography': Skipped('waits for images; rostopic\'s own'),
-    'sudo apt install rviz': Skipped('installs a package'),
-    'sudo apt install ros-noetic-usb-cam': Skipped('Ubuntu\'s package of the driver'),
-    'rosrun usb_cam usb_cam_node _video_device:=/dev/video0': Skipped('needs a camera'),
-    'rosparam set use_sim_time false': Skipped('for a master that has it; rosparam\'s own'),
-    'rostopic echo -n 1 ~mask/encoding': Skipped('waits for a mask; rostopic\'s own'),
-    'rostopic echo /diagnostics': Skipped('waits for diagnostics; rostopic\'s own'),
-    'source out/release/devel/setup.bash': SOURCED,
-    'source devel/setup.bash': SOURCED,
-    'catkin_make': WORKSPACE,
-    'catkin build': Skipped('as catkin_make; Debian has no catkin_tools'),
-    'catkin_make run_tests': WORKSPACE,
-    'catkin_make -j4 run_tests': WORKSPACE,
-    'catkin_test_results build/test_results': WORKSPACE,
-    'rostest test/ros/robot_overload.test seconds:=120': TOO_LONG,
-    'scripts/evaluate --motion checkerboard.bag --drift 3 6 8':
-        Skipped('needs a recording with its truth in tf'),
-    'cmake -DKTGP_ORB_CORE_ONLY=ON':
-        'cmake -DKTGP_ORB_CORE_ONLY=ON -S . -B build/core_only ${KTGP_ORB_CMAKE_OPTIONS:-}',
-    'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video':
-        Until('roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video', MATCHER),
+        Run(('DIR', 'sets'), add=' --built out/release --methods KTGP --repeat 1 --warp-pairs 0 --output one_method'),
+    'cmake -DKTGP_ORB_CORE_ONLY=ON': Run(add=' -S . -B build/core_only ${KTGP_ORB_CMAKE_OPTIONS:-}'),
+    'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video': MATCHER,
     'roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video':
-        Until('roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video',
-              'matches images on /usb_cam/image_raw'),
+        Run(until='matches images on /usb_cam/image_raw'),
     'roslaunch ktgp_orb multi_camera.launch cameras:="front left right"':
-        Until('roslaunch ktgp_orb multi_camera.launch cameras:="front left right"',
-              'matches images on /right/image_raw'),
-    'roslaunch --ros-args ktgp_orb matcher.launch': 'roslaunch --ros-args ktgp_orb matcher.launch',
-    'roslaunch ktgp_orb matcher.launch': Until('roslaunch ktgp_orb matcher.launch', MATCHER),
-    'roslaunch ktgp_orb stabilizer.launch':
-        Until('roslaunch ktgp_orb stabilizer.launch', 'takes images on /camera/image_raw'),
-    'roslaunch ktgp_orb mosaic.launch':
-        Until('roslaunch ktgp_orb mosaic.launch', 'takes images on /camera/image_raw'),
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: previous, guided: true, gms_grid: 0}"':
-        Until('roslaunch ktgp_orb matcher.launch '
-              'set:="{reference_mode: previous, guided: true, gms_grid: 0}"', MATCHER),
-    'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"':
-        Until('roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"',
-              'takes matches on /camera/matcher/match'),
-    'roslaunch ktgp_orb targets.launch targets:="$PWD/posters"':
-        Until('mkdir -p posters && cp first.png posters/ && roslaunch ktgp_orb targets.launch '
-              'targets:="$PWD/posters"', 'known targets: 1'),
-    'rostopic echo /camera/targets/detections': Skipped('waits for images; rostopic\'s own'),
-    'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw':
-        'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw rviz:=false delay:=1',
+        Run(until='matches images on /right/image_raw'),
+    'roslaunch --ros-args ktgp_orb matcher.launch': AS_WRITTEN,
+    'roslaunch ktgp_orb matcher.launch': MATCHER,
+    'roslaunch ktgp_orb stabilizer.launch': CONSUMER,
+    'roslaunch ktgp_orb mosaic.launch': CONSUMER,
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: previous, guided: true, gms_grid: 0}"': MATCHER,
+    'roslaunch ktgp_orb ground_motion.launch set:="{height_source: parameter, height: 0.31}"': MOTION,
+    'roslaunch ktgp_orb targets.launch targets:="$PWD/posters"': Run(before=POSTERS, until='known targets: 1'),
+    'roslaunch ktgp_orb bag.launch bag:=my.bag topic:=/camera/image_raw': Run(add=' rviz:=false delay:=1'),
     'roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw':
-        Until('roslaunch ktgp_orb tune.launch bag:=my.bag topic:=/camera/image_raw rviz:=false',
-              'rqt_plot is not installed'),
-    'rosrun ktgp_orb sliders NODE': Skipped('opens a window; the test "sliders" does'),
-    'roslaunch ktgp_orb rviz.launch namespace:=camera': WINDOW,
-    'roslaunch ktgp_orb rviz.launch namespace:=usb_cam': WINDOW,
-    'roslaunch ktgp_orb views.launch namespace:=camera':
-        Until('roslaunch ktgp_orb views.launch namespace:=camera rviz:=false', 'takes images on /camera/image_raw'),
+        Run(add=' rviz:=false', until='rqt_plot is not installed'),
+    'roslaunch ktgp_orb views.launch namespace:=camera': Run(add=' rviz:=false', until=CONSUMER.until),
     'roslaunch ktgp_orb views.launch namespace:=usb_cam':
-        Until('roslaunch ktgp_orb views.launch namespace:=usb_cam rviz:=false', 'takes images on /usb_cam/image_raw'),
-    'roslaunch ktgp_orb ground_motion.launch':
-        Until('roslaunch ktgp_orb ground_motion.launch', 'takes matches on /camera/matcher/match'),
-    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"':
-        Until('roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, '
-              'reference_image: $PWD/poster.png}"', MATCHER),
+        Run(add=' rviz:=false', until='takes images on /usb_cam/image_raw'),
+    'roslaunch ktgp_orb ground_motion.launch': MOTION,
+    'roslaunch ktgp_orb matcher.launch set:="{reference_mode: fixed, reference_image: $PWD/poster.png}"': MATCHER,
     'roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml rviz:=true':
-        Until('roslaunch ktgp_orb demo.launch bag:=flight.bag targets:=signs/targets.yaml', 'known targets: 3'),
+        Run((' rviz:=true', ''), until='known targets: 3'),
     'rosrun ktgp_orb camera_motion match:=/camera/matcher/match':
-        Until('{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && '
-              'rosrun ktgp_orb camera_motion match:=/camera/matcher/match',
-              'waits for /camera/matcher/match; no node publishes it'),
-
+        Run(before='{ roscore -p ${ROS_MASTER_URI##*:} >/dev/null 2>&1 & } && ',
+            until='waits for /camera/matcher/match; no node publishes it'),
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --targets targets.yaml':
-        "echo '- {id: place, image: first.png}' > targets.yaml && "
-        'rosrun ktgp_orb ktgp_bag my.bag with_targets.bag --targets targets.yaml',
-    'rosrun ktgp_orb ktgp_find photo.png posters':
-        'mkdir -p posters && cp first.png posters/ && rosrun ktgp_orb ktgp_find second.png posters',
+        Run(('matched', 'with_targets'), before=TARGETS),
+    'rosrun ktgp_orb ktgp_find photo.png posters': Run(('photo', 'second'), before=POSTERS),
     'rosrun ktgp_orb ktgp_find photo.png targets.yaml --draw found.png --json found.json':
-        "echo '- {id: place, image: first.png}' > targets.yaml && "
-        'rosrun ktgp_orb ktgp_find second.png targets.yaml --draw found.png --json found.json',
-    'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png':
-        'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png',
-    'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1,3,6':
-        Skipped('needs a recording with known cameras; the test of ktgp_evaluate has one'),
-    'rosrun ktgp_orb ktgp_evaluate --two-view fountain-P11 Herz-Jesus-P25 --apart 1,2 --descriptor teblid '
-    '--features 3000 --fast_threshold 10':
-        Skipped('needs pictures with known cameras'),
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60':
-        'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 0.1 --duration 60',
-    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv':
-        'rosrun ktgp_orb ktgp_bag my.bag with_table.bag --csv with_table.csv',
-    'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -':
-        'rosrun ktgp_orb ktgp_bag my.mp4 matched_video.bag --csv -',
+        Run(('photo', 'second'), before=TARGETS),
+    'rosrun ktgp_orb ktgp_match first.png second.png --draw matches.png': AS_WRITTEN,
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv --start 10 --duration 60': Run(('10', '0.1')),
+    'rosrun ktgp_orb ktgp_bag my.bag matched.bag --csv matched.csv': Run(('matched', 'with_table')),
+    'rosrun ktgp_orb ktgp_bag my.mp4 matched.bag --csv -': Run(('matched', 'matched_video')),
     "rosrun ktgp_orb ktgp_bag 'images/*.png' matched.bag --rate 10":
-        "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' matched_images.bag --rate 10",
+        Run(('images/*.png', 'sets/leuven/*.ppm'), ('matched', 'matched_images')),
     "rosrun ktgp_orb ktgp_bag 'flight/*.jpg' matched.bag --rate 0.5 --longest_side 1000 --preset photo "
-    "--mosaic map.png":
-        "rosrun ktgp_orb ktgp_bag 'sets/leuven/*.ppm' photographs.bag --rate 0.5 --longest_side 300 --preset photo "
-        "--mosaic photographs.png",
+    "--mosaic map.png": Run(('flight/*.jpg', 'sets/leuven/*.ppm'), ('matched', 'photographs'), ('1000', '300'),
+                            ('map', 'photographs')),
     "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt":
-        "xargs -d '\\n' -P 4 -I {} examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 <list.txt",
-    'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
-    ':::: list.txt': Skipped('needs GNU parallel; the test "recordings" runs it where it is installed'),
-    'sbatch --array=1-40 --requeue --wrap \'examples/fleet/one_recording.sh "$(sed -n ${SLURM_ARRAY_TASK_ID}p list.txt)" '
-    "results --csv matched.csv'": Skipped('needs a cluster with Slurm'),
+        AS_WRITTEN,
     'rosrun ktgp_orb ktgp_bag my.bag matched.bag --stabilize steady.mp4 --mosaic map.png':
-        'rosrun ktgp_orb ktgp_bag my.bag with_views.bag --stabilize steady.mp4 --mosaic map.png',
-    'rosrun ktgp_orb make_demo_bag demo.bag':
-        'rosrun ktgp_orb make_demo_bag demo.bag --seconds 0.3',
+        Run(('matched', 'with_views')),
+    'rosrun ktgp_orb make_demo_bag demo.bag': Run(add=' --seconds 0.3'),
     'rosrun ktgp_orb ktgp_bag demo.bag matched.bag --reference_mode keyframe --guided true --motion motion.csv '
-    '--motion_base_frame= --motion_normal_source imu':
-        'rosrun ktgp_orb ktgp_bag demo.bag with_motion.bag --reference_mode keyframe --guided true '
-        '--motion motion.csv --motion_base_frame= --motion_normal_source imu',
-    'rosrun ktgp_orb make_demo_bag flight.bag --targets signs':
-        'rosrun ktgp_orb make_demo_bag flight.bag --targets signs --seconds 0.3',
-    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': 'rosrun ktgp_orb ktgp_evaluate_bag demo.bag',
-    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust':
-        'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust',
+    '--motion_base_frame= --motion_normal_source imu': Run(('matched', 'with_motion')),
+    'rosrun ktgp_orb make_demo_bag flight.bag --targets signs': Run(add=' --seconds 0.3'),
+    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag': AS_WRITTEN,
+    'rosrun ktgp_orb ktgp_evaluate_bag demo.bag --preset robust': AS_WRITTEN,
     'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large oxford/leuven oxford/bikes oxford/boat '
     '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID,SIFT,AKAZE,FLOW':
-        'rosrun ktgp_orb ktgp_evaluate --warps small,medium,large sets/leuven --warp-pairs 2 '
-        '--methods KTGP,KTGP+ALIGN,MUTUAL,ROBUST,ROBUST-TEBLID' + PEERS + SMALL,
+        Run(OXFORD, (',SIFT,AKAZE,FLOW', PEERS), add=' --warp-pairs 2' + SMALL),
     'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
-    '--methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID':
-        'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID' +
-        SMALL,
+    '--methods KTGP,KTGP+ALIGN,ROBUST,ROBUST-TEBLID': Run(OXFORD, add=SMALL),
     'rosrun ktgp_orb ktgp_evaluate oxford/leuven oxford/bikes oxford/boat '
-    '--methods ROBUST,ROBUST-TEBLID --alignment=false':
-        'rosrun ktgp_orb ktgp_evaluate sets/leuven --methods ROBUST,ROBUST-TEBLID '
-        '--alignment=false' + SMALL,
+    '--methods ROBUST,ROBUST-TEBLID --alignment=false': Run(OXFORD, add=SMALL),
+}
+# Why the others are not run here. As in a shell, a{,b,c} is three of them.
+NOT_RUN = {
+    'a part of continuous integration, for minutes': [
+        'dev/check', '{sudo ,}dev/check_platform bookworm', 'dev/check_workspace', 'dev/sanitize{, thread, address}',
+        'scripts/test -L long -R long_soak'],
+    'takes minutes to hours': [
+        'KTGP_ORB_DAMAGES=200000 test/core/hostile_bag_test', 'dev/check_arm64{, --fast, knn_matcher_test}',
+        'test/long/stabilization.py', 'test/long/flood_test.py SECONDS', 'dev/check_platform bullseye',
+        'sudo dev/package {bookworm,trixie}', 'dev/fuzz{, gms 600}', 'dev/nightly', 'dev/sanitize thread full',
+        'dev/mutate{, --refresh, --refresh 15 1, core/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
+        'scripts/test -L long{, -R {motion,latency,lost_target,faults,verdict,targets,long_flood,targets_soak}}',
+        'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
+        'rostest test/ros/robot_overload.test seconds:=120',
+        'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
+        '--methods ROBUST-GROWTH\\,ROBUST\\,HARD\\,HARD-VIEWS\\,SIFT\\,AKAZE'],
+    'builds the benchmark programs, which takes minutes; then a row takes seconds': [
+        'scripts/bench{, --benchmark_filter=align, --benchmark_filter=preset}'],
+    'dev/check_workspace runs it, or its like, in a workspace of its own, in CI': [
+        'catkin_make{, run_tests, -j4 run_tests}', 'catkin build', 'catkin_test_results build/test_results'],
+    'every command here runs after it': ['source {out/release/,}devel/setup.bash'],
+    'this is such a clone': ['git clone <this repository> ktgp_orb && cd ktgp_orb'],
+    'runs this test': ['scripts/test{, -R robot_}'],
+    'another test does: demo, launch_run (with a stand-in for rviz), sliders, recordings, ktgp_evaluate_test': [
+        'scripts/demo', 'roslaunch ktgp_orb rviz.launch namespace:={camera,usb_cam}', 'rosrun ktgp_orb sliders NODE',
+        'parallel -q -j 4 --joblog jobs.log examples/fleet/one_recording.sh {} results --csv matched.csv --threads 1 '
+        ':::: list.txt', 'rosrun ktgp_orb ktgp_evaluate --two-view kitti_2 --apart 1\\,3\\,6'],
+    'installs a package': [
+        'sudo apt install {./build/packages/bookworm/*.deb,rviz,ros-noetic-usb-cam}', 'scripts/setup test'],
+    "waits for images, or for a master that has it; ROS's own": [
+        'rosparam {delete /use_sim_time,set use_sim_time false}', 'rosbag reindex', 'rostopic echo -n 1 ~mask/encoding',
+        'rostopic echo /{usb_cam/matcher/homography,diagnostics,camera/targets/detections}'],
+    'needs a camera, a recording, pictures with known cameras, an input of a fuzz target, or a cluster with Slurm': [
+        'rosrun usb_cam usb_cam_node _video_device:=/dev/video0', 'dev/fuzz gms FILE',
+        'scripts/evaluate --motion checkerboard.bag --drift 3 6 8',
+        'rosrun ktgp_orb ktgp_evaluate --two-view fountain-P11 Herz-Jesus-P25 --apart 1\\,2 --descriptor teblid '
+        '--features 3000 --fast_threshold 10',
+        'sbatch --array=1-40 --requeue --wrap \'examples/fleet/one_recording.sh "$(sed -n ${SLURM_ARRAY_TASK_ID}p '
+        'list.txt)" results --csv matched.csv\''],
 }
 # Named in the text, not written out.
 ALSO = ['dev/update_documents --check', 'scripts/evaluate --help', 'scripts/bench --help',
         'scripts/setup --list debian build test rqt', 'scripts/setup --list noetic core',
         'scripts/bench --merge old raw.json', 'scripts/bench --merge new raw.json']
-# Others need these results.
-FIRST = [command for command in COMMANDS.values() if 'make_demo_bag' in command] + [
-    command for command in ALSO if 'raw.json' in command]
+
+
+def expanded(text):
+    """The commands that a text with braces is."""
+    braces = re.search(r'\{([^{}]*?(?<!\\),[^{}]*)\}', text)
+    if not braces:
+        return [text.replace('\\,', ',')]
+    return [command for each in re.split(r'(?<!\\),', braces.group(1))
+            for command in expanded(text[:braces.start()] + each + text[braces.end():])]
 
 
 def commands_of(text):
@@ -374,25 +292,26 @@ class CommandsTest(unittest.TestCase):
             env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, universal_newlines=True, start_new_session=True)
 
-    def run_one(self, command):
+    def run_one(self, command, until=None):
         """The output of a command that failed; empty if it succeeded."""
         process = self.shell(command)
-        if not isinstance(command, Until):
+        if not until:
             output = process.communicate()[0]
             return '' if process.returncode == 0 else '%d: %s' % (process.returncode, output)
         output = ''
         for line in process.stdout:
             output += line
-            if command.text in line:
+            if until in line:
                 break
         os.killpg(process.pid, signal.SIGINT)
         output += process.communicate()[0]
-        return '' if command.text in output else 'it does not say "%s": %s' % (command.text, output)
+        return '' if until in output else 'it does not say "%s": %s' % (until, output)
 
     def run_all(self, commands):
+        """Each with what it says where it does not end, or None."""
         with concurrent.futures.ThreadPoolExecutor(4) as pool:
-            results = dict(zip(commands, pool.map(self.run_one, commands)))
-        failed = {c: r for c, r in results.items() if r}
+            results = pool.map(self.run_one, *zip(*commands))
+            failed = {command: result for (command, _), result in zip(commands, results) if result}
         self.assertFalse(failed, '\n'.join('%s\n%s' % item for item in failed.items()))
 
     def test_every_command_of_the_documents_is_known(self):
@@ -400,13 +319,15 @@ class CommandsTest(unittest.TestCase):
         for path in documents():
             with open(path, encoding='utf-8') as file:
                 found.update(commands_of(file.read()))
-        self.assertEqual(sorted(found - set(COMMANDS)), [], 'say how each is run, or why not')
-        self.assertEqual(sorted(set(COMMANDS) - found), [], 'no document has them any more')
+        known = set(RUN) | {command for texts in NOT_RUN.values() for text in texts for command in expanded(text)}
+        self.assertEqual(sorted(found - known), [], 'say how each is run, or why not')
+        self.assertEqual(sorted(known - found), [], 'no document has them any more')
 
     def test_every_command_works(self):
-        commands = [c for c in COMMANDS.values() if not isinstance(c, Skipped)] + ALSO
-        self.run_all(FIRST)
-        self.run_all([c for c in commands if c not in FIRST])
+        commands = [(run.of(command), run.until) for command, run in RUN.items()] + [(also, None) for also in ALSO]
+        first = [c for c in commands if 'make_demo_bag' in c[0] or 'raw.json' in c[0]]  # others need their results
+        self.run_all(first)
+        self.run_all([c for c in commands if c not in first])
         for name in ('report/index.html', 'one_method/report.md', 'matches.png', 'matched.csv', 'map.png',
                      'new/benchmarks.md'):
             self.assertTrue(os.path.exists(os.path.join(self.clone, name)), name)
@@ -444,7 +365,3 @@ class CommandsTest(unittest.TestCase):
                 shutil.copy2(program, place)
         self.assertGreater(len(os.listdir(os.path.join(self.clone, 'build'))), 5)
         self.assertEqual(self.run_one('rosrun ktgp_orb ktgp_match --version | grep ^ktgp_orb'), '')
-
-
-if __name__ == '__main__':
-    unittest.main()

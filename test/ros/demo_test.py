@@ -1,22 +1,17 @@
-#!/usr/bin/python3
 """scripts/demo with an existing build, on a short flight: it ends by itself and writes all its files."""
 
 import os
 import re
 import subprocess
-import sys
-import tempfile
-import unittest
 
 import cv2
 import numpy as np
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import TIMEOUT, messages_of
+from ktgp_testing import TIMEOUT, FolderCase, messages_of
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
+PROGRAMS = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb')
 FRAMES = 60
 
 
@@ -38,32 +33,26 @@ def corners_off(a, b):
     return np.sqrt(np.mean(np.sum(np.reshape(np.subtract(a.corners, b.corners), (4, 2)) ** 2, axis=1)))
 
 
-class DemoTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix='ktgp_orb it\'s "')
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
+class DemoTest(FolderCase):
+    prefix = 'ktgp_orb it\'s "'
+    timeout = 5 * TIMEOUT
 
-    def demo(self, *arguments):
+    def demo(self, *arguments, **expected):
         environment = dict(os.environ)
         environment.pop('DISPLAY', None)
-        return subprocess.run([os.path.join(PACKAGE, 'scripts', 'demo'), '--built', BUILD] +
-                              list(arguments), stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              universal_newlines=True, env=environment, timeout=5 * TIMEOUT)
+        return self.run_program(os.path.join(PACKAGE, 'scripts', 'demo'), '--built', BUILD, *arguments,
+                                stderr=subprocess.STDOUT, env=environment, **expected)
 
     def test_leaves_what_it_says(self):
-        output = os.path.join(self.folder, 'out')
         # So slow that a busy machine drops no frame.
-        result = self.demo('--seconds', str(FRAMES // 30), '--rate', '0.1', output)
-        self.assertEqual(result.returncode, 0, result.stdout)
-        self.assertEqual(sorted(os.listdir(output)),
+        result = self.demo('--seconds', FRAMES // 30, '--rate', '0.1', self.path('out'))
+        self.assertEqual(sorted(os.listdir(self.path('out'))),
                          ['demo.bag', 'demo_targets', 'matches.mp4', 'mosaic.png', 'report.log', 'roslaunch.log',
                           'stabilized.mp4', 'stages.png', 'summary.txt'])
         for name in ('matches.mp4', 'stabilized.mp4'):
-            self.assertIn(frames_of(os.path.join(output, name)), range(FRAMES - 2, FRAMES + 1), name)
-        with open(os.path.join(output, 'summary.txt')) as file:
-            self.assertIn(file.read(), result.stdout)
-        mosaic = cv2.imread(os.path.join(output, 'mosaic.png'), cv2.IMREAD_UNCHANGED)
+            self.assertIn(frames_of(self.path('out', name)), range(FRAMES - 2, FRAMES + 1), name)
+        self.assertIn(self.read('out/summary.txt'), result.stdout)
+        mosaic = cv2.imread(self.path('out', 'mosaic.png'), cv2.IMREAD_UNCHANGED)
         self.assertEqual(mosaic.shape[2], 4)
         self.assertGreater((mosaic[:, :, 3] > 0).sum(), 1.1 * 640 * 480, 'more than one frame')
         error = float(re.search(r'off by ([0-9.]+) px', result.stdout).group(1))
@@ -71,16 +60,14 @@ class DemoTest(unittest.TestCase):
         drift = re.search(r'motion +drift ([\d.]+) % of', result.stdout)
         self.assertTrue(drift, result.stdout)
         self.assertLess(float(drift.group(1)), 2.0, 'noise on the range and the Imu')
-        self.assertEqual(cv2.imread(os.path.join(output, 'stages.png')).shape[2], 3)
+        self.assertEqual(cv2.imread(self.path('out', 'stages.png')).shape[2], 3)
 
     def test_the_targets_of_the_demo_are_where_the_truth_says(self):
-        flight, places, out = [os.path.join(self.folder, name) for name in ('flight.bag', 'places', 'out.bag')]
-        programs = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb')
-        subprocess.check_call([os.path.join(programs, 'make_demo_bag'), '--seconds', '7', '--targets', places,
-                               flight])
-        self.assertEqual(sorted(os.listdir(places)), ['harbour.png', 'market.png', 'north.png', 'targets.yaml'])
-        subprocess.check_call([os.path.join(programs, 'ktgp_bag'), flight, out, '--targets',
-                               os.path.join(places, 'targets.yaml')], stdout=subprocess.DEVNULL)
+        flight, out = self.path('flight.bag'), self.path('out.bag')
+        self.run_program(os.path.join(PROGRAMS, 'make_demo_bag'), '--seconds', 7, '--targets', 'places', flight)
+        self.assertEqual(sorted(os.listdir(self.path('places'))),
+                         ['harbour.png', 'market.png', 'north.png', 'targets.yaml'])
+        self.run_program(os.path.join(PROGRAMS, 'ktgp_bag'), flight, out, '--targets', 'places/targets.yaml')
         shown, errors, far, numbers = {}, {}, [], {}
         for found, truth in zip(messages_of(out, '/camera/targets/detections'),
                                 messages_of(flight, '/camera/ground_truth/targets')):
@@ -123,10 +110,9 @@ class DemoTest(unittest.TestCase):
         self.assertLess(np.degrees(2 * np.arccos(min(1.0, abs(q @ r)))), 1.5)
 
     def test_the_flight_tilts_as_asked(self):
-        program = os.path.join(BUILD, 'devel', 'lib', 'ktgp_orb', 'make_demo_bag')
         for degrees in (0, 15):
-            bag = os.path.join(self.folder, '%d.bag' % degrees)
-            subprocess.check_call([program, '--seconds', '2', '--tilt', str(degrees), bag])
+            bag = self.path('%d.bag' % degrees)
+            self.run_program(os.path.join(PROGRAMS, 'make_demo_bag'), '--seconds', 2, '--tilt', degrees, bag)
             for topic, noise in (('ground_truth/odometry', 0.1), ('imu', 2.5)):
                 readings = messages_of(bag, '/camera/' + topic)
                 self.assertEqual(len(readings), FRAMES)
@@ -142,25 +128,17 @@ class DemoTest(unittest.TestCase):
             self.assertLess(np.max(np.abs(np.divide(ranges, truth) - 1)), 0.06)
 
     def test_an_option_that_is_none_is_refused(self):
-        result = self.demo('--no-such-option')
-        self.assertEqual(result.returncode, 2)
-        self.assertIn('--no-such-option', result.stdout)
+        self.demo('--no-such-option', code=2, prints='--no-such-option')
 
+
+class BuildTest(FolderCase):
     def test_a_failed_build_is_shown_on_a_terminal_and_in_a_file(self):
-        with tempfile.TemporaryDirectory() as folder:
-            with open(os.path.join(folder, 'CMakeLists.txt'), 'w') as file:
-                file.write('cmake_minimum_required(VERSION 3.10)\nproject(broken NONE)\n'
-                           'add_custom_target(broken COMMAND no_such_program)\n')
-            script = ('set -euo pipefail; source "%s/scripts/environment"; cmake -S . -B build; '
-                      'build build broken; echo it is built' % PACKAGE)
-            for command in (['bash', '-c', script], ['script', '-qec', script, '/dev/null']):
-                result = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                        stderr=subprocess.STDOUT, universal_newlines=True, timeout=TIMEOUT,
-                                        env=dict(os.environ, SHELL='/bin/bash'))
-                self.assertEqual(result.returncode, 1, result.stdout)
-                self.assertRegex(result.stdout, 'no_such_program.*not found|No such file', command[0])
-                self.assertNotIn('it is built', result.stdout)
-
-
-if __name__ == '__main__':
-    unittest.main()
+        self.write('CMakeLists.txt', 'cmake_minimum_required(VERSION 3.10)\nproject(broken NONE)\n'
+                                     'add_custom_target(broken COMMAND no_such_program)\n')
+        script = ('set -euo pipefail; source "%s/scripts/environment"; cmake -S . -B build; '
+                  'build build broken; echo it is built' % PACKAGE)
+        for command in (['bash', '-c', script], ['script', '-qec', script, '/dev/null']):
+            result = self.run_program(*command, code=1, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT,
+                                      env=dict(os.environ, SHELL='/bin/bash'))
+            self.assertRegex(result.stdout, 'no_such_program.*not found|No such file', command[0])
+            self.assertNotIn('it is built', result.stdout)

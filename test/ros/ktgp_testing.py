@@ -4,7 +4,6 @@ import os
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import unittest
@@ -16,7 +15,14 @@ import rosgraph
 import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import Image
+from dynamic_reconfigure.client import Client
+from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, TwoViewGeometry
+from rosgraph_msgs.msg import Log as LogMessage
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import Trigger
+
+sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
+from tool_case import FolderCase  # noqa: E402, F401
 
 # s; limit for any expected message on a busy machine; less for mutation tests
 TIMEOUT = float(os.environ.get('KTGP_ORB_TEST_TIMEOUT', '120'))
@@ -33,6 +39,9 @@ def texture(height=1200, width=1600, seed=1):
 
 
 _TEXTURE = texture()
+OUTPUTS = {'correspondences': Correspondences, 'homography': HomographyStamped,
+           'accumulated_homography': HomographyStamped, 'match': Match, 'statistics': MatchStatistics,
+           'matches_image': Image, 'two_view': TwoViewGeometry, 'points': PointCloud2}  # of the matcher
 
 
 def view(x, y, width=640, height=480):
@@ -114,6 +123,37 @@ def no_delay(publisher):
             for connection in publisher.impl.connections}
 
 
+def of_matcher(name, test=None):
+    """Records one of its topics."""
+    return Recorder('/camera/matcher/' + name, OUTPUTS[name], test)
+
+
+class MatcherCase(unittest.TestCase):
+    """With the camera of the live matcher, its parameters and services, and what it says."""
+    topics = 'statistics',  # recorded, each in the attribute of its name
+
+    @classmethod
+    def setUpClass(cls):
+        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
+        cls.diagnostics, cls.log = Diagnostics(), Log()
+        for name in cls.topics:
+            setattr(cls, name, of_matcher(name))
+        cls.camera = Camera()
+        wait_for_matcher(cls.camera, *(getattr(cls, name) for name in cls.topics))
+
+    def configure(self, **parameters):
+        """What it accepts."""
+        return self.client.update_configuration(parameters)
+
+    def call(self, service):
+        answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
+        self.assertTrue(answer.success, answer.message)
+
+    def send(self, pixels):
+        """Statistics of an image."""
+        return self.statistics.wait_for(self.camera.show(pixels))
+
+
 class Memory:
     """Of the process of a node, MB: what it holds, and the most since begin()."""
 
@@ -134,18 +174,6 @@ class Memory:
 
     def most(self):
         return self._read('VmHWM')
-
-
-class FolderCase(unittest.TestCase):
-    """With a folder that is deleted after each test."""
-
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-
-    def path(self, *names):
-        return os.path.join(self.folder, *names)
 
 
 class Program:
@@ -252,6 +280,19 @@ class Diagnostics(Recorder):
             meanwhile()
             return any(words in status.message for status in self.of('', seen))
         wait_until(said, 'diagnostics say "%s"' % words)
+
+
+class Log(Recorder):
+    """Keeps what all nodes say."""
+
+    def __init__(self, test=None):
+        super().__init__('/rosout', LogMessage, test)
+
+    def with_words(self, *words):
+        return [m for m in self.messages() if all(each in m.msg for each in words)]
+
+    def wait_for_words(self, words):
+        wait_until(lambda: self.with_words(words), 'the log says ' + words)
 
 
 class Camera:

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Every launch file loads, every argument is described, every parameter of the matcher exists."""
 
 import glob
@@ -11,7 +10,6 @@ import xml.etree.ElementTree as xml
 
 import roslaunch
 import yaml
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import check_each
 from roslaunch.config import ROSLaunchConfig
 from ktgp_orb.cfg import KtgpConfig
@@ -20,7 +18,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..'
 import ktgp_table  # noqa: E402
 
 PACKAGE = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-FILES = sorted(glob.glob(os.path.join(PACKAGE, 'launch', '*.launch')))
+FILES = sorted(os.listdir(os.path.join(PACKAGE, 'launch')))
 ARGUMENTS = {'T_w', 'T_G', 'features'}  # parameters that have an argument of their own
 STATIC_PARAMETERS = {'image_transport', 'queue_size'}
 
@@ -30,25 +28,13 @@ def flow(values):
     return yaml.safe_dump(values, default_flow_style=True, width=1e9).strip()
 
 
+def path_of(name):
+    return os.path.join(PACKAGE, 'launch', name)
+
+
 def arguments_of(name):
-    """The arguments of a launch file with their defaults."""
-    root = xml.parse(os.path.join(PACKAGE, 'launch', name)).getroot()
-    return {element.get('name'): element.get('default') for element in root.iterfind('arg')}
-
-
-def configuration_of(path, arguments):
-    """What roslaunch reads. Without its own file of the roscore, which starts two programs each time for the
-    versions of ROS: most of the time of these tests."""
-    config = ROSLaunchConfig()
-    roslaunch.xmlloader.XmlLoader().load(path, config, argv=arguments, verbose=False)
-    return config
-
-
-def load(path, bag):
-    """The configuration of a file, with a bag file if the file needs one."""
-    arguments = {element.get('name') for element in xml.parse(path).getroot().iter('arg')}
-    values = ['bag:=' + bag] if 'bag' in arguments else []
-    return configuration_of(path, values)
+    """The arguments of a launch file: name, default and doc."""
+    return {element.get('name'): element for element in xml.parse(path_of(name)).getroot().iterfind('arg')}
 
 
 class ParameterTablesTest(unittest.TestCase):
@@ -76,38 +62,40 @@ class LaunchFilesTest(unittest.TestCase):
         self.bag = tempfile.NamedTemporaryFile(suffix='.bag')
         self.addCleanup(self.bag.close)
 
+    def load(self, name, *arguments):
+        """What roslaunch reads, with a bag if the file needs one. Without its own file of the roscore, which starts
+        two programs each time for the versions of ROS: most of the time of these tests."""
+        if 'bag' in arguments_of(name):
+            arguments += 'bag:=' + self.bag.name,
+        config = ROSLaunchConfig()
+        roslaunch.xmlloader.XmlLoader().load(path_of(name), config, argv=list(arguments), verbose=False)
+        return config
+
     def test_there_are_launch_files(self):
-        names = {os.path.basename(path) for path in FILES}
-        self.assertLessEqual({'matcher.launch', 'bag.launch', 'tune.launch', 'demo.launch'}, names)
+        self.assertLessEqual({'matcher.launch', 'bag.launch', 'tune.launch', 'demo.launch'}, set(FILES))
 
     def test_every_file_passes_roslaunch(self):
-        def check(path):
-            config = load(path, self.bag.name)
+        def check(name):
+            config = self.load(name)
             self.assertEqual(config.config_errors, [])
             self.assertTrue(config.nodes)
         check_each(FILES, check)
 
     def test_every_program_exists(self):
-        optional = {'rviz'}
-        for path in FILES:
-            for node in load(path, self.bag.name).nodes:
-                if node.package in optional:
-                    continue
-                machine = node.machine or roslaunch.core.local_machine()
-                roslaunch.node_args.create_local_process_args(node, machine)  # raises if missing
+        for name in FILES:
+            for node in self.load(name).nodes:
+                if node.package != 'rviz':  # is optional
+                    machine = node.machine or roslaunch.core.local_machine()
+                    roslaunch.node_args.create_local_process_args(node, machine)  # raises if missing
 
     def test_every_argument_is_described(self):
-        for path in FILES:
-            for element in xml.parse(path).getroot().iterfind('arg'):
-                self.assertTrue(element.get('doc'), '%s: %s' % (path, element.get('name')))
+        for name in FILES:
+            for argument, element in arguments_of(name).items():
+                self.assertTrue(element.get('doc'), '%s: %s' % (name, argument))
 
     def parameters_of(self, name, *arguments):
         """What a launch file sets of the matcher's parameters, by their names."""
-        path = os.path.join(PACKAGE, 'launch', name)
-        if name in ('bag.launch', 'tune.launch'):
-            arguments += ('bag:=' + self.bag.name,)
-        config = configuration_of(path, list(arguments))
-        return {key.rsplit('/', 1)[1]: param.value for key, param in config.params.items()
+        return {key.rsplit('/', 1)[1]: param.value for key, param in self.load(name, *arguments).params.items()
                 if '/matcher/' in key}
 
     def test_every_parameter_reaches_the_matcher_and_none_is_set_unasked(self):
@@ -129,9 +117,7 @@ class LaunchFilesTest(unittest.TestCase):
 
     def test_the_demo_looks_for_targets_where_it_is_given_some(self):
         def parameters(*arguments):
-            path = os.path.join(PACKAGE, 'launch', 'demo.launch')
-            config = configuration_of(path, ['bag:=' + self.bag.name] + list(arguments))
-            return {key: param.value for key, param in config.params.items()
+            return {key: param.value for key, param in self.load('demo.launch', *arguments).params.items()
                     if key.startswith('/camera/targets/')}
         self.assertEqual(parameters(), {})
         for name in ('/a/l"i\\s t\'.yaml', '/12'):
@@ -152,7 +138,7 @@ class LaunchFilesTest(unittest.TestCase):
                      'multi_camera.launch': {'namespace', 'required'}}
         for name, without in not_taken.items():
             values = {key: value for key, value in given.items() if key not in without}
-            if arguments_of(name).get('respawn') == 'true':
+            if 'respawn' in arguments_of(name) and arguments_of(name)['respawn'].get('default') == 'true':
                 values['respawn'] = 'false'
             self.check_reaches(name, values)
         self.check_reaches('matcher.launch', {'required': 'true'})  # never together with respawn
@@ -160,13 +146,11 @@ class LaunchFilesTest(unittest.TestCase):
     def check_reaches(self, name, values):
         arguments = ['%s:=%s' % item for item in values.items()]
         arguments.append('%s:=/a/picture' % ('topic' if 'topic' in arguments_of(name) else 'image'))
-        if 'bag' in arguments_of(name):
-            arguments.append('bag:=' + self.bag.name)
         spaces = [values.get('namespace', 'camera')]
         if 'cameras' in arguments_of(name):
             spaces = ['left', 'right']
             arguments.append('cameras:=left right')
-        config = self.configuration(name, arguments)
+        config = self.load(name, *arguments)
         for space in spaces:
             path = '/%s/%s' % (space, values.get('name', 'matcher'))
             node = next(n for n in config.nodes if n.namespace + n.name == path)
@@ -184,21 +168,18 @@ class LaunchFilesTest(unittest.TestCase):
                 self.assertEqual((node.package, node.args),
                                  ('nodelet', 'load ktgp_orb/matcher /mine'), name)
 
-    def configuration(self, name, arguments):
-        return configuration_of(os.path.join(PACKAGE, 'launch', name), arguments)
-
     def test_results_are_in_the_namespace_of_the_topic(self):
         for name in ('bag.launch', 'tune.launch'):
             for topic, matcher in (('/cam/image_raw', '/cam/matcher'), ('/cam/image_raw/compressed', '/cam/matcher'),
                                    ('/robot/front/image', '/robot/front/matcher'), ('/image_raw', '/camera/matcher')):
-                config = self.configuration(name, ['bag:=' + self.bag.name, 'topic:=' + topic])
+                config = self.load(name, 'topic:=' + topic)
                 self.assertIn(matcher, [n.namespace + n.name for n in config.nodes], name)
                 rviz = next(n for n in config.nodes if n.name == 'rviz')
                 self.assertIn(['/camera/matcher/matches_image', matcher + '/matches_image'], rviz.remap_args)
                 self.assertIn(['/camera/image_raw', topic.replace('/compressed', '')], rviz.remap_args)
 
     def test_views_of_a_live_camera(self):
-        config = self.configuration('views.launch', ['namespace:=usb_cam', 'targets:=/posters'])
+        config = self.load('views.launch', 'namespace:=usb_cam', 'targets:=/posters')
         self.assertEqual({n.namespace + n.name for n in config.nodes},
                          {'/usb_cam/stabilizer', '/usb_cam/mosaic', '/usb_cam/targets', '/rviz'})
         rviz = next(n for n in config.nodes if n.name == 'rviz')
@@ -212,9 +193,8 @@ class LaunchFilesTest(unittest.TestCase):
             # Tuning always loops, and records nothing.
             self.assertEqual(set(given) - set(known),
                              {'loop', 'record'} if name == 'tune.launch' else set())
-            config = self.configuration(name, ['bag:=' + self.bag.name] + [
-                '%s:=%s' % (key, str(value).lower() if value is True else value)
-                for key, value in known.items()])
+            config = self.load(name, *('%s:=%s' % (key, str(value).lower() if value is True else value)
+                                       for key, value in known.items()))
             got = {key: config.params['/player/' + key].value for key in known}
             self.assertEqual(got, known, name)
             self.assertEqual(config.params['/player/bag'].value, self.bag.name)
@@ -222,15 +202,15 @@ class LaunchFilesTest(unittest.TestCase):
             self.assertIs(config.params['/player/loop'].value, True)
 
     def test_several_cameras_share_the_options_of_their_manager(self):
-        config = self.configuration('multi_camera.launch', [
-            'cameras:=a,b,c', 'manager:=/boss', 'manager_threads:=5', 'machine:=arm'])
+        config = self.load('multi_camera.launch', 'cameras:=a,b,c', 'manager:=/boss', 'manager_threads:=5',
+                           'machine:=arm')
         managers = [n for n in config.nodes if n.name == 'boss']
         self.assertEqual([(n.args, n.machine_name, n.respawn) for n in managers],
                          [('manager', 'arm', True)])
         self.assertEqual(config.params['/boss/num_worker_threads'].value, 5)
         self.assertEqual(sorted(n.namespace for n in config.nodes if n.name == 'matcher'),
                          ['/a/', '/b/', '/c/'])
-        none = self.configuration('multi_camera.launch', ['start_manager:=false'])
+        none = self.load('multi_camera.launch', 'start_manager:=false')
         self.assertEqual([n.name for n in none.nodes], ['matcher'])
 
     def test_arguments_count_before_the_file_and_the_file_before_the_preset(self):
@@ -249,7 +229,7 @@ class LaunchFilesTest(unittest.TestCase):
 
     def test_parameters_of_the_consumers_reach_them(self):
         for name, values in (('stabilizer', {'lag': 7}), ('mosaic', {'max_megapixels': 0.5, 'lazy': True})):
-            config = self.configuration(name + '.launch', ['set:=' + flow(values)])
+            config = self.load(name + '.launch', 'set:=' + flow(values))
             got = {key: config.params['/camera/%s/%s' % (name, key)].value for key in values}
             self.assertEqual(got, values)
 
@@ -264,18 +244,17 @@ class LaunchFilesTest(unittest.TestCase):
                         self.assertLessEqual(value, KtgpConfig.max[name])
 
     def test_values_of_an_earlier_launch_do_not_linger(self):
-        config = load(os.path.join(PACKAGE, 'launch', 'matcher.launch'), self.bag.name)
-        self.assertEqual(config.clear_params, ['/camera/matcher/'])
+        self.assertEqual(self.load('matcher.launch').clear_params, ['/camera/matcher/'])
 
     def test_no_launch_file_publishes_transforms(self):
-        for path in FILES:
-            for node in load(path, self.bag.name).nodes:
-                self.assertNotIn('transform', node.type, path)
+        for name in FILES:
+            for node in self.load(name).nodes:
+                self.assertNotIn('transform', node.type, name)
 
     def test_a_missing_bag_is_named(self):
         for name in ('bag.launch', 'tune.launch'):
             result = subprocess.run(
-                ['roslaunch', os.path.join(PACKAGE, 'launch', name), 'bag:=/no/such/file.bag'],
+                ['roslaunch', path_of(name), 'bag:=/no/such/file.bag'],
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
             self.assertNotEqual(result.returncode, 0)
             self.assertIn('/no/such/file.bag', result.stdout)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Runs the launch files, each with its own master: bag.launch plays the right topics and reports
 problems, tune.launch and rviz.launch start their programs, and a killed manager is restarted."""
 
@@ -10,18 +9,15 @@ import socket
 import subprocess
 import sys
 import tempfile
-import unittest
 from xmlrpc.client import ServerProxy
 
 import cv2
 import rosbag
 import rosgraph
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from geometry_msgs.msg import TransformStamped
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import TIMEOUT, Program, image_message, view, wait_until
+from ktgp_testing import TIMEOUT, FolderCase, Program, image_message, view, wait_until
 from ports import free_port
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
@@ -152,25 +148,25 @@ class Launch(Program):
         self.process.stdout.close()
 
 
-class LaunchRunTest(unittest.TestCase):
+class LaunchRunTest(FolderCase):
+    prefix = 'ktgp_orb it\'s "'
+
     def setUp(self):
-        folder = tempfile.TemporaryDirectory(prefix='ktgp_orb it\'s "')
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
-        self.bag = os.path.join(self.folder, "it's.bag")
+        super().setUp()
+        self.bag = self.path("it's.bag")
         write_bag(self.bag)
         self.master = Master()
         self.addCleanup(self.master.close)
 
     def launch(self, *arguments, **environment):
-        launch = Launch(self.master, *arguments, cwd=self.folder, **environment)
+        return self.launch_at(self.master, *arguments, cwd=self.path(), **environment)
+
+    def launch_at(self, master, *arguments, **environment):
+        launch = Launch(master, *arguments, **environment)
         self.addCleanup(launch.stop)
         return launch
 
-    def check_no_sim_time(self):
-        self.check_sim_time(None)
-
-    def check_sim_time(self, expected):
+    def check_sim_time(self, expected=None):
         """It is restored shortly after the launch has ended."""
         def value():
             try:
@@ -184,7 +180,7 @@ class LaunchRunTest(unittest.TestCase):
     def test_use_sim_time_is_put_back_however_the_launch_ends(self):
         no_display = self.with_fake('rviz', 'rviz', then='exit 1')
         self.launch('bag.launch', 'bag:=' + self.bag, **no_display).wait()
-        self.check_sim_time(None)
+        self.check_sim_time()
         # True: a simulation runs.
         for file, before in (('demo.launch', None), ('demo.launch', False), ('bag.launch', True)):
             if before is not None:
@@ -201,8 +197,7 @@ class LaunchRunTest(unittest.TestCase):
     def check_that_a_second_is_refused(self, first, master):
         self.assertTrue(first.says('process[player'), first.output())
         for file in ('bag.launch', 'demo.launch'):
-            second = Launch(master, file, 'bag:=' + self.bag, 'rviz:=false', cwd=self.folder)
-            self.addCleanup(second.stop)
+            second = self.launch_at(master, file, 'bag:=' + self.bag, 'rviz:=false', cwd=self.path())
             output = second.wait()
             self.assertIn('process %d on ' % first.process.pid, output)
             self.assertIn('plays a bag on this master already', output)
@@ -219,15 +214,14 @@ class LaunchRunTest(unittest.TestCase):
         # At once: the first has not yet put anything back.
         third = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1')
         self.assertIn('nothing subscribes to its results', third.wait())
-        self.check_no_sim_time()
+        self.check_sim_time()
 
     def test_a_second_bag_is_refused_on_a_master_that_the_first_has_started(self):
         class OwnMaster:
             environment = dict(self.master.environment,
                                ROS_MASTER_URI='http://localhost:%d' % free_port())
-        first = Launch(OwnMaster, 'bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true',
-                       'delay:=100', cwd=self.folder)
-        self.addCleanup(first.stop)
+        first = self.launch_at(OwnMaster, 'bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'loop:=true',
+                               'delay:=100', cwd=self.path())
         self.check_that_a_second_is_refused(first, OwnMaster)
 
     def sim_time_is_set(self):
@@ -235,8 +229,8 @@ class LaunchRunTest(unittest.TestCase):
         return handle.hasParam('/use_sim_time') and handle.getParam('/use_sim_time')
 
     def test_what_cannot_be_played_or_recorded_is_said_before_playing(self):
-        open(os.path.join(self.folder, 'rec2.bag'), 'w').close()
-        cases = {'_bag:=' + self.folder: 'is no file; expected a bag',
+        self.write('rec2.bag', '')
+        cases = {'_bag:=' + self.path(): 'is no file; expected a bag',
                  '_rate:=0': 'rate is 0; expected a number above 0',
                  '_rate:=-1': 'rate is -1; expected a number above 0',
                  '_start:=1000': 'start is 1000 s; the bag ends after 1.1 s',
@@ -244,37 +238,33 @@ class LaunchRunTest(unittest.TestCase):
                  '_record:=rec2': 'rec2.bag exists; nothing is overwritten',
                  '_record:=missing/x.bag': 'there is no folder'}
         for argument, words in cases.items():
-            self.master.handle.setParam('/play_bag', {'bag': self.bag, 'folder': self.folder,
+            self.master.handle.setParam('/play_bag', {'bag': self.bag, 'folder': self.path(),
                                                       'matcher': '/camera/matcher', 'delay': 0.1})
-            run = subprocess.run(
-                ['/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'play_bag'), argument],
-                env=self.master.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                universal_newlines=True, timeout=TIMEOUT)
-            self.assertEqual(run.returncode, 2, run.stdout)
-            self.assertIn(words, run.stdout)
+            run = self.run_program('/usr/bin/python3', os.path.join(PACKAGE, 'scripts', 'play_bag'), argument,
+                                   env=self.master.environment, stderr=subprocess.STDOUT, code=2, prints=words)
             self.assertNotIn('Traceback', run.stdout)
-        self.assertEqual(os.path.getsize(os.path.join(self.folder, 'rec2.bag')), 0)
+        self.assertEqual(os.path.getsize(self.path('rec2.bag')), 0)
         output = self.launch('bag.launch', 'bag:=' + self.bag, 'queue_size:=abc').wait()
         self.assertIn('abc', output)
         self.assertNotIn('process[', output)
 
     def test_an_absolute_bag_needs_no_pwd(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=1',
-                             'record:=' + os.path.join(self.folder, 'new'), without='PWD')
+                             'record:=' + self.path('new'), without='PWD')
         output = launch.wait()
         self.assertNotIn('RLException', output)
-        with rosbag.Bag(os.path.join(self.folder, 'new.bag')) as bag:
+        with rosbag.Bag(self.path('new.bag')) as bag:
             self.assertIn('/camera/matcher/matches_image', bag.get_type_and_topic_info().topics)
         launch = self.launch('bag.launch', "bag:=it's.bag", 'rviz:=false', without='PWD')
         self.assertIn('is relative, and PWD is not set; expected an absolute name', launch.wait())
 
     def test_a_bag_is_played_and_its_results_recorded(self):
-        cv2.imwrite(os.path.join(self.folder, 'target.png'), view(100, 100, 320, 240))
+        cv2.imwrite(self.path('target.png'), view(100, 100, 320, 240))
         launch = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false',
                              "set:={reference_mode: fixed, guided: true, reference_image: '%s'}" %
-                             os.path.join(self.folder, 'target.png').replace("'", "''"))
+                             self.path('target.png').replace("'", "''"))
         output = launch.wait()
-        with rosbag.Bag(os.path.join(self.folder, 'out.bag')) as bag:
+        with rosbag.Bag(self.path('out.bag')) as bag:
             messages = list(bag.read_messages())
         by_topic = {}
         for topic, message, _ in messages:
@@ -291,15 +281,14 @@ class LaunchRunTest(unittest.TestCase):
             self.assertAlmostEqual(match.homography.homography[2], -shift, delta=1.0)
         # Of the bag itself only the images were played.
         self.assertNotIn('stale', {m.header.frame_id for m in by_topic[STALE]})
-        self.check_no_sim_time()
+        self.check_sim_time()
         again = self.launch('bag.launch', "bag:=it's.bag", 'record:=out.bag', 'rviz:=false')
         self.assertIn('out.bag exists; nothing is overwritten', again.wait())
 
     def test_a_wrong_topic_is_said_with_those_there_are(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'topic:=/other/image', 'rviz:=false')
-        output = launch.wait()
-        self.assertIn('the bag has no /other/image; its image topics: /camera/image_raw', output)
-        self.check_no_sim_time()
+        self.assertIn('the bag has no /other/image; its image topics: /camera/image_raw', launch.wait())
+        self.check_sim_time()
 
     def test_results_without_subscriber_are_said(self):
         launch = self.launch('bag.launch', 'bag:=' + self.bag, 'rviz:=false', 'delay:=8', 'loop:=true')
@@ -307,7 +296,7 @@ class LaunchRunTest(unittest.TestCase):
         self.assertNotIn('no node publishes', launch.output())  # before the bag plays
         self.check_outputs_are_documented()
         launch.stop()
-        self.check_no_sim_time()
+        self.check_sim_time()
 
     def check_outputs_are_documented(self):
         prefix = '/camera/matcher/'
@@ -382,14 +371,11 @@ class LaunchRunTest(unittest.TestCase):
             return False
 
     def test_two_robots_in_two_groups_have_a_manager_each(self):
-        path = os.path.join(self.folder, 'robots.launch')
-        with open(path, 'w') as file:
-            file.write('<launch>' + ''.join(
-                '<group ns="%s"><include file="%s/launch/multi_camera.launch">'
-                '<arg name="cameras" value="front side/rear"/></include></group>' % (robot, PACKAGE)
-                for robot in ('one', 'two')) + '</launch>')
-        launch = Launch(self.master, path, package=())
-        self.addCleanup(launch.stop)
+        self.write('robots.launch', '<launch>' + ''.join(
+            '<group ns="%s"><include file="%s/launch/multi_camera.launch">'
+            '<arg name="cameras" value="front side/rear"/></include></group>' % (robot, PACKAGE)
+            for robot in ('one', 'two')) + '</launch>')
+        launch = self.launch_at(self.master, self.path('robots.launch'), package=())
         self.wait_for_matchers([launch], '/one/front', '/one/side/rear', '/two/front',
                                '/two/side/rear')
         for robot in ('one', 'two'):
@@ -420,7 +406,3 @@ class LaunchRunTest(unittest.TestCase):
             return node.getPid('/launch_run_test')[2]
         except (rosgraph.MasterException, OSError):
             return None
-
-
-if __name__ == '__main__':
-    unittest.main()

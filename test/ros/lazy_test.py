@@ -6,18 +6,8 @@ import unittest
 import numpy as np
 import rospy
 from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, check_each, run_as_node, wait_until
-from sensor_msgs.msg import Image
-
-OUTPUTS = {
-    'correspondences': Correspondences,
-    'homography': HomographyStamped,
-    'accumulated_homography': HomographyStamped,
-    'match': Match,
-    'statistics': MatchStatistics,
-    'matches_image': Image,
-}
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import OUTPUTS, TIMEOUT, Camera, check_each, of_matcher, run_as_node, wait_until
 
 RECORDERS = []  # all that were subscribed in a test
 
@@ -30,7 +20,7 @@ def coloured(picture):
 
 def subscribe(output):
     """A recorder that is connected, so that it misses nothing."""
-    recorder = Recorder('/camera/matcher/' + output, OUTPUTS[output])
+    recorder = of_matcher(output)
     RECORDERS.append(recorder)
     wait_until(lambda: recorder.publishers() > 0, output + ' is connected')
     return recorder

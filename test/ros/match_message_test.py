@@ -4,42 +4,32 @@
 import os
 import re
 import subprocess
-import unittest
 
 import numpy as np
 import rosgraph
 import rospy
-from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, run_as_node, wait_until
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import MatcherCase, run_as_node, wait_until
 
 
-class MatchMessageTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.parts = {
-            'correspondences': Recorder('/camera/matcher/correspondences', Correspondences),
-            'homography': Recorder('/camera/matcher/homography', HomographyStamped),
-            'statistics': Recorder('/camera/matcher/statistics', MatchStatistics)}
-        cls.matches = Recorder('/camera/matcher/match', Match)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
-
-    def assert_same(self, part, message):
-        part.header.seq = message.header.seq  # each publisher counts its own
-        self.assertEqual(part, message)
+class MatchMessageTest(MatcherCase):
+    topics = 'correspondences', 'homography', 'statistics', 'match'
 
     def test_holds_what_the_topics_carry(self):
-        self.matches.wait_for(self.camera.send_view())
+        self.match.wait_for(self.camera.send_view())
         for _ in range(3):
             sent = rospy.get_time()
             stamp = self.camera.send_view()
-            match = self.matches.wait_for(stamp)
+            match = self.match.wait_for(stamp)
             ready = stamp.to_sec() + 1e-3 * match.statistics.latency_milliseconds
             self.assertTrue(sent <= ready <= rospy.get_time(), 'sent %f, ready %f' % (sent, ready))
             self.assertEqual(match.statistics.status, MatchStatus.STATUS_OK)
             self.assertGreater(len(match.correspondences.reference_x), 200)
-            for name, recorder in self.parts.items():
-                self.assert_same(getattr(match, name), recorder.wait_for(stamp))
+            for name in ('correspondences', 'homography', 'statistics'):
+                part = getattr(match, name)
+                message = getattr(self, name).wait_for(stamp)
+                part.header.seq = message.header.seq  # each publisher counts its own
+                self.assertEqual(part, message)
 
     def test_the_example_in_python_says_the_motion(self):
         script = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', '..', 'scripts',
@@ -50,9 +40,9 @@ class MatchMessageTest(unittest.TestCase):
             stdout=subprocess.PIPE, universal_newlines=True)
         try:
             wait_until(lambda: self.matches_connections() > subscribers, 'the example listens')
-            self.matches.wait_for(self.camera.send_view())
+            self.match.wait_for(self.camera.send_view())
             for _ in range(1000):  # until it has seen four
-                self.matches.wait_for(self.camera.send_view())
+                self.match.wait_for(self.camera.send_view())
                 if example.poll() is not None:
                     break
             lines = example.communicate()[0].splitlines()
@@ -78,10 +68,10 @@ class MatchMessageTest(unittest.TestCase):
         return len(dict(state).get('/camera/matcher/match', []))
 
     def test_a_frame_without_a_homography_or_a_reference_is_said_too(self):
-        self.matches.wait_for(self.camera.send_view())
+        self.match.wait_for(self.camera.send_view())
         for size, status in (((480, 640), MatchStatus.STATUS_TOO_FEW_FEATURES),
                              ((240, 320), MatchStatus.STATUS_NO_REFERENCE)):
-            match = self.matches.wait_for(self.camera.show(np.full(size, 100, np.uint8)))
+            match = self.match.wait_for(self.camera.show(np.full(size, 100, np.uint8)))
             self.assertEqual((match.homography.status, match.statistics.status), (status, status))
             self.assertEqual(list(match.homography.homography), [0.0] * 9)
             self.assertEqual(len(match.correspondences.reference_x), 0)

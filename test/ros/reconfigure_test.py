@@ -3,22 +3,17 @@
 
 import statistics
 import threading
-import unittest
 
 import rospy
-from dynamic_reconfigure.client import Client
 from ktgp_orb.cfg import KtgpConfig
-from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import TIMEOUT, Camera, Recorder, run_as_node, wait_until
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import MatcherCase, run_as_node, wait_until
 
 
-class ReconfigureTest(unittest.TestCase):
+class ReconfigureTest(MatcherCase):
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
+        super().setUpClass()
         cls.traffic = True
         cls.thread = threading.Thread(target=cls.send_images)
         cls.thread.start()

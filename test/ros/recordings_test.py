@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """ktgp_bag with videos, images of a folder, and many recordings."""
 
 import contextlib
@@ -9,8 +8,6 @@ import os
 import shutil
 import signal
 import struct
-import subprocess
-import sys
 import time
 import unittest
 
@@ -18,8 +15,6 @@ import cv2
 import numpy as np
 import rosbag
 import rospy
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_testing import FolderCase, image_message, messages_of, view
 
 PROGRAM = os.environ['KTGP_ORB_BAG']
@@ -49,41 +44,40 @@ class RecordingCase(FolderCase):
             writer.write(picture)
         writer.release()
 
-    def start(self, *arguments, **options):
-        return subprocess.Popen([PROGRAM] + FEW + list(arguments), cwd=self.folder,
-                                stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                                universal_newlines=True, **options)
-
-    def run_program(self, *arguments, **options):
-        run = self.start(*arguments, **options)
-        run.out, run.err = run.communicate(timeout=300)
-        return run
+    def match(self, *arguments, **expected):
+        return self.run_program(PROGRAM, *FEW, *arguments, **expected)
 
     def statistics(self, name):
         return messages_of(self.path(name), '/camera/matcher/statistics')
+
+    def check_times(self, expected, tolerance=1e-6):
+        times = [m.header.stamp.to_sec() for m in self.statistics('out.bag')]
+        np.testing.assert_allclose(times, expected, atol=tolerance)
+
+    def write_images(self, pattern, images):
+        (self.folder / 'images').mkdir()
+        for i, picture in enumerate(images):
+            cv2.imwrite(self.path('images', pattern % i), picture)
 
 
 class VideoTest(RecordingCase):
     def test_a_video_has_the_times_of_its_container(self):
         self.write_video('in.mp4')
-        run = self.run_program('in.mp4', 'out.bag')
-        self.assertEqual(run.returncode, 0, run.err)
+        self.match('in.mp4', 'out.bag')
         messages = self.statistics('out.bag')
         self.assertEqual(messages[0].header.stamp, rospy.Time(0, 1))  # zero is no time for ROS
-        np.testing.assert_allclose([m.header.stamp.to_sec() for m in messages],
-                                   np.arange(12) / 25.0, atol=1e-6)
+        self.check_times(np.arange(12) / 25.0)
         self.assertEqual([m.status for m in messages], [1] + 11 * [0])
         self.assertGreater(messages[5].inliers, 50)
 
     def film(self, name, *options, rate='30', seconds='2'):
-        subprocess.run(['ffmpeg', '-v', 'error', '-f', 'lavfi', '-i', 'testsrc=size=320x240:rate=%s:duration=%s' %
-                        (rate, seconds)] + list(options) + [self.path(name)], check=True)
+        self.run_program('ffmpeg', '-v', 'error', '-f', 'lavfi', '-i', 'testsrc=size=320x240:rate=%s:duration=%s' %
+                         (rate, seconds), *options, name)
 
     def probed(self, name):
         """The times of the images, from the first one on."""
-        run = subprocess.run(['ffprobe', '-v', 'error', '-select_streams', 'v', '-show_entries',
-                              'frame=best_effort_timestamp_time', '-of', 'csv=p=0', self.path(name)],
-                             stdout=subprocess.PIPE, check=True, universal_newlines=True)
+        run = self.run_program('ffprobe', '-v', 'error', '-select_streams', 'v', '-show_entries',
+                               'frame=best_effort_timestamp_time', '-of', 'csv=p=0', name)
         times = np.array([float(line.strip(',')) for line in run.stdout.split()])
         return times - times[0]
 
@@ -104,73 +98,55 @@ class VideoTest(RecordingCase):
         for name in ('b.mp4', 'b.mkv', 'plain.mp4', 'three.mp4', 'two.mp4', 'gap.mp4', 'late.mkv', 'late.ts',
                      'slower.mkv'):
             expected = self.probed(name)
-            run = self.run_program(name, 'out.bag', '--force')
-            self.assertEqual(run.returncode, 0, name + run.err)
-            found = [m.header.stamp.to_sec() for m in self.statistics('out.bag')]
-            np.testing.assert_allclose(found, expected, atol=2e-3, err_msg=name)
-            self.assertIn('%d images of' % len(expected), run.err)
-            run = self.run_program(name, 'out.bag', '--force', '--start', '0.99')
-            late = int((expected > 0.99).sum())
-            self.assertIn('%d images of' % late if late else 'no readable image in the selected time', run.err, name)
+            with self.subTest(name):
+                self.match(name, 'out.bag', '--force', words='%d images of' % len(expected))
+                self.check_times(expected, 2e-3)
+                late = int((expected > 0.99).sum())
+                self.match(name, 'out.bag', '--force', '--start', '0.99', code=0 if late else 2,
+                           words='%d images of' % late if late else 'no readable image in the selected time')
 
     @unittest.skipIf(shutil.which('ffprobe') is None, 'ffmpeg is not installed')
     def test_a_video_that_was_cut_off_is_called_so(self):
         self.film('in.mkv', '-c:v', 'libx264')
-        with open(self.path('in.mkv'), 'rb') as file:
-            content = file.read()
-        with open(self.path('in.mkv'), 'wb') as file:
-            file.write(content[:len(content) // 2])
-        run = self.run_program('in.mkv', 'out.bag')
-        self.assertEqual(run.returncode, 1, run.err)
-        self.assertIn('the video is damaged or cut off', run.err)
-        self.assertNotIn('reindex', run.err)
+        self.damage('in.mkv', 0.5)
+        run = self.match('in.mkv', 'out.bag', code=1, words='the video is damaged or cut off')
+        self.assertNotIn('reindex', run.stderr)
 
     def test_a_video_that_was_cut_without_encoding_it_again_is_not_damaged(self):
         """An edit list hides the first 15 of 40 images, as after `ffmpeg -ss 0.6 -i in.mp4 -c copy`."""
         self.write_video('in.mp4', count=40)
-        with open(self.path('in.mp4'), 'rb') as file:
-            content = bytearray(file.read())
+        video = self.folder / 'in.mp4'
+        content = bytearray(video.read_bytes())
         place = content.index(b'elst') + 12
         length, begin = struct.unpack('>ii', content[place:place + 8])
         ticks = struct.unpack('>i', content[content.index(b'mdhd') + 16:][:4])[0]
         content[place:place + 8] = struct.pack('>ii', length * 25 // 40, begin + ticks * 15 // 25)
-        with open(self.path('in.mp4'), 'wb') as file:
-            file.write(content)
-        run = self.run_program('in.mp4', 'out.bag')
-        self.assertIn('25 images of', run.err)
-        self.assertNotIn('damaged', run.err)
-        self.assertEqual(run.returncode, 0, run.err)
+        video.write_bytes(content)
+        run = self.match('in.mp4', 'out.bag', words='25 images of')
+        self.assertNotIn('damaged', run.stderr)
         # The same, with the second half of the images destroyed.
         cut = content.index(b'mdat') + 4
         size = struct.unpack('>i', content[cut - 8:cut - 4])[0] - 8
         content[cut + size // 2:cut + size] = bytes(size - size // 2)
-        with open(self.path('in.mp4'), 'wb') as file:
-            file.write(content)
-        run = self.run_program('in.mp4', 'out.bag', '--force')
-        self.assertEqual(run.returncode, 1, run.err)
-        self.assertIn('the video is damaged or cut off', run.err)
+        video.write_bytes(content)
+        self.match('in.mp4', 'out.bag', '--force', code=1, words='the video is damaged or cut off')
 
     def test_the_rate_and_a_part_of_a_video(self):
         self.write_video('in.mp4')
-        run = self.run_program('in.mp4', 'out.bag', '--rate', '10', '--start', '0.2', '--duration', '0.5')
-        self.assertEqual(run.returncode, 0, run.err)
-        np.testing.assert_allclose([m.header.stamp.to_sec() for m in self.statistics('out.bag')],
-                                   0.2 + np.arange(6) / 10.0, atol=1e-6)
+        self.match('in.mp4', 'out.bag', '--rate', '10', '--start', '0.2', '--duration', '0.5')
+        self.check_times(0.2 + np.arange(6) / 10.0)
 
     def test_the_steady_video_has_every_frame_at_the_videos_rate(self):
         self.write_video('in.mp4')
-        run = self.run_program('in.mp4', 'out.bag', '--stabilize', 'steady.mp4')
-        self.assertEqual(run.returncode, 0, run.err)
-        self.assertIn('the path of the whole recording', run.err)
+        self.match('in.mp4', 'out.bag', '--stabilize', 'steady.mp4', words='the path of the whole recording')
         steady = cv2.VideoCapture(self.path('steady.mp4'))
         self.assertEqual(steady.get(cv2.CAP_PROP_FRAME_COUNT), 12)
         self.assertAlmostEqual(steady.get(cv2.CAP_PROP_FPS), 25.0, places=3)
 
     def test_the_matches_are_drawn_as_a_video_and_summed_up(self):
         self.write_video('in.mp4')
-        run = self.run_program('in.mp4', 'out.bag', '--draw', 'matches.mp4')
-        self.assertEqual(run.returncode, 0, run.err)
-        self.assertRegex(run.err, r'\n11 homographies, median of [1-9]\d* inliers, \d+\.\d\d ms an image; '
+        run = self.match('in.mp4', 'out.bag', '--draw', 'matches.mp4')
+        self.assertRegex(run.stderr, r'\n11 homographies, median of [1-9]\d* inliers, \d+\.\d\d ms an image; '
                          r'without: 1 no_reference\n')
         video = cv2.VideoCapture(self.path('matches.mp4'))
         self.assertEqual(video.get(cv2.CAP_PROP_FRAME_COUNT), 12)
@@ -181,57 +157,43 @@ class VideoTest(RecordingCase):
             self.assertEqual(bag.get_message_count('/camera/matcher/matches_image'), 0)
 
     def test_images_of_a_folder_in_the_order_of_their_numbers(self):
-        os.mkdir(self.path('images'))
-        for i, picture in enumerate(pictures(12)):
-            cv2.imwrite(self.path('images', 'img%d.png' % i), picture)
-        run = self.run_program('images/*.png', 'out.bag', '--rate', '5')
-        self.assertEqual(run.returncode, 0, run.err)
-        messages = self.statistics('out.bag')
-        np.testing.assert_allclose([m.header.stamp.to_sec() for m in messages], np.arange(12) / 5.0,
-                                   atol=1e-6)
+        self.write_images('img%d.png', pictures(12))
+        self.match('images/*.png', 'out.bag', '--rate', '5')
+        self.check_times(np.arange(12) / 5.0)
         shifts = [m.homography[2] for m in messages_of(self.path('out.bag'), '/camera/matcher/homography')][1:]
         np.testing.assert_allclose(shifts, -5.0, atol=0.5)  # img2 comes before img10
 
     def test_photographs_of_a_survey_are_placed_in_one_map(self):
         """2 s apart, with 63 % overlap, turned, made smaller first."""
-        os.mkdir(self.path('images'))
         large = cv2.resize(view(0, 0, 640, 480), None, fx=6, fy=6, interpolation=cv2.INTER_CUBIC)
         side, step = 1400, 518
-        for i in range(4):
+
+        def seen(i):
             turn = cv2.getRotationMatrix2D((side / 2 + step * i, 1440), 4.0 * i, 1.0)
             turn[:, 2] += (-step * i, -1440 + side / 2)
-            cv2.imwrite(self.path('images', '%d.jpg' % i), cv2.warpAffine(large, turn, (side, side)))
-        run = self.run_program('images/*.jpg', 'out.bag', '--rate', '0.5', '--longest_side', '500',
-                               '--preset', 'photo', '--mosaic', 'map.png')
-        self.assertEqual(run.returncode, 0, run.err)
-        self.assertIn('3 homographies', run.err)
-        self.assertIn('4 frames, 0 of them lost', run.err)
+            return cv2.warpAffine(large, turn, (side, side))
+        self.write_images('%d.jpg', map(seen, range(4)))
+        self.match('images/*.jpg', 'out.bag', '--rate', '0.5', '--longest_side', '500', '--preset', 'photo',
+                   '--mosaic', 'map.png', words=('3 homographies', '4 frames, 0 of them lost'))
         cv2.imwrite(self.path('strip.png'), np.zeros((2, 400), np.uint8))
-        run = self.run_program('strip*.png', 'strip.bag', '--longest_side', '32')
-        self.assertIn('1 images of /camera/image_raw matched', run.err)  # 32x1 px
+        self.match('strip*.png', 'strip.bag', '--longest_side', '32',  # 32x1 px
+                   words='1 images of /camera/image_raw matched')
         found = messages_of(self.path('out.bag'), '/camera/matcher/homography')[1].homography
         self.assertAlmostEqual(np.degrees(np.arctan2(found[3], found[0])), -4.0, delta=0.2)
 
     def test_large_photographs_that_are_not_recognised_are_named_once(self):
         noise = np.random.RandomState(1)
-        for i in range(4):
-            cv2.imwrite(self.path('large%d.png' % i), noise.randint(0, 256, (300, 2600), np.uint8))
+        self.write_images('%d.png', (noise.randint(0, 256, (300, 2600), np.uint8) for _ in range(4)))
         hint = 'the images are 2600 px long; made 1000 to 2500 px long first, they may be recognised (--longest_side'
-        self.assertEqual(self.run_program('large*.png', 'out.bag', '--rate', '1').err.count(hint), 1)
-        small = self.run_program('large*.png', 'small.bag', '--rate', '1', '--longest_side', '1000')
-        self.assertIn('; without: ', small.err)
-        self.assertNotIn('px long', small.err)
+        self.assertEqual(self.match('images/*', 'out.bag', '--rate', '1').stderr.count(hint), 1)
+        small = self.match('images/*', 'small.bag', '--rate', '1', '--longest_side', '1000', words='; without: ')
+        self.assertNotIn('px long', small.stderr)
 
     def test_an_image_that_is_none_is_refused_alone(self):
-        os.mkdir(self.path('images'))
-        for i, picture in enumerate(pictures(4)):
-            cv2.imwrite(self.path('images', '%d.png' % i), picture)
-        with open(self.path('images', '2.png'), 'w') as file:
-            file.write('no image')
-        run = self.run_program('images/*', 'out.bag')
-        self.assertEqual(run.returncode, 1, run.err)
-        self.assertIn('3 images of /camera/image_raw matched, 1 refused', run.err)
-        self.assertIn('the first because: images/2.png: cannot be read as an image', run.err)
+        self.write_images('%d.png', pictures(4))
+        self.write('images/2.png', 'no image')
+        self.match('images/*', 'out.bag', code=1, words=('3 images of /camera/image_raw matched, 1 refused',
+                                                         'the first because: images/2.png: cannot be read as an image'))
 
     def test_a_picture_without_its_end_is_refused_and_one_with_more_is_read(self):
         os.mkdir(self.path('images'))
@@ -242,44 +204,35 @@ class VideoTest(RecordingCase):
             if ending == '.jpg':
                 content = content[:2] + preview + content[2:]
             content = content + b'more' if i in (0, 1, 4) else content[:len(content) * 2 // 3]
-            with open(self.path('images', '%d%s' % (i, ending)), 'wb') as file:
-                file.write(content)
-        run = self.run_program('images/*', 'out.bag', '--csv', 'out.csv')
-        self.assertEqual(run.returncode, 1, run.err)
-        self.assertIn('3 images of /camera/image_raw matched, 2 refused', run.err)
-        self.assertIn('the first because: images/2.png: is damaged or cut off', run.err)
-        self.assertNotIn('libpng', run.err)
-        self.assertNotIn('JPEG data', run.err)
-        with open(self.path('out.csv')) as file:
-            self.assertIn('images/3.jpg: is damaged or cut off', file.read())
+            (self.folder / 'images' / ('%d%s' % (i, ending))).write_bytes(content)
+        run = self.match('images/*', 'out.bag', '--csv', 'out.csv', code=1,
+                         words=('3 images of /camera/image_raw matched, 2 refused',
+                                'the first because: images/2.png: is damaged or cut off'))
+        self.assertNotIn('libpng', run.stderr)
+        self.assertNotIn('JPEG data', run.stderr)
+        self.assertIn('images/3.jpg: is damaged or cut off', self.read('out.csv'))
 
     def test_what_cannot_be_read_is_said(self):
-        with open(self.path('text.mp4'), 'w') as file:
-            file.write('no video')
+        self.write('text.mp4', 'no video')
         os.mkfifo(self.path('pipe.mp4'))
         self.write_bag('in.bag')
-        run = self.run_program('text.mp4', 'out.bag')
-        self.assertEqual(len(run.err.splitlines()), 1, run.err)  # ours alone, not OpenCV's and FFmpeg's
+        run = self.match('text.mp4', 'out.bag', code=2)
+        self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)  # ours alone, not OpenCV's and FFmpeg's
         for arguments, expected in (
                 (['text.mp4'], 'neither a bag nor a video'), (['none.mp4'], 'is missing'),
                 (['pipe.mp4'], 'not a regular file'), (['none*.png'], 'nor one that fits it'),
                 (['in.bag', '--rate', '3'], 'a bag has the times of its images'),
                 (['in.bag', '--longest_side', '500'], 'used only with a pattern of images')):
-            run = self.run_program(arguments[0], 'out.bag', *arguments[1:])
-            self.assertEqual(run.returncode, 2, run.err)
-            self.assertIn(expected, run.err)
+            self.match(arguments[0], 'out.bag', *arguments[1:], code=2, words=expected)
         self.write_video('in.mp4')
         for option, expected in ((['--topic', '/a'], 'there is no topic'),
                                  (['--rectify'], 'only a bag has')):
-            run = self.run_program('in.mp4', 'out.bag', *option)
-            self.assertEqual(run.returncode, 2, run.err)
-            self.assertIn(expected, run.err)
+            self.match('in.mp4', 'out.bag', *option, code=2, words=expected)
 
     def test_the_table_goes_to_standard_output(self):
         self.write_bag('in.bag')
-        run = self.run_program('in.bag', 'out.bag', '--csv', '-')
-        self.assertEqual(run.returncode, 0, run.err)
-        rows = list(csv.DictReader(io.StringIO(run.out)))
+        run = self.match('in.bag', 'out.bag', '--csv', '-')
+        rows = list(csv.DictReader(io.StringIO(run.stdout)))
         self.assertEqual([row['status'] for row in rows], ['no_reference'] + 7 * ['ok'])
         self.assertEqual(sorted(os.listdir(self.folder)), ['in.bag', 'out.bag'])
 
@@ -289,17 +242,14 @@ class ManyRecordingsTest(RecordingCase):
     ONE = os.path.join(os.path.dirname(os.path.abspath(__file__)), '../../examples/fleet/one_recording.sh')
     OPTIONS = ['results', '--features', '300', '--csv', 'matched.csv', '--stabilize', 'steady.mp4']
     FILES = ['matched.bag', 'matched.csv', 'steady.mp4']
+    environment = dict(os.environ, PATH=os.path.dirname(PROGRAM) + ':' + os.environ['PATH'])
 
     def start_all(self, *command):
-        names = ''.join(name + '\n' for name in self.names)
-        with open(self.path('list'), 'w') as file:
-            file.write(names)
-        path = os.path.dirname(PROGRAM) + ':' + os.environ['PATH']
+        self.write('list', ''.join(name + '\n' for name in self.names))
         with open(self.path('list')) as file:
-            return subprocess.Popen(list(command) + [self.ONE, '{}'] + self.OPTIONS +
-                                    (['::::', 'list'] if command[0] == 'parallel' else []),
-                                    cwd=self.folder, stdin=file, stderr=subprocess.PIPE, universal_newlines=True,
-                                    env=dict(os.environ, PATH=path, HOME=self.folder), preexec_fn=os.setsid)
+            return self.start(*command, self.ONE, '{}', *self.OPTIONS,
+                              *(['::::', 'list'] if command[0] == 'parallel' else []), stdin=file, stdout=None,
+                              env=dict(self.environment, HOME=self.folder), start_new_session=True)
 
     def finished(self):
         return [os.stat(self.path('results', name, 'matched.bag')).st_ino for name in self.names
@@ -345,8 +295,7 @@ class ManyRecordingsTest(RecordingCase):
             self.assertLessEqual(set(self.FILES), set(os.listdir(self.path('results', name))))
             with rosbag.Bag(self.path('results', name, 'matched.bag')) as bag:
                 self.assertEqual(bag.get_message_count('/camera/matcher/homography'), 8)
-            with open(self.path('results', name, 'matched.csv')) as file:
-                self.assertEqual(len(file.readlines()), 9)
+            self.assertEqual(len(self.table(self.path('results', name, 'matched.csv'))), 8)
 
     def test_a_rerun_of_xargs_completes_what_was_killed(self):
         self.check_that_a_rerun_completes_what_was_killed('xargs', '-d', '\n', '-P', '2', '-I', '{}')
@@ -365,43 +314,33 @@ class ManyRecordingsTest(RecordingCase):
         self.assertFalse(os.path.exists(self.path('evil')))
         self.assertEqual(sorted(os.listdir(self.path('results', 'good.bag'))), self.FILES)
 
-    def one(self, *arguments):
-        path = os.path.dirname(PROGRAM) + ':' + os.environ['PATH']
-        return subprocess.run([self.ONE] + list(arguments), cwd=self.folder, stderr=subprocess.PIPE,
-                              universal_newlines=True, env=dict(os.environ, PATH=path), check=False)
+    def one(self, *arguments, **expected):
+        return self.run_program(self.ONE, *arguments, env=self.environment, **expected)
 
     def test_the_script_says_what_it_needs(self):
         for arguments, words in (([], 'expected RECORDING FOLDER'), (['in.bag'], 'expected RECORDING FOLDER'),
                                  (['', 'results'], 'is there an empty row in the list?'),
                                  (['\r', 'results'], 'is there an empty row in the list?')):
-            run = self.one(*arguments)
-            self.assertEqual((run.returncode, len(run.stderr.splitlines())), (2, 1), run.stderr)
-            self.assertIn(words, run.stderr)
+            run = self.one(*arguments, code=2, words=words)
+            self.assertEqual(len(run.stderr.splitlines()), 1, run.stderr)
         self.assertEqual(os.listdir(self.folder), [])
 
     def test_a_list_of_windows_is_read(self):
         self.write_bag('in.bag')
-        run = self.one('in.bag\r', 'results', '--features', '300')
-        self.assertEqual(run.returncode, 0, run.stderr)
+        self.one('in.bag\r', 'results', '--features', '300')
         self.assertTrue(os.path.exists(self.path('results', 'in.bag', 'matched.bag')))
 
     def test_a_folder_is_not_finished(self):
         self.write_bag('in.bag')
         os.mkdir(self.path('out.bag'))
-        run = self.run_program('--skip_finished', 'in.bag', 'out.bag')
-        self.assertEqual(run.returncode, 2, run.err)
-        self.assertIn('out.bag: is not a regular file', run.err)
+        self.match('--skip_finished', 'in.bag', 'out.bag', code=2, words='out.bag: is not a regular file')
 
     def test_an_interrupted_run_leaves_no_files(self):
         self.write_bag('in.bag', count=400)
-        run = self.start('--skip_finished', 'in.bag', 'out.bag', '--csv', 'out.csv')
+        run = self.start(PROGRAM, *FEW, '--skip_finished', 'in.bag', 'out.bag', '--csv', 'out.csv')
         while not any('unfinished' in name for name in os.listdir(self.folder)) and run.poll() is None:
             time.sleep(0.001)
         run.send_signal(signal.SIGTERM)
         _, err = run.communicate(timeout=300)
         self.assertEqual(run.returncode, 130, err)
         self.assertEqual(os.listdir(self.folder), ['in.bag'])
-
-
-if __name__ == '__main__':
-    unittest.main()

@@ -1,22 +1,20 @@
 #!/usr/bin/python3
 """ktgp_bag: its output equals the nodelet's; damaged bags and Ctrl-C lose no intact data."""
 
-import csv
 import glob
 import io
 import os
 import pty
+import shutil
 import signal
 import subprocess
-import tempfile
 import time
-import unittest
 
 import cv2
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import Recorder, image_message, messages_of, run_as_node, wait_until
+from ktgp_testing import FolderCase, Recorder, image_message, messages_of, run_as_node, wait_until
 from sensor_msgs.msg import Image
 
 TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
@@ -25,12 +23,6 @@ TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
 MODES = ('previous', 'keyframe', 'fixed')
 IMAGES = '/camera/image_raw'
 FRAMES = 60  # of the video
-
-
-def ktgp_bag(*arguments):
-    return subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', '--force'] + list(arguments),
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                          universal_newlines=True)
 
 
 def without_times(message, panel=0):
@@ -58,28 +50,31 @@ def without_times(message, panel=0):
     return buffer.getvalue()
 
 
-class BagTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp()
-        cls.data = rospy.get_param('~data')
-        cls.tum = os.path.join(cls.data, 'bags/tum_fr2desk_raw.bag')
-        cls.patio = cls.path('patio.bag')
-        cls.write_video(cls.patio)
+class BagTest(FolderCase):
+    def setUp(self):
+        super().setUp()
+        self.data = rospy.get_param('~data')
+        self.tum = os.path.join(self.data, 'bags/tum_fr2desk_raw.bag')
+        self.patio = self.path('patio.bag')
+        self.write_video(self.patio)
 
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder, name)
-
-    @classmethod
-    def write_video(cls, path, compression=rosbag.Compression.NONE, start=0):
+    def write_video(self, path, compression=rosbag.Compression.NONE):
         """The first frames of the video as a bag with 30 images a second."""
-        video = cv2.VideoCapture(os.path.join(cls.data, 'sequences/patio.mp4'))
+        video = cv2.VideoCapture(os.path.join(self.data, 'sequences/patio.mp4'))
         with rosbag.Bag(path, 'w', compression=compression) as bag:
             for i in range(FRAMES):
                 pixels = cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)
-                stamp = rospy.Time.from_sec(1000 + start + i / 30.0)
-                bag.write('/camera/image_raw', image_message(pixels, stamp), stamp)
+                stamp = rospy.Time.from_sec(1000 + i / 30.0)
+                bag.write(IMAGES, image_message(pixels, stamp), stamp)
+
+    def match(self, bag, *arguments, topic=IMAGES, **expected):
+        """What it says. Its output is out.bag."""
+        run = self.run_program('rosrun', 'ktgp_orb', 'ktgp_bag', '--force', bag, 'out.bag', '--topic', topic,
+                               *arguments, **expected)
+        return run.stdout + run.stderr
+
+    def output(self, name='statistics'):
+        return messages_of(self.path('out.bag'), '/camera/matcher/' + name)
 
     # The nodelet's output
 
@@ -87,11 +82,11 @@ class BagTest(unittest.TestCase):
         """Messages of all topics of a nodelet that gets the images one at a time."""
         nodelet = subprocess.Popen(
             ['roslaunch', 'ktgp_orb', 'matcher.launch', 'manager:=/manager', 'namespace:=' + mode,
-             'image:=/camera/image_raw',
+             'image:=' + IMAGES,
              "set:={reference_mode: %s, reference_image: '%s'}" % (mode, reference_image)])
         recorders = {name: Recorder('/%s/matcher/%s' % (mode, name), kind)
                      for name, kind in TOPICS.items()}
-        camera = rospy.Publisher('/camera/image_raw', Image, queue_size=5)
+        camera = rospy.Publisher(IMAGES, Image, queue_size=5)
         try:
             wait_until(lambda: camera.get_num_connections() == 1, 'the matcher subscribes')
             for recorder in recorders.values():
@@ -112,15 +107,12 @@ class BagTest(unittest.TestCase):
 
     def check_equal(self, mode, bag, images, reference_image=''):
         expected = self.run_nodelet(mode, images, reference_image)
-        out = self.path('out.bag')
         reference = ['--reference_image', reference_image] if reference_image else []
-        run = ktgp_bag(bag, out, '--topic', '/camera/image_raw', '--reference_mode', mode,
-                       '--overlay', '--threads', '3', *reference)
-        self.assertEqual(run.returncode, 0, run.stdout)
+        self.match(bag, '--reference_mode', mode, '--overlay', '--threads', '3', *reference)
         self.assertEqual(len(expected['statistics']), len(images))
         panel = len(cv2.imread(reference_image)) if reference_image else 0  # below a smaller reference
         for name in TOPICS:
-            got = messages_of(out, '/camera/matcher/' + name)
+            got = self.output(name)
             self.assertEqual(len(got), len(expected[name]), '%s, %s' % (mode, name))
             for a, b in zip(got, expected[name]):
                 self.assertEqual(without_times(a, panel), without_times(b, panel),
@@ -139,34 +131,22 @@ class BagTest(unittest.TestCase):
 
     # Other bags
 
-    def statistics(self, out):
-        return messages_of(out, '/camera/matcher/statistics')
-
     def test_threads_change_nothing(self):
-        outs = []
-        for threads in ('1', '2', '7'):
-            outs.append(self.path('threads%s.bag' % threads))
-            run = ktgp_bag(self.patio, outs[-1], '--topic', '/camera/image_raw', '--threads', threads)
-            self.assertEqual(run.returncode, 0, run.stdout)
-        for topic in ('correspondences', 'homography', 'accumulated_homography', 'statistics'):
-            messages = [[without_times(m) for m in messages_of(out, '/camera/matcher/' + topic)]
-                        for out in outs]
-            self.assertEqual(messages[0], messages[1])
-            self.assertEqual(messages[0], messages[2])
+        def messages(threads):
+            self.match(self.patio, '--threads', threads)
+            return {topic: [without_times(m) for m in self.output(topic)]
+                    for topic in ('correspondences', 'homography', 'accumulated_homography', 'statistics')}
+        expected = messages(1)
+        self.assertEqual(messages(2), expected)
+        self.assertEqual(messages(7), expected)
 
     def test_the_messages_keep_their_times_and_the_table_has_a_line_for_each(self):
-        out = self.path('times.bag')
-        table = self.path('table.csv')
-        ktgp_bag(self.tum, out, '--topic', '/camera/image_raw', '--csv', table)
-        with rosbag.Bag(self.tum) as bag:
-            recorded = [(m.header.stamp, t) for _, m, t in bag.read_messages('/camera/image_raw')]
-        with rosbag.Bag(out) as bag:
-            written = [(m.header.stamp, t)
-                       for _, m, t in bag.read_messages('/camera/matcher/statistics')]
-        self.assertEqual(written, recorded)
-        with open(table) as file:
-            lines = list(csv.DictReader(file))
-        statistics = self.statistics(out)
+        def times(path, topic):
+            with rosbag.Bag(path) as bag:
+                return [(m.header.stamp, t) for _, m, t in bag.read_messages(topic)]
+        self.match(self.tum, '--csv', 'out.csv')
+        self.assertEqual(times(self.path('out.bag'), '/camera/matcher/statistics'), times(self.tum, IMAGES))
+        lines, statistics = self.table(), self.output()
         self.assertEqual(len(lines), len(statistics))
         for line, message in zip(lines, statistics):
             self.assertNotIn(None, line)
@@ -185,88 +165,61 @@ class BagTest(unittest.TestCase):
                 topics = {name: info for name, info in bag.get_type_and_topic_info()[1].items()
                           if info.msg_type in ('sensor_msgs/Image', 'sensor_msgs/CompressedImage')}
             for topic, info in topics.items():
-                out = self.path('real.bag')
-                run = ktgp_bag(path, out, '--topic', topic, '--csv', self.path('real.csv'))
-                self.assertEqual(run.returncode, 0, run.stdout)
-                self.assertIn('%d images of %s' % (info.message_count, topic), run.stdout)
-                with open(self.path('real.csv')) as file:
-                    self.assertEqual(len(list(csv.DictReader(file))), info.message_count)
+                self.match(path, '--csv', 'out.csv', topic=topic,
+                           words='%d images of %s' % (info.message_count, topic))
+                self.assertEqual(len(self.table()), info.message_count)
 
     # Damage
 
     def check_damaged(self, bag, words, least, most):
         """Only the intact frames are matched, and exactly as in the intact bag."""
-        sound, out = self.path('sound.bag'), self.path('damaged_out.bag')
-        ktgp_bag(self.patio, sound, '--topic', '/camera/image_raw')
-        run = ktgp_bag(bag, out, '--topic', '/camera/image_raw')
-        self.assertEqual(run.returncode, 1, run.stdout)
-        self.assertIn(words, run.stdout)
-        self.assertIn('rosbag reindex', run.stdout)
-        got, expected = self.statistics(out), self.statistics(sound)
+        self.match(self.patio)
+        expected = self.output()
+        self.match(bag, code=1, words=(words, 'rosbag reindex'))
+        got = self.output()
         self.assertTrue(least <= len(got) <= most, '%d of %d frames' % (len(got), FRAMES))
         for a, b in zip(got, expected):
             self.assertEqual(without_times(a), without_times(b))
 
     def test_a_bag_cut_off_keeps_the_frames_before(self):
-        with open(self.patio, 'rb') as file:
-            content = file.read()
-        cut = self.path('cut.bag')
         for share in (0.1, 0.55, 0.9):
-            with open(cut, 'wb') as file:
-                file.write(content[:int(share * len(content))])
-            self.check_damaged(cut, 'damaged or cut off at byte', int(share * FRAMES) - 2,
+            shutil.copy(self.patio, self.path('cut.bag'))
+            self.damage('cut.bag', share)
+            self.check_damaged('cut.bag', 'damaged or cut off at byte', int(share * FRAMES) - 2,
                                int(share * FRAMES) + 1)
 
     def test_a_compressed_bag_cut_off_keeps_the_whole_chunks_before(self):
         for compression in (rosbag.Compression.BZ2, rosbag.Compression.LZ4):
             bag = self.path('compressed.bag')
             self.write_video(bag, compression)
-            with open(bag, 'rb') as file:
-                content = file.read()
-            with open(bag, 'wb') as file:
-                file.write(content[:int(0.6 * len(content))])
+            self.damage(bag, 0.6)
             self.check_damaged(bag, 'damaged or cut off at byte', 0.5 * FRAMES, 0.65 * FRAMES)
 
     def test_a_bag_without_index_is_read_to_its_end(self):
-        with open(self.patio, 'rb') as file:
-            content = bytearray(file.read())
+        content = bytearray((self.folder / 'patio.bag').read_bytes())
         start = content.find(b'index_pos=') + len(b'index_pos=')
         content[start:start + 8] = bytes(8)
-        bag = self.path('unindexed.bag')
-        with open(bag, 'wb') as file:
-            file.write(content)
-        self.check_damaged(bag, 'no index', FRAMES, FRAMES)
+        (self.folder / 'unindexed.bag').write_bytes(content)
+        self.check_damaged('unindexed.bag', 'no index', FRAMES, FRAMES)
 
     def test_what_is_no_bag_or_has_no_such_topic_is_named(self):
         cases = ((self.tum, '/no/such/topic', 'its image topics: /camera/image_raw'),
                  (__file__, '/camera/image_raw', 'is not a bag, so there is no topic to choose'),
                  ('/no/such.bag', '/camera/image_raw', 'is missing'))
         for bag, topic, words in cases:
-            run = ktgp_bag(bag, self.path('none.bag'), '--topic', topic)
-            self.assertEqual(run.returncode, 2)
-            self.assertIn(words, run.stdout)
+            self.match(bag, topic=topic, code=2, words=words)
 
     def test_a_parameter_out_of_range_is_refused(self):
-        run = ktgp_bag(self.tum, self.path('none.bag'), '--topic', '/t', '--T_w', '1.5')
-        self.assertNotEqual(run.returncode, 0)
-        self.assertIn('T_w', run.stdout)
+        self.match(self.tum, '--T_w', '1.5', code=2, words='T_w')
 
     # Terminal
 
-    def start_on_terminal(self, out):
-        executable = subprocess.check_output(
-            ['catkin_find', '--first-only', '--libexec', 'ktgp_orb', 'ktgp_bag'],
-            universal_newlines=True).strip()
-        terminal, other_end = pty.openpty()
-        process = subprocess.Popen([executable, self.patio, out, '--topic', '/camera/image_raw',
-                                    '--threads', '1', '--gms_rotation', 'true'],
-                                   stdout=other_end, stderr=other_end)
-        os.close(other_end)
-        return process, terminal
-
     def test_ctrl_c_leaves_a_valid_bag(self):
-        out = self.path('interrupted.bag')
-        process, terminal = self.start_on_terminal(out)
+        program = self.run_program('catkin_find', '--first-only', '--libexec', 'ktgp_orb', 'ktgp_bag').stdout.strip()
+        terminal, other_end = pty.openpty()
+        process = self.start(program, self.patio, 'out.bag', '--topic', IMAGES, '--threads', '1', '--gms_rotation',
+                             'true', stdout=other_end, stderr=other_end)
+        os.close(other_end)
         shown = b''
         while b'] 10/' not in shown:
             shown += os.read(terminal, 1000)
@@ -279,13 +232,13 @@ class BagTest(unittest.TestCase):
                 break
         self.assertEqual(process.wait(), 130)
         self.assertIn(b'interrupted', shown)
-        statistics = self.statistics(out)  # rosbag refuses a bag without an index
+        statistics = self.output()  # rosbag refuses a bag without an index
         self.assertTrue(10 <= len(statistics) < FRAMES, len(statistics))
 
     def test_no_progress_bar_without_a_terminal(self):
-        run = ktgp_bag(self.tum, self.path('quiet.bag'), '--topic', '/camera/image_raw')
-        self.assertNotIn('\r', run.stdout)
-        self.assertNotIn('#', run.stdout)
+        said = self.match(self.tum)
+        self.assertNotIn('\r', said)
+        self.assertNotIn('#', said)
 
 
 if __name__ == '__main__':

@@ -8,8 +8,8 @@ import unittest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import Camera, Diagnostics, Recorder, run_as_node, wait_for_matcher, wait_until
-from rosgraph_msgs.msg import Clock, Log
+from ktgp_testing import Camera, Diagnostics, Log, Recorder, run_as_node, wait_for_matcher, wait_until
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
@@ -18,7 +18,7 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 class ClockTest(unittest.TestCase):
     def test_each_trouble_is_said(self):
         diagnostics = Diagnostics()
-        log = Recorder('/rosout', Log)
+        log = Log()
         camera = Camera()
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         wait_for_matcher(camera, statistics)
@@ -42,7 +42,7 @@ class ClockTest(unittest.TestCase):
         says('stabilizer: input', ERROR, 'no homography on /camera/matcher/nowhere')
         words = ('no homography on /camera/matcher/nowhere for 5 s (0 publishers): no node publishes '
                  '/camera/matcher/nowhere: is the topic name right?')
-        wait_until(lambda: [m for m in log.messages() if words in m.msg], 'the log says ' + words)
+        log.wait_for_words(words)
         # A clock that started and then stands: no problem.
         clock = rospy.Publisher('/clock', Clock, queue_size=1, latch=True)
         clock.publish(Clock(rospy.Time(1000)))

@@ -7,8 +7,7 @@ import unittest
 import numpy as np
 import rospy
 from ktgp_orb.msg import HomographyStamped, MatchStatus
-from ktgp_testing import Camera, Diagnostics, Recorder, check_each, no_delay, run_as_node, view, wait_until
-from rosgraph_msgs.msg import Log
+from ktgp_testing import Camera, Diagnostics, Log, Recorder, check_each, no_delay, run_as_node, view, wait_until
 from sensor_msgs.msg import Image
 from std_msgs.msg import String
 
@@ -20,7 +19,7 @@ class ConsumersTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.diagnostics = Diagnostics()
-        cls.log = Recorder('/rosout', Log)
+        cls.log = Log()
         # What is said before it listens is lost, and the consumers begin to wait when they have subscribers.
         wait_until(lambda: '/manager' in cls.log.names_of_publishers(), 'it hears the manager')
         cls.words = rospy.Publisher('/camera/words', String, queue_size=1)
@@ -58,8 +57,7 @@ class ConsumersTest(unittest.TestCase):
                 self.assertEqual(set(since), {expected})
                 return len(since) > 11  # s; the master is asked again and again
             wait_until(lasting, 'diagnostics say for a while ' + expected)
-            said = [m.msg for m in self.log.messages()
-                    if 'no homography on ' + topic in m.msg and why[kind] in m.msg]
+            said = self.log.with_words('no homography on ' + topic, why[kind])
             self.assertEqual(len(said), 2, said)  # by the stabilizer, and by the mosaic
         check_each(['stabilizer_of_a_name', 'stabilizer_of_a_type', 'mosaic_of_a_name',
                     'mosaic_of_a_type'], check)

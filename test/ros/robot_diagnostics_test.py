@@ -3,18 +3,13 @@
 
 import subprocess
 import threading
-import unittest
 
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import MatchStatistics
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
-from std_srvs.srv import Trigger
+from ktgp_testing import MatcherCase, image_message, of_matcher, run_as_node, view, wait_until
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
-GENEROUS = {'max_latency': 60.0}
 
 
 class Traffic:
@@ -42,17 +37,9 @@ class Traffic:
         self.thread.join()
 
 
-class DiagnosticsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.diagnostics = Diagnostics()
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.camera = Camera()
-        cls.camera.wait_for_subscriber()
-
+class DiagnosticsTest(MatcherCase):
     def setUp(self):
-        self.client.update_configuration(GENEROUS)
+        self.configure(max_latency=60.0)  # s
         self.traffic = Traffic(self.camera)
 
     def tearDown(self):
@@ -67,9 +54,6 @@ class DiagnosticsTest(unittest.TestCase):
         wait_until(found, '%s reports "%s" at level %d' % (task, words, ord(level)
                                                            if isinstance(level, bytes) else level))
         return {value.key: value.value for value in found()[0].values}
-
-    def configure(self, **parameters):
-        self.client.update_configuration(parameters)
 
     def test_all_is_well(self):
         values = self.wait_for('input', OK, 'images arrive')
@@ -152,12 +136,12 @@ class DiagnosticsTest(unittest.TestCase):
         self.wait_for('input', ERROR, 'no image on /camera/image_raw')
 
     def test_paused_and_idle_are_no_trouble(self):
-        rospy.ServiceProxy('/camera/matcher/pause', Trigger)()
+        self.call('pause')
         self.wait_for('input', OK, 'paused')
-        rospy.ServiceProxy('/camera/matcher/resume', Trigger)()
+        self.call('resume')
         self.statistics.close()
         self.wait_for('input', OK, 'idle')
-        type(self).statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
+        type(self).statistics = of_matcher('statistics')
         self.camera.wait_for_subscriber()
 
 

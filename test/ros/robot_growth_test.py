@@ -1,16 +1,12 @@
 #!/usr/bin/python3
 """Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
 
-import unittest
-
 import cv2
 import numpy as np
 import rospy
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
+from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import TIMEOUT, Camera, Recorder, image_message, run_as_node, wait_for_matcher
-from std_srvs.srv import Trigger
+from ktgp_testing import MatcherCase, image_message, run_as_node
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
 OK = MatchStatus.STATUS_OK
@@ -41,29 +37,20 @@ def hard_pair():
     return reference, target
 
 
-class GrowthTest(unittest.TestCase):
+class GrowthTest(MatcherCase):
+    topics = 'statistics', 'homography'
+
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.camera = Camera()
-        wait_for_matcher(cls.camera, cls.statistics, cls.homographies)
+        super().setUpClass()
         cls.reference, cls.target = hard_pair()
 
     def start(self, **parameters):
         """With a fixed reference, the next picture is that."""
-        self.client.update_configuration(dict(ROBUST, **parameters))
+        self.configure(**dict(ROBUST, **parameters))
         self.call('reset')
         if parameters['reference_mode'] == 'fixed':
             self.call('set_reference')
-
-    def call(self, service):
-        answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
-        self.assertTrue(answer.success, answer.message)
-
-    def send(self, picture):
-        return self.statistics.wait_for(self.camera.show(picture))
 
     def check_grown(self, statistics, homography):
         self.assertEqual((statistics.status, statistics.found_by),
@@ -83,7 +70,7 @@ class GrowthTest(unittest.TestCase):
         self.start(reference_mode='fixed')
         self.send(self.reference)
         statistics = self.send(self.target)
-        self.check_grown(statistics, self.homographies.wait_for(statistics.header.stamp))
+        self.check_grown(statistics, self.homography.wait_for(statistics.header.stamp))
         easy = self.send(self.reference)
         self.assertEqual((easy.found_by, easy.growth_seeds), (MatchStatistics.FOUND_BY_PROSAC, 0))
 

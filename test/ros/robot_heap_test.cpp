@@ -146,10 +146,7 @@ TEST(RobotHeap, IsAskedForMessagesAlone) {
   const auto run = [&](int frames) {
     for (int i = 0; i < frames; ++i) {
       const ros::Time stamp = camera.publish()->header.stamp;
-      ASSERT_TRUE(waitUntil([&] {
-        const auto& all = statistics.messages();
-        return !all.empty() && all.back()->header.stamp == stamp;
-      }));
+      ASSERT_TRUE(statistics.waitFor(stamp));
       ++statuses[statistics.messages().back()->status];
       statistics.clear();
       correspondences.messages();

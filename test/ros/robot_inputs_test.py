@@ -6,20 +6,17 @@ import os
 import signal
 import tempfile
 import threading
-import unittest
 
 import cv2
 import numpy as np
 import poster
 import rosgraph
 import rospy
-from dynamic_reconfigure.client import Client
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, run_as_node,
-                          texture, translation, view, wait_for_matcher, wait_until)
-from rosgraph_msgs.msg import Log
+from ktgp_orb.msg import MatchStatistics, MatchStatus
+from ktgp_testing import (TIMEOUT, MatcherCase, check_each, image_message, no_delay, run_as_node, texture,
+                          translation, view, wait_until)
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
 
@@ -46,32 +43,23 @@ LENS = (-0.25, 0.0, 0.0, 0.0, 0.0)
 WORLD = texture()
 
 
-class InputsTest(unittest.TestCase):
+class InputsTest(MatcherCase):
+    topics = 'statistics', 'homography', 'correspondences'
+
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
-        cls.diagnostics = Diagnostics()
-        cls.log = Recorder('/rosout', Log)
-        cls.camera = Camera()
+        super().setUpClass()
         cls.mask = rospy.Publisher('/camera/matcher/mask', Image, queue_size=1, latch=True)
         cls.reference = rospy.Publisher('/camera/matcher/reference', Image, queue_size=1)
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5)
-        wait_for_matcher(cls.camera, cls.statistics, cls.homographies, cls.correspondences)
         for publisher in (cls.mask, cls.reference):
             wait_until(lambda publisher=publisher: publisher.get_num_connections() == 1,
                        'the matcher listens to ' + publisher.name)
 
     def setUp(self):
         self.client.update_configuration(DEFAULTS)
-        rospy.ServiceProxy('/camera/matcher/reset', Trigger)()
+        self.call('reset')
         self.position = 100
-
-    def send(self, pixels):
-        """Statistics of an image."""
-        return self.statistics.wait_for(self.camera.show(pixels))
 
     def send_view(self, text=False):
         """Of the next view, with text that does not move."""
@@ -95,7 +83,7 @@ class InputsTest(unittest.TestCase):
         self.send_view(text=True)
         statistics = self.send_view(text=True)
         self.assertEqual(statistics.status, OK)
-        return translation(self.homographies.wait_for(statistics.header.stamp))[0]
+        return translation(self.homography.wait_for(statistics.header.stamp))[0]
 
     def check_masked(self):
         self.assertAlmostEqual(self.shift_of_two_views(), -STEP, delta=0.5)
@@ -206,13 +194,13 @@ class InputsTest(unittest.TestCase):
     def test_rectify_gives_points_without_distortion(self):
         self.position = 300
         self.send_distorted()
-        raw = self.homographies.wait_for(self.send_distorted().header.stamp)
+        raw = self.homography.wait_for(self.send_distorted().header.stamp)
         self.assertFalse(raw.rectified)
         self.client.update_configuration({'rectify': True})
         # camera_info comes with the image, before or after it: a raw frame may come first.
         for _ in range(1000):
             statistics = self.send_distorted()
-            homography = self.homographies.wait_for(statistics.header.stamp)
+            homography = self.homography.wait_for(statistics.header.stamp)
             if homography.rectified:
                 break
         self.assertTrue(homography.rectified)
@@ -222,7 +210,7 @@ class InputsTest(unittest.TestCase):
             statistics = self.send_distorted()
             self.assertEqual(statistics.status, OK)
             self.assertEqual(statistics.alignment_status, MatchStatistics.ALIGNMENT_NO_IMAGES)
-            homography = self.homographies.wait_for(statistics.header.stamp)
+            homography = self.homography.wait_for(statistics.header.stamp)
             self.assertTrue(homography.rectified)
             self.assertTrue(self.correspondences.wait_for(statistics.header.stamp).rectified)
             self.assertLess(self.corner_error(homography), 0.5)
@@ -230,12 +218,12 @@ class InputsTest(unittest.TestCase):
         self.client.update_configuration({'rectify': False})
         statistics = self.send_distorted()
         self.assertEqual(statistics.reason, MatchStatus.REASON_LENS_CHANGED)
-        self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
+        self.assertFalse(self.homography.wait_for(statistics.header.stamp).rectified)
 
     def test_rectify_without_a_calibration_of_this_size_warns_and_stays_raw(self):
         self.client.update_configuration({'rectify': True})
         statistics = self.send(view(100, 100, 320, 240))
-        self.assertFalse(self.homographies.wait_for(statistics.header.stamp).rectified)
+        self.assertFalse(self.homography.wait_for(statistics.header.stamp).rectified)
         self.wait_for_diagnostics('rectify is on, but points are in raw pixels: no camera_info')
 
     def test_rectify_says_what_is_wrong_with_a_calibration(self):
@@ -248,7 +236,7 @@ class InputsTest(unittest.TestCase):
                 info.header.stamp = self.camera.next_stamp()
                 self.info.publish(info)
                 stamp = self.camera.send(image_message(view(100, 100), info.header.stamp))
-                return self.homographies.wait_for(stamp).rectified
+                return self.homography.wait_for(stamp).rectified
             self.diagnostics.wait_for_words(words, send)
             self.assertFalse(send())
         check_each(poster.REFUSED, check)
@@ -266,14 +254,13 @@ class InputsTest(unittest.TestCase):
         self.send_until_changed(before, lambda: self.send(view(200, 150)))
         statistics = self.send(view(200, 150))
         self.assertEqual((statistics.status, statistics.reference_stamp), (OK, rospy.Time(7)))
-        for measured, true in zip(translation(self.homographies.wait_for(
+        for measured, true in zip(translation(self.homography.wait_for(
                 statistics.header.stamp)), (100, 50)):
             self.assertAlmostEqual(measured, true, delta=1.5)
         # One of no use is refused; the old one stays, also over a reset.
         self.reference.publish(image_message(np.zeros((9, 9), np.float32), rospy.Time(8), '32FC1'))
-        wait_until(lambda: any('the reference on /camera/matcher/reference is refused' in m.msg
-                               for m in self.log.messages()), 'the depth image is refused')
-        rospy.ServiceProxy('/camera/matcher/reset', Trigger)()
+        self.log.wait_for_words('the reference on /camera/matcher/reference is refused')
+        self.call('reset')
         self.assertEqual(self.send(view(200, 150)).reference_stamp, rospy.Time(7))
         before = self.send(view(200, 150)).configuration
         self.reference.publish(Image())  # none any more
@@ -287,7 +274,7 @@ class InputsTest(unittest.TestCase):
         caller = threading.Thread(target=lambda: answers.append(self.client.update_configuration(
             {'reference_image': path})), daemon=True)
         caller.start()
-        self.assertTrue(rospy.ServiceProxy('/camera/matcher/reset', Trigger)().success)
+        self.call('reset')
         caller.join(TIMEOUT)
         self.assertFalse(caller.is_alive(), 'the pipe is waited for')
         self.assertEqual(answers[0]['reference_image'], '')

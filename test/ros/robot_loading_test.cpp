@@ -13,8 +13,6 @@ using test::Camera;
 using test::Recorder;
 using test::waitUntil;
 
-int cycles = 200;
-
 double residentMegabytes() {
   std::ifstream statm("/proc/self/statm");
   double size = 0.0;
@@ -28,6 +26,7 @@ TEST(Loading, CyclesUnderTrafficLeakNothingAndFallSilent) {
   nodelet::Loader loader(false);
   Recorder<MatchStatistics> statistics("/camera/matcher/statistics");
   camera.start();
+  const int cycles = test::argument("cycles", 200);
   double settled = 0.0;
   for (int cycle = 0; cycle < cycles; ++cycle) {
     ASSERT_TRUE(test::loadMatcher(loader, "/camera")) << "cycle " << cycle;
@@ -99,10 +98,7 @@ void expectSharedBy(int matchers) {
   }
   const sensor_msgs::ImageConstPtr image = camera.publish();
   for (auto& recorder : statistics) {
-    ASSERT_TRUE(waitUntil([&] {
-      return !recorder->messages().empty() &&
-             recorder->messages().back()->header.stamp == image->header.stamp;
-    }));
+    ASSERT_TRUE(recorder->waitFor(image->header.stamp));
   }
   EXPECT_TRUE(waitUntil([&] { return image.use_count() == 1 + matchers; }))
       << image.use_count() << " holders of the image; expected the camera and " << matchers;
@@ -122,6 +118,5 @@ TEST(ZeroCopy, EightMatchersHoldTheCamerasOwnImage) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::cycles = static_cast<int>(ktgp_orb::test::argument(argc, argv, "cycles", 200));
   return ktgp_orb::test::runTests(argc, argv, "robot_loading_test");
 }

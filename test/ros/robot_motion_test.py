@@ -11,10 +11,9 @@ import rospy
 from dynamic_reconfigure.client import Client
 from geometry_msgs.msg import PoseWithCovariance, TransformStamped, TwistWithCovarianceStamped
 from ktgp_orb.srv import SetPose
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_until
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Log, Recorder, image_message, run_as_node, view, wait_until
 from nav_msgs.msg import Odometry
 from poster import information
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Imu, Range
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -57,7 +56,7 @@ class MotionTest(unittest.TestCase):
         cls.static.publish(TFMessage([
             transform('base_link', 'camera', LEVER, rospy.Time()),
             transform('base_link', 'imu', (0, 0, 0), rospy.Time(), STILL)]))
-        cls.log = Recorder('/rosout', Log)
+        cls.log = Log()
         cls.diagnostics = Diagnostics()
         cls.odometry = {name: Recorder('/camera/%s/odometry' % name, Odometry) for name in NAMES}
         cls.twists = {name: Recorder('/camera/%s/twist' % name, TwistWithCovarianceStamped)
@@ -68,10 +67,12 @@ class MotionTest(unittest.TestCase):
                        publisher.name + ' is subscribed')
         cls.place = 0
         cls.frames = 0
-        end = rospy.get_time() + 120
-        while not all(r.messages() for r in cls.twists.values()) and rospy.get_time() < end:
+
+        def answered():
             cls.send()
             rospy.sleep(0.1)
+            return all(r.messages() for r in cls.twists.values())
+        wait_until(answered, 'every one has a twist')
 
     @classmethod
     def send(cls, height=HEIGHT, width=640, imu=True, late=0.0, stamp=None, blank=False, sensor='camera',

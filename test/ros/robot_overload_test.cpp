@@ -20,7 +20,6 @@ constexpr int kFeatures = 500;
 #else
 constexpr int kFeatures = 3000;
 #endif
-double seconds = 15.0;
 constexpr double kAsked = 13.0;  // images per result; more than ten, to be safe
 
 using Statistics = std::vector<MatchStatisticsConstPtr>;
@@ -54,7 +53,8 @@ Timing timingOf(const Statistics& statistics) {
 
 /// Keeps the camera faster than the matcher, however much CPU time each of them gets.
 void load(Camera& camera, Recorder<MatchStatistics>& recorder) {
-  const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+  const auto end = std::chrono::steady_clock::now() +
+                   std::chrono::duration<double>(test::argument("seconds", 15.0));
   ASSERT_TRUE(test::waitUntil([&] {
     const Statistics& all = recorder.messages();
     std::vector<double> recent;
@@ -72,7 +72,7 @@ void load(Camera& camera, Recorder<MatchStatistics>& recorder) {
 /// dropped, by ROS or by the matcher.
 void expectEveryImageCounted(Camera& camera, Recorder<MatchStatistics>& recorder) {
   const ros::Time last = camera.publish()->header.stamp;
-  ASSERT_TRUE(test::waitUntil([&] { return recorder.messages().back()->header.stamp == last; }));
+  ASSERT_TRUE(recorder.waitFor(last));
   const Statistics& all = recorder.messages();
   const std::uint64_t images = all.back()->header.seq - all.front()->header.seq + 1;
   EXPECT_EQ(all.size() + all.back()->dropped_frames + all.back()->lost_frames, images);
@@ -131,6 +131,5 @@ TEST(Overload, LatencyStaysBelowTwoFrameTimes) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::seconds = ktgp_orb::test::argument(argc, argv, "seconds", 15.0);
   return ktgp_orb::test::runTests(argc, argv, "robot_overload_test");
 }

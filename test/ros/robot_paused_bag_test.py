@@ -6,8 +6,7 @@ import unittest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Diagnostics, Recorder, run_as_node, wait_until
-from rosgraph_msgs.msg import Log
+from ktgp_testing import Diagnostics, Log, Recorder, run_as_node, wait_until
 from std_srvs.srv import SetBool
 
 SECONDS = 7  # of pause, in reports of the diagnostics: one comes each second; a warning after five
@@ -17,7 +16,7 @@ class PausedBagTest(unittest.TestCase):
     def test_pause_and_resume(self):
         statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
         diagnostics = Diagnostics()
-        log = Recorder('/rosout', Log)
+        log = Log()
         wait_until(lambda: len(statistics.messages()) > 3, 'the bag plays')
         rospy.wait_for_service('/player/pause_playback')
         pause = rospy.ServiceProxy('/player/pause_playback', SetBool)
@@ -32,7 +31,7 @@ class PausedBagTest(unittest.TestCase):
         for s in resumed:
             self.assertLess(s.latency_milliseconds, 5000)
         self.assertEqual([s.message for s in diagnostics.of('input') if s.level == DiagnosticStatus.ERROR], [])
-        self.assertEqual([m.msg for m in log.messages() if 'no image on' in m.msg], [])
+        self.assertEqual(log.with_words('no image on'), [])
 
 
 if __name__ == '__main__':

@@ -11,11 +11,10 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, check_each, image_message, no_delay, run_as_node,
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Log, Recorder, check_each, image_message, no_delay, run_as_node,
                           wait_until)
 from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
                     information, pose_errors, rendered)
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
@@ -46,7 +45,7 @@ class PoseTest(unittest.TestCase):
         cls.client = Client('/camera/targets', timeout=TIMEOUT)
         cls.detections = Recorder('/camera/targets/detections', TargetDetections)
         cls.diagnostics = Diagnostics()
-        cls.log = Recorder('/rosout', Log)
+        cls.log = Log()
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
         cls.camera = Camera()
         cls.camera.wait_for_subscriber()
@@ -99,22 +98,19 @@ class PoseTest(unittest.TestCase):
             print('  ' + name)
         check_each(RIGHT, check)
 
-    def said(self, words):
-        return [m for m in self.log.messages() if words in m.msg]
-
     def test_what_cannot_be_used_is_refused_with_the_reason(self):
         picture = rendered(K)
 
         def check(name):
             info, words = REFUSED[name]
-            before = len(self.said(words))
+            before = len(self.log.with_words(words))
 
             def refused():
                 poster, reason = self.send(picture, info)
                 return not poster.has_pose and words in reason
             wait_until(refused, 'no pose comes')
             self.diagnostics.wait_for_words(words, lambda: self.send(picture, info))
-            wait_until(lambda: len(self.said(words)) > before, 'the log says ' + words)
+            wait_until(lambda: len(self.log.with_words(words)) > before, 'the log says ' + words)
             self.assertFalse(self.send(picture, info)[0].has_pose)
         check_each(REFUSED, check)
 
@@ -127,13 +123,13 @@ class PoseTest(unittest.TestCase):
                                           'doc', 'mosaic.jpg'), cv2.IMREAD_GRAYSCALE)
         # The first subscriber: without camera_info there is no pose, with a message.
         wait_until(lambda: camera.show(picture) and
-                   self.said('no camera_info on /poster/camera_info'), 'the log says what misses')
+                   self.log.with_words('no camera_info on /poster/camera_info'), 'the log says what misses')
         self.diagnostics.wait_for_words('no camera_info on /poster/camera_info')
         info.publish(information(size=(picture.shape[1], picture.shape[0])))
         wait_until(lambda: camera.show(picture) and
                    [t for m in transforms.messages() for t in m.transforms
                     if t.child_frame_id == 'poster'], 'the transform is broadcast')
-        self.assertEqual(len(self.said('no camera_info on /poster/camera_info')), 1)
+        self.assertEqual(len(self.log.with_words('no camera_info on /poster/camera_info')), 1)
 
 
 if __name__ == '__main__':

@@ -20,8 +20,7 @@ namespace {
 using test::Camera;
 using test::Recorder;
 
-int changes = 1000;
-double rate = 50.0;  // changes per second
+constexpr double kRate = 50.0;  // changes per second
 
 /// A random valid change; the ranges limit the time of a frame to milliseconds.
 void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
@@ -31,51 +30,23 @@ void changeAtRandom(KtgpConfig& config, std::mt19937& random) {
   const auto real = [&](double low, double high) {
     return std::uniform_real_distribution<double>(low, high)(random);
   };
+  const auto coin = [&] { return integer(0, 1) == 1; };
   const char* const modes[] = {"previous", "keyframe", "fixed"};
-  switch (integer(0, 11)) {
-    case 0:
-      config.T_w = real(0.3, 1.0);
-      break;
-    case 1:
-      config.T_G = real(0.0, 12.0);
-      break;
-    case 2:
-      config.features = integer(100, 600);
-      break;
-    case 3:
-      config.scale_factor = real(1.1, 1.6);
-      break;
-    case 4:
-      config.levels = integer(1, 8);
-      break;
-    case 5:
-      config.fast_threshold = integer(5, 60);
-      break;
-    case 6:
-      config.gms_rotation = integer(0, 1) == 1;
-      break;
-    case 7:
-      config.gms_scale = integer(0, 1) == 1;
-      break;
-    case 8:
-      config.prosac_threshold = real(0.5, 10.0);
-      break;
-    case 9:
-      config.reference_mode = modes[integer(0, 2)];
-      break;
-    case 10:
-      config.threads = integer(0, 2);
-      break;
-    default:
-      config.mutual = integer(0, 1) == 1;
-      break;
-  }
-}
-
-dynamic_reconfigure::Config messageFrom(const KtgpConfig& config) {
-  dynamic_reconfigure::Config message;
-  config.__toMessage__(message);
-  return message;
+  const std::function<void()> each[] = {
+      [&] { config.T_w = real(0.3, 1.0); },
+      [&] { config.T_G = real(0.0, 12.0); },
+      [&] { config.features = integer(100, 600); },
+      [&] { config.scale_factor = real(1.1, 1.6); },
+      [&] { config.levels = integer(1, 8); },
+      [&] { config.fast_threshold = integer(5, 60); },
+      [&] { config.gms_rotation = coin(); },
+      [&] { config.gms_scale = coin(); },
+      [&] { config.prosac_threshold = real(0.5, 10.0); },
+      [&] { config.reference_mode = modes[integer(0, 2)]; },
+      [&] { config.threads = integer(0, 2); },
+      [&] { config.mutual = coin(); },
+  };
+  each[integer(0, 11)]();
 }
 
 class Reconfigure : public testing::Test {
@@ -108,7 +79,7 @@ class Reconfigure : public testing::Test {
   void send(const std::function<void(KtgpConfig&)>& change) {
     change(config_);
     dynamic_reconfigure::Reconfigure call;
-    call.request.config = messageFrom(config_);
+    config_.__toMessage__(call.request.config);
     ASSERT_TRUE(client_.call(call));
     config_.__fromMessage__(call.response.config);
     configurations_.push_back(config_);
@@ -159,7 +130,8 @@ void Reconfigure::expectAsComputedAgain(const MatchStatistics& statistics) {
 }
 
 TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
-  ros::WallRate pace(rate);
+  const int changes = test::argument("changes", 1000);
+  ros::WallRate pace(kRate);
   for (int i = 0; i < changes; ++i) {
     ASSERT_NO_FATAL_FAILURE(change()) << "change " << i;
     pace.sleep();
@@ -188,6 +160,5 @@ TEST_F(Reconfigure, EveryMessageIsOfOneConfiguration) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::changes = static_cast<int>(ktgp_orb::test::argument(argc, argv, "changes", 1000));
   return ktgp_orb::test::runTests(argc, argv, "robot_reconfigure_test");
 }

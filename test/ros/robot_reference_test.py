@@ -4,18 +4,15 @@
 import os
 import tempfile
 import time
-import unittest
 
 import cv2
 import numpy as np
 import rospy
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics, MatchStatus
+from ktgp_orb.msg import MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, texture, translation,
-                          view, wait_for_matcher, wait_until)
+from ktgp_testing import (Diagnostics, MatcherCase, image_message, run_as_node, texture, translation, view,
+                          wait_until)
 from sensor_msgs.msg import Image
-from std_srvs.srv import Trigger
 
 DEFAULTS = {'reference_mode': 'previous', 'reference_image': '', 
             'max_reference_age': 1.0, 'gms_scale': False, 'roi': ''}
@@ -25,30 +22,16 @@ PAN = 20  # px that the camera moves right from frame to frame
 WIDTH, HEIGHT = 640, 480
 
 
-class ReferenceTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.accumulated = Recorder('/camera/matcher/accumulated_homography', HomographyStamped)
-        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
-        cls.camera = Camera()
-        wait_for_matcher(cls.camera, cls.statistics, cls.homographies, cls.accumulated,
-                         cls.correspondences)
+class ReferenceTest(MatcherCase):
+    topics = 'statistics', 'homography', 'accumulated_homography', 'correspondences'
 
     def setUp(self):
         self.client.update_configuration(DEFAULTS)
         self.call('reset')
 
-    def call(self, service):
-        answer = rospy.ServiceProxy('/camera/matcher/' + service, Trigger)()
-        self.assertTrue(answer.success, answer.message)
-        return answer.message
-
-    def send(self, x, y=100, size=(WIDTH, HEIGHT)):
+    def send(self, x, y=100):
         """Statistics of a frame that shows the picture from x, y."""
-        return self.statistics.wait_for(self.camera.show(view(x, y, *size)))
+        return super().send(view(x, y))
 
     def images_arrived(self):
         """As the matcher's next report has it; the one after it, since the first may be on its way."""
@@ -75,7 +58,7 @@ class ReferenceTest(unittest.TestCase):
         for i, (s, reference) in enumerate(zip(statistics[1:], references), 1):
             before = references[i - 2] if i > 1 else None
             self.assertEqual(s.reference_changed, reference != before, 'frame %d' % i)
-            homography = self.homographies.wait_for(stamps[i])
+            homography = self.homography.wait_for(stamps[i])
             self.assertEqual(homography.reference_stamp, s.reference_stamp)
             self.check_translation(homography, -PAN * (i - reference), 0)
 
@@ -84,9 +67,9 @@ class ReferenceTest(unittest.TestCase):
         self.client.update_configuration({'reference_mode': mode})
         self.call('reset')
         statistics = self.pan(16)
-        self.assertIsNone(self.accumulated.with_stamp(statistics[0].header.stamp))
+        self.assertIsNone(self.accumulated_homography.with_stamp(statistics[0].header.stamp))
         for i, s in enumerate(statistics[1:], 1):
-            accumulated = self.accumulated.wait_for(s.header.stamp)
+            accumulated = self.accumulated_homography.wait_for(s.header.stamp)
             self.assertEqual(accumulated.reference_stamp, statistics[0].header.stamp)
             h = np.reshape(accumulated.homography, (3, 3))
             x, y, w = h.dot((WIDTH / 2, HEIGHT / 2, 1))
@@ -122,7 +105,7 @@ class ReferenceTest(unittest.TestCase):
         for x in (260, 180, 220):
             s = self.send(x)
             self.assertEqual((s.status, s.reference_stamp), (OK, fixed.header.stamp))
-            self.check_translation(self.homographies.wait_for(s.header.stamp), 200 - x, 0)
+            self.check_translation(self.homography.wait_for(s.header.stamp), 200 - x, 0)
         self.call('reset')
         self.assertEqual(self.send(200).status, NO_REFERENCE)
         self.call('set_reference')
@@ -143,7 +126,7 @@ class ReferenceTest(unittest.TestCase):
         self.assertEqual((fixed.status, fixed.reference_stamp), (OK, fixed.header.stamp))
         after = self.send(220)
         self.assertEqual(after.reference_stamp, fixed.header.stamp)
-        self.check_translation(self.homographies.wait_for(after.header.stamp), -20, 0)
+        self.check_translation(self.homography.wait_for(after.header.stamp), -20, 0)
         self.assertEqual(after.refused_frames, fixed.refused_frames)
 
     def test_an_image_file_of_another_size_is_a_target(self):
@@ -156,7 +139,7 @@ class ReferenceTest(unittest.TestCase):
         self.assertEqual(s.status, OK)
         self.assertTrue(s.reference_stamp.is_zero())
         # Point (0, 0) of the target is at (300, 200) of the picture.
-        self.check_translation(self.homographies.wait_for(s.header.stamp), 100, 50)
+        self.check_translation(self.homography.wait_for(s.header.stamp), 100, 50)
         matches = self.correspondences.wait_for(s.header.stamp)
         self.assertEqual((matches.reference_width, matches.reference_height), (320, 240))
         self.assertEqual((matches.image_width, matches.image_height), (WIDTH, HEIGHT))

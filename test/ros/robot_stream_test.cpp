@@ -22,25 +22,40 @@ const std::string kMatcher = "/camera/matcher/";
 
 using Reports = Recorder<diagnostic_msgs::DiagnosticArray>;
 
+/// Calls a function for the report of each task so far.
+void forEach(Reports& reports,
+             const std::function<void(const diagnostic_msgs::DiagnosticStatus&)>& act) {
+  for (const auto& report : reports.messages()) {
+    for (const auto& status : report->status) act(status);
+  }
+}
+
 /// The messages of all tasks so far.
 std::string anyMessage(Reports& reports) {
   std::string all;
-  for (const auto& report : reports.messages()) {
-    for (const auto& status : report->status) all += status.message + "\n";
-  }
+  forEach(reports, [&](const auto& status) { all += status.message + "\n"; });
   return all;
 }
 
 /// The matcher's last report about its input.
 std::string inputMessage(Reports& reports) {
   std::string last;
-  for (const auto& report : reports.messages()) {
-    for (const auto& status : report->status) {
-      const std::string& name = status.name;
-      if (name.size() > 7 && name.substr(name.size() - 7) == ": input") last = status.message;
-    }
-  }
+  forEach(reports, [&](const auto& status) {
+    const std::string& name = status.name;
+    if (name.size() > 7 && name.substr(name.size() - 7) == ": input") last = status.message;
+  });
   return last;
+}
+
+/// A value of the last report that contains it.
+std::string diagnosticValue(Reports& reports, const std::string& key) {
+  std::string found;
+  forEach(reports, [&](const auto& status) {
+    for (const auto& value : status.values) {
+      if (value.key == key) found = value.value;
+    }
+  });
+  return found;
 }
 
 class Stream : public testing::Test {
@@ -62,16 +77,9 @@ class Stream : public testing::Test {
   MatchStatistics send(const sensor_msgs::ImagePtr& image) {
     publisher_.publish(sensor_msgs::ImageConstPtr(image));
     const ros::Time stamp = image->header.stamp;
-    EXPECT_TRUE(waitUntil([&] { return statisticsOf(stamp) != nullptr; }));
-    const auto found = statisticsOf(stamp);
-    return found ? *found : MatchStatistics();
-  }
-
-  Recorder<MatchStatistics>::Ptr statisticsOf(const ros::Time& stamp) {
-    for (const auto& message : statistics_.messages()) {
-      if (message->header.stamp == stamp) return message;
-    }
-    return nullptr;
+    const bool arrived = statistics_.waitFor(stamp);
+    EXPECT_TRUE(arrived);
+    return arrived ? *statistics_.withStamp(stamp) : MatchStatistics();
   }
 
   static std_srvs::Trigger::Response call(const std::string& service) {
@@ -88,7 +96,7 @@ class Stream : public testing::Test {
 };
 
 TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
-  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
+  Reports reports("/diagnostics");
   load();
   const auto numbered = [&](std::uint32_t number) {
     const sensor_msgs::ImagePtr image = view();
@@ -125,7 +133,7 @@ TEST_F(Stream, LostImagesAreCountedByTheirNumbers) {
 
 // The frame is lost with the process, but that it existed is known.
 TEST_F(Stream, ThatARestartLostTheReferenceIsSaid) {
-  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
+  Reports reports("/diagnostics");
   const auto said = [&] {
     return anyMessage(reports).find("the reference that ~set_reference took is lost") !=
            std::string::npos;
@@ -166,12 +174,12 @@ TEST_F(Stream, SetReferenceTakesAnImageThatArrivesAfterTheCall) {
     publisher_.publish(replaced);
     publisher_.publish(before);
     ASSERT_TRUE(waitUntil([&] {
-      return replaced.use_count() == 1 || statisticsOf(before->header.stamp) != nullptr;
+      return replaced.use_count() == 1 || statistics_.withStamp(before->header.stamp) != nullptr;
     })) << "it arrives";
     const auto answer = call("set_reference");
     ASSERT_TRUE(answer.success) << answer.message;
-    ASSERT_TRUE(waitUntil([&] { return statisticsOf(before->header.stamp) != nullptr; }));
-    EXPECT_EQ(statisticsOf(before->header.stamp)->reason, MatchStatus::REASON_NOT_SET);
+    ASSERT_TRUE(statistics_.waitFor(before->header.stamp));
+    EXPECT_EQ(statistics_.withStamp(before->header.stamp)->reason, MatchStatus::REASON_NOT_SET);
     const MatchStatistics after = send(view());
     EXPECT_EQ(after.reference_stamp, after.header.stamp);
   }
@@ -218,11 +226,8 @@ TEST_F(Stream, EveryFrameHasAHomographyMessageWithTheReason) {
     EXPECT_EQ(statistics.ktg, statistics.stages[2].output);
     EXPECT_EQ(statistics.stages[3].output > 0, reason == MatchStatus::REASON_NONE);
     EXPECT_EQ(statistics.inliers > 0, reason == MatchStatus::REASON_NONE);
-    ASSERT_TRUE(waitUntil([&] {
-      return !homographies.messages().empty() &&
-             homographies.messages().back()->header.stamp == statistics.header.stamp;
-    }));
-    const HomographyStamped& homography = *homographies.messages().back();
+    ASSERT_TRUE(homographies.waitFor(statistics.header.stamp));
+    const HomographyStamped& homography = *homographies.withStamp(statistics.header.stamp);
     EXPECT_EQ(homography.status, statistics.status);
     EXPECT_EQ(homography.reason, reason);
     EXPECT_EQ(homography.inliers, statistics.inliers) << "of the published homography";
@@ -287,20 +292,6 @@ class Tap : public ros::CallbackQueueInterface {
   std::function<void()> act_;
 };
 
-/// A value of the last report that contains it.
-std::string diagnosticValue(Recorder<diagnostic_msgs::DiagnosticArray>& reports,
-                            const std::string& key) {
-  std::string found;
-  for (const auto& report : reports.messages()) {
-    for (const auto& status : report->status) {
-      for (const auto& value : status.values) {
-        if (value.key == key) found = value.value;
-      }
-    }
-  }
-  return found;
-}
-
 // While the data of a frame are published, the next frame arrives: the matcher is always late.
 TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
   std::mutex mutex;
@@ -324,7 +315,7 @@ TEST_F(Stream, TheOverlayOfAnOldFrameIsSkippedWhereANewerOneWaits) {
     EXPECT_TRUE(waitUntil([&] { return first.use_count() == 1; }));
   });
   Tap pictures([&] { note('o'); });
-  Recorder<diagnostic_msgs::DiagnosticArray> reports("/diagnostics");
+  Reports reports("/diagnostics");
   const ros::Subscriber statistics = data.subscribe<MatchStatistics>(kMatcher + "statistics");
   const ros::Subscriber overlay =
       pictures.subscribe<sensor_msgs::Image>(kMatcher + "matches_image");
@@ -356,12 +347,6 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
   load();
   ASSERT_TRUE(loader_.load("/other/matcher", "ktgp_orb/matcher",
                            {{"/other/image", "/camera/image_raw"}}, {}));
-  const auto matchOf = [](Recorder<Match>& recorder, const ros::Time& stamp) {
-    for (const auto& m : recorder.messages()) {
-      if (m->header.stamp == stamp) return m;
-    }
-    return Recorder<Match>::Ptr();
-  };
   // Until both receive images: for ROS they are one subscriber.
   ASSERT_TRUE(waitUntil([&] {
     send(view());
@@ -369,9 +354,9 @@ TEST_F(Stream, TwoMatchersWithDifferentThreadsGiveTheSame) {
   }));
   for (int i = 0; i < 5; ++i) {
     const ros::Time stamp = send(view()).header.stamp;
-    ASSERT_TRUE(waitUntil([&] { return matchOf(one, stamp) && matchOf(three, stamp); }));
-    const Match& a = *matchOf(one, stamp);
-    const Match& b = *matchOf(three, stamp);
+    ASSERT_TRUE(one.waitFor(stamp) && three.waitFor(stamp));
+    const Match& a = *one.withStamp(stamp);
+    const Match& b = *three.withStamp(stamp);
     ASSERT_EQ(a.statistics.status, MatchStatus::STATUS_OK);
     ASSERT_EQ(a.homography.reference_stamp, b.homography.reference_stamp);
     EXPECT_GT(a.correspondences.level.size(), 100U);

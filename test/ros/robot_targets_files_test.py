@@ -11,13 +11,14 @@ import cv2
 import rospy
 from ktgp_orb.msg import TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, FolderCase, Program, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import (Camera, Diagnostics, FolderCase, Program, Recorder, image_message, run_as_node, texture,
+                          wait_until)
 from poster import K, POSITION, POSTER, information, rendered
 from sensor_msgs.msg import CameraInfo
 from tf2_msgs.msg import TFMessage
 
 LIMIT = 65536  # bytes of a file
-SMALL, LARGE = texture(150, 200, seed=21), texture(1200, 1600, seed=22)
+SMALL, LARGE, OTHER = texture(150, 200, seed=21), texture(1200, 1600, seed=22), texture(300, 400, seed=11)
 SERVICES = {'add': SetTarget, 'replace': SetTarget, 'remove': RemoveTarget, 'detect': DetectTargets}
 
 
@@ -50,21 +51,20 @@ def image(picture):
 
 
 class TargetsFilesTest(FolderCase):
-    def start(self, name, file):
+    def said_at_start(self, name, file):
         """What a node says that ends at once, since it cannot keep this list."""
         rospy.set_param(name + '/file', file)
-        return subprocess.run(['rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + name[1:]],
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True,
-                              timeout=60).stdout
+        return self.run_program('rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=' + name[1:],
+                                code=None, stderr=subprocess.STDOUT).stdout
+
+    def succeed(self, *request):
+        answer = call(*request)
+        self.assertTrue(answer.success, answer.message)
 
     def contents(self):
         """Of all files."""
-        found = {}
-        for folder, _, names in os.walk(self.folder):
-            for name in names:
-                with open(os.path.join(folder, name), 'rb') as file:
-                    found[os.path.join(folder, name)] = file.read()
-        return found
+        return {str(file.relative_to(self.folder)): file.read_bytes() for file in self.folder.rglob('*')
+                if file.is_file()}
 
     def test_a_full_disk_changes_nothing(self):
         kept = self.path('kept.yaml')
@@ -72,8 +72,7 @@ class TargetsFilesTest(FolderCase):
         long_frame = 'x' * (LIMIT - 2000)
         cv2.imwrite(self.path('first.png'), POSTER)
         cv2.imwrite(self.path('other.png'), SMALL)
-        with open(kept, 'w') as file:
-            file.write('- {id: first, image: first.png}\n- {id: other, image: other.png}\n')
+        self.write(kept, '- {id: first, image: first.png}\n- {id: other, image: other.png}\n')
 
         def state():
             answer = call('/full', 'detect', image(rendered(K)), CameraInfo()).detections
@@ -92,53 +91,82 @@ class TargetsFilesTest(FolderCase):
             refused('.png: cannot be written', 'replace', 'first', [image(LARGE)], 0.0, '')
             refused('cannot be written', 'add', 'long', [image(texture(150, 200, seed=23))], 0.0, 2 * long_frame)
             self.assertEqual(state(), (2, ['first']))
-            answer = call('/full', 'replace', 'other', [image(texture(150, 200, seed=24))], 0.0, 'shelf')
-            self.assertTrue(answer.success, answer.message)
-            with open(kept) as file:
-                self.assertIn('frame: shelf', file.read())
+            self.succeed('/full', 'replace', 'other', [image(texture(150, 200, seed=24))], 0.0, 'shelf')
+            self.assertIn('frame: shelf', self.read(kept))
         # A list that is too long already: nothing can be removed, either.
-        with open(kept, 'w') as file:
-            file.write('- {id: other, image: other.png, frame: %s}\n- {id: first, image: first.png}\n' %
-                       (2 * long_frame))
+        self.write(kept, '- {id: other, image: other.png, frame: %s}\n- {id: first, image: first.png}\n' %
+                   (2 * long_frame))
         with node('/full', limit_files, file=kept):
             # The one with the long frame is refused, and stays in the list.
             wait_until(lambda: state() == (1, ['first']), 'both are read')
             refused('cannot be written', 'remove', 'first')
             self.assertEqual(state(), (1, ['first']))
 
+    def test_reads_a_folder_and_keeps_what_changes(self):
+        posters, kept, images = (self.path(name) for name in ('posters', 'kept.yaml', 'kept.yaml_images'))
+        os.mkdir(posters)
+        cv2.imwrite(self.path('posters', 'mine.png'), POSTER)
+        self.write('posters/broken.png', 'no image')
+        diagnostics = Diagnostics(self)
+        other, third = image(OTHER), image(texture(300, 400, seed=12))
+
+        def found():
+            answer = call('/kept', 'detect', image(rendered(K)), CameraInfo())
+            return answer.detections.known, [d.id for d in answer.detections.detections]
+        for start in range(2):
+            with node('/kept', targets=posters, file=kept) as program:
+                wait_until(lambda: found() == (1 + start, ['mine']), 'it knows mine')
+                self.assertTrue(program.says('it stays in ' + kept), program.output())
+                # One that is refused stays in the list: its image may come back.
+                diagnostics.wait_for_words('broken.png')
+                if start == 0:
+                    self.succeed('/kept', 'add', 'other', [other], 0.3, 'shelf')
+                    self.assertIn('width: 0.3', self.read(kept))
+                    self.assertEqual(len(os.listdir(images)), 1)
+                self.assertIn('id: broken', self.read(kept))
+                self.assertIn('id: mine', self.read(kept))
+                if start == 1:
+                    # Images that are not used any more are deleted, but not those of the user.
+                    self.succeed('/kept', 'replace', 'other', [third, other], 0.4, '')
+                    self.assertEqual(len(os.listdir(images)), 2)
+                    for name in ('other', 'mine', 'broken'):
+                        self.succeed('/kept', 'remove', name)
+                        self.assertNotIn('id: ' + name, self.read(kept))
+                    # What was cured is not said any more.
+                    seen = len(diagnostics.messages())
+                    wait_until(lambda: any('broken.png' not in s.message
+                                           for s in diagnostics.of('kept: targets', seen)),
+                               'no target is refused any more')
+                    self.assertEqual(os.listdir(images), [])
+                    self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
+                    self.succeed('/kept', 'add', 'broken', [third], 0.0, '')
+        self.assertEqual(self.read(kept).count('id: broken'), 1)
+
     def test_creates_the_folder_of_the_list_or_says_why_not(self):
         with node('/new', file=self.path('a', 'b', 'kept.yaml')):
-            answer = call('/new', 'add', 'first', [image(POSTER)], 0.0, '')
-            self.assertTrue(answer.success, answer.message)
+            self.succeed('/new', 'add', 'first', [image(POSTER)], 0.0, '')
             answer = call('/new', 'add', 'flat', [image(0 * POSTER + 90)], 0.0, '')
             self.assertIn('too little texture', answer.message)
-            self.assertEqual(sorted(os.path.relpath(file, self.folder) for file in self.contents()),
-                             ['a/b/kept.yaml', 'a/b/kept.yaml_images/0.png'])
-        with open(self.path('file'), 'w'):
-            pass
-        said = self.start('/none', self.path('file', 'kept.yaml'))
+            self.assertEqual(sorted(self.contents()), ['a/b/kept.yaml', 'a/b/kept.yaml_images/0.png'])
+        self.write('file', '')
+        said = self.said_at_start('/none', self.path('file', 'kept.yaml'))
         self.assertIn(self.path('file', 'kept.yaml') + ': cannot be written', said)
         self.assertIn('Not a directory', said)
 
     def test_a_file_belongs_to_one_node_and_an_empty_one_counts_as_none(self):
         kept = self.path('kept.yaml')
-        open(kept, 'w').close()  # as after a power cut
+        self.write(kept, '')  # as after a power cut
         cv2.imwrite(self.path('poster.png'), POSTER)
-        with open(self.path('targets.yaml'), 'w') as file:
-            file.write('- {image: poster.png}\n')
-        victim = self.path('victim')
-        with open(victim, 'w') as file:
-            file.write('mine')
+        self.write('targets.yaml', '- {image: poster.png}\n')
+        self.write('victim', 'mine')
         for name in ('kept.yaml.unfinished', 'kept.unfinished0.yaml'):
-            os.symlink(victim, self.path(name))
+            os.symlink('victim', self.path(name))
         with node('/owner', file=kept, targets=self.path('targets.yaml')):
-            answer = call('/owner', 'add', 'small', [image(SMALL)], 0.0, '')
-            self.assertTrue(answer.success, answer.message)
-            self.assertIn(kept + ': is in use by another node', self.start('/second', kept))
+            self.succeed('/owner', 'add', 'small', [image(SMALL)], 0.0, '')
+            self.assertIn(kept + ': is in use by another node', self.said_at_start('/second', kept))
             answer = call('/owner', 'detect', image(rendered(K)), CameraInfo()).detections
             self.assertEqual((answer.known, [d.id for d in answer.detections]), (2, ['poster']))
-        with open(victim) as file:
-            self.assertEqual(file.read(), 'mine')
+        self.assertEqual(self.read('victim'), 'mine')
         # As left by SIGKILL: of an image, and of one that was not yet in the list.
         left = ['7.unfinished0.png', '8.png']
         for name in left + ['mine.png']:
@@ -154,16 +182,13 @@ class TargetsFilesTest(FolderCase):
         """Two nodes that know one list by two names would lose each other's targets."""
         kept = os.path.join(os.path.realpath(self.folder), 'kept.yaml')
         cv2.imwrite(self.path('poster.png'), POSTER)
-        with open(kept, 'w') as file:
-            file.write('- {image: poster.png}\n')
+        self.write(kept, '- {image: poster.png}\n')
         os.symlink('kept.yaml', self.path('link.yaml'))
         with node('/linked', file=self.path('link.yaml')):
-            answer = call('/linked', 'add', 'small', [image(SMALL)], 0.0, '')
-            self.assertTrue(answer.success, answer.message)
-            self.assertIn(kept + ': is in use by another node', self.start('/second', kept))
+            self.succeed('/linked', 'add', 'small', [image(SMALL)], 0.0, '')
+            self.assertIn(kept + ': is in use by another node', self.said_at_start('/second', kept))
         self.assertTrue(os.path.islink(self.path('link.yaml')))
-        with open(kept) as file:
-            self.assertIn('id: small', file.read())
+        self.assertIn('id: small', self.read(kept))
         self.assertEqual(sorted(os.listdir(self.folder)), ['kept.yaml', 'kept.yaml_images', 'link.yaml', 'poster.png'])
 
     def test_refuses_what_is_no_list(self):
@@ -171,7 +196,7 @@ class TargetsFilesTest(FolderCase):
         os.symlink('missing.yaml', self.path('link.yaml'))
         for name, words in ((self.path('folder.yaml'), ': is a folder'), ('/dev/null', ': is no regular file'),
                             (self.path('link.yaml'), ': is a link to a file that is missing')):
-            self.assertIn(name + words, self.start('/refused', name))
+            self.assertIn(name + words, self.said_at_start('/refused', name))
         self.assertEqual(sorted(os.listdir(self.folder)), ['folder.yaml', 'link.yaml'])
         self.assertFalse(os.path.exists('/dev/null_images'))
 
@@ -194,10 +219,8 @@ class TargetsFilesTest(FolderCase):
             # The last one is not read yet.
             answer = call('/many/camera/targets', 'add', '149', [image(POSTER)], 0.0, '')
             self.assertIn('exists already', answer.message)
-            answer = call('/many/camera/targets', 'replace', '149', [image(POSTER)], 1.0, '')
-            self.assertTrue(answer.success, answer.message)
-            answer = call('/many/camera/targets', 'remove', '148')
-            self.assertTrue(answer.success, answer.message)
+            self.succeed('/many/camera/targets', 'replace', '149', [image(POSTER)], 1.0, '')
+            self.succeed('/many/camera/targets', 'remove', '148')
 
             def all_known():
                 message = detections.wait_for(camera.show(picture))
@@ -214,8 +237,7 @@ class TargetsFilesTest(FolderCase):
     def test_two_robots_look_for_the_same_targets(self):
         """The second one gets every sixth image only: the poster moves by 46 px from one to the next."""
         cv2.imwrite(self.path('poster.png'), POSTER)
-        with open(self.path('targets.yaml'), 'w') as file:
-            file.write('- {id: poster, image: poster.png, width: 1.0, frame: poster}\n')
+        self.write('targets.yaml', '- {id: poster, image: poster.png, width: 1.0, frame: poster}\n')
         robots = ('/one/camera', '/two/camera')
         cameras = {robot: Camera(robot + '/image_raw') for robot in robots}
         infos = {robot: rospy.Publisher(robot + '/camera_info', CameraInfo, queue_size=1, latch=True)

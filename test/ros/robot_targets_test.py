@@ -1,9 +1,7 @@
 #!/usr/bin/python3
-"""Flat targets in renderings of a camera: found with the right pose, added, replaced and removed by services,
-kept in a file, and refused with the reason."""
+"""Flat targets in renderings of a camera: found with the right pose, added, replaced and removed by services, and
+refused with the reason."""
 
-import os
-import tempfile
 import threading
 import unittest
 
@@ -13,10 +11,9 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Diagnostics, Memory, Program, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import Camera, Diagnostics, Log, Memory, Recorder, image_message, run_as_node, texture, wait_until
 from poster import (BARREL, CHI_SQUARE, K, POSITION, POSTER, ROTATION, information, pose_errors,
                     rendered)
-from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CameraInfo, Image
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
@@ -35,7 +32,6 @@ def transforms_at(stamp, transforms):
 class TargetsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
         cls.detections = Recorder('/camera/targets/detections', TargetDetections)
         cls.diagnostics = Diagnostics()
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
@@ -45,10 +41,6 @@ class TargetsTest(unittest.TestCase):
                            ('detect', DetectTargets)):
             rospy.wait_for_service('/camera/targets/' + name, 60)
             setattr(cls, name, rospy.ServiceProxy('/camera/targets/' + name, kind))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def setUp(self):
         self.succeed(self.add, 'poster', [image_message(POSTER, now())], 1.0, 'poster')
@@ -281,11 +273,11 @@ class TargetsTest(unittest.TestCase):
             self.assertLess(rest, 36)
 
     def test_ids_do_not_forge_lines_of_the_log(self):
-        log = Recorder('/rosout', Log, self)
+        log = Log(self)
         wait_until(lambda: '/manager' in log.names_of_publishers(), 'it hears the manager')
         answer = self.remove('door\n[FATAL] battery \x1b[31mempty')
         self.assertIn('target "door\\x0a[FATAL] battery \\x1b[31mempty" does not exist', answer.message)
-        wait_until(lambda: [m for m in log.messages() if 'battery' in m.msg], 'it is in the log')
+        log.wait_for_words('battery')
         for message in log.messages():
             self.assertNotIn('\n[FATAL]', message.msg)
             self.assertNotIn('\x1b', message.msg)
@@ -298,62 +290,6 @@ class TargetsTest(unittest.TestCase):
         broken.data = broken.data[:100]
         self.diagnostics.wait_for_words('refused: data has', lambda: self.camera.send(broken))
         self.assertTrue(self.send(half).detections)
-
-    def test_reads_a_folder_and_keeps_what_changes(self):
-        posters = os.path.join(self.folder.name, 'posters')
-        os.mkdir(posters)
-        cv2.imwrite(os.path.join(posters, 'mine.png'), POSTER)
-        with open(os.path.join(posters, 'broken.png'), 'w') as file:
-            file.write('no image')
-        rospy.set_param('/kept/targets', posters)
-        rospy.set_param('/kept/file', os.path.join(self.folder.name, 'kept.yaml'))
-
-        kept, images = [os.path.join(self.folder.name, name) for name in ('kept.yaml', 'kept.yaml_images')]
-
-        def ids():
-            rospy.wait_for_service('/kept/detect', 60)
-            answer = rospy.ServiceProxy('/kept/detect', DetectTargets)(
-                image_message(rendered(K), now()), CameraInfo())
-            return answer.detections.known, [d.id for d in answer.detections.detections]
-
-        def change(service, kind, *arguments):
-            self.succeed(rospy.ServiceProxy('/kept/' + service, kind), *arguments)
-
-        def listed():
-            with open(kept) as file:
-                return file.read()
-        other, third = [image_message(picture, now()) for picture in (OTHER, texture(300, 400, seed=12))]
-        for start in range(2):
-            node = Program('rosrun', 'nodelet', 'nodelet', 'standalone', 'ktgp_orb/Targets', '__name:=kept')
-            try:
-                wait_until(lambda: ids() == (1 + start, ['mine']), 'it knows mine')
-                self.assertTrue(node.says('it stays in ' + kept), node.output())
-                # One that is refused stays in the list: its image may come back.
-                self.diagnostics.wait_for_words('broken.png')
-                if start == 0:
-                    change('add', SetTarget, 'other', [other], 0.3, 'shelf')
-                    self.assertIn('width: 0.3', listed())
-                    self.assertEqual(len(os.listdir(images)), 1)
-                self.assertIn('id: broken', listed())
-                self.assertIn('id: mine', listed())
-                if start == 1:
-                    # Images that are not used any more are deleted, but not those of the user.
-                    change('replace', SetTarget, 'other', [third, other], 0.4, '')
-                    self.assertEqual(len(os.listdir(images)), 2)
-                    for name in ('other', 'mine', 'broken'):
-                        change('remove', RemoveTarget, name)
-                        self.assertNotIn('id: ' + name, listed())
-                    # What was cured is not said any more.
-                    seen = len(self.diagnostics.messages())
-                    wait_until(lambda: any('broken.png' not in s.message
-                                           for s in self.diagnostics.of('kept: targets', seen)),
-                               'no target is refused any more')
-                    self.assertEqual(os.listdir(images), [])
-                    self.assertEqual(sorted(os.listdir(posters)), ['broken.png', 'mine.png'])
-                    change('add', SetTarget, 'broken', [third], 0.0, '')
-            finally:
-                node.end()
-        self.assertEqual(listed().count('id: broken'), 1)
 
     def test_forgets_what_it_followed_when_no_subscriber_is_left(self):
         self.succeed(self.replace, 'poster', [image_message(POSTER, now())], 1.0, '')  # without a frame for tf

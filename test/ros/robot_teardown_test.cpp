@@ -26,7 +26,6 @@ using test::PictureFile;
 using test::Recorder;
 using test::sleepMilliseconds;
 
-int cycles = 50;
 constexpr int kSlowEvery = 10;  // cycles; in these a reference image of 48 megapixels is set
 
 const std::string kMatcher = "/camera/matcher";
@@ -177,6 +176,7 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
     const Churn pairs([&view](int i) { matchPair(*view.image(i, ros::Time(1))); });
     const Churn sides([&inputs](int i) { inputs.send(i); });
     const Churn subscribers(subscribeForAMoment);
+    const int cycles = test::argument("cycles", 50);
     for (int cycle = 0; cycle < cycles; ++cycle) {
       ASSERT_TRUE(test::loadMatcher(loader, "/camera")) << "cycle " << cycle;
       std::thread slow;
@@ -207,6 +207,5 @@ TEST(Teardown, UnloadingInTheMiddleOfEverything) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::cycles = static_cast<int>(ktgp_orb::test::argument(argc, argv, "cycles", 50));
   return ktgp_orb::test::runTests(argc, argv, "robot_teardown_test");
 }

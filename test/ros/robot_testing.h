@@ -161,6 +161,16 @@ class Recorder {
     return messages_;
   }
   void clear() { messages_.clear(); }
+  /// The message of a stamp, or null.
+  Ptr withStamp(const ros::Time& stamp) {
+    for (const Ptr& message : messages()) {
+      if (message->header.stamp == stamp) return message;
+    }
+    return nullptr;
+  }
+  bool waitFor(const ros::Time& stamp) {
+    return waitUntil([&] { return withStamp(stamp) != nullptr; });
+  }
   bool waitForMore(std::size_t count) {
     const std::size_t wanted = messages().size() + count;
     return waitUntil([&] { return messages().size() >= wanted; });
@@ -207,12 +217,16 @@ class Change {
   dynamic_reconfigure::Config config_;
 };
 
+inline std::vector<std::string> arguments;  // of the command line
+
 /// The value after `--name=` on the command line.
-inline double argument(int argc, char** argv, const std::string& name, double otherwise) {
+template <typename Number>
+Number argument(const std::string& name, Number otherwise) {
   const std::string prefix = "--" + name + "=";
-  for (int i = 1; i < argc; ++i) {
-    const std::string text = argv[i];
-    if (text.compare(0, prefix.size(), prefix) == 0) return std::stod(text.substr(prefix.size()));
+  for (const std::string& text : arguments) {
+    if (text.compare(0, prefix.size(), prefix) == 0) {
+      return static_cast<Number>(std::stod(text.substr(prefix.size())));
+    }
   }
   return otherwise;
 }
@@ -220,6 +234,7 @@ inline double argument(int argc, char** argv, const std::string& name, double ot
 /// The body of main(): a node whose own callbacks need only one thread.
 inline int runTests(int argc, char** argv, const std::string& name) {
   testing::InitGoogleTest(&argc, argv);
+  arguments.assign(argv, argv + argc);
   ros::init(argc, argv, name);
   const ros::NodeHandle node;  // keeps ROS up between the tests
   ros::AsyncSpinner spinner(1);

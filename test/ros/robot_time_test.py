@@ -1,12 +1,9 @@
 #!/usr/bin/python3
 """Unusual stamps, as from faulty cameras and other clocks."""
 
-import unittest
-
 import rospy
-from ktgp_orb.msg import HomographyStamped, MatchStatistics, MatchStatus
-from ktgp_testing import Camera, Recorder, check_each, image_message, run_as_node, view, wait_for_matcher, wait_until
-from std_srvs.srv import Trigger
+from ktgp_orb.msg import MatchStatus
+from ktgp_testing import MatcherCase, check_each, image_message, run_as_node, view, wait_until
 
 OK = MatchStatus.STATUS_OK
 NO_REFERENCE = MatchStatus.STATUS_NO_REFERENCE
@@ -26,20 +23,18 @@ SEQUENCES = {
 }
 
 
-class TimeTest(unittest.TestCase):
+class TimeTest(MatcherCase):
+    topics = 'statistics', 'homography'
+
     def test_each_sequence_of_stamps_has_its_reference(self):
-        camera = Camera()
-        statistics = Recorder('/camera/matcher/statistics', MatchStatistics)
-        homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        wait_for_matcher(camera, homographies, statistics)
-        reset = rospy.ServiceProxy('/camera/matcher/reset', Trigger)
+        statistics, homography = self.statistics, self.homography
 
         def check(name):
-            reset()
+            self.call('reset')
             for number, (seconds, reason) in enumerate(SEQUENCES[name]):
-                count, homography_count = len(statistics.messages()), len(homographies.messages())
+                count, homography_count = len(statistics.messages()), len(homography.messages())
                 stamp = rospy.Time.from_sec(seconds)
-                camera.send(image_message(view(100 + 5 * number, 100), stamp))
+                self.camera.send(image_message(view(100 + 5 * number, 100), stamp))
                 wait_until(lambda: len(statistics.messages()) > count,
                            'frame %d of "%s" has statistics' % (number, name))
                 message = statistics.messages()[-1]
@@ -47,10 +42,10 @@ class TimeTest(unittest.TestCase):
                 self.assertEqual(message.reason, reason, 'frame %d' % number)
                 self.assertEqual(message.status, OK if reason == NONE else NO_REFERENCE)
                 # Counted, since the frame before may have had the same stamp.
-                wait_until(lambda: len(homographies.messages()) > homography_count,
+                wait_until(lambda: len(homography.messages()) > homography_count,
                            'frame %d of "%s" has a homography message' % (number, name))
-                self.assertEqual(homographies.messages()[-1].header.stamp, stamp)
-                self.assertEqual(homographies.messages()[-1].reason, reason)
+                self.assertEqual(homography.messages()[-1].header.stamp, stamp)
+                self.assertEqual(homography.messages()[-1].reason, reason)
         check_each(SEQUENCES, check)
 
 

@@ -22,8 +22,6 @@ using test::Churn;
 using test::Recorder;
 using test::sleepMilliseconds;
 
-int cycles = 40;
-
 const std::string kStabilizer = "/camera/stabilizer";
 const std::string kMosaic = "/camera/mosaic";
 const cv::Size kSize(320, 240);
@@ -129,6 +127,7 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
     const Churn parameters(changeParameters);
     const Churn saving(save);
     const Churn subscribers(subscribeForAMoment);
+    const int cycles = test::argument("cycles", 40);
     for (int cycle = 0; cycle < cycles; ++cycle) {
       ASSERT_TRUE(load(loader, kStabilizer, "ktgp_orb/stabilizer")) << "cycle " << cycle;
       ASSERT_TRUE(load(loader, kMosaic, "ktgp_orb/mosaic")) << "cycle " << cycle;
@@ -162,6 +161,5 @@ TEST(ViewsTeardown, UnloadingInTheMiddleOfEverything) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::cycles = static_cast<int>(ktgp_orb::test::argument(argc, argv, "cycles", 40));
   return ktgp_orb::test::runTests(argc, argv, "robot_views_teardown_test");
 }

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """scripts/sliders on a virtual display, with the parameters of the matcher and of the ground motion."""
 
 import importlib.machinery
@@ -11,8 +10,6 @@ import unittest
 import rospy
 import yaml
 from dynamic_reconfigure.server import Server
-
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 from ktgp_orb.cfg import GroundMotionConfig, KtgpConfig
 from ktgp_testing import wait_until
 from ports import free_port
@@ -106,7 +103,3 @@ class SlidersTest(unittest.TestCase):
             self.until(window, lambda expected=expected: abs(values['height'] / expected - 1) < 1e-3,
                        'the server has the height')
             self.until(window, lambda share=share: abs(row.slider.get() - share) < 1e-3, 'the slider stays there')
-
-
-if __name__ == '__main__':
-    unittest.main()

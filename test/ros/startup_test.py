@@ -1,16 +1,12 @@
 #!/usr/bin/python3
 """Messages at start: wrong topic, wrong parameter, misspelt parameter."""
 
-import os
-import tempfile
 import time
-import unittest
 
 import cv2
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import Program, Recorder, run_as_node, view, wait_until
-from rosgraph_msgs.msg import Log
+from ktgp_testing import FolderCase, Log, Program, Recorder, run_as_node, view, wait_until
 from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
@@ -38,15 +34,12 @@ def output_of_launch(*arguments, until, namespaces, look=lambda: None, after=(),
     return launch.output()
 
 
-class StartupTest(unittest.TestCase):
+class StartupTest(FolderCase):
     def test_a_wrong_topic_is_named_after_five_seconds(self):
-        log = Recorder('/rosout', Log)
+        log = Log()
         Recorder('/camera/matcher/statistics', MatchStatistics)
-
-        def warning():
-            return any(m.level == Log.WARN and 'no image on /camera/no_such_topic' in m.msg
-                       for m in log.messages())
-        wait_until(warning, 'the topic is named in a warning')
+        wait_until(lambda: any(m.level == m.WARN for m in log.with_words('no image on /camera/no_such_topic')),
+                   'the topic is named in a warning')
 
     def test_a_topic_without_publisher_is_named_also_while_idle(self):
         # Its results have no subscriber, so it subscribes to nothing: it asks the master.
@@ -111,25 +104,21 @@ class StartupTest(unittest.TestCase):
         # All in one launch: its start takes longer than that of a matcher.
         matcher = ('<include file="$(find ktgp_orb)/launch/matcher.launch"><arg name="namespace" value="wrong_%d"/>'
                    '<arg name="%s" value="%s"/></include>')
-        with tempfile.TemporaryDirectory() as folder:
-            matchers, expected = [], []
-            for i, line in enumerate(words):
-                path = os.path.join(folder, '%d.yaml' % i)
-                with open(path, 'w') as file:
-                    file.write(line + '\n')
-                matchers.append(matcher % (i, 'params', path))
-                expected.append('/wrong_%d/matcher/%s' % (i, words[line]))
-                if 'treshold' not in line:
-                    expected.append('[wrong_%d/matcher-%d] process has died' % (i, i + 1))
-            # An argument of the launch file.
-            i = len(words)
-            matchers.append(matcher % (i, 'features', 0))
-            expected += ['/wrong_%d/matcher/features is 0; expected a whole number in [100, 20000]' % i,
-                         '[wrong_%d/matcher-%d] process has died' % (i, i + 1)]
-            path = os.path.join(folder, 'wrong.launch')
-            with open(path, 'w') as file:
-                file.write('<launch>%s</launch>' % ''.join(matchers))
-            output_of_launch(path, until=expected, namespaces=['/wrong_%d' % j for j in range(i + 1)], package=())
+        matchers, expected = [], []
+        for i, line in enumerate(words):
+            self.write('%d.yaml' % i, line + '\n')
+            matchers.append(matcher % (i, 'params', self.path('%d.yaml' % i)))
+            expected.append('/wrong_%d/matcher/%s' % (i, words[line]))
+            if 'treshold' not in line:
+                expected.append('[wrong_%d/matcher-%d] process has died' % (i, i + 1))
+        # An argument of the launch file.
+        i = len(words)
+        matchers.append(matcher % (i, 'features', 0))
+        expected += ['/wrong_%d/matcher/features is 0; expected a whole number in [100, 20000]' % i,
+                     '[wrong_%d/matcher-%d] process has died' % (i, i + 1)]
+        self.write('wrong.launch', '<launch>%s</launch>' % ''.join(matchers))
+        output_of_launch(self.path('wrong.launch'), until=expected,
+                         namespaces=['/wrong_%d' % j for j in range(i + 1)], package=())
 
 
 if __name__ == '__main__':

@@ -5,19 +5,16 @@ import csv
 import os
 import subprocess
 import tempfile
-import unittest
 
 import cv2
 import numpy as np
 import rosbag
 import rospy
-from dynamic_reconfigure.client import Client
-from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatus, TwoViewGeometry
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Recorder, image_message, run_as_node, view, wait_for_matcher,
-                          wait_until)
+from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
+from ktgp_testing import MatcherCase, image_message, run_as_node, view, wait_until
 from poster import K, information
 from sensor_msgs import point_cloud2
-from sensor_msgs.msg import CameraInfo, PointCloud2
+from sensor_msgs.msg import CameraInfo
 
 DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
 DISTANCE = 0.3
@@ -40,24 +37,19 @@ def second_view():
 SECOND = second_view()
 
 
-class TwoViewTest(unittest.TestCase):
+class TwoViewTest(MatcherCase):
+    topics = 'two_view', 'homography', 'correspondences', 'points'
+
     @classmethod
     def setUpClass(cls):
-        cls.client = Client('/camera/matcher', timeout=TIMEOUT)
-        cls.views = Recorder('/camera/matcher/two_view', TwoViewGeometry)
-        cls.homographies = Recorder('/camera/matcher/homography', HomographyStamped)
-        cls.correspondences = Recorder('/camera/matcher/correspondences', Correspondences)
-        cls.points = Recorder('/camera/matcher/points', PointCloud2)
-        cls.diagnostics = Diagnostics()
+        super().setUpClass()
         cls.info = rospy.Publisher('/camera/camera_info', CameraInfo, queue_size=5, latch=True)
-        cls.camera = Camera()
-        wait_for_matcher(cls.camera, cls.views, cls.homographies, cls.correspondences, cls.points)
 
     def match(self):
         """The stamp of the second view, which is matched to the first."""
         for picture in (FIRST, SECOND):
             stamp = self.camera.show(picture)
-            self.homographies.wait_for(stamp)
+            self.homography.wait_for(stamp)
         return stamp
 
     def test_1_the_default_publishes_neither(self):
@@ -65,13 +57,13 @@ class TwoViewTest(unittest.TestCase):
         self.match()
         stamp = self.match()
         self.correspondences.wait_for(stamp)
-        self.assertEqual(self.views.messages(), [])
+        self.assertEqual(self.two_view.messages(), [])
         self.assertEqual(self.points.messages(), [])
 
     def test_2_without_camera_info_it_is_the_fundamental_matrix(self):
         self.client.update_configuration({'geometry': 'auto', 'mutual': True, 'gms': False, 'T_w': 1.0})
         self.match()
-        found = self.views.wait_for(self.match())
+        found = self.two_view.wait_for(self.match())
         self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
         self.assertFalse(found.has_pose)
         self.assertAlmostEqual(np.linalg.norm(found.fundamental), 1.0, 6)
@@ -80,9 +72,9 @@ class TwoViewTest(unittest.TestCase):
 
     def test_3_camera_info_gives_the_motion_and_the_scene(self):
         self.info.publish(information())
-        wait_until(lambda: self.views.wait_for(self.match()).has_pose, 'camera_info is in')
+        wait_until(lambda: self.two_view.wait_for(self.match()).has_pose, 'camera_info is in')
         stamp = self.match()
-        found = self.views.wait_for(stamp)
+        found = self.two_view.wait_for(stamp)
         self.assertEqual(found.status, MatchStatus.STATUS_OK)
         self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
         self.assertEqual(found.header.frame_id, 'camera')
@@ -95,7 +87,7 @@ class TwoViewTest(unittest.TestCase):
         self.assertLess(found.log_false_alarms_epipolar, found.log_false_alarms_homography)
 
         # Who knows only homographies is not misled, and the levels say what they belong to.
-        homography = self.homographies.wait_for(stamp)
+        homography = self.homography.wait_for(stamp)
         self.assertEqual(homography.status, MatchStatus.STATUS_MODEL_REJECTED)
         self.assertEqual(list(homography.homography), [0.0] * 9)
         matches = self.correspondences.wait_for(stamp)
@@ -144,13 +136,13 @@ class TwoViewTest(unittest.TestCase):
 
     def test_4_a_camera_info_that_cannot_be_used_is_said(self):
         self.info.publish(information(k=0 * K, p=0 * K))
-        wait_until(lambda: not self.views.wait_for(self.match()).has_pose, 'the camera_info is in')
+        wait_until(lambda: not self.two_view.wait_for(self.match()).has_pose, 'the camera_info is in')
         self.diagnostics.wait_for_words('the camera is not calibrated', self.match)
         beside = K.copy()
         beside[0, 2] = 900.0
         self.info.publish(information(k=beside))
         self.diagnostics.wait_for_words('does it belong to another image size?', self.match)
-        self.assertFalse(self.views.wait_for(self.match()).has_pose)
+        self.assertFalse(self.two_view.wait_for(self.match()).has_pose)
 
 
 if __name__ == '__main__':

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """The shared libraries export what include/ declares, and nothing else; they have a version."""
 
 import glob
@@ -53,7 +52,3 @@ class ExportedSymbols(unittest.TestCase):
         for library in LIBRARIES:
             header = subprocess.check_output(['objdump', '-p', library], universal_newlines=True)
             self.assertRegex(header, r'SONAME +libktgp_orb_(core|views)\.so\.1\n')
-
-
-if __name__ == '__main__':
-    unittest.main()

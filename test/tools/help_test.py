@@ -47,7 +47,3 @@ class Help(unittest.TestCase):
             self.assertTrue(names, what)
             for name in names:
                 self.assertTrue({name, name + "_test"} & known, what + ": " + name)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -3,15 +3,15 @@ they are built, ktgp_bag and make_demo_bag."""
 import json
 import os
 import pathlib
+import re
 import resource
 import signal
 import subprocess
 import time
 import unittest
 
-from tool_case import PairCase
+from tool_case import TOOLS, PairCase
 
-TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
 WITH_ROS = (TOOLS / "make_demo_bag").exists()
 
 
@@ -34,41 +34,55 @@ def little_memory(limit):
     return apply
 
 
+def wait_for(condition):
+    while not condition():
+        time.sleep(0.001)
+
+
+def catches(process, stop):
+    """Whether a program has a handler for this signal."""
+    status = pathlib.Path(f"/proc/{process.pid}/status").read_text(encoding="ascii")
+    return int(re.search(r"SigCgt:\s+(\w+)", status).group(1), 16) & (1 << (stop - 1))
+
+
+def size(path):
+    try:
+        return path.stat().st_size
+    except FileNotFoundError:  # it has its name by now
+        return 0
+
+
 class OutputCase(PairCase):
-    def run_with(self, tool, *arguments, preexec=None, stdout=subprocess.PIPE):
-        return subprocess.run([TOOLS / tool, *map(str, arguments)], cwd=self.folder, stdout=stdout,
-                              stderr=subprocess.PIPE, text=True, errors="replace", timeout=300,
-                              check=False, preexec_fn=preexec)
+    timeout = 300
 
     def contents(self):
         return {path.name: path.read_bytes() for path in self.folder.iterdir() if path.is_file()}
 
-    def refused(self, tool, *arguments, words, preexec=None):
+    def refused(self, tool, *arguments, words, **options):
         """It ends with 2 and one line with the reason, and has neither changed nor left a file."""
         before = self.contents()
-        run = self.run_with(tool, *arguments, preexec=preexec)
-        self.assertEqual(run.returncode, 2, (arguments, run.stdout, run.stderr))
-        self.assertIn(words, run.stderr)
+        self.run_tool(tool, *arguments, code=2, words=words, **options)
         self.assertEqual(self.contents(), before, arguments)
 
 
 class MatchOutput(OutputCase):
+    def refuses(self, *options, **expected):
+        self.refused("ktgp_match", "a.pgm", "b.pgm", *options, **expected)
+
     def test_what_exists_is_replaced_only_when_forced(self):
         for option in ("--json", "--csv", "--draw", "--draw-stages", "--draw-final"):
-            (self.folder / "out.png").write_text("mine")
-            self.refused("ktgp_match", "a.pgm", "b.pgm", option, "out.png", words="--force")
-            run = self.run_with("ktgp_match", "a.pgm", "b.pgm", option, "out.png", "--force")
-            self.assertEqual(run.returncode, 0, run.stderr)
+            self.write("out.png", "mine")
+            self.refuses(option, "out.png", words="--force")
+            self.run_tool("ktgp_match", "a.pgm", "b.pgm", option, "out.png", "--force")
             self.assertGreater((self.folder / "out.png").stat().st_size, 1000)
 
     def test_a_dash_is_the_standard_output(self):
         before = self.contents()
         for tool, arguments in (("ktgp_match", ("a.pgm", "b.pgm")),
                                 ("ktgp_evaluate", ("pairs.txt", "--methods", "KTGP"))):
-            run = self.run_with(tool, *arguments, "--json", "-")
-            self.assertEqual(run.returncode, 0, run.stderr)
+            run = self.run_tool(tool, *arguments, "--json", "-")
             self.assertIn("options", json.loads(run.stdout))
-            run = self.run_with(tool, *arguments, "--csv", "-")
+            run = self.run_tool(tool, *arguments, "--csv", "-")
             self.assertEqual(len({line.count(",") for line in run.stdout.splitlines()}), 1, run.stdout[:300])
             self.refused(tool, *arguments, "--csv", "-", "--json", "-", words="is an output already")
         self.assertEqual(self.contents(), before)
@@ -78,72 +92,59 @@ class MatchOutput(OutputCase):
         os.link(self.folder / "a.pgm", self.folder / "hard.pgm")
         for name in ("a.pgm", "./a.pgm", "soft.pgm", "hard.pgm"):
             for option in ("--draw", "--csv", "--json"):
-                self.refused("ktgp_match", "a.pgm", "b.pgm", option, name, "--force",
-                             words="is the file of")
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--ground-truth", "H.txt", "--json", "H.txt",
-                     "--force", words="is the file of")
+                self.refuses(option, name, "--force", words="is the file of")
+        self.refuses("--ground-truth", "H.txt", "--json", "H.txt", "--force", words="is the file of")
         (self.folder / "dangling").symlink_to("new.csv")
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "new.csv", "--json", "dangling",
-                     words="is the file of --json and --csv")
-        (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--params", "tuned.yaml", "--csv", "./tuned.yaml",
-                     "--force", words="is the file of --csv and --params")
+        self.refuses("--csv", "new.csv", "--json", "dangling", words="is the file of --json and --csv")
+        self.write("tuned.yaml", "T_w: 0.8\n")
+        self.refuses("--params", "tuned.yaml", "--csv", "./tuned.yaml", "--force",
+                     words="is the file of --csv and --params")
 
     def test_a_link_stays_a_link(self):
-        (self.folder / "target.csv").write_text("old")
+        self.write("target.csv", "old")
         (self.folder / "link.csv").symlink_to("target.csv")
-        run = self.run_with("ktgp_match", "a.pgm", "b.pgm", "--csv", "link.csv", "--force")
-        self.assertEqual(run.returncode, 0, run.stderr)
+        self.run_tool("ktgp_match", "a.pgm", "b.pgm", "--csv", "link.csv", "--force")
         self.assertTrue((self.folder / "link.csv").is_symlink())
-        self.assertIn("reference_index", (self.folder / "target.csv").read_text())
+        self.assertIn("reference_index", self.read("target.csv"))
 
     def test_only_regular_files_are_replaced(self):
         os.mkfifo(self.folder / "fifo")
         (self.folder / "folder").mkdir()
         for name in ("/dev/full", "/dev/null", "fifo", "folder"):
-            self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", name, "--force",
-                         words="not a regular file")
+            self.refuses("--csv", name, "--force", words="not a regular file")
 
     def test_an_unwritable_place_is_named_before_any_work(self):
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "no/such/out.csv",
-                     words="no/such/out.csv")
+        self.refuses("--csv", "no/such/out.csv", words="no/such/out.csv")
         if os.getuid() != 0:
             (self.folder / "locked").mkdir(mode=0o500)
-            self.refused("ktgp_match", "a.pgm", "b.pgm", "--csv", "locked/out.csv",
-                         words="locked/out.csv")
+            self.refuses("--csv", "locked/out.csv", words="locked/out.csv")
 
     def test_a_full_disk_is_a_failure_and_leaves_what_was_there(self):
-        (self.folder / "out.ppm").write_text("mine")
+        self.write("out.ppm", "mine")
         for option in ("--draw", "--csv", "--json"):
-            self.refused("ktgp_match", "a.pgm", "b.pgm", option, "out.ppm", "--force",
-                         words="out.ppm", preexec=small_files(512))
+            self.refuses(option, "out.ppm", "--force", words="out.ppm", preexec_fn=small_files(512))
 
     def test_a_full_standard_output_is_a_failure(self):
         with open("/dev/full", "w", encoding="ascii") as full:
             for tool, arguments in (("ktgp_match", ("a.pgm", "b.pgm")),
                                     ("ktgp_evaluate", ("pairs.txt", "--methods", "KT"))):
-                run = self.run_with(tool, *arguments, stdout=full)
-                self.assertEqual(run.returncode, 2)
-                self.assertIn("standard output", run.stderr)
+                self.run_tool(tool, *arguments, stdout=full, code=2, words="standard output")
 
     def test_too_little_memory_for_the_threads_is_said(self):
-        run = self.run_with("ktgp_match", "a.pgm", "b.pgm", "--threads", 256,
-                            preexec=little_memory(700 << 20))
-        self.assertEqual(run.returncode, 2, run.stderr)
-        self.assertIn("fewer", run.stderr)
+        self.run_tool("ktgp_match", "a.pgm", "b.pgm", "--threads", 256, preexec_fn=little_memory(700 << 20), code=2,
+                      words="fewer")
 
     def test_version_and_codes_are_the_same_everywhere(self):
         tools = ["ktgp_match", "ktgp_evaluate"]
         tools += ["ktgp_bag", "ktgp_evaluate_bag", "make_demo_bag"] if WITH_ROS else []
         for tool in tools:
-            self.assertRegex(self.run_with(tool, "--version").stdout, r"^ktgp_orb \d+\.\d+\.\d+\n$")
-            text = self.run_with(tool, "--help").stdout
-            self.assertIn(f"Usage: {tool} ", text)
+            self.assertRegex(self.run_tool(tool, "--version").stdout, r"^ktgp_orb \d+\.\d+\.\d+\n$")
+            text = self.run_tool(tool, "--help", prints=f"Usage: {tool} ").stdout
             for words in ("Exit code: 0 ", ", 1 ", ", 2 ", "130 interrupted (Ctrl-C)", "--force"):
                 self.assertIn(words, text.replace("\n", " "), tool)
 
     def test_an_ending_that_is_no_pictures_is_refused_before_any_work(self):
-        (self.folder / "text.png").write_text("no image")  # would be read first
+        self.write("text.png", "no image")  # would be read first
         for name in ("out", "out.xyz", "out.csv"):
             for option in ("--draw", "--draw-stages", "--draw-final"):
                 self.refused("ktgp_match", "text.png", "b.pgm", option, name, words="expected .png")
@@ -152,17 +153,14 @@ class MatchOutput(OutputCase):
         name = os.fsencode(self.folder) + b"/caf\xe9.pgm"
         pathlib.Path(os.fsdecode(name)).write_bytes((self.folder / "a.pgm").read_bytes())
         (self.folder / "latin.txt").write_bytes(b"ab caf\xe9.pgm b.pgm H.txt\nno \xe9 b.pgm H.txt\n")
-        run = self.run_with("ktgp_evaluate", "latin.txt", "--json", "out.json", "--methods", "KT")
-        self.assertEqual(run.returncode, 1, run.stderr)  # one is missing
-        self.assertIn("\\xe9: is missing", json.loads((self.folder / "out.json").read_text())["problems"][0])
-        run = self.run_with("ktgp_match", os.fsdecode(name), "b.pgm", "--json", "match.json")
-        self.assertEqual(run.returncode, 0, run.stderr)
-        found = json.loads((self.folder / "match.json").read_text())
+        self.run_tool("ktgp_evaluate", "latin.txt", "--json", "out.json", "--methods", "KT", code=1)  # one is missing
+        self.assertIn("\\xe9: is missing", self.json()["problems"][0])
+        self.run_tool("ktgp_match", os.fsdecode(name), "b.pgm", "--json", "match.json")
+        found = self.json("match.json")
         self.assertTrue(found["reference"]["file"].endswith("caf\ufffd.pgm"))
 
     def test_a_device_is_no_parameter_file(self):
-        self.refused("ktgp_match", "a.pgm", "b.pgm", "--params", "/dev/zero", words="longer than 1 MB",
-                     preexec=little_memory(700 << 20))
+        self.refuses("--params", "/dev/zero", words="longer than 1 MB", preexec_fn=little_memory(700 << 20))
 
 
 class EvaluateOutput(OutputCase):
@@ -170,9 +168,9 @@ class EvaluateOutput(OutputCase):
         for option in ("--json", "--csv"):
             self.refused("ktgp_evaluate", "pairs.txt", option, "pairs.txt", "--force",
                          words="is the file of")
-            (self.folder / "out").write_text("mine")
+            self.write("out", "mine")
             self.refused("ktgp_evaluate", "pairs.txt", option, "out", words="--force")
-            (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
+            self.write("tuned.yaml", "T_w: 0.8\n")
             self.refused("ktgp_evaluate", "pairs.txt", "--params", "tuned.yaml", option, "tuned.yaml",
                          "--force", words="and --params")
         self.refused("ktgp_evaluate", "pairs.txt", "--csv", "x", "--json", "x",
@@ -184,41 +182,26 @@ class EvaluateOutput(OutputCase):
         self.refused("ktgp_evaluate", "--warps", "small", "--warp-pairs", "1", ".", "--json", "b.pgm",
                      "--force", words="is the input")
         camera = "300 300 160 120 1 0 0 0 1 0 0 0 1"
-        (self.folder / "cameras.txt").write_text(f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
+        self.write("cameras.txt", f"a.pgm {camera} 0 0 0\nb.pgm {camera} 1 0 0\n")
         for name in ("cameras.txt", "b.pgm"):
             self.refused("ktgp_evaluate", "--two-view", ".", "--csv", name, "--force", words="is the input")
 
     def test_too_little_memory_for_the_jobs_is_said(self):
-        run = self.run_with("ktgp_evaluate", "pairs.txt", "--jobs", 256,
-                            preexec=little_memory(700 << 20))
-        self.assertEqual(run.returncode, 2, run.stderr)
+        self.run_tool("ktgp_evaluate", "pairs.txt", "--jobs", 256, preexec_fn=little_memory(700 << 20), code=2)
 
     def test_ctrl_c_and_a_closed_terminal_end_with_130(self):
         for stop in (signal.SIGINT, signal.SIGHUP):
-            process = subprocess.Popen(
-                [TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json"],
-                cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-            with open(f"/proc/{process.pid}/status", encoding="ascii") as status:
-                while not self.catches(stop, status):
-                    self.assertIsNone(process.poll())
-                    time.sleep(0.01)
+            process = self.start(TOOLS / "ktgp_evaluate", "pairs.txt", "--repeat", "1000", "--json", "out.json")
+            wait_for(lambda: catches(process, stop) or process.poll() is not None)
             process.send_signal(stop)
             process.communicate(timeout=60)
             self.assertEqual(process.returncode, 130)
             self.assertFalse((self.folder / "out.json").exists())
 
-    @staticmethod
-    def catches(stop, status):
-        status.seek(0)
-        caught = next(line for line in status if line.startswith("SigCgt"))
-        return int(caught.split()[1], 16) & (1 << (stop - 1))
-
     def test_a_list_without_a_pair_is_named(self):
         for text in ("", "# nothing\n\n"):
-            (self.folder / "empty.txt").write_text(text)
-            run = self.run_with("ktgp_evaluate", "empty.txt")
-            self.assertEqual(run.returncode, 1)
-            self.assertIn("empty.txt: names no pair", run.stderr)
+            self.write("empty.txt", text)
+            self.run_tool("ktgp_evaluate", "empty.txt", code=1, words="empty.txt: names no pair")
 
     def test_a_bag_belongs_to_another_program(self):
         self.refused("ktgp_evaluate", "--bag", "some.bag", words="ktgp_evaluate_bag some.bag")
@@ -239,16 +222,15 @@ class BagOutput(OutputCase):
         self.bag = self.folder / "it's a bag.bag"
         self.bag.write_bytes(self.made.read_bytes())
 
+    def refuses(self, *options, **expected):
+        self.refused("ktgp_bag", self.bag, "out.bag", *options, **expected)
+
     def test_the_only_image_topic_needs_no_name(self):
-        run = self.run_with("ktgp_bag", self.bag, "out.bag")
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn("9 images of /camera/image_raw", run.stderr)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", words="9 images of /camera/image_raw")
         self.assertEqual(sorted(p.name for p in self.folder.glob("out*")), ["out.bag"])
 
     def test_a_part_of_the_bag(self):
-        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--start", 0.09, "--duration", 0.1)
-        self.assertEqual(run.returncode, 0, run.stderr)
-        self.assertIn("3 images", run.stderr)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--start", 0.09, "--duration", 0.1, words="3 images")
         self.refused("ktgp_bag", self.bag, "no.bag", "--start", "60", words="in the selected time")
         for value in ("nan", "-1", "x"):
             for option in ("--start", "--duration"):
@@ -262,76 +244,55 @@ class BagOutput(OutputCase):
                              ("--mosaic", "out.png")):
             with self.subTest(name):
                 arguments = [name] if option is None else [f"{name}.bag", option, name]
-                process = subprocess.Popen(
-                    [TOOLS / "ktgp_bag", self.bag, *arguments, "--features", "200", "--threads", "1"],
-                    cwd=self.folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                process = self.start(TOOLS / "ktgp_bag", self.bag, *arguments, "--features", "200", "--threads", "1")
                 # Something is in it when all outputs have been checked.
-                self.wait_for(lambda: process.poll() is not None or
-                              any(self.size(path) for path in self.folder.glob("*.unfinished*.bag")))
+                wait_for(lambda: process.poll() is not None or
+                         any(size(path) for path in self.folder.glob("*.unfinished*.bag")))
                 process.send_signal(signal.SIGSTOP)
                 stopped_in_time = not (self.folder / name).exists()
-                (self.folder / name).write_text("mine")
+                self.write(name, "mine")
                 process.send_signal(signal.SIGCONT)
                 error = process.communicate(timeout=60)[1]
                 self.assertTrue(stopped_in_time)
                 self.assertEqual(process.returncode, 2, error)
                 self.assertIn("was written by another program meanwhile", error)
-                self.assertEqual((self.folder / name).read_text(), "mine")
+                self.assertEqual(self.read(name), "mine")
 
     def test_of_two_runs_to_one_output_one_fails(self):
-        runs = [subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag"], cwd=self.folder,
-                                 stderr=subprocess.PIPE) for _ in range(2)]
+        runs = [self.start(TOOLS / "ktgp_bag", self.bag, "out.bag") for _ in range(2)]
         for run in runs:
             run.communicate(timeout=120)
         self.assertEqual(sorted(run.returncode for run in runs), [0, 2])
 
     def test_a_rerun_takes_over_what_a_killed_one_left(self):
-        run = subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag", "--csv", "out.csv"], cwd=self.folder,
-                               stderr=subprocess.DEVNULL)
-        self.wait_for(lambda: list(self.folder.glob("out.unfinished*.csv")) or run.poll() is not None)
+        run = self.start(TOOLS / "ktgp_bag", self.bag, "out.bag", "--csv", "out.csv")
+        wait_for(lambda: list(self.folder.glob("out.unfinished*.csv")) or run.poll() is not None)
         run.kill()
-        run.wait(60)
+        run.communicate(timeout=60)
         self.assertTrue(list(self.folder.glob("out.unfinished*")))
-        (self.folder / "mine").write_text("mine")
+        self.write("mine", "mine")
         (self.folder / "out.unfinished1.bag").symlink_to("mine")
-        again = subprocess.run([TOOLS / "ktgp_bag", self.bag, "out.bag", "--csv", "out.csv", "--force"],
-                               cwd=self.folder, stderr=subprocess.PIPE, text=True, check=False)
-        self.assertEqual(again.returncode, 0, again.stderr)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--csv", "out.csv", "--force")
         self.assertEqual(sorted(p.name for p in self.folder.glob("out*")),
                          ["out.bag", "out.csv", "out.unfinished1.bag"])
-        self.assertEqual((self.folder / "mine").read_text(), "mine")
+        self.assertEqual(self.read("mine"), "mine")
 
     def test_a_closed_terminal_leaves_what_was_done(self):
-        run = subprocess.Popen([TOOLS / "ktgp_bag", self.bag, "out.bag", "--threads", "1"],
-                               cwd=self.folder, stderr=subprocess.PIPE)
-        self.wait_for(lambda: list(self.folder.glob("out.unfinished*")) or run.poll() is not None)
+        run = self.start(TOOLS / "ktgp_bag", self.bag, "out.bag", "--threads", "1")
+        wait_for(lambda: list(self.folder.glob("out.unfinished*")) or run.poll() is not None)
         run.send_signal(signal.SIGSTOP)
-        with open(f"/proc/{run.pid}/status", encoding="ascii") as status:
-            caught = next(x for x in status if x.startswith("SigCgt")).split()[1]
-        self.assertTrue(int(caught, 16) & 1, "SIGHUP is bit 0")
+        self.assertTrue(catches(run, signal.SIGHUP))
         run.send_signal(signal.SIGHUP)
         run.send_signal(signal.SIGCONT)
         run.communicate(timeout=60)
         self.assertIn(run.returncode, (0, 130))
         self.assertEqual([p.name for p in self.folder.glob("out*")], ["out.bag"])
 
-    @staticmethod
-    def size(path):
-        try:
-            return path.stat().st_size
-        except FileNotFoundError:  # it has its name by now
-            return 0
-
-    @staticmethod
-    def wait_for(condition):
-        while not condition():
-            time.sleep(0.001)
-
     def test_an_ending_of_no_use_is_refused_before_any_work(self):
         self.bag.write_text("no bag")  # would be read first
         for option, expected in (("--mosaic", "expected .png"), ("--stabilize", "expected .mp4")):
             for name in ("zzz", "x.xyz", "x.csv"):
-                self.refused("ktgp_bag", self.bag, "out.bag", option, name, words=expected)
+                self.refuses(option, name, words=expected)
 
     def test_options_without_effect_are_refused(self):
         for arguments, reason in (
@@ -344,37 +305,31 @@ class BagOutput(OutputCase):
                  "--motion_height_source range"),
                 (("--motion", "m", "--motion_imu", "/a"), "--motion_normal_source imu or --motion_gyro"),
                 (("--stabilizer_lag", "3"), "--stabilize"), (("--mosaic_poses", "x"), "--mosaic")):
-            self.refused("ktgp_bag", self.bag, "out.bag", *arguments, words=reason)
-        self.refused("ktgp_bag", self.bag, "out.bag", "--reference_mode", "fixed",
-                     words="there is no reference")
-        (self.folder / "node.yaml").write_text("lazy: false\nmax_latency: 1.0\n")
-        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")
-        self.assertEqual(run.returncode, 0, run.stderr)  # parameters of a node are not an error
+            self.refuses(*arguments, words=reason)
+        self.refuses("--reference_mode", "fixed", words="there is no reference")
+        self.write("node.yaml", "lazy: false\nmax_latency: 1.0\n")
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--params", "node.yaml")  # parameters of a node are not an error
 
     def test_topics_have_names_that_ros_takes(self):
         for name in ("/", "9x", "a//b", "a b", "~x", "a/", "", "//a"):
-            self.refused("ktgp_bag", self.bag, "out.bag", f"--name={name}", words="expected letters, digits and _")
+            self.refuses(f"--name={name}", words="expected letters, digits and _")
         for name in ("/robot1/matcher", "robot", "a_b/2"):
-            run = self.run_with("ktgp_bag", self.bag, "out.bag", "--force", "--name", name)
-            self.assertEqual(run.returncode, 0, run.stderr)
+            self.run_tool("ktgp_bag", self.bag, "out.bag", "--force", "--name", name)
 
     def test_a_readout_time_has_a_meaning(self):
         for arguments in (("--motion", "m.csv", "--motion_readout_time=-0.5"),
                           ("--targets", ".", "--targets_readout_time=-0.5")):
-            self.refused("ktgp_bag", self.bag, "out.bag", *arguments,
-                         words="expected -1, not known, 0, a global shutter, or more")
+            self.refuses(*arguments, words="expected -1, not known, 0, a global shutter, or more")
 
     def test_the_ranges_are_those_of_the_node(self):
         for option, value, expected in (("--T_G", "45", "[0, 40]"), ("--max_reference_age", "601", "600]"),
                                         ("--stabilizer_lag", "31", "[0, 30]")):
-            self.refused("ktgp_bag", self.bag, "out.bag", "--stabilize", "x.mp4", option, value,
-                         words=expected)
-        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--max_reference_age", "120")
-        self.assertEqual(run.returncode, 0, run.stderr)
+            self.refuses("--stabilize", "x.mp4", option, value, words=expected)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--max_reference_age", "120")
 
     def test_what_was_matched_is_counted(self):
-        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--max_rate", "10", "--csv", "out.csv")
-        rows = len((self.folder / "out.csv").read_text().splitlines()) - 1
+        run = self.run_tool("ktgp_bag", self.bag, "out.bag", "--max_rate", "10", "--csv", "out.csv")
+        rows = len(self.read("out.csv").splitlines()) - 1
         self.assertIn(f"{rows} images of /camera/image_raw matched, 0 refused, {9 - rows} skipped",
                       run.stderr)
 
@@ -382,51 +337,41 @@ class BagOutput(OutputCase):
         (self.folder / "soft.bag").symlink_to(self.bag.name)
         os.link(self.bag, self.folder / "hard.bag")
         for name in (self.bag, "soft.bag", "hard.bag"):
-            self.refused("ktgp_bag", self.bag, "out.bag", "--csv", name, "--force",
-                         words="is the file of")
+            self.refuses("--csv", name, "--force", words="is the file of")
             self.refused("ktgp_bag", self.bag, name, "--force", words="is the file of")
-        self.refused("ktgp_bag", self.bag, "out.bag", "--csv", "out.bag",
-                     words="--csv")
+        self.refuses("--csv", "out.bag", words="--csv")
 
     def test_no_file_that_is_read_is_written(self):
-        (self.folder / "tuned.yaml").write_text("T_w: 0.8\n")
-        (self.folder / "fixed.yaml").write_text("reference_mode: fixed\nreference_image: a.pgm\n")
+        self.write("tuned.yaml", "T_w: 0.8\n")
+        self.write("fixed.yaml", "reference_mode: fixed\nreference_image: a.pgm\n")
         for option, name in (("--params", "tuned.yaml"), ("--mask_image", "a.pgm")):
             for output in ("--csv", "--motion"):
-                self.refused("ktgp_bag", self.bag, "out.bag", option, name, output, name, "--force",
-                             words="is the file of ")
-        self.refused("ktgp_bag", self.bag, "out.bag", "--params", "fixed.yaml", "--csv", "a.pgm", "--force",
+                self.refuses(option, name, output, name, "--force", words="is the file of ")
+        self.refuses("--params", "fixed.yaml", "--csv", "a.pgm", "--force",
                      words="is the input a.pgm")  # named by the parameters
         self.refused("ktgp_evaluate_bag", self.bag, "--params", "tuned.yaml", "--json", "tuned.yaml",
                      "--force", words="and --params")
 
     def test_an_earlier_result_outlives_every_failure(self):
-        (self.folder / "out.bag").write_text("mine")
+        self.write("out.bag", "mine")
         for arguments in (("--csv", "no/such.csv"), ("--topic", "/none"), ("--T_w", "nan"),
                           ("--reference_mode", "fixed", "--reference_image", "none.png")):
-            self.refused("ktgp_bag", self.bag, "out.bag", "--force", *arguments,
-                         words=arguments[-1].replace("nan", "T_w"))
-        self.refused("ktgp_bag", self.bag, "out.bag", words="--force")
+            self.refuses("--force", *arguments, words=arguments[-1].replace("nan", "T_w"))
+        self.refuses(words="--force")
 
     def test_a_full_disk_is_a_failure(self):
-        (self.folder / "out.bag").write_text("mine")
+        self.write("out.bag", "mine")
         for limit in (100, 20000):
-            self.refused("ktgp_bag", self.bag, "out.bag", "--force", words="out.bag",
-                         preexec=small_files(limit))
+            self.refuses("--force", words="out.bag", preexec_fn=small_files(limit))
         self.refused("make_demo_bag", "out.bag", "--force", "--seconds", "0.3", words="out.bag",
-                     preexec=small_files(20000))
+                     preexec_fn=small_files(20000))
 
     def test_a_damaged_bag_is_called_so(self):
-        content = self.bag.read_bytes()
-        self.bag.write_bytes(content[:int(0.6 * len(content))])
-        run = self.run_with("ktgp_bag", self.bag, "out.bag")
-        self.assertEqual(run.returncode, 1, run.stderr)
-        self.assertIn("damaged or cut off at byte", run.stderr)
-        self.assertIn("images of /camera/image_raw matched", run.stderr)
-        run = self.run_with("ktgp_evaluate_bag", self.bag)
-        self.assertEqual(run.returncode, 1, run.stderr)
-        self.assertIn("damaged or cut off at byte", run.stderr)
-        self.assertIn("frames, homography for", run.stdout)
+        self.damage(self.bag, 0.6)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", code=1, words=("damaged or cut off at byte",
+                                                                      "images of /camera/image_raw matched"))
+        self.run_tool("ktgp_evaluate_bag", self.bag, code=1, words="damaged or cut off at byte",
+                      prints="frames, homography for")
 
     def test_devices_are_left_alone(self):
         for name in ("/dev/full", "/dev/null"):
@@ -435,11 +380,5 @@ class BagOutput(OutputCase):
             self.refused("make_demo_bag", name, "--force", words="not a regular file")
 
     def test_too_little_memory_for_the_threads_is_said(self):
-        run = self.run_with("ktgp_bag", self.bag, "out.bag", "--threads", 256,
-                            preexec=little_memory(900 << 20))
-        self.assertEqual(run.returncode, 2, run.stderr)
+        self.run_tool("ktgp_bag", self.bag, "out.bag", "--threads", 256, preexec_fn=little_memory(900 << 20), code=2)
         self.assertFalse((self.folder / "out.bag").exists())
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -9,6 +9,8 @@ import sys
 import tempfile
 import unittest
 
+from tool_case import TOOLS, FolderCase
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 DATA = os.environ.get("KTGP_ORB_DATA", "")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -93,7 +95,7 @@ class Report(unittest.TestCase):
         cls.output = pathlib.Path(cls.folder.name) / "report"
         data = pathlib.Path(DATA) / "oxford"
         subprocess.run([sys.executable, "-B", ROOT / "scripts/report", "--tools",
-                        os.environ["KTGP_ORB_TOOLS"], "--data", data / "leuven", "--data",
+                        TOOLS, "--data", data / "leuven", "--data",
                         data / "bikes", "--output", cls.output, "--repeat", "1", "--warp-pairs", "2", "--methods",
                         "ORB,ORB+RANSAC,KT,KTG,KTGP"], check=True, stdout=subprocess.DEVNULL)
         cls.text = (cls.output / "index.html").read_text(encoding="utf-8")
@@ -189,29 +191,21 @@ class Report(unittest.TestCase):
 
 
 @unittest.skipUnless(DRAWING, "python3-matplotlib or python3-pil is not installed")
-class ReportOfBrokenData(unittest.TestCase):
+class ReportOfBrokenData(FolderCase):
     def test_names_what_is_missing_and_still_writes(self):
-        with tempfile.TemporaryDirectory() as folder:
-            output = pathlib.Path(folder) / "report"
-            run = subprocess.run(
-                [sys.executable, "-B", ROOT / "scripts/report", "--tools",
-                 os.environ["KTGP_ORB_TOOLS"], "--data", folder + "/nowhere", "--output", output],
-                capture_output=True, text=True, check=False)
-            self.assertEqual(run.returncode, 1, run.stderr)
-            self.assertIn("nowhere", run.stderr)
-            page = (output / "index.html").read_text(encoding="utf-8")
-            self.assertIn("nowhere", page)
-            self.assertIn("fetch_oxford", page)
+        self.run_program(sys.executable, "-B", ROOT / "scripts/report", "--tools", TOOLS, "--data", "nowhere",
+                         "--output", "report", code=1, words="nowhere")
+        page = (self.folder / "report/index.html").read_text(encoding="utf-8")
+        self.assertIn("nowhere", page)
+        self.assertIn("fetch_oxford", page)
 
 
 @unittest.skipUnless(ROS, "python3-rosbag is not installed: scripts/evaluate --motion needs ROS")
-class MotionOfBrokenData(unittest.TestCase):
+class MotionOfBrokenData(FolderCase):
     """scripts/evaluate --motion with a ktgp_bag that writes a table and ends with the exit code CODE."""
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        super().setUp()
         self.bag = self.folder / "flight.bag"
         with rosbag.Bag(str(self.bag), "w", chunk_threshold=1000) as bag:
             for i in range(200):
@@ -231,18 +225,15 @@ exit "$CODE"
 """)
         tool.chmod(0o755)
 
-    def evaluate(self, bag, code=0):
-        run = subprocess.run([sys.executable, "-B", ROOT / "scripts/report/motion.py", "--tools", self.folder,
-                              "--motion", bag], env=dict(os.environ, CODE=str(code)), capture_output=True,
-                             text=True, check=False)
+    def evaluate(self, bag, of_tool=0, **expected):
+        run = self.run_program(sys.executable, "-B", ROOT / "scripts/report/motion.py", "--tools", self.folder,
+                               "--motion", bag, env=dict(os.environ, CODE=str(of_tool)), **expected)
         self.assertNotIn("Traceback", run.stderr)
         return run
 
-    def refused(self, bag, *words, code=0):
-        run = self.evaluate(bag, code)
-        self.assertEqual((run.returncode, run.stdout, len(run.stderr.splitlines())), (2, "", 1), run.stderr)
-        for each in ("evaluate: ", str(bag), *words):
-            self.assertIn(each, run.stderr)
+    def refused(self, bag, *words, of_tool=0):
+        run = self.evaluate(bag, of_tool, code=2, words=("evaluate: ", str(bag), *words))
+        self.assertEqual((run.stdout, len(run.stderr.splitlines())), ("", 1), run.stderr)
 
     def test_a_bag_that_cannot_be_read_is_named(self):
         self.refused(self.folder / "none.bag", "No such file")
@@ -257,15 +248,10 @@ exit "$CODE"
         self.refused(cut)
 
     def test_a_table_of_a_part_of_the_data_is_shown(self):
-        whole, part = self.evaluate(self.bag), self.evaluate(self.bag, 1)
-        self.assertEqual((whole.returncode, whole.stderr), (0, ""))
-        self.assertIn("| 0.1 m | 3 | 100 % |", whole.stdout)
-        self.assertEqual((part.returncode, part.stdout), (1, whole.stdout))
-        self.assertIn("could not use all of the data", part.stderr)
+        whole = self.evaluate(self.bag, prints="| 0.1 m | 3 | 100 % |")
+        self.assertEqual(whole.stderr, "")
+        part = self.evaluate(self.bag, 1, code=1, words="could not use all of the data")
+        self.assertEqual(part.stdout, whole.stdout)
 
     def test_without_a_table_the_exit_code_is_said(self):
-        self.refused(self.bag, "ktgp_bag ended with exit code 3", code=3)
-
-
-if __name__ == "__main__":
-    unittest.main()
+        self.refused(self.bag, "ktgp_bag ended with exit code 3", of_tool=3)

@@ -1,4 +1,6 @@
 """Common code of the tests of the command-line programs."""
+import csv
+import json
 import os
 import pathlib
 import random
@@ -7,6 +9,7 @@ import tempfile
 import unittest
 
 WIDTH, HEIGHT = 320, 240
+TOOLS = pathlib.Path(os.environ.get("KTGP_ORB_TOOLS", ""))
 
 
 def picture(seed=1):
@@ -31,18 +34,67 @@ def translation(x, y):
     return f"1 0 {x}\n0 1 {y}\n0 0 1\n"
 
 
-class ToolCase(unittest.TestCase):
-    """A temporary folder and a way to run a program in it."""
+class FolderCase(unittest.TestCase):
+    """With a folder that is deleted after each test, and a way to run programs in it."""
+    timeout = 300  # s, of a program
+    prefix = None  # of the folder's name
 
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
+        folder = tempfile.TemporaryDirectory(prefix=self.prefix)
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
 
-    def run_tool(self, tool, *arguments):
-        program = pathlib.Path(os.environ["KTGP_ORB_TOOLS"]) / tool
-        return subprocess.run([program, *map(str, arguments)], cwd=self.folder,
-                              capture_output=True, text=True, timeout=60, check=False)
+    def path(self, *names):
+        """For OpenCV and rosbag, which take no pathlib.Path."""
+        return str(self.folder.joinpath(*names))
+
+    def write(self, name, text):
+        (self.folder / name).write_text(text)
+
+    def read(self, name):
+        return (self.folder / name).read_text()
+
+    def json(self, name="out.json"):
+        return json.loads(self.read(name))
+
+    def table(self, name="out.csv"):
+        """The rows of a file of comma-separated values."""
+        with open(self.folder / name, newline="", encoding="utf-8") as file:
+            return list(csv.DictReader(file))
+
+    def damage(self, name, share):
+        """Cuts a file off after that share of it."""
+        content = (self.folder / name).read_bytes()
+        (self.folder / name).write_bytes(content[:int(share * len(content))])
+
+    def start(self, *command, **options):
+        return subprocess.Popen(command, **self._usual(options))
+
+    def run_program(self, *command, code=0, words=(), prints=(), **options):
+        """Runs it to its end; for the rest see check_end()."""
+        run = subprocess.run([str(word) for word in command], timeout=self.timeout, check=False, **self._usual(options))
+        self.check_end(run, code, words, prints)
+        return run
+
+    def check_end(self, run, code=0, words=(), prints=()):
+        """It has ended with this exit code (None: any). A text, or several: words on its standard error, and what it
+        printed on its standard output."""
+        if code is not None:
+            self.assertEqual(run.returncode, code, (run.args, run.stdout, run.stderr))
+        for expected, output in ((words, run.stderr), (prints, run.stdout)):
+            for each in [expected] if isinstance(expected, str) else expected:
+                self.assertIn(each, output)
+
+    def _usual(self, options):
+        return dict(dict(cwd=self.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, universal_newlines=True,
+                         errors="replace"), **options)
+
+
+class ToolCase(FolderCase):
+    timeout = 60
+
+    def run_tool(self, tool, *arguments, **options):
+        return self.run_program(TOOLS / tool, *arguments, **options)
 
 
 class PairCase(ToolCase):
@@ -53,5 +105,5 @@ class PairCase(ToolCase):
         rows = picture()
         write_pgm(self.folder / "a.pgm", rows, 20, 20)
         write_pgm(self.folder / "b.pgm", rows, 13, 24)  # the scene moves by (7, -4)
-        (self.folder / "H.txt").write_text(translation(7, -4))
-        (self.folder / "pairs.txt").write_text("ab a.pgm b.pgm H.txt\n")
+        self.write("H.txt", translation(7, -4))
+        self.write("pairs.txt", "ab a.pgm b.pgm H.txt\n")

@@ -1,33 +1,29 @@
 """Makes single writes fail: the program ends with 2 and a message, and leaves no partial file.
 KTGP_ORB_ALL_FAULTS=1 tries every write of each program; otherwise only some of them."""
 import os
-import pathlib
-import subprocess
 import unittest
 
-from tool_case import PairCase
+from tool_case import TOOLS, PairCase
 
-TOOLS = pathlib.Path(os.environ["KTGP_ORB_TOOLS"])
 STEP = 1.0 if os.environ.get("KTGP_ORB_ALL_FAULTS") else 1.7
 
 
 class WriteFaults(PairCase):
+    timeout = 300
+
     def run_failing(self, number, tool, *arguments):
         """Runs the program; returns also whether the write with that number was reached and failed."""
         mark = self.folder / "mark"
         mark.unlink(missing_ok=True)
         environment = dict(os.environ, LD_PRELOAD=os.environ["KTGP_ORB_FAULTS"],
                            KTGP_ORB_FAIL_WRITE=str(number), KTGP_ORB_FAIL_MARK=str(mark))
-        run = subprocess.run([TOOLS / tool, *map(str, arguments)], cwd=self.folder, text=True,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, timeout=300,
-                             check=False, env=environment)
-        return run, mark.exists()
+        return self.run_tool(tool, *arguments, code=None, env=environment), mark.exists()
 
     def check(self, tool, *arguments, outputs):
         number, failures = 1, 0
         while True:
             for output in outputs:
-                (self.folder / output).write_text("mine")
+                self.write(output, "mine")
             run, failed = self.run_failing(number, tool, *arguments)
             if not failed:
                 self.assertEqual(run.returncode, 0, run.stderr)
@@ -63,11 +59,6 @@ class WriteFaults(PairCase):
 
     @unittest.skipUnless((TOOLS / "make_demo_bag").exists(), "built without ROS")
     def test_bag(self):
-        subprocess.run([TOOLS / "make_demo_bag", self.folder / "in.bag", "--seconds", "0.2"],
-                       check=True)
+        self.run_tool("make_demo_bag", "in.bag", "--seconds", "0.2")
         self.check("ktgp_bag", "in.bag", "out.bag", "--csv", "out.csv", "--force", "--features", "200",
                    outputs=["out.bag", "out.csv"])
-
-
-if __name__ == "__main__":
-    unittest.main()
