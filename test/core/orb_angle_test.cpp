@@ -5,7 +5,7 @@
 #include <cstring>
 #include <opencv2/core.hpp>
 
-#include "core/orb/vector_angle.h"
+#include "core/orb/detector.h"
 #include "core/util/constants.h"
 
 namespace ktgp_orb {

@@ -4,7 +4,6 @@
 #include <optional>
 #include <vector>
 
-#include "core/orb/blur.h"
 #include "core/orb/detector.h"
 #include "core/orb/pyramid.h"
 #include "core/orb/teblid_describer.h"
@@ -35,7 +34,7 @@ class OrbPipeline {
     int last_row = 0;
     std::vector<cv::KeyPoint> corners;
     FastScratch fast_scratch;
-    BlurScratch blur_scratch;
+    cv::Mat blurred_rows;  ///< memory of blurRows
   };
   struct Level {
     cv::Mat blurred;
