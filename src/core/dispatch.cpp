@@ -39,8 +39,7 @@ Kernels makeKernels() {
       {name, on_descriptors::near::search<false>, on_descriptors::near::search<true>},
       {name, on_pixels::resizeRow, on_pixels::mixRows, on_pixels::fastScores,
        on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
-       on_pixels::blurAcrossRows, on_pixels::describe},
-      {name, on_pixels::describeInside}};
+       on_pixels::blurAcrossRows, on_pixels::describe, on_pixels::describeTeblidInside}};
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
   if (util::hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
@@ -51,12 +50,8 @@ Kernels makeKernels() {
 #endif
   return set;
 #else
-  return {alignment::portableAlignmentKernels(),
-          growth::portableAlikeKernel(),
-          knn::portableKnnKernel(),
-          knn::portableNearKernel(),
-          orb::portableOrbKernels(),
-          orb::portableTeblidKernel()};
+  return {alignment::portableAlignmentKernels(), growth::portableAlikeKernel(),
+          knn::portableKnnKernel(), knn::portableNearKernel(), orb::portableOrbKernels()};
 #endif
 }
 
@@ -102,10 +97,6 @@ const knn::NearKernel& knn::bestNearKernel() {
 
 const orb::OrbKernels& orb::bestOrbKernels() {
   return bestKernels().orb;
-}
-
-const orb::TeblidKernel& orb::bestTeblidKernel() {
-  return bestKernels().teblid;
 }
 
 }  // namespace ktgp_orb

@@ -5,7 +5,6 @@
 #include "core/knn/kernel.h"
 #include "core/knn/near_kernel.h"
 #include "core/orb/kernels.h"
-#include "core/orb/teblid_kernel.h"
 
 namespace ktgp_orb {
 
@@ -17,7 +16,6 @@ struct Kernels {
   knn::KnnKernel knn;
   knn::NearKernel near;
   orb::OrbKernels orb;
-  orb::TeblidKernel teblid;
 };
 
 }  // namespace ktgp_orb

@@ -6,6 +6,7 @@
 
 #include "core/orb/kernels_common.h"
 #include "core/orb/pattern.h"
+#include "core/orb/teblid_kernel.h"
 
 namespace ktgp_orb::orb {
 namespace {
@@ -144,12 +145,33 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
   }
 }
 
+void describeTeblidInside(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& p, std::uint8_t* descriptor) {
+  std::int32_t centres[2 * kTeblidBits];
+  std::int32_t differences[kTeblidBits];
+  for (int i = 0; i < 2 * kTeblidBits; ++i) {
+    const float u = kTeblidOrder.u[i];
+    const float v = kTeblidOrder.v[i];
+    const int x = static_cast<int>(p.x_from_u * u + p.x_from_v * v + p.x + kTeblidHalf);
+    const int y = static_cast<int>(p.y_from_u * u + p.y_from_v * v + p.y + kTeblidHalf);
+    centres[i] = y * scale.stride + x;
+  }
+  compareBoxes(integral, scale, centres, differences);
+  for (int byte = 0; byte < kTeblidBits / 8; ++byte) {
+    unsigned bits = 0;
+    for (int i = 8 * byte + 7; i >= 8 * byte; --i) {
+      bits = 2 * bits + static_cast<unsigned>(differences[i] < scale.bound[i]);
+    }
+    descriptor[byte] = static_cast<std::uint8_t>(bits);
+  }
+}
+
 }  // namespace
 
 const OrbKernels& portableOrbKernels() {
-  static constexpr OrbKernels kPortable{"portable",     resizeRow, mixRows, fastScores,
-                                        localMaxima,    harris,    moments, blurAlongRow,
-                                        blurAcrossRows, describe};
+  static constexpr OrbKernels kPortable{
+      "portable", resizeRow,    mixRows,        fastScores, localMaxima,         harris,
+      moments,    blurAlongRow, blurAcrossRows, describe,   describeTeblidInside};
   return kPortable;
 }
 

@@ -6,6 +6,9 @@
 
 namespace ktgp_orb::orb {
 
+struct TeblidPlacement;
+struct TeblidScale;
+
 /// Bytes past the end of a row that the kernels may read and write.
 constexpr int kVectorSlack = 64;
 
@@ -78,6 +81,11 @@ struct OrbKernels {
   /// each pixel.
   void (*describe)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
                    std::uint8_t* descriptor);
+
+  /// The TEBLID descriptor of a keypoint far from the border (see isFarFromBorder); `integral`
+  /// points to the first value of the integral image.
+  void (*describe_teblid)(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& placement, std::uint8_t* descriptor);
 };
 
 /// Plain C++, the reference for the other sets.

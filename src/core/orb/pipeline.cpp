@@ -76,8 +76,9 @@ OrbPipeline::OrbPipeline(const OrbOptions& options, const OrbKernels& kernels)
       uniform_choice_(options.max_features, options.fast_threshold, options.keypoints_per_cell,
                       options.levels) {
   if (options.descriptor == DescriptorKind::teblid) {
-    teblid_.emplace(
-        keypointSizes(kPatchSize, static_cast<float>(options.scale_factor), options.levels));
+    std::vector<float> sizes;
+    for (const PyramidLevel& level : pyramid_.levels()) sizes.push_back(kPatchSize * level.scale);
+    teblid_.emplace(std::move(sizes), kernels);
   }
 }
 

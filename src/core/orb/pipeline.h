@@ -6,7 +6,7 @@
 
 #include "core/orb/detector.h"
 #include "core/orb/pyramid.h"
-#include "core/orb/teblid_describer.h"
+#include "core/orb/teblid.h"
 #include "core/orb/uniform.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/features.h"
