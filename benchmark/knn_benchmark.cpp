@@ -37,7 +37,6 @@ using ktgp_orb::Correspondence;
 using ktgp_orb::bench::milliseconds;
 using ktgp_orb::knn::KnnKernel;
 using ktgp_orb::knn::KnnSearch;
-using ktgp_orb::knn::NearKernel;
 using ktgp_orb::knn::NearSearch;
 
 /// At least `count` ORB descriptors of an image and its enlargements.
@@ -165,7 +164,7 @@ ktgp_orb::Features spread(const cv::Mat& descriptors, int width, int seed) {
 
 /// The search near predicted positions compared with the whole image; the index is built in every
 /// call.
-void runNear(benchmark::State& state, const Frames& frames, const NearKernel& kernel,
+void runNear(benchmark::State& state, const Frames& frames, const KnnKernel& kernel,
              const KnnKernel& whole_kernel) {
   const auto n = static_cast<int>(state.range(0));
   const auto width = static_cast<int>(state.range(1));
@@ -201,8 +200,8 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
 void registerNear(const Frames& frames) {
   const auto whole = ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
                                                   ktgp_orb::knn::portableKnnKernel());
-  for (const NearKernel* kernel : ktgp_orb::test::everyKernels(
-           ktgp_orb::knn::bestNearKernel, ktgp_orb::knn::portableNearKernel())) {
+  for (const KnnKernel* kernel : ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                              ktgp_orb::knn::portableKnnKernel())) {
     const KnnKernel* same = whole.back();
     for (const KnnKernel* candidate : whole) {
       if (std::string(candidate->name) == kernel->name) same = candidate;

@@ -7,14 +7,14 @@
 #include <string>
 #include <vector>
 
-#include "core/knn/near_kernel.h"
+#include "core/knn/kernel.h"
 #include "instruction_sets.h"
 #include "plain_search.h"
 
 namespace ktgp_orb {
 namespace {
 
-using knn::bestNearKernel;
+using knn::bestKnnKernel;
 
 /// Some lie outside: bad data is legal. Few bits differ, and ties are frequent.
 Features randomFeatures(std::uint32_t seed, int count, const cv::Size& size) {
@@ -60,7 +60,7 @@ TEST(GuidedMatcher, EqualsTheDefinition) {
         EXPECT_GT(expected.size(), 10u);
       }
       test::forEachInstructionSet([&] {
-        SCOPED_TRACE(std::string(bestNearKernel().name) + ", " + std::to_string(radius) + ", " +
+        SCOPED_TRACE(std::string(bestKnnKernel().name) + ", " + std::to_string(radius) + ", " +
                      std::to_string(count));
         std::vector<Correspondence> matches;
         GuidedMatcher(options).match(reference, target, h, matches);

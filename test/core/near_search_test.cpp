@@ -37,7 +37,7 @@ Eigen::Matrix3d turnAndShift() {
   return h;
 }
 
-class NearKernels : public ::testing::TestWithParam<const NearKernel*> {
+class NearKernels : public ::testing::TestWithParam<const KnnKernel*> {
  protected:
   std::vector<Correspondence> search(const Features& reference, const Features& target,
                                      const Eigen::Matrix3d& prediction, double radius, bool mutual,
@@ -143,8 +143,8 @@ TEST_P(NearKernels, GiveTheSameForAnyNumberOfThreads) {
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, NearKernels,
-                         ::testing::ValuesIn(test::everyKernels(bestNearKernel,
-                                                                portableNearKernel())),
+                         ::testing::ValuesIn(test::everyKernels(bestKnnKernel,
+                                                                portableKnnKernel())),
                          [](const auto& tested) { return std::string(tested.param->name); });
 
 KnnOptions withRadius(double radius, int threads = 1) {

@@ -1,4 +1,4 @@
-#include "core/orb/resize.h"
+#include "core/orb/pyramid.h"
 
 #include <gtest/gtest.h>
 

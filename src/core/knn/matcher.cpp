@@ -10,7 +10,6 @@ namespace ktgp_orb {
 namespace {
 
 using knn::bestKnnKernel;
-using knn::bestNearKernel;
 using knn::KnnSearch;
 using knn::NearSearch;
 using util::requireInRange;
@@ -26,7 +25,7 @@ struct KnnMatcher::Impl {
   explicit Impl(const KnnOptions& given)
       : options(valid(given)), search(bestKnnKernel(), given.threads) {
     if (options.search_radius > 0.0) {
-      near.emplace(bestNearKernel(), options.search_radius, search.pool());
+      near.emplace(bestKnnKernel(), options.search_radius, search.pool());
     }
   }
 

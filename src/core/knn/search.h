@@ -6,7 +6,6 @@
 
 #include "core/knn/index.h"
 #include "core/knn/kernel.h"
-#include "core/knn/nearest_queries.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 
