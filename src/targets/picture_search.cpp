@@ -34,8 +34,7 @@ bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;        // px
   constexpr std::ptrdiff_t kTwice = 2;  // maps: one alone may come from a wrong first seed
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
-           return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
-                  kNear;
+           return homography::errorOf(map, seed.from(), seed.to()) < kNear;
          }) >= kTwice;
 }
 
@@ -47,7 +46,7 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
     if (count == kMostSeeds) return false;
     if (isExplained(seed)) continue;
     ++count;
-    const Eigen::Vector2d centre = seed.from.cast<double>();
+    const Eigen::Vector2d centre = seed.from();
     const Eigen::Matrix3d affine = affineOf(seed, seeds);
     Eigen::Matrix3d map = affine;
     if (fitSeeds(seeds, map) &&
@@ -67,9 +66,9 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   for (const float radius : {kTargetPlan.first_radius, 0.5F * kTargetPlan.first_radius}) {
     seed_pairs_.clear();
     for (const Seed& seed : seeds) {
-      const Eigen::Vector2d from = seed.from.cast<double>();
-      const Eigen::Vector2d to = seed.to.cast<double>();
-      if (homography::errorOf(map, from, to) < radius) seed_pairs_.add(from, to, 0.0);
+      if (homography::errorOf(map, seed.from(), seed.to()) < radius) {
+        seed_pairs_.add(seed.from(), seed.to(), 0.0);
+      }
     }
     if (seed_pairs_.size() < kMany || !growth::refit(seed_pairs_, radius, map)) return false;
   }

@@ -12,7 +12,7 @@
 
 #include "core/homography/shutter.h"
 #include "core/homography/transform.h"
-#include "core/util/camera_check.h"
+#include "core/util/options_check.h"
 #include "core/util/small_matrix.h"
 
 namespace ktgp_orb {
