@@ -94,16 +94,11 @@ Outline outlineOf(const FoundTarget& one, TargetStore& store) {
   return outlineOf(store.picture(one.picture).image.size(), one.estimate.homography);
 }
 
-/// How little chance explains it: minus log10 of the false alarms that were to be expected.
-double significanceOf(const FoundTarget& one) {
-  return -one.log_false_alarms;
-}
-
-/// Where only a part that both have is seen, both have nearly the same support, and it could be
-/// either.
+/// Whether chance explains `one` much less. Where only a part that both have is seen, both have
+/// nearly the same support, and it could be either.
 bool isClearlyBetter(const FoundTarget& one, const FoundTarget& other) {
   constexpr double kRatio = 0.8;
-  return significanceOf(other) < kRatio * significanceOf(one);
+  return -other.log_false_alarms < kRatio * -one.log_false_alarms;
 }
 
 /// Whether it looks less like its picture than `around` does, although light and blur are the same.

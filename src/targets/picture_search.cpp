@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/growth/map_fit.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
@@ -217,9 +218,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (alignFrom(found.estimate, picture, found)) return;
   // Keypoints in a small part of the picture do not determine the rest of it.
   const Eigen::Matrix3d& map = found.estimate.homography;
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& p : found.pairs.reference) centre += p;
-  centre /= static_cast<double>(found.pairs.size());
+  const Eigen::Vector2d centre = growth::middleOf(found.pairs.reference);
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
   affine.topLeftCorner<2, 2>() = homography::jacobianByPoint(map, centre);
   affine.topRightCorner<2, 1>() =

@@ -179,15 +179,11 @@ void NearSearch::searchChunk(const Features& target, int chunk, std::int32_t* ne
   const std::size_t end = std::min(first + kQueriesPerChunk, target.size());
   for (std::size_t i = first; i < end; ++i) {
     const std::int32_t number = query_cells_.order()[i];
-    correspondences[number] = search(target.descriptors.ptr(number), number, nearest_queries);
+    const NearKeys keys =
+        table_.search(kernel_, target.descriptors.ptr(number),
+                      places_[static_cast<std::size_t>(number)], radius_, number, nearest_queries);
+    correspondences[number] = fromKeys(keys, number);
   }
-}
-
-Correspondence NearSearch::search(const std::uint8_t* descriptor, std::int32_t number,
-                                  std::int32_t* nearest_queries) const {
-  const cv::Point2f& place = places_[static_cast<std::size_t>(number)];
-  return fromKeys(table_.search(kernel_, descriptor, place, radius_, number, nearest_queries),
-                  number);
 }
 
 void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {

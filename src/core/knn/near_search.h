@@ -85,8 +85,6 @@ class NearSearch {
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
                    Correspondence* correspondences) const;
-  Correspondence search(const std::uint8_t* descriptor, std::int32_t number,
-                        std::int32_t* nearest_queries) const;
   void markMutual(std::vector<Correspondence>& correspondences);
 
   KnnKernel kernel_;

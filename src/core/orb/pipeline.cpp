@@ -20,12 +20,6 @@ using util::kPi;
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
 constexpr int kBandRows = 64;  // rows of a task, if there are several threads
 constexpr int kKeypointsPerTask = 64;
-constexpr int kThresholdRatio = 2;  // full FAST threshold over the one for cells with few corners
-
-// Least score in parts of the image with too few corners at the full threshold.
-int weakThreshold(int fast_threshold) {
-  return std::max(1, fast_threshold / kThresholdRatio);
-}
 
 // Gives `descriptors` one row per keypoint. Reuses its memory if that is large enough and not
 // shared. After a failed allocation a matrix has a size but no memory.
@@ -141,7 +135,9 @@ void OrbPipeline::detectAndBlur(Band& band) {
   const cv::Mat& image = pyramid_.levels()[band.level].image;
   band.corners.clear();
   const bool ranked = options_.distribution == KeypointDistribution::ranked;
-  const int threshold = ranked ? options_.fast_threshold : weakThreshold(options_.fast_threshold);
+  constexpr int kWeaker = 2;  // in parts of the image with too few corners at the full threshold
+  const int threshold =
+      ranked ? options_.fast_threshold : std::max(1, options_.fast_threshold / kWeaker);
   const int first = std::max(band.first_row, kEdgeMargin);
   const int last = std::min(band.last_row, image.rows - kEdgeMargin);
   if (first < last) {
@@ -207,18 +203,14 @@ void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
   std::array<cv::Point2f, kKeypointsPerTask> directions;
   for (int i = begin; i < end; ++i) {
     cv::KeyPoint& keypoint = features.keypoints[i];
-    orient(keypoint);
+    keypoint.angle =
+        intensityCentroidAngle(pyramid_.levels()[keypoint.octave].image, kernels_, keypoint.pt);
     const float angle = keypoint.angle * static_cast<float>(kPi / 180.);
     directions[i - begin] = cv::Point2f(std::cos(angle), std::sin(angle));
   }
   for (int i = begin; i < end; ++i) {
     describe(features.keypoints[i], directions[i - begin], features.descriptors.ptr(i));
   }
-}
-
-void OrbPipeline::orient(cv::KeyPoint& keypoint) {
-  keypoint.angle =
-      intensityCentroidAngle(pyramid_.levels()[keypoint.octave].image, kernels_, keypoint.pt);
 }
 
 void OrbPipeline::describe(cv::KeyPoint& keypoint, const cv::Point2f& direction,

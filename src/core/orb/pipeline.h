@@ -50,7 +50,6 @@ class OrbPipeline {
   void collectCorners(int level);
   void gather(Features& features);
   void orientAndDescribe(int begin, int end, Features& features);
-  void orient(cv::KeyPoint& keypoint);
   void describe(cv::KeyPoint& keypoint, const cv::Point2f& direction, std::uint8_t* descriptor);
 
   OrbOptions options_;

@@ -12,22 +12,6 @@ void releaseIfShared(cv::Mat& matrix) {
   if (util::isShared(matrix)) matrix.release();
 }
 
-void empty(Frame& frame) {
-  frame.stamp = 0;
-  frame.encoding.clear();
-  frame.mask.release();
-  frame.lens.reset();
-  frame.camera.reset();
-  frame.camera_lens.reset();
-  frame.features.keypoints.clear();
-  releaseIfShared(frame.features.descriptors);
-  if (!frame.features.descriptors.empty()) frame.features.descriptors.resize(0);
-  frame.features.image_size = {};
-  frame.tracks.clear();
-  frame.orb.reset();
-  frame.extraction_milliseconds = 0.0;
-}
-
 }  // namespace
 
 void FramePool::release(PooledFrame& frame) {
@@ -39,7 +23,19 @@ void FramePool::release(PooledFrame& frame) {
 
 std::shared_ptr<FramePool::PooledFrame> FramePool::takeEmpty() {
   std::shared_ptr<PooledFrame> frame = frames_.take();
-  empty(*frame);
+  frame->stamp = 0;
+  frame->encoding.clear();
+  frame->mask.release();
+  frame->lens.reset();
+  frame->camera.reset();
+  frame->camera_lens.reset();
+  frame->features.keypoints.clear();
+  releaseIfShared(frame->features.descriptors);
+  if (!frame->features.descriptors.empty()) frame->features.descriptors.resize(0);
+  frame->features.image_size = {};
+  frame->tracks.clear();
+  frame->orb.reset();
+  frame->extraction_milliseconds = 0.0;
   return frame;
 }
 
