@@ -130,17 +130,17 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
   std::vector<Correspondence> result;
   std::vector<double> one_way_times;
   std::vector<double> times;
-  search.matchMutual(reference, target, result);  // buffers grow, threads wake up
+  search.match(reference, target, true, result);  // buffers grow, threads wake up
   for (auto _ : state) {
     state.PauseTiming();
     renew(reference);
     double start = milliseconds(one_thread);
-    search.match(reference, target, result);
+    search.match(reference, target, false, result);
     one_way_times.push_back(milliseconds(one_thread) - start);
     state.ResumeTiming();
     renew(reference);
     start = milliseconds(one_thread);
-    search.matchMutual(reference, target, result);
+    search.match(reference, target, true, result);
     times.push_back(milliseconds(one_thread) - start);
   }
   const double time = ktgp_orb::evaluation::median(times);
@@ -182,7 +182,7 @@ void runNear(benchmark::State& state, const Frames& frames, const KnnKernel& ker
       state.PauseTiming();
       renew(reference.descriptors);
       const double start = milliseconds(true);
-      whole.match(reference.descriptors, target.descriptors, result);
+      whole.match(reference.descriptors, target.descriptors, false, result);
       whole_times.push_back(milliseconds(true) - start);
       state.ResumeTiming();
     }
@@ -233,7 +233,7 @@ void registerAll(const Frames& frames) {
       KnnSearch search(kernel, static_cast<int>(state.range(1)));
       std::vector<Correspondence> result;
       run(state, frames, true, [&](const cv::Mat& reference, const cv::Mat& target) {
-        search.match(reference, target, result);
+        search.match(reference, target, false, result);
       });
     });
     add(std::string(kernel.name) + "/mutual",

@@ -57,12 +57,12 @@ class Generator {
 class KnnKernels : public ::testing::TestWithParam<const KnnKernel*> {
  protected:
   std::vector<Correspondence> match(const cv::Mat& reference, const cv::Mat& target) {
-    search_.match(reference, target, result_);
+    search_.match(reference, target, false, result_);
     return result_;
   }
 
   std::vector<Correspondence> matchMutual(const cv::Mat& reference, const cv::Mat& target) {
-    search_.matchMutual(reference, target, result_);
+    search_.match(reference, target, true, result_);
     return result_;
   }
 
@@ -196,9 +196,9 @@ TEST_P(KnnKernels, GiveTheSameForAnyNumberOfThreads) {
     KnnSearch search(*GetParam(), threads);
     std::vector<Correspondence> result;
     for (int repetition = 0; repetition < 5; ++repetition) {
-      search.matchMutual(reference, target, result);
+      search.match(reference, target, true, result);
       ASSERT_TRUE(same(result, mutual)) << threads << " threads";
-      search.match(reference, target, result);
+      search.match(reference, target, false, result);
       ASSERT_TRUE(same(result, expected)) << threads << " threads";
     }
   }
@@ -210,13 +210,13 @@ TEST_P(KnnKernels, AllocateNothingInSteadyState) {
   for (int threads : {1, 3}) {
     KnnSearch search(*GetParam(), threads);
     std::vector<Correspondence> result;
-    search.matchMutual(reference, target, result);
+    search.match(reference, target, true, result);
     const test::AllocationCounter allocations;
     for (int n : {1000, 3, 0, 999}) {
-      search.match(reference.rowRange(0, n), target, result);
-      search.match(reference, target.rowRange(0, n), result);
-      search.matchMutual(reference.rowRange(0, n), target, result);
-      search.matchMutual(reference, target.rowRange(0, n), result);
+      search.match(reference.rowRange(0, n), target, false, result);
+      search.match(reference, target.rowRange(0, n), false, result);
+      search.match(reference.rowRange(0, n), target, true, result);
+      search.match(reference, target.rowRange(0, n), true, result);
     }
     EXPECT_EQ(allocations.count(), 0u) << threads << " threads";
   }

@@ -39,9 +39,9 @@ void searchAll(Input& in, const Features& reference, const Features& target) {
   const auto expected = test::plainSearch(reference.descriptors, target.descriptors, true);
   std::vector<Correspondence> found;
   KnnSearch search(any(in, kernels), threads(in));
-  search.match(reference.descriptors, target.descriptors, found);
+  search.match(reference.descriptors, target.descriptors, false, found);
   requireEqual(found, expected, false);
-  search.matchMutual(reference.descriptors, target.descriptors, found);
+  search.match(reference.descriptors, target.descriptors, true, found);
   requireEqual(found, expected, true);
 }
 

@@ -97,6 +97,8 @@ void scan(const std::uint8_t* block, int group_count, const QueryPass& queries, 
   }
 }
 
+// The search near predicted positions.
+
 /// Bits set in each byte of `v`.
 std::uint32_t byteCounts(std::uint32_t v) {
   v -= (v >> 1) & 0x55555555U;

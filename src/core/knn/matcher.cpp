@@ -46,12 +46,12 @@ const KnnOptions& KnnMatcher::options() const {
 
 void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
                        std::vector<Correspondence>& correspondences) {
-  impl_->search.match(reference, target, correspondences);
+  impl_->search.match(reference, target, false, correspondences);
 }
 
 void KnnMatcher::matchMutual(const cv::Mat& reference, const cv::Mat& target,
                              std::vector<Correspondence>& correspondences) {
-  impl_->search.matchMutual(reference, target, correspondences);
+  impl_->search.match(reference, target, true, correspondences);
 }
 
 void KnnMatcher::matchNear(const Features& reference, const Features& target,
