@@ -37,7 +37,6 @@ using ktgp_orb::Correspondence;
 using ktgp_orb::bench::milliseconds;
 using ktgp_orb::knn::KnnKernel;
 using ktgp_orb::knn::KnnSearch;
-using ktgp_orb::knn::NearKernel;
 using ktgp_orb::knn::NearSearch;
 
 /// At least `count` ORB descriptors of an image and its enlargements.
@@ -131,17 +130,17 @@ void runMutual(benchmark::State& state, const Frames& frames, const KnnKernel& k
   std::vector<Correspondence> result;
   std::vector<double> one_way_times;
   std::vector<double> times;
-  search.matchMutual(reference, target, result);  // buffers grow, threads wake up
+  search.match(reference, target, true, result);  // buffers grow, threads wake up
   for (auto _ : state) {
     state.PauseTiming();
     renew(reference);
     double start = milliseconds(one_thread);
-    search.match(reference, target, result);
+    search.match(reference, target, false, result);
     one_way_times.push_back(milliseconds(one_thread) - start);
     state.ResumeTiming();
     renew(reference);
     start = milliseconds(one_thread);
-    search.matchMutual(reference, target, result);
+    search.match(reference, target, true, result);
     times.push_back(milliseconds(one_thread) - start);
   }
   const double time = ktgp_orb::evaluation::median(times);
@@ -165,7 +164,7 @@ ktgp_orb::Features spread(const cv::Mat& descriptors, int width, int seed) {
 
 /// The search near predicted positions compared with the whole image; the index is built in every
 /// call.
-void runNear(benchmark::State& state, const Frames& frames, const NearKernel& kernel,
+void runNear(benchmark::State& state, const Frames& frames, const KnnKernel& kernel,
              const KnnKernel& whole_kernel) {
   const auto n = static_cast<int>(state.range(0));
   const auto width = static_cast<int>(state.range(1));
@@ -183,7 +182,7 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
       state.PauseTiming();
       renew(reference.descriptors);
       const double start = milliseconds(true);
-      whole.match(reference.descriptors, target.descriptors, result);
+      whole.match(reference.descriptors, target.descriptors, false, result);
       whole_times.push_back(milliseconds(true) - start);
       state.ResumeTiming();
     }
@@ -201,8 +200,8 @@ void runNear(benchmark::State& state, const Frames& frames, const NearKernel& ke
 void registerNear(const Frames& frames) {
   const auto whole = ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
                                                   ktgp_orb::knn::portableKnnKernel());
-  for (const NearKernel* kernel : ktgp_orb::test::everyKernels(
-           ktgp_orb::knn::bestNearKernel, ktgp_orb::knn::portableNearKernel())) {
+  for (const KnnKernel* kernel : ktgp_orb::test::everyKernels(ktgp_orb::knn::bestKnnKernel,
+                                                              ktgp_orb::knn::portableKnnKernel())) {
     const KnnKernel* same = whole.back();
     for (const KnnKernel* candidate : whole) {
       if (std::string(candidate->name) == kernel->name) same = candidate;
@@ -234,7 +233,7 @@ void registerAll(const Frames& frames) {
       KnnSearch search(kernel, static_cast<int>(state.range(1)));
       std::vector<Correspondence> result;
       run(state, frames, true, [&](const cv::Mat& reference, const cv::Mat& target) {
-        search.match(reference, target, result);
+        search.match(reference, target, false, result);
       });
     });
     add(std::string(kernel.name) + "/mutual",

@@ -1,7 +1,6 @@
 // The vector code of all stages: compiled once for each instruction set, one of which is chosen at
 // run time.
 #include "core/kernels.h"
-#include "core/util/fast_gathers.h"
 #include "core/util/highway_targets.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -35,14 +34,13 @@ Kernels makeKernels() {
   Kernels set{
       {name, on_patches::warp, on_patches::prepare, on_patches::smooth, on_patches::compare},
       {name, growth::HWY_NAMESPACE::findAlike},
-      {name, on_descriptors::kLanes, on_descriptors::scan<false>, on_descriptors::scan<true>},
-      {name, on_descriptors::near::search<false>, on_descriptors::near::search<true>},
+      {name, on_descriptors::kLanes, on_descriptors::scan<false>, on_descriptors::scan<true>,
+       on_descriptors::near::search<false>, on_descriptors::near::search<true>},
       {name, on_pixels::resizeRow, on_pixels::mixRows, on_pixels::fastScores,
        on_pixels::localMaxima, on_pixels::harris, on_pixels::moments, on_pixels::blurAlongRow,
-       on_pixels::blurAcrossRows, on_pixels::describe},
-      {name, on_pixels::describeInside}};
+       on_pixels::blurAcrossRows, on_pixels::describe, on_pixels::describeTeblidInside}};
 #if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3_DL
-  if (util::hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
+  if (hasFastGathers()) set.orb.describe = on_pixels::describeByGathers;
 #endif
 #if !HWY_NATIVE_FMA
   // The blur is defined with fused multiply-adds. The plain loop computes them, too.
@@ -51,12 +49,8 @@ Kernels makeKernels() {
 #endif
   return set;
 #else
-  return {alignment::portableAlignmentKernels(),
-          growth::portableAlikeKernel(),
-          knn::portableKnnKernel(),
-          knn::portableNearKernel(),
-          orb::portableOrbKernels(),
-          orb::portableTeblidKernel()};
+  return {alignment::portableAlignmentKernels(), growth::portableAlikeKernel(),
+          knn::portableKnnKernel(), orb::portableOrbKernels()};
 #endif
 }
 
@@ -72,7 +66,26 @@ const Kernels* kernels() {
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
+#if HWY_ARCH_X86
+#include <cpuid.h>
+#endif
+
 namespace ktgp_orb {
+
+bool hasFastGathers() {
+#if HWY_ARCH_X86
+  unsigned a = 0;
+  unsigned b = 0;
+  unsigned c = 0;
+  unsigned d = 0;
+  constexpr unsigned kExtendedFeatures = 7;
+  constexpr unsigned kAvx512Fp16 = 1U << 23;  // in register d
+  return __get_cpuid_count(kExtendedFeatures, 0, &a, &b, &c, &d) != 0 && (d & kAvx512Fp16) != 0;
+#else
+  return false;
+#endif
+}
+
 namespace {
 
 HWY_EXPORT(kernels);
@@ -96,16 +109,8 @@ const knn::KnnKernel& knn::bestKnnKernel() {
   return bestKernels().knn;
 }
 
-const knn::NearKernel& knn::bestNearKernel() {
-  return bestKernels().near;
-}
-
 const orb::OrbKernels& orb::bestOrbKernels() {
   return bestKernels().orb;
-}
-
-const orb::TeblidKernel& orb::bestTeblidKernel() {
-  return bestKernels().teblid;
 }
 
 }  // namespace ktgp_orb

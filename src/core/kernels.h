@@ -3,9 +3,7 @@
 #include "core/alignment/kernels.h"
 #include "core/growth/alike_kernel.h"
 #include "core/knn/kernel.h"
-#include "core/knn/near_kernel.h"
 #include "core/orb/kernels.h"
-#include "core/orb/teblid_kernel.h"
 
 namespace ktgp_orb {
 
@@ -15,9 +13,13 @@ struct Kernels {
   alignment::AlignmentKernels alignment;
   growth::AlikeKernel alike;
   knn::KnnKernel knn;
-  knn::NearKernel near;
   orb::OrbKernels orb;
-  orb::TeblidKernel teblid;
 };
+
+/// Whether instructions that gather values from memory are faster than reading them one by one: on
+/// Intel processors with AVX-512 FP16 (Sapphire Rapids and later). Other processors take up to four
+/// times as long, among them older ones from Intel, whose microcode slows gathers down for security
+/// (Downfall).
+bool hasFastGathers();
 
 }  // namespace ktgp_orb

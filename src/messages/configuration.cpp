@@ -2,7 +2,7 @@
 
 #include <stdexcept>
 
-#include "core/util/frame_name.h"
+#include "core/util/format.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {

@@ -10,7 +10,6 @@
 
 #include "core/util/constants.h"
 #include "core/util/format.h"
-#include "core/util/frame_name.h"
 #include "messages/answer_message.h"
 #include "messages/pose_message.h"
 #include "motion/rows.h"

@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/util/frame_name.h"
+#include "core/util/format.h"
 #include "core/util/keypoint_position.h"
 #include "messages/answer_message.h"
 #include "messages/pose_message.h"

@@ -1,6 +1,8 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <tuple>
+#include <utility>
 
 #include "core/util/constants.h"
 #include "ktgp_orb/evaluation.h"
@@ -21,18 +23,13 @@ struct Ellipse {
   double halfHeight() const { return std::sqrt(shape(0, 0) / shape.determinant()); }
 };
 
-/// A horizontal chord, empty where right < left.
-struct Chord {
-  double left = 1.0;
-  double right = 0.0;
-};
-
-Chord chordAt(const Ellipse& e, double y) {
+/// The left and the right end of a horizontal chord; the right one is less where there is none.
+std::pair<double, double> chordAt(const Ellipse& e, double y) {
   const double v = y - e.centre.y();
   const double a = e.shape(0, 0);
   const double b = e.shape(0, 1) * v;
   const double discriminant = b * b - a * (e.shape(1, 1) * v * v - 1.0);
-  if (discriminant < 0.0) return {};
+  if (discriminant < 0.0) return {1.0, 0.0};
   const double middle = e.centre.x() - b / a;
   const double half = std::sqrt(discriminant) / a;
   return {middle - half, middle + half};
@@ -47,9 +44,9 @@ double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
   double area = 0.0;
   for (int row = 0; row < rows; ++row) {
     const double y = top + (row + 0.5) * step;
-    const Chord p = chordAt(a, y);
-    const Chord q = chordAt(b, y);
-    area += std::max(0.0, std::min(p.right, q.right) - std::max(p.left, q.left)) * step;
+    const auto [left_a, right_a] = chordAt(a, y);
+    const auto [left_b, right_b] = chordAt(b, y);
+    area += std::max(0.0, std::min(right_a, right_b) - std::max(left_a, left_b)) * step;
   }
   return area;
 }
@@ -87,12 +84,6 @@ Ellipse mappedDisc(const Eigen::Matrix3d& homography, const cv::KeyPoint& keypoi
   return {centre, inverse.transpose() * discShape(keypoint) * inverse};
 }
 
-struct Candidate {
-  double error;
-  std::size_t reference;
-  std::size_t target;
-};
-
 }  // namespace
 
 double Repeatability::score() const {
@@ -116,7 +107,7 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
     }
   }
 
-  std::vector<Candidate> candidates;
+  std::vector<std::tuple<double, std::size_t, std::size_t>> candidates;  // error, regions
   for (std::size_t r = 0; r < mapped.size(); ++r) {
     for (std::size_t t = 0; t < found.size(); ++t) {
       const double distance = (mapped[r].centre - found[t].centre).norm();
@@ -128,19 +119,18 @@ Repeatability detectorRepeatability(const Features& reference, const Features& t
       // A few rows are accurate to 3 %, which is enough to reject; many rows to 0.1 %.
       if (overlapError(mapped[r], found[t], 8) > max_overlap_error + 0.1) continue;
       const double error = overlapError(mapped[r], found[t], 64);
-      if (error <= max_overlap_error) candidates.push_back({error, r, t});
+      if (error <= max_overlap_error) candidates.emplace_back(error, r, t);
     }
   }
-  std::stable_sort(candidates.begin(), candidates.end(),
-                   [](const Candidate& a, const Candidate& b) { return a.error < b.error; });
+  std::sort(candidates.begin(), candidates.end());
 
   Repeatability result{mapped.size(), found.size(), 0};
   std::vector<bool> reference_used(mapped.size(), false);
   std::vector<bool> target_used(found.size(), false);
-  for (const Candidate& c : candidates) {
-    if (reference_used[c.reference] || target_used[c.target]) continue;
-    reference_used[c.reference] = true;
-    target_used[c.target] = true;
+  for (const auto& [error, r, t] : candidates) {
+    if (reference_used[r] || target_used[t]) continue;
+    reference_used[r] = true;
+    target_used[t] = true;
     ++result.repeated;
   }
   return result;

@@ -1,11 +1,18 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "targets/frame_search.h"
+#include "targets/target_picture.h"
 
 namespace ktgp_orb::targets {
+
+/// How a picture looks like itself in another pose, such as "turned by 180 degrees" (a playing
+/// card, a chessboard) or "moved by 12 % of its width" (a facade). Then no search can tell which of
+/// the poses it is. Empty if it does not.
+std::string ambiguityOf(const TargetPicture& picture);
 
 /// Which of the targets are doubtful (non-zero), since another one explains the same part of the
 /// frame with as much support or nearly so (FoundTarget::log_false_alarms). This is so in two

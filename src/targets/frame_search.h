@@ -5,9 +5,9 @@
 
 #include "core/growth/local_frame.h"
 #include "ktgp_orb/features.h"
-#include "targets/frame_tables.h"
 #include "targets/picture_search.h"
 #include "targets/seeds.h"
+#include "targets/target_index.h"
 #include "targets/target_store.h"
 
 namespace ktgp_orb::targets {

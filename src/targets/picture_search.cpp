@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/growth/map_fit.h"
 #include "core/homography/transform.h"
 
 namespace ktgp_orb::targets {
@@ -34,8 +35,7 @@ bool PictureSearch::isExplained(const Seed& seed) const {
   constexpr double kNear = 10.0;        // px
   constexpr std::ptrdiff_t kTwice = 2;  // maps: one alone may come from a wrong first seed
   return std::count_if(tried_.begin(), tried_.end(), [&](const Eigen::Matrix3d& map) {
-           return homography::errorOf(map, seed.from.cast<double>(), seed.to.cast<double>()) <
-                  kNear;
+           return homography::errorOf(map, seed.from(), seed.to()) < kNear;
          }) >= kTwice;
 }
 
@@ -47,7 +47,7 @@ bool PictureSearch::fromSeeds(TargetPicture& picture, const std::vector<Seed>& s
     if (count == kMostSeeds) return false;
     if (isExplained(seed)) continue;
     ++count;
-    const Eigen::Vector2d centre = seed.from.cast<double>();
+    const Eigen::Vector2d centre = seed.from();
     const Eigen::Matrix3d affine = affineOf(seed, seeds);
     Eigen::Matrix3d map = affine;
     if (fitSeeds(seeds, map) &&
@@ -67,9 +67,9 @@ bool PictureSearch::fitSeeds(const std::vector<Seed>& seeds, Eigen::Matrix3d& ma
   for (const float radius : {kTargetPlan.first_radius, 0.5F * kTargetPlan.first_radius}) {
     seed_pairs_.clear();
     for (const Seed& seed : seeds) {
-      const Eigen::Vector2d from = seed.from.cast<double>();
-      const Eigen::Vector2d to = seed.to.cast<double>();
-      if (homography::errorOf(map, from, to) < radius) seed_pairs_.add(from, to, 0.0);
+      if (homography::errorOf(map, seed.from(), seed.to()) < radius) {
+        seed_pairs_.add(seed.from(), seed.to(), 0.0);
+      }
     }
     if (seed_pairs_.size() < kMany || !growth::refit(seed_pairs_, radius, map)) return false;
   }
@@ -218,9 +218,7 @@ void PictureSearch::align(const TargetPicture& picture, FoundTarget& found) {
   if (alignFrom(found.estimate, picture, found)) return;
   // Keypoints in a small part of the picture do not determine the rest of it.
   const Eigen::Matrix3d& map = found.estimate.homography;
-  Eigen::Vector2d centre = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& p : found.pairs.reference) centre += p;
-  centre /= static_cast<double>(found.pairs.size());
+  const Eigen::Vector2d centre = growth::middleOf(found.pairs.reference);
   Eigen::Matrix3d affine = Eigen::Matrix3d::Identity();
   affine.topLeftCorner<2, 2>() = homography::jacobianByPoint(map, centre);
   affine.topRightCorner<2, 1>() =

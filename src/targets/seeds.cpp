@@ -9,6 +9,19 @@
 namespace ktgp_orb::targets {
 namespace {
 
+/// The inner loop of the votes in plain C++, the reference for the vector versions.
+std::int32_t votesFor(const float* columns, std::size_t pitch, std::size_t count,
+                      const SeedMap& seed) {
+  std::int32_t votes = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto value = [&](std::size_t column) { return columns[column * pitch + i]; };
+    const SeedMap voter{value(0), value(1), value(2), value(3), value(4),
+                        value(5), value(6), value(7), value(8), value(9)};
+    votes += agrees(voter, seed) ? 1 : 0;
+  }
+  return votes;
+}
+
 constexpr std::size_t kMost = 300;  // pairs; the first ones are used, to limit the time
 
 Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
@@ -22,23 +35,20 @@ Seed seedOf(const IndexHit& hit, const growth::ReferenceFrames& reference,
   const float scale = std::exp(to.log_size - from.log_size) / std::sqrt(area);
   const float c = scale * (d.x() * to.dx + d.y() * to.dy);
   const float s = scale * (d.x() * to.dy - d.y() * to.dx);
-  Seed seed;
-  seed.from = {from.x, from.y};
-  seed.to = {to.x, to.y};
-  seed.linear = (Eigen::Matrix2f() << c, -s, s, c).finished() * to_view;
-  seed.log_area = 2.F * (to.log_size - from.log_size);
-  seed.votes = 0;
-  seed.query = hit.query;
-  return seed;
-}
-
-SeedMap mapOf(const Seed& seed) {
-  const Eigen::Matrix2f& m = seed.linear;
-  return {seed.from.x(), seed.from.y(), seed.to.x(), seed.to.y(), seed.log_area,
-          m(0, 0),       m(0, 1),       m(1, 0),     m(1, 1),     m.norm()};
+  const Eigen::Matrix2f linear = (Eigen::Matrix2f() << c, -s, s, c).finished() * to_view;
+  const float log_area = 2.F * (to.log_size - from.log_size);
+  return {{from.x, from.y, to.x, to.y, log_area, linear(0, 0), linear(0, 1), linear(1, 0),
+           linear(1, 1), linear.norm()},
+          0,
+          hit.query};
 }
 
 }  // namespace
+
+const VoteKernel& portableVoteKernel() {
+  static constexpr VoteKernel kPortable{"portable", votesFor};
+  return kPortable;
+}
 
 void Seeds::collect(const IndexHit* begin, const IndexHit* end,
                     const growth::ReferenceFrames& reference,
@@ -55,16 +65,14 @@ void Seeds::collect(const IndexHit* begin, const IndexHit* end,
 void Seeds::vote(std::int32_t fewest_votes) {
   const std::size_t pitch = seeds_.size() + kReadBeyond;
   columns_.assign(kSeedMapValues * pitch, 0.F);
-  maps_.clear();
   for (std::size_t i = 0; i < seeds_.size(); ++i) {
-    const SeedMap map = mapOf(seeds_[i]);
+    const SeedMap& map = seeds_[i].map;
     const float values[kSeedMapValues] = {map.from_x, map.from_y, map.to_x, map.to_y, map.log_area,
                                           map.xx,     map.xy,     map.yx,   map.yy,   map.norm};
     for (std::size_t c = 0; c < kSeedMapValues; ++c) columns_[c * pitch + i] = values[c];
-    maps_.push_back(map);
   }
-  for (std::size_t i = 0; i < seeds_.size(); ++i) {
-    seeds_[i].votes = kernel_->votes(columns_.data(), pitch, seeds_.size(), maps_[i]);
+  for (Seed& seed : seeds_) {
+    seed.votes = kernel_->votes(columns_.data(), pitch, seeds_.size(), seed.map);
   }
   const auto is_alone = [&](const Seed& seed) { return seed.votes < fewest_votes; };
   seeds_.erase(std::remove_if(seeds_.begin(), seeds_.end(), is_alone), seeds_.end());
@@ -76,12 +84,13 @@ Eigen::Matrix3d affineOf(const Seed& seed, const std::vector<Seed>& seeds) {
   constexpr double kOwnReach = 30.0;  // px; weight of the seed's own direction and size
   growth::Places from, to;
   for (const Seed& voter : seeds) {
-    if (!agrees(mapOf(voter), mapOf(seed))) continue;
-    from.push_back(voter.from.cast<double>());
-    to.push_back(voter.to.cast<double>());
+    if (!agrees(voter.map, seed.map)) continue;
+    from.push_back(voter.from());
+    to.push_back(voter.to());
   }
-  return growth::fitAffineNear(from, to, seed.from.cast<double>(), seed.to.cast<double>(),
-                               seed.linear.cast<double>(), kOwnReach);
+  const SeedMap& own = seed.map;
+  const Eigen::Matrix2d linear = (Eigen::Matrix2d() << own.xx, own.xy, own.yx, own.yy).finished();
+  return growth::fitAffineNear(from, to, seed.from(), seed.to(), linear, kOwnReach);
 }
 
 }  // namespace ktgp_orb::targets

@@ -13,12 +13,12 @@ namespace ktgp_orb::targets {
 
 /// A pair of keypoints to grow a homography from, and the number of pairs that agree with it.
 struct Seed {
-  Eigen::Vector2f from;    ///< px of the picture
-  Eigen::Vector2f to;      ///< px of the frame
-  Eigen::Matrix2f linear;  ///< picture to frame, around these positions
-  float log_area;          ///< by which it scales areas, natural logarithm
+  SeedMap map;
   std::int32_t votes;
   std::uint32_t query;  ///< keypoint of the frame
+
+  Eigen::Vector2d from() const { return {map.from_x, map.from_y}; }  ///< px of the picture
+  Eigen::Vector2d to() const { return {map.to_x, map.to_y}; }        ///< px of the frame
 };
 
 /// Makes seeds of the pairs of keypoints of one picture. Each pair predicts an affine map. It gets
@@ -42,8 +42,7 @@ class Seeds {
 
   const VoteKernel* kernel_ = &bestVoteKernel();
   std::vector<Seed> seeds_;
-  std::vector<SeedMap> maps_;   // of the seeds
-  std::vector<float> columns_;  // the same, for the kernel: the first value of all, and so on
+  std::vector<float> columns_;  // their maps, for the kernel: the first value of all, and so on
 };
 
 /// The affine map from picture to frame around the seed, fitted to those of `seeds` that vote for

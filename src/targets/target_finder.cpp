@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "core/homography/transform.h"
-#include "core/util/frame_name.h"
+#include "core/util/format.h"
 #include "core/util/milliseconds.h"
 #include "core/util/options_check.h"
 #include "core/util/printable.h"
@@ -160,7 +160,6 @@ struct TargetFinder::Impl {
   void remove(const StoredTarget& target);
   void searchFollowed();
   std::size_t lookUp(std::size_t count, double milliseconds, Clock::time_point start);
-  double timeForOthers() const;
   void searchOthers();
   void tryTarget(StoredTarget& target);
   bool wantsSmall() const;
@@ -276,19 +275,14 @@ std::size_t TargetFinder::Impl::lookUp(std::size_t count, double milliseconds,
   return done < count ? (count + done - 1) / done : 1;
 }
 
-/// Less while something is followed, so that a robot that tracks known targets has time for other
-/// work.
-double TargetFinder::Impl::timeForOthers() const {
-  constexpr double kShareWhileFollowing = 0.1;
-  return (found.empty() ? 1.0 : kShareWhileFollowing) * options.search_ms;
-}
-
 /// Tries the candidates that were not seen in the last frame until the time has passed; the first
 /// two are always tried: the one that has waited longest, and the one with most votes.
 void TargetFinder::Impl::searchOthers() {
   constexpr std::size_t kAlways = 2;
   const Clock::time_point start = Clock::now();
-  const double milliseconds = timeForOthers();
+  // Less while something is followed, so that a robot that tracks known targets has time for other
+  // work.
+  const double milliseconds = (found.empty() ? 1.0 : 0.1) * options.search_ms;
   // The other half is for the candidates.
   const std::size_t frames = lookUp(answer.features, 0.5 * milliseconds, start);
   std::vector<Candidate> others;

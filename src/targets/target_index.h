@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/growth/local_frame.h"
+#include "core/growth/reference_frames.h"
 #include "targets/bit_tables.h"
 
 namespace ktgp_orb::targets {
@@ -54,7 +55,6 @@ class TargetIndex {
     return (*pictures_[entry.picture])[entry.keypoint];
   }
   void mergeFrom(std::size_t first);
-  void build(Segment& segment) const;
   void searchSegment(const Segment& segment, const std::vector<growth::Bits>& wanted,
                      const std::uint32_t* queries, std::size_t count);
   void keep(const IndexHit& hit, std::vector<IndexHit>& nearest) const;
@@ -68,6 +68,42 @@ class TargetIndex {
   static constexpr std::size_t kBlock = 32;
   BitTables::Found similar_;
   std::vector<IndexHit> nearest_[kBlock];
+};
+
+/// Pairs the keypoints of one picture with those of the frame. Keeps its buffers.
+class FrameTables {
+ public:
+  /// `key_bits`: 8..16, equal bits of descriptors that are compared. Fewer ones find more pairs and
+  /// take longer.
+  explicit FrameTables(int key_bits) : key_bits_(key_bits) {}
+
+  void setFrame(const std::vector<growth::Bits>& bits);
+
+  /// Pairs each keypoint of the frame with the most similar one of the picture, if one is similar
+  /// enough; a few are missed. Clear pairs come first: those where the second most similar keypoint
+  /// of the picture, at another place, is much less similar. The pairs depend only on this picture
+  /// and the frame.
+  void match(std::uint32_t number, const growth::ReferenceFrames& picture,
+             std::vector<IndexHit>& pairs);
+
+  static constexpr int kMaxDistance = 64;
+
+ private:
+  /// The most similar keypoint of the picture, for one keypoint of the frame.
+  struct Nearest {
+    std::uint32_t keypoint = 0;
+    int distance = kMaxDistance + 1;
+    int elsewhere = kMaxDistance + 1;  // distance of the nearest keypoint at another place
+  };
+
+  void keep(std::uint32_t keypoint, int distance, const growth::ReferenceFrames& picture,
+            Nearest& nearest) const;
+
+  int key_bits_;
+  std::vector<growth::Bits> bits_;
+  BitTables tables_{32, 10};
+  BitTables::Found found_;
+  std::vector<Nearest> nearest_;  // for each keypoint of the frame
 };
 
 }  // namespace ktgp_orb::targets

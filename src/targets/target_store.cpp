@@ -5,9 +5,8 @@
 #include <stdexcept>
 
 #include "core/util/format.h"
-#include "core/util/frame_name.h"
 #include "core/util/printable.h"
-#include "targets/ambiguity.h"
+#include "targets/conflicts.h"
 
 namespace ktgp_orb::targets {
 namespace {

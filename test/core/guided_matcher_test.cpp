@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/knn/near_kernel.h"
+#include "core/knn/kernel.h"
 #include "instruction_sets.h"
 #include "plain_search.h"
 #include "synthetic_pairs.h"
@@ -62,8 +62,8 @@ TEST(GuidedMatcher, EqualsTheDefinition) {
         EXPECT_GT(expected.size(), 10u);
       }
       test::forEachInstructionSet([&] {
-        SCOPED_TRACE(std::string(knn::bestNearKernel().name) + ", " + std::to_string(radius) +
-                     ", " + std::to_string(count));
+        SCOPED_TRACE(std::string(knn::bestKnnKernel().name) + ", " + std::to_string(radius) + ", " +
+                     std::to_string(count));
         std::vector<Correspondence> matches;
         GuidedMatcher(options).match(reference, target, h, matches);
         EXPECT_TRUE(test::same(matches, expected));

@@ -63,12 +63,12 @@ class Generator {
 class KnnKernels : public ::testing::TestWithParam<const KnnKernel*> {
  protected:
   std::vector<Correspondence> match(const cv::Mat& reference, const cv::Mat& target) {
-    search_.match(reference, target, result_);
+    search_.match(reference, target, false, result_);
     return result_;
   }
 
   std::vector<Correspondence> matchMutual(const cv::Mat& reference, const cv::Mat& target) {
-    search_.matchMutual(reference, target, result_);
+    search_.match(reference, target, true, result_);
     return result_;
   }
 
@@ -202,9 +202,9 @@ TEST_P(KnnKernels, GiveTheSameForAnyNumberOfThreads) {
     KnnSearch search(*GetParam(), threads);
     std::vector<Correspondence> result;
     for (int repetition = 0; repetition < 5; ++repetition) {
-      search.matchMutual(reference, target, result);
+      search.match(reference, target, true, result);
       ASSERT_TRUE(same(result, mutual)) << threads << " threads";
-      search.match(reference, target, result);
+      search.match(reference, target, false, result);
       ASSERT_TRUE(same(result, expected)) << threads << " threads";
     }
   }
@@ -216,13 +216,13 @@ TEST_P(KnnKernels, AllocateNothingInSteadyState) {
   for (int threads : {1, 3}) {
     KnnSearch search(*GetParam(), threads);
     std::vector<Correspondence> result;
-    search.matchMutual(reference, target, result);
+    search.match(reference, target, true, result);
     const test::AllocationCounter allocations;
     for (int n : {1000, 3, 0, 999}) {
-      search.match(reference.rowRange(0, n), target, result);
-      search.match(reference, target.rowRange(0, n), result);
-      search.matchMutual(reference.rowRange(0, n), target, result);
-      search.matchMutual(reference, target.rowRange(0, n), result);
+      search.match(reference.rowRange(0, n), target, false, result);
+      search.match(reference, target.rowRange(0, n), false, result);
+      search.match(reference.rowRange(0, n), target, true, result);
+      search.match(reference, target.rowRange(0, n), true, result);
     }
     EXPECT_EQ(allocations.count(), 0u) << threads << " threads";
   }
@@ -310,7 +310,7 @@ Eigen::Matrix3d turnAndShift() {
   return h;
 }
 
-class NearKernels : public ::testing::TestWithParam<const NearKernel*> {
+class KnnKernels : public ::testing::TestWithParam<const NearKernel*> {
  protected:
   std::vector<Correspondence> search(const Features& reference, const Features& target,
                                      const Eigen::Matrix3d& prediction, double radius, bool mutual,
@@ -412,8 +412,8 @@ TEST_P(NearKernels, GiveTheSameForAnyNumberOfThreads) {
 }
 
 INSTANTIATE_TEST_SUITE_P(EveryInstructionSet, NearKernels,
-                         ::testing::ValuesIn(test::everyKernels(bestNearKernel,
-                                                                portableNearKernel())),
+                         ::testing::ValuesIn(test::everyKernels(bestKnnKernel,
+                                                                portableKnnKernel())),
                          [](const auto& tested) { return std::string(tested.param->name); });
 
 KnnOptions withRadius(double radius, int threads = 1) {

@@ -11,10 +11,10 @@
 #include <fstream>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
-#include "core/orb/teblid_describer.h"
 #include "core/orb/teblid_table.h"
 #include "frame_pair.h"
 #include "instruction_sets.h"
@@ -75,7 +75,7 @@ Descriptor describe(const cv::Mat& integral, const cv::KeyPoint& keypoint) {
 
 cv::Mat integralOf(const cv::Mat& image) {
   cv::Mat integral;
-  integralImage(image, integral);
+  cv::integral(image, integral, CV_32S);
   return integral;
 }
 
@@ -226,8 +226,8 @@ std::vector<cv::KeyPoint> keypointsEverywhere(const cv::Size& size) {
 TEST(TeblidDescriber, GivesTheDefinitionsBitsWithEveryInstructionSet) {
   // A describer is used for all images: data of an image of another size must not matter.
   std::vector<TeblidDescriber> describers;
-  const auto kernels = test::everyKernels(bestTeblidKernel, portableTeblidKernel());
-  for (const TeblidKernel* kernel : kernels) describers.emplace_back(kSizes, *kernel);
+  const auto kernels = test::everyKernels(bestOrbKernels, portableOrbKernels());
+  for (const OrbKernels* kernel : kernels) describers.emplace_back(kSizes, *kernel);
   for (const cv::Size& size : {cv::Size(320, 240), cv::Size(400, 300), cv::Size(63, 63),
                                cv::Size(1, 1), cv::Size(320, 200)}) {
     for (const cv::Mat& image : {test::textureImage(size, 11), test::noiseImage(size, 12),

@@ -12,11 +12,9 @@ namespace ktgp_orb::fuzz {
 namespace {
 
 using knn::bestKnnKernel;
-using knn::bestNearKernel;
 using knn::KnnSearch;
 using knn::NearSearch;
 using knn::portableKnnKernel;
-using knn::portableNearKernel;
 using util::ThreadPool;
 
 void requireEqual(const std::vector<Correspondence>& a, const std::vector<Correspondence>& b,
@@ -41,14 +39,14 @@ void searchAll(Input& in, const Features& reference, const Features& target) {
   const auto expected = test::plainSearch(reference.descriptors, target.descriptors, true);
   std::vector<Correspondence> found;
   KnnSearch search(any(in, kernels), threads(in));
-  search.match(reference.descriptors, target.descriptors, found);
+  search.match(reference.descriptors, target.descriptors, false, found);
   requireEqual(found, expected, false);
-  search.matchMutual(reference.descriptors, target.descriptors, found);
+  search.match(reference.descriptors, target.descriptors, true, found);
   requireEqual(found, expected, true);
 }
 
 void searchNear(Input& in, const Features& reference, const Features& target) {
-  static const auto kernels = test::everyKernels(&bestNearKernel, portableNearKernel());
+  static const auto kernels = test::everyKernels(&bestKnnKernel, portableKnnKernel());
   const bool any_radius = in.ConsumeIntegralInRange(0, 15) == 0;  // small ones make many cells
   const double radius = any_radius ? in.ConsumeFloatingPointInRange(0.01, 5000.0)
                                    : in.ConsumeFloatingPointInRange(20.0, 500.0);

@@ -5,10 +5,55 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/gms/grid.h"
 #include "core/util/buckets.h"
 
 namespace ktgp_orb::gms {
+
+/// Neighbours of a cell, clockwise from the top left one. So rotating the neighbourhood by m times
+/// 45 degrees shifts this ring by m.
+constexpr unsigned kRing = 8;
+
+/// The cells of an image with a frame of one cell around them, numbered row by row. Because of the
+/// frame every cell has all eight neighbours. Not a CellGrid: GMS asks for neighbours of cells, not
+/// for points near a position.
+struct Grid {
+  Grid(int grid_columns, int grid_rows)
+      : columns(grid_columns),
+        rows(grid_rows),
+        stride(static_cast<std::uint32_t>(grid_columns) + 2),
+        cells(stride * (static_cast<std::uint32_t>(grid_rows) + 2)),
+        ring{0 - stride - 1, 0 - stride, 0 - stride + 1, 1,
+             stride + 1,     stride,     stride - 1,     0 - 1u} {}
+
+  /// The number of "in no cell".
+  std::uint32_t noCell() const { return cells; }
+
+  /// The cell at a position in cells from the image's corner; none beyond the grid, above or left
+  /// of the first column and row, and for NaN.
+  std::uint32_t cellAt(double x, double y, int first_column = 0, int first_row = 0) const {
+    const bool inside = x >= first_column && x < columns && y >= first_row && y < rows;
+    if (!inside) return noCell();
+    return (static_cast<std::uint32_t>(y) + 1) * stride + static_cast<std::uint32_t>(x) + 1;
+  }
+
+  /// Bit k is set if neighbour k of a cell is inside the image, not in the frame.
+  unsigned neighboursOf(std::uint32_t cell) const {
+    const std::uint32_t column = cell % stride;
+    const std::uint32_t row = cell / stride;
+    unsigned inside = 0b11111111;
+    if (row == 1) inside &= 0b11111000;
+    if (column + 2 == stride) inside &= 0b11100011;
+    if (row == static_cast<std::uint32_t>(rows)) inside &= 0b10001111;
+    if (column == 1) inside &= 0b00111110;
+    return inside;
+  }
+
+  int columns;
+  int rows;
+  std::uint32_t stride;
+  std::uint32_t cells;                    ///< including the frame
+  std::array<std::uint32_t, kRing> ring;  ///< number of each neighbour minus the cell's, mod 2^32
+};
 
 /// What the grids say about a match: bit m is set if its cell pair has support with the
 /// neighbourhood rotated by m times 45 degrees. Those of the shifted grids are combined by "or".

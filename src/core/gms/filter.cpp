@@ -6,7 +6,6 @@
 #include <cstdint>
 
 #include "core/gms/cell_pairs.h"
-#include "core/gms/grid.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
@@ -55,14 +54,6 @@ struct Match {
   cv::Point2f reference;  ///< normalised position in the reference image
 };
 
-/// The best rotation and scale so far.
-struct Winner {
-  std::size_t kept = 0;
-  unsigned rotation = 0;
-  std::size_t scale = 0;
-  gms::Votes votes;
-};
-
 bool survives(unsigned votes, unsigned rotation) {
   return (votes >> rotation & 1u) != 0;
 }
@@ -107,7 +98,11 @@ struct GmsFilter::Impl {
   gms::CellPairs pairs;
   gms::Votes votes;  ///< per match
 
-  Winner winner;
+  // The best rotation and scale so far.
+  std::size_t most_kept = 0;
+  unsigned best_rotation = 0;
+  std::size_t best_scale = 0;
+  gms::Votes best_votes;
 };
 
 void GmsFilter::Impl::setGrid(int columns, int rows) {
@@ -176,23 +171,23 @@ void GmsFilter::Impl::tryScale(std::size_t scale) {
   for (unsigned m = 0; m < (options.rotation ? gms::kRing : 1); ++m) {
     const auto kept = static_cast<std::size_t>(
         std::count_if(votes.begin(), votes.end(), [m](unsigned v) { return survives(v, m); }));
-    if (kept <= winner.kept) continue;
-    winner.kept = kept;
-    winner.rotation = m;
-    winner.scale = scale;
+    if (kept <= most_kept) continue;
+    most_kept = kept;
+    best_rotation = m;
+    best_scale = scale;
     wins = true;
   }
-  if (wins) std::swap(votes, winner.votes);
+  if (wins) std::swap(votes, best_votes);
 }
 
 GmsResult GmsFilter::Impl::apply(std::vector<Correspondence>& correspondences) const {
   GmsResult result;
-  result.rotation_degrees = 45 * static_cast<int>(winner.rotation);
-  result.scale = kScales[winner.scale];
+  result.rotation_degrees = 45 * static_cast<int>(best_rotation);
+  result.scale = kScales[best_scale];
   result.outside_grid = outside;
   for (std::size_t i = 0; i < matches.size(); ++i) {
-    const unsigned votes_of_match = winner.votes[i];
-    if (survives(votes_of_match, winner.rotation)) {
+    const unsigned votes_of_match = best_votes[i];
+    if (survives(votes_of_match, best_rotation)) {
       correspondences[matches[i].number].level = Level::ktg;
       ++result.kept;
     } else if ((votes_of_match & gms::kOnGrid) == 0) {
@@ -229,9 +224,9 @@ GmsResult GmsFilter::filter(const Features& reference, const Features& target,
   Impl& impl = *impl_;
   impl.fitGrid(correspondences);
   impl.takeIn(reference, target, correspondences);
-  impl.winner.kept = 0;
-  impl.winner.rotation = 0;
-  impl.winner.scale = 0;
+  impl.most_kept = 0;
+  impl.best_rotation = 0;
+  impl.best_scale = 0;
   for (std::size_t scale = 0; scale < impl.reference_grids.size(); ++scale) impl.tryScale(scale);
   return impl.apply(correspondences);
 }

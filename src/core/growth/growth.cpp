@@ -33,12 +33,6 @@ bool isAccepted(const Grown& grown) {
   return grown.judgement.log_false_alarms < Verdict::kLogMaxFalseAlarms;
 }
 
-Eigen::Vector2d middleOf(const Places& places) {
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  for (const Eigen::Vector2d& place : places) sum += place;
-  return sum / static_cast<double>(places.size());
-}
-
 }  // namespace
 }  // namespace growth
 
@@ -68,7 +62,6 @@ struct HomographyGrowth::Impl {
   void growFromRepeats(GrowthResult& result);
   void choose(GrowthResult& result);
   bool store(const Grown& chosen, GrowthResult& result);
-  void collect(const Grown& chosen, GrowthResult& result) const;
 
   GrowthOptions options;
   growth::ReferenceFrames reference;
@@ -262,7 +255,7 @@ void HomographyGrowth::Impl::choose(GrowthResult& result) {
 /// The homography of maximum likelihood and its pairs. False, without a result, if it is not a view
 /// of the whole reference.
 bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
-  collect(chosen, result);
+  result.pairs = chosen.pairs;
   UncertainHomography estimate{chosen.map / chosen.map(2, 2)};
   const auto evidence = homography::evidenceOfKeypoints(growth::Verdict::kRadius, true);
   result.found =
@@ -270,16 +263,9 @@ bool HomographyGrowth::Impl::store(const Grown& chosen, GrowthResult& result) {
       whole_view.trusts(estimate.homography, result.pairs, image_size, growth::Verdict::kRadius);
   if (!result.found) {
     result.pairs.clear();
-    result.matches.clear();
     return false;
   }
   result.answer = estimate;
-  return true;
-}
-
-void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) const {
-  result.pairs = chosen.pairs;
-  result.matches.clear();
   const auto own = static_cast<std::int32_t>(own_size);  // the keypoints of views follow them
   for (const growth::LocalMatch& match : chosen.matches) {
     if (match.reference >= own) continue;
@@ -290,6 +276,7 @@ void HomographyGrowth::Impl::collect(const Grown& chosen, GrowthResult& result) 
             [](const Correspondence& a, const Correspondence& b) {
               return a.target_index < b.target_index;
             });
+  return true;
 }
 
 void GrowthResult::clear() {

@@ -7,6 +7,24 @@
 namespace ktgp_orb::growth {
 namespace {
 
+/// The inner loop of match() in plain C++, the reference for the vector versions.
+std::size_t findAlike(const float* columns, std::size_t pitch, std::uint32_t begin,
+                      std::uint32_t end, const LocalFrame& predicted, float squared_radius,
+                      std::uint32_t* alike, bool& is_near) {
+  std::size_t count = 0;
+  for (std::uint32_t i = begin; i < end; ++i) {
+    const auto value = [&](std::size_t column) { return columns[column * pitch + i]; };
+    const float x = value(0) - predicted.x;
+    const float y = value(1) - predicted.y;
+    if (!(x * x + y * y <= squared_radius)) continue;
+    is_near = true;
+    const float cosine = value(2) * predicted.dx + value(3) * predicted.dy;
+    const float log_scale = std::abs(value(4) - predicted.log_size);
+    if (cosine >= kAlikeCosine && log_scale <= kAlikeLogScale) alike[count++] = i;
+  }
+  return count;
+}
+
 constexpr std::int64_t kNoKey = std::numeric_limits<std::int64_t>::max();
 
 /// The smaller key is nearer; for equal distances the lower number.
@@ -15,6 +33,11 @@ std::int64_t key(int distance, std::int32_t number) {
 }
 
 }  // namespace
+
+const AlikeKernel& portableAlikeKernel() {
+  static constexpr AlikeKernel kPortable{"portable", findAlike};
+  return kPortable;
+}
 
 void LocalMatcher::setTarget(const Features& target) {
   image_size_ = target.image_size;

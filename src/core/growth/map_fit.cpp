@@ -17,12 +17,10 @@ using homography::Normalisation;
 /// To the centroid, and to a mean distance of 1.
 Normalisation scalingOf(const Places& places) {
   Normalisation s;
-  const auto count = static_cast<double>(places.size());
-  for (const Eigen::Vector2d& place : places) s.centre += place;
-  s.centre /= count;
+  s.centre = middleOf(places);
   double spread = 0.0;
   for (const Eigen::Vector2d& place : places) spread += (place - s.centre).norm();
-  if (spread > 0.0) s.scale = count / spread;
+  if (spread > 0.0) s.scale = static_cast<double>(places.size()) / spread;
   return s;
 }
 
@@ -44,6 +42,12 @@ bool keepsSides(const Eigen::Matrix3d& map, const Places& reference) {
 }
 
 }  // namespace
+
+Eigen::Vector2d middleOf(const Places& places) {
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const Eigen::Vector2d& place : places) sum += place;
+  return sum / static_cast<double>(places.size());
+}
 
 bool fitAffine(const Places& reference, const Places& target, double scale, Eigen::Matrix3d& map) {
   constexpr double kTooFlat = 1e-3;  // smallest pivot of the points' second moments

@@ -8,6 +8,8 @@ namespace ktgp_orb::growth {
 /// Positions of one image, px; those of the other one are in the same order.
 using Places = std::vector<Eigen::Vector2d>;
 
+Eigen::Vector2d middleOf(const Places& places);
+
 /// Weighted least squares, with weights 1 / (1 + (e/scale)²) from the errors e of the given map,
 /// px; accurate enough to find the next matches. False, with `map` unchanged, if the pairs do not
 /// determine a map, or not one that keeps all of them in front of the camera.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "core/util/constants.h"
 #include "ktgp_orb/prosac_homography.h"
@@ -145,10 +146,48 @@ Judgement Verdict::best(const Counts& own, double own_chances, double log_tests)
   return judgement;
 }
 
+void Verdict::findRepeats(const std::vector<Prediction>& predictions,
+                          const std::vector<Bits>& reference, const LocalMatcher& matcher) {
+  constexpr float kReach = 120.F;   // px
+  constexpr float kBin = 6.F;       // px
+  constexpr float kOwn = 10.F;      // px; smaller shifts match the homography's own pairs
+  constexpr int kMaxDistance = 64;  // Hamming
+  constexpr int kSide = static_cast<int>(2 * kReach / kBin);
+  constexpr std::size_t kMost = 16;
+  bin_votes_.assign(static_cast<std::size_t>(kSide) * kSide, 0);
+  bin_sums_.assign(bin_votes_.size(), {});
+  for (const Prediction& prediction : predictions) {
+    const Bits& bits = reference[static_cast<std::size_t>(prediction.reference)];
+    matcher.visitAlike(prediction.frame, kReach, [&](float dx, float dy, const Bits& other) {
+      if (distance(bits, other) > kMaxDistance) return;
+      const int column = std::clamp(static_cast<int>((dx + kReach) / kBin), 0, kSide - 1);
+      const int row = std::clamp(static_cast<int>((dy + kReach) / kBin), 0, kSide - 1);
+      const auto bin = static_cast<std::size_t>(row * kSide + column);
+      ++bin_votes_[bin];
+      bin_sums_[bin] += cv::Point2f(dx, dy);
+    });
+  }
+  bin_order_.resize(bin_votes_.size());
+  std::iota(bin_order_.begin(), bin_order_.end(), std::size_t{0});
+  std::partial_sort(bin_order_.begin(), bin_order_.begin() + 2 * kMost, bin_order_.end(),
+                    [&](std::size_t a, std::size_t b) {
+                      return bin_votes_[a] != bin_votes_[b] ? bin_votes_[a] > bin_votes_[b] : a < b;
+                    });
+  repeats_.clear();
+  for (std::size_t i = 0; i < 2 * kMost && repeats_.size() < kMost; ++i) {
+    const std::size_t bin = bin_order_[i];
+    if (bin_votes_[bin] == 0) break;
+    const auto votes = static_cast<float>(bin_votes_[bin]);
+    const cv::Point2f shift(bin_sums_[bin].x / votes, bin_sums_[bin].y / votes);
+    if (shift.dot(shift) > kOwn * kOwn) repeats_.push_back(shift);
+  }
+}
+
 void Verdict::compareWithRepeats(const std::vector<Prediction>& predictions,
                                  const ReferenceFrames& reference, float longest_period,
                                  LocalMatcher& matcher) {
-  for (const cv::Point2f& shift : repeats_.find(predictions, reference.bits(), matcher)) {
+  findRepeats(predictions, reference.bits(), matcher);
+  for (const cv::Point2f& shift : repeats_) {
     if (std::hypot(shift.x, shift.y) > longest_period) continue;
     const auto chances =
         static_cast<double>(matcher.match(predictions, reference.bits(), shift, kRadius, matches_));

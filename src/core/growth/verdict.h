@@ -8,9 +8,9 @@
 #include <opencv2/core/types.hpp>
 #include <vector>
 
+#include "core/growth/local_frame.h"
 #include "core/growth/local_matcher.h"
 #include "core/growth/reference_frames.h"
-#include "core/growth/repeats.h"
 #include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
@@ -38,7 +38,7 @@ struct Judgement {
 /// 12x12 px in either image.
 ///
 /// In a repetitive scene another shift may fit as well: shifts that are frequent between the
-/// keypoints (Repeats) are tried, too, and the homography must have clearly more matches than each
+/// keypoints are tried, too, and the homography must have clearly more matches than each
 /// of them.
 ///
 /// The homography was fitted to the matches, the decoys were not. Any four pairs determine a
@@ -60,7 +60,7 @@ class Verdict {
                   float longest_period = std::numeric_limits<float>::max());
 
   /// The shifts that the last homography was compared with, if these were needed.
-  const std::vector<cv::Point2f>& repeats() const { return repeats_.shifts(); }
+  const std::vector<cv::Point2f>& repeats() const { return repeats_; }
 
  private:
   static constexpr std::array<int, 6> kDistances{40, 48, 56, 64, 72, LocalMatcher::kMaxDistance};
@@ -79,6 +79,11 @@ class Verdict {
   };
   Chance chanceAt(std::size_t k) const;
   Judgement best(const Counts& own, double own_chances, double log_tests) const;
+  /// Repetitions of the scene, such as windows of a facade or lines of letters: the most frequent
+  /// displacements, at most 16, from a predicted keypoint to target keypoints that look like it,
+  /// within some distance; none within 10 px of zero.
+  void findRepeats(const std::vector<Prediction>& predictions, const std::vector<Bits>& reference,
+                   const LocalMatcher& matcher);
   void compareWithRepeats(const std::vector<Prediction>& predictions,
                           const ReferenceFrames& reference, float longest_period,
                           LocalMatcher& matcher);
@@ -92,8 +97,11 @@ class Verdict {
   void include(const Decoy& decoy);
 
   std::array<Decoy, kDecoys> decoys_;
-  Counts largest_{};  // of all decoys and repeats, matches per opportunity
-  Repeats repeats_;
+  Counts largest_{};                  // of all decoys and repeats, matches per opportunity
+  std::vector<cv::Point2f> repeats_;  // px
+  std::vector<int> bin_votes_;        // of displacements
+  std::vector<cv::Point2f> bin_sums_;
+  std::vector<std::size_t> bin_order_;
   std::vector<LocalMatch> matches_;
   std::vector<std::uint64_t> reference_cells_;  // hash tables
   std::vector<std::uint64_t> target_cells_;

@@ -14,12 +14,8 @@ constexpr float kRelativeSlack = 0.45F;  // of the distance there
 
 constexpr float kCell = 8.F;  // px
 
-std::size_t columns(const cv::Size& size) {
-  return static_cast<std::size_t>(static_cast<float>(std::max(size.width, 0)) / kCell) + 1;
-}
-
-std::size_t rows(const cv::Size& size) {
-  return static_cast<std::size_t>(static_cast<float>(std::max(size.height, 0)) / kCell) + 1;
+std::size_t cellsAlong(int length) {
+  return static_cast<std::size_t>(static_cast<float>(std::max(length, 0)) / kCell) + 1;
 }
 
 /// Cell of a position in an image of that size; the nearest cell if it is outside.
@@ -29,7 +25,8 @@ std::uint32_t cellOf(float x, float y, const cv::Size& size) {
     return v >= kCell ? std::min(static_cast<std::size_t>(std::min(v / kCell, 1e6F)), count - 1)
                       : std::size_t{0};
   };
-  const std::size_t cell = clamped(y, rows(size)) * columns(size) + clamped(x, columns(size));
+  const std::size_t columns = cellsAlong(size.width);
+  const std::size_t cell = clamped(y, cellsAlong(size.height)) * columns + clamped(x, columns);
   return static_cast<std::uint32_t>(cell);
 }
 
@@ -64,8 +61,8 @@ void Votes::count(const cv::Size& from_size, const cv::Size& to_size) {
   cells_.build(
       pairs_.size(), [&](std::size_t i) { return cv::Point2f(pairs_[i].x, pairs_[i].y); },
       from_size, kReach);
-  from_voted_.assign(columns(from_size) * rows(from_size), 0);
-  to_voted_.assign(columns(to_size) * rows(to_size), 0);
+  from_voted_.assign(cellsAlong(from_size.width) * cellsAlong(from_size.height), 0);
+  to_voted_.assign(cellsAlong(to_size.width) * cellsAlong(to_size.height), 0);
   votes_.assign(pairs_.size(), 0);
   for (std::size_t i = 0; i < pairs_.size(); ++i) {
     const Similarity& pair = pairs_[i];

@@ -6,18 +6,18 @@
 
 #include "core/homography/fit.h"
 #include "core/homography/transform.h"
-#include "core/knn/near_table.h"
+#include "core/knn/near_search.h"
 #include "core/util/keypoint_position.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
 namespace {
 
-using knn::bestNearKernel;
+using knn::bestKnnKernel;
 using knn::kNearIndexBits;
 using knn::kNearIndexMask;
+using knn::KnnKernel;
 using knn::kNoNearKey;
-using knn::NearKernel;
 using knn::NearKeys;
 using knn::NearTable;
 using knn::requireCountable;
@@ -37,7 +37,7 @@ struct GuidedMatcher::Impl {
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
   bool estimate(const cv::Size& reference_size, double threshold, UncertainHomography& estimate);
 
-  NearKernel kernel = bestNearKernel();
+  KnnKernel kernel = bestKnnKernel();
   std::vector<cv::Point2f> places;  // predicted positions of the reference's keypoints
   NearTable table;                  // their table
   std::vector<NearKeys> of_target;  // for each target keypoint the nearest two of the reference

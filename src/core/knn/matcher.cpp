@@ -10,7 +10,6 @@ namespace ktgp_orb {
 namespace {
 
 using knn::bestKnnKernel;
-using knn::bestNearKernel;
 using knn::KnnSearch;
 using knn::NearSearch;
 using util::requireInRange;
@@ -26,7 +25,7 @@ struct KnnMatcher::Impl {
   explicit Impl(const KnnOptions& given)
       : options(valid(given)), search(bestKnnKernel(), given.threads) {
     if (options.search_radius > 0.0) {
-      near.emplace(bestNearKernel(), options.search_radius, search.pool());
+      near.emplace(bestKnnKernel(), options.search_radius, search.pool());
     }
   }
 
@@ -47,12 +46,12 @@ const KnnOptions& KnnMatcher::options() const {
 
 void KnnMatcher::match(const cv::Mat& reference, const cv::Mat& target,
                        std::vector<Correspondence>& correspondences) {
-  impl_->search.match(reference, target, correspondences);
+  impl_->search.match(reference, target, false, correspondences);
 }
 
 void KnnMatcher::matchMutual(const cv::Mat& reference, const cv::Mat& target,
                              std::vector<Correspondence>& correspondences) {
-  impl_->search.matchMutual(reference, target, correspondences);
+  impl_->search.match(reference, target, true, correspondences);
 }
 
 void KnnMatcher::matchNear(const Features& reference, const Features& target,

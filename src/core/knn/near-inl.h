@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "core/knn/near_kernel.h"
+#include "core/knn/kernel.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace ktgp_orb::knn {

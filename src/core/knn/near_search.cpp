@@ -3,8 +3,10 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -17,6 +19,8 @@ namespace {
 
 using util::ceilDivide;
 using util::ThreadPool;
+
+constexpr std::size_t kMaxRuns = 8;  // a query touches fewer rows of cells; rounding may add one
 
 constexpr int kQueriesPerChunk = 64;  // per task of a thread
 constexpr double kCellsPerRadius =
@@ -47,7 +51,62 @@ Correspondence fromKeys(const NearKeys& keys, std::int32_t number) {
 
 }  // namespace
 
-NearSearch::NearSearch(const NearKernel& kernel, double radius, ThreadPool& pool)
+void requireCountable(const Features& features, const std::string& name) {
+  if (features.size() <= static_cast<std::size_t>(kMaxNearFeatures)) return;
+  throw std::invalid_argument(name + " has " + std::to_string(features.size()) +
+                              " keypoints; a search radius takes up to " +
+                              std::to_string(kMaxNearFeatures));
+}
+
+void NearTable::layOut(const Features& features) {
+  const std::size_t count = features.size();
+  stride_ = ceilDivide(count, std::size_t{kMaxNearLanes}) * kMaxNearLanes + kMaxNearLanes;
+  words_.resize(stride_ * kDescriptorWords);
+  x_.resize(stride_);
+  y_.resize(stride_);
+  index_.resize(stride_);
+  position_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::int32_t index = cells_.order()[i];
+    index_[i] = index;
+    position_[static_cast<std::size_t>(index)] = static_cast<std::int32_t>(i);
+    std::uint32_t words[kDescriptorWords];
+    std::memcpy(words, features.descriptors.ptr(index), kDescriptorBytes);
+    for (std::size_t w = 0; w < kDescriptorWords; ++w) words_[w * stride_ + i] = words[w];
+  }
+}
+
+NearKeys NearTable::search(const KnnKernel& kernel, const std::uint8_t* descriptor,
+                           const cv::Point2f& place, double radius, std::int32_t number,
+                           std::int32_t* nearest_queries) const {
+  // Slightly larger, so that rounding excludes no candidate that passes the test in single
+  // precision.
+  const double reach = radius + 1e-3 + 1e-6 * (std::abs(place.x) + std::abs(place.y));
+  std::array<NearRun, kMaxRuns> runs;
+  std::size_t run_count = 0;
+  cells_.visitRuns(place.x, place.y, reach, [&](std::uint32_t begin, std::uint32_t end) {
+    if (begin == end) return;
+    if (run_count == kMaxRuns) {
+      runs.back().end = end;  // the candidates in between are too far away, and are excluded later
+    } else {
+      runs[run_count++] = {begin, end};
+    }
+  });
+  const auto single = static_cast<float>(radius);
+  const NearQuery query{descriptor,
+                        place.x,
+                        place.y,
+                        single * single,
+                        number,
+                        runs.data(),
+                        static_cast<int>(run_count)};
+  const NearCandidates candidates{words_.data(), static_cast<std::ptrdiff_t>(stride_), x_.data(),
+                                  y_.data(), index_.data()};
+  return (nearest_queries != nullptr ? kernel.search_both_ways : kernel.search)(candidates, query,
+                                                                                nearest_queries);
+}
+
+NearSearch::NearSearch(const KnnKernel& kernel, double radius, ThreadPool& pool)
     : kernel_(kernel),
       radius_(radius),
       pool_(pool),
@@ -120,15 +179,11 @@ void NearSearch::searchChunk(const Features& target, int chunk, std::int32_t* ne
   const std::size_t end = std::min(first + kQueriesPerChunk, target.size());
   for (std::size_t i = first; i < end; ++i) {
     const std::int32_t number = query_cells_.order()[i];
-    correspondences[number] = search(target.descriptors.ptr(number), number, nearest_queries);
+    const NearKeys keys =
+        table_.search(kernel_, target.descriptors.ptr(number),
+                      places_[static_cast<std::size_t>(number)], radius_, number, nearest_queries);
+    correspondences[number] = fromKeys(keys, number);
   }
-}
-
-Correspondence NearSearch::search(const std::uint8_t* descriptor, std::int32_t number,
-                                  std::int32_t* nearest_queries) const {
-  const cv::Point2f& place = places_[static_cast<std::size_t>(number)];
-  return fromKeys(table_.search(kernel_, descriptor, place, radius_, number, nearest_queries),
-                  number);
 }
 
 void NearSearch::markMutual(std::vector<Correspondence>& correspondences) {

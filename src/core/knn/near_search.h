@@ -1,13 +1,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <opencv2/core/types.hpp>
+#include <string>
 #include <vector>
 
 #include "core/knn/index.h"
-#include "core/knn/near_kernel.h"
-#include "core/knn/near_table.h"
+#include "core/knn/kernel.h"
 #include "core/util/cell_grid.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
@@ -15,13 +16,63 @@
 
 namespace ktgp_orb::knn {
 
+/// Throws std::invalid_argument naming `name` if there are more keypoints than the keys of
+/// kernel.h can number.
+void requireCountable(const Features& features, const std::string& name);
+
+constexpr std::int32_t kNearIndexMask = kMaxNearFeatures - 1;
+
+/// The candidates of the search near predicted positions: descriptors sorted by position, so that
+/// the candidates of a query form few runs, in the layout of the kernels. Keeps its buffers.
+class NearTable {
+ public:
+  /// `place(i)`: position of keypoint i, px; positions that are not finite are never near. `image`,
+  /// `side`: see CellGrid::build; choose `side` between half the search radius and the radius.
+  template <typename Place>
+  void build(const Features& features, const Place& place, const cv::Size& image, double side) {
+    cells_.build(features.size(), place, image, side);
+    layOut(features);
+    for (std::size_t i = 0; i < size(); ++i) {
+      const cv::Point2f p = place(static_cast<std::size_t>(index_[i]));
+      x_[i] = p.x;
+      y_[i] = p.y;
+    }
+  }
+  std::size_t size() const { return position_.size(); }
+
+  /// The best two candidates within `radius` of `place` for the query of that `number`. Unless
+  /// null, `nearest_queries` has columns() keys, kNoNearKey at first (see KnnKernel).
+  NearKeys search(const KnnKernel& kernel, const std::uint8_t* descriptor, const cv::Point2f& place,
+                  double radius, std::int32_t number, std::int32_t* nearest_queries) const;
+
+  /// Position of keypoint `index`.
+  cv::Point2f place(std::int32_t index) const { return {x_[column(index)], y_[column(index)]}; }
+
+  std::size_t columns() const { return stride_; }
+  /// The column of keypoint `index`.
+  std::size_t column(std::int32_t index) const {
+    return static_cast<std::size_t>(position_[static_cast<std::size_t>(index)]);
+  }
+
+ private:
+  void layOut(const Features& features);
+
+  util::CellGrid cells_;
+  std::size_t stride_ = 0;  // size(), plus lanes that may be read
+  std::vector<std::uint32_t> words_;
+  std::vector<float> x_;
+  std::vector<float> y_;
+  std::vector<std::int32_t> index_;     // of the keypoint in each column
+  std::vector<std::int32_t> position_;  // the column of each keypoint
+};
+
 /// The search of KnnMatcher::matchNear with a given kernel, so that tests and benchmarks can try
 /// each. Reference and target are sorted into cells. So the candidates of a query form few runs,
 /// and are still in the cache from the previous query.
 class NearSearch {
  public:
   /// `radius`: px, > 0. `pool` must outlive this.
-  NearSearch(const NearKernel& kernel, double radius, util::ThreadPool& pool);
+  NearSearch(const KnnKernel& kernel, double radius, util::ThreadPool& pool);
 
   /// See KnnMatcher::matchNear.
   void match(const Features& reference, const Features& target, const Eigen::Matrix3d& prediction,
@@ -34,11 +85,9 @@ class NearSearch {
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
                    Correspondence* correspondences) const;
-  Correspondence search(const std::uint8_t* descriptor, std::int32_t number,
-                        std::int32_t* nearest_queries) const;
   void markMutual(std::vector<Correspondence>& correspondences);
 
-  NearKernel kernel_;
+  KnnKernel kernel_;
   double radius_;
   util::ThreadPool& pool_;
   // The reference.

@@ -49,18 +49,20 @@ void merge(LaneKeys& keys, int lanes, int first_half_group, Correspondence& c) {
 KnnSearch::KnnSearch(const KnnKernel& kernel, int threads)
     : kernel_(kernel), pool_(threads), index_(kernel.lanes), nearest_queries_(pool_.threads()) {}
 
-void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target,
+void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target, bool mutual,
                       std::vector<Correspondence>& correspondences) {
-  if (!prepare(reference, target, correspondences)) return;
-  pool_.parallelFor(ceilDivide(target.rows, kQueriesPerChunk), [&](int chunk) {
-    searchChunk(target, chunk, correspondences.data(), nullptr);
-  });
-}
-
-void KnnSearch::matchMutual(const cv::Mat& reference, const cv::Mat& target,
-                            std::vector<Correspondence>& correspondences) {
-  if (!prepare(reference, target, correspondences)) return;
+  requireDescriptors(reference, "reference");
+  requireDescriptors(target, "target");
+  correspondences.clear();
+  if (reference.empty() || target.empty()) return;
+  index_.setReference(reference);
+  correspondences.resize(static_cast<std::size_t>(target.rows));
   const int chunks = ceilDivide(target.rows, kQueriesPerChunk);
+  if (!mutual) {
+    pool_.parallelFor(
+        chunks, [&](int chunk) { searchChunk(target, chunk, correspondences.data(), nullptr); });
+    return;
+  }
   std::atomic<int> next_chunk{0};
   pool_.parallelFor(pool_.threads(), [&](int thread) {
     NearestQueries& nearest = nearest_queries_[static_cast<std::size_t>(thread)];
@@ -75,17 +77,6 @@ void KnnSearch::matchMutual(const cv::Mat& reference, const cv::Mat& target,
   for (Correspondence& c : correspondences) {
     c.mutual = nearest.query(c.reference_index) == c.target_index;
   }
-}
-
-bool KnnSearch::prepare(const cv::Mat& reference, const cv::Mat& target,
-                        std::vector<Correspondence>& correspondences) {
-  requireDescriptors(reference, "reference");
-  requireDescriptors(target, "target");
-  correspondences.clear();
-  if (reference.empty() || target.empty()) return false;
-  index_.setReference(reference);
-  correspondences.resize(static_cast<std::size_t>(target.rows));
-  return true;
 }
 
 void KnnSearch::searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,

@@ -6,7 +6,6 @@
 
 #include "core/knn/index.h"
 #include "core/knn/kernel.h"
-#include "core/knn/nearest_queries.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/correspondence.h"
 
@@ -18,20 +17,13 @@ class KnnSearch {
   /// `threads`: see KnnOptions.
   KnnSearch(const KnnKernel& kernel, int threads);
 
-  /// See KnnMatcher::match.
-  void match(const cv::Mat& reference, const cv::Mat& target,
+  /// See KnnMatcher::match and, with `mutual`, KnnMatcher::matchMutual.
+  void match(const cv::Mat& reference, const cv::Mat& target, bool mutual,
              std::vector<Correspondence>& correspondences);
-
-  /// See KnnMatcher::matchMutual.
-  void matchMutual(const cv::Mat& reference, const cv::Mat& target,
-                   std::vector<Correspondence>& correspondences);
 
   util::ThreadPool& pool() { return pool_; }
 
  private:
-  /// Allocates memory and builds the index of the reference; false if there is nothing to search.
-  bool prepare(const cv::Mat& reference, const cv::Mat& target,
-               std::vector<Correspondence>& correspondences);
   /// Searches the targets of one chunk, in both directions if `nearest_queries` is not null.
   void searchChunk(const cv::Mat& target, int chunk, Correspondence* correspondences,
                    NearestQueries* nearest_queries);

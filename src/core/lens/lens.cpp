@@ -8,7 +8,6 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/util/camera_check.h"
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {

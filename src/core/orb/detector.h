@@ -32,6 +32,13 @@ inline float harrisResponse(const cv::Mat& image, const OrbKernels& kernels,
   return kernels.harris(pixelAt(image, point), static_cast<std::ptrdiff_t>(image.step));
 }
 
+/// Angle of the vector (x, y) in degrees in [0, 360], to about 0.01; 0 for the null vector.
+///
+/// The polynomial of cv::fastAtan2; equal to it, bit for bit, on x86-64. OpenCV's own result
+/// depends on the compiler: GCC for arm64 fuses multiplications with additions, and four angles in
+/// a hundred differ in the last bit.
+float vectorAngle(float y, float x);
+
 /// Angle, in degrees in [0, 360), of the vector from a pixel to the intensity centroid around it
 /// (Rublee et al., section 3.2).
 float intensityCentroidAngle(const cv::Mat& image, const OrbKernels& kernels,

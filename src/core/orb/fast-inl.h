@@ -80,7 +80,7 @@ void fastScores(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int
   const Bytes d;
   const auto t = hn::Set(d, static_cast<std::uint8_t>(threshold));
   std::ptrdiff_t circle[16];
-  for (int i = 0; i < 16; ++i) circle[i] = kFastCircle[i].y * stride + kFastCircle[i].x;
+  for (int i = 0; i < 16; ++i) circle[i] = kFastCircleY[i] * stride + kFastCircleX[i];
   for (int x = 0; x < count; x += static_cast<int>(hn::Lanes(d))) {
     hn::StoreU(cornerScores(pixel + x, circle, t), d, scores + x);
   }

@@ -6,6 +6,7 @@
 
 #include "core/orb/kernels_common.h"
 #include "core/orb/pattern.h"
+#include "core/orb/teblid_kernel.h"
 
 namespace ktgp_orb::orb {
 namespace {
@@ -47,7 +48,7 @@ void fastScores(const std::uint8_t* pixel, std::ptrdiff_t stride, int count, int
   for (int x = 0; x < count; ++x, ++pixel) {
     int difference[16];
     for (int i = 0; i < 16; ++i) {
-      difference[i] = *pixel - pixel[kFastCircle[i].y * stride + kFastCircle[i].x];
+      difference[i] = *pixel - pixel[kFastCircleY[i] * stride + kFastCircleX[i]];
     }
     int score = 0;
     for (int start = 0; start < 16; ++start) {
@@ -87,17 +88,18 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   return harrisResponse(xx, yy, xy);
 }
 
-Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
-  Moments sum;
+std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
+  int sum_x = 0;
+  int sum_y = 0;
   for (int y = -kOrientationRadius; y <= kOrientationRadius; ++y) {
     const int half_width = kDiscHalfWidth[std::abs(y)];
     for (int x = -half_width; x <= half_width; ++x) {
       const int value = pixel[y * stride + x];
-      sum.x += x * value;
-      sum.y += y * value;
+      sum_x += x * value;
+      sum_y += y * value;
     }
   }
-  return sum;
+  return {sum_x, sum_y};
 }
 
 // a * b + c rounded once, like a fused multiply-add: the product of two floats is exact in double
@@ -137,18 +139,39 @@ void describe(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, fl
   };
   std::fill_n(descriptor, kPatternPairs / 8, std::uint8_t{0});
   for (int i = 0; i < kPatternPairs; ++i) {
-    const bool darker = sample(kOrbPattern.first_x[i], kOrbPattern.first_y[i]) <
-                        sample(kOrbPattern.second_x[i], kOrbPattern.second_y[i]);
+    const bool darker = sample(kPatternX[i], kPatternY[i]) <
+                        sample(kPatternX[kPatternPairs + i], kPatternY[kPatternPairs + i]);
     if (darker) descriptor[i / 8] |= static_cast<std::uint8_t>(1 << (i % 8));
+  }
+}
+
+void describeTeblidInside(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& p, std::uint8_t* descriptor) {
+  std::int32_t centres[2 * kTeblidBits];
+  std::int32_t differences[kTeblidBits];
+  for (int i = 0; i < 2 * kTeblidBits; ++i) {
+    const float u = kTeblidOrder.u[i];
+    const float v = kTeblidOrder.v[i];
+    const int x = static_cast<int>(p.x_from_u * u + p.x_from_v * v + p.x + kTeblidHalf);
+    const int y = static_cast<int>(p.y_from_u * u + p.y_from_v * v + p.y + kTeblidHalf);
+    centres[i] = y * scale.stride + x;
+  }
+  compareBoxes(integral, scale, centres, differences);
+  for (int byte = 0; byte < kTeblidBits / 8; ++byte) {
+    unsigned bits = 0;
+    for (int i = 8 * byte + 7; i >= 8 * byte; --i) {
+      bits = 2 * bits + static_cast<unsigned>(differences[i] < scale.bound[i]);
+    }
+    descriptor[byte] = static_cast<std::uint8_t>(bits);
   }
 }
 
 }  // namespace
 
 const OrbKernels& portableOrbKernels() {
-  static constexpr OrbKernels kPortable{"portable",     resizeRow, mixRows, fastScores,
-                                        localMaxima,    harris,    moments, blurAlongRow,
-                                        blurAcrossRows, describe};
+  static constexpr OrbKernels kPortable{
+      "portable", resizeRow,    mixRows,        fastScores, localMaxima,         harris,
+      moments,    blurAlongRow, blurAcrossRows, describe,   describeTeblidInside};
   return kPortable;
 }
 

@@ -2,8 +2,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 namespace ktgp_orb::orb {
+
+struct TeblidPlacement;
+struct TeblidScale;
 
 /// Bytes past the end of a row that the kernels may read and write.
 constexpr int kVectorSlack = 64;
@@ -18,12 +22,6 @@ constexpr int kBlurRadius = 3;
 constexpr int kPatternRadius = 18;
 /// Keypoints stay this far from the border of their pyramid level, in px.
 constexpr int kEdgeMargin = kPatchSize;
-
-/// First-order moments of the intensities around a keypoint (Rosin, 1999): sums of x*I and y*I.
-struct Moments {
-  int x = 0;
-  int y = 0;
-};
 
 /// Target pixels interpolated at once.
 constexpr int kResizeBlock = 8;
@@ -66,8 +64,9 @@ struct OrbKernels {
   /// Harris response (k = 0.04) of the 7x7 block of Sobel gradients around a pixel.
   float (*harris)(const std::uint8_t* pixel, std::ptrdiff_t stride);
 
-  /// Moments of the disc of kOrientationRadius.
-  Moments (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
+  /// First-order moments of the intensities around a keypoint (Rosin, 1999): sums of x*I and y*I in
+  /// the disc of kOrientationRadius.
+  std::pair<int, int> (*moments)(const std::uint8_t* pixel, std::ptrdiff_t stride);
 
   /// Gaussian blur along a row: `count` pixels from `pixel` on, which has kBlurRadius neighbours on
   /// each side. May read 80 bytes past the row and write 64 values past out[count - 1]. The order
@@ -82,6 +81,11 @@ struct OrbKernels {
   /// each pixel.
   void (*describe)(const std::uint8_t* pixel, std::ptrdiff_t stride, float cosine, float sine,
                    std::uint8_t* descriptor);
+
+  /// The TEBLID descriptor of a keypoint far from the border (see isFarFromBorder); `integral`
+  /// points to the first value of the integral image.
+  void (*describe_teblid)(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& placement, std::uint8_t* descriptor);
 };
 
 /// Plain C++, the reference for the other sets.

@@ -1,20 +1,16 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "core/orb/kernels.h"
 
 namespace ktgp_orb::orb {
 
-struct PixelOffset {
-  std::int8_t x;
-  std::int8_t y;
-};
-
 /// FAST's circle of radius 3, clockwise from below the centre.
-constexpr PixelOffset kFastCircle[16] = {{0, 3},  {1, 3},  {2, 2},  {3, 1},   {3, 0},   {3, -1},
-                                         {2, -2}, {1, -3}, {0, -3}, {-1, -3}, {-2, -2}, {-3, -1},
-                                         {-3, 0}, {-3, 1}, {-2, 2}, {-1, 3}};
+constexpr int kFastCircleX[16] = {0, 1, 2, 3, 3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1};
+constexpr int kFastCircleY[16] = {3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1, 0, 1, 2, 3};
 
 /// Half the side of the block that the Harris response is summed over, in px.
 constexpr int kHarrisRadius = 3;
@@ -22,6 +18,20 @@ constexpr int kHarrisRadius = 3;
 /// Half the width of the orientation disc in the rows 0..15 above and below its centre.
 constexpr int kDiscHalfWidth[kOrientationRadius + 1] = {15, 15, 15, 15, 14, 14, 14, 13,
                                                         13, 12, 11, 10, 9,  8,  6,  3};
+/// Columns of the disc, rounded up to whole registers.
+constexpr int kDiscColumns = 32;
+
+/// The disc for vector code, by distance of the row: 255 inside; column c is at x = c -
+/// kOrientationRadius.
+constexpr auto kDisc = [] {
+  std::array<std::array<std::uint8_t, kDiscColumns>, kOrientationRadius + 1> disc{};
+  for (std::size_t y = 0; y < disc.size(); ++y) {
+    for (int x = -kDiscHalfWidth[y]; x <= kDiscHalfWidth[y]; ++x) {
+      disc[y][static_cast<std::size_t>(x + kOrientationRadius)] = 255;
+    }
+  }
+  return disc;
+}();
 
 /// The normalised Gaussian of sigma 2 at distances 0..3, in single precision.
 constexpr float kGaussian[kBlurRadius + 1] = {0.216105938f, 0.190712824f, 0.131074876f,

@@ -5,7 +5,6 @@
 #include <cstring>
 
 #include "core/orb/kernels_common.h"
-#include "core/orb/patch_tables.h"
 #include "core/orb/pattern.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -58,14 +57,15 @@ float harris(const std::uint8_t* pixel, std::ptrdiff_t stride) {
 
 // The columns of the disc are in lanes. Per column, the sum of I over the rows and the sum of y * I
 // fit into 16 bits: 31 * 255 and 120 * 255 at most.
-Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
+std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
   const hn::CappedTag<std::int16_t, kDiscColumns> d;
   const hn::Rebind<std::uint8_t, decltype(d)> d8;
-  Moments result;
+  int moment_x = 0;
+  int moment_y = 0;
   for (int column = 0; column < kDiscColumns; column += static_cast<int>(hn::Lanes(d))) {
     const std::uint8_t* centre = pixel + column - kOrientationRadius;
     const auto load = [&](int y) {
-      const auto disc = hn::LoadU(d8, kDiscTable.rows[std::abs(y)] + column);
+      const auto disc = hn::LoadU(d8, kDisc[std::abs(y)].data() + column);
       return hn::PromoteTo(d, hn::And(disc, hn::LoadU(d8, centre + y * stride)));
     };
     auto sum = load(0);
@@ -76,10 +76,10 @@ Moments moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
       sum = sum + below + above;
       sum_y = sum_y + (below - above) * hn::Set(d, static_cast<std::int16_t>(y));
     }
-    result.x += dot(sum, hn::LoadU(d, kDiscTable.x + column));
-    result.y += dot(sum_y, hn::Set(d, 1));
+    moment_x += dot(sum, hn::Iota(d, static_cast<std::int16_t>(column - kOrientationRadius)));
+    moment_y += dot(sum_y, hn::Set(d, 1));
   }
-  return result;
+  return {moment_x, moment_y};
 }
 
 using Coordinates = hn::ScalableTag<float>;
@@ -101,8 +101,8 @@ class PatternRotation {
   HWY_INLINE hn::Vec<Offsets> offsets(int i) const {
     const Coordinates d;
     const auto rounder = hn::Set(d, kRounder);
-    const auto x = hn::Load(d, kPatternTable.x + i);
-    const auto y = hn::Load(d, kPatternTable.y + i);
+    const auto x = hn::Load(d, kPatternX + i);
+    const auto y = hn::Load(d, kPatternY + i);
     const auto column = hn::Add(hn::Sub(hn::Mul(x, cosine_), hn::Mul(y, sine_)), rounder);
     const auto row = hn::Add(hn::Add(hn::Mul(x, sine_), hn::Mul(y, cosine_)), rounder);
     return hn::BitCast(Offsets(), row) * stride_ + hn::BitCast(Offsets(), column) - surplus_;

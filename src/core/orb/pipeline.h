@@ -4,10 +4,9 @@
 #include <optional>
 #include <vector>
 
-#include "core/orb/blur.h"
 #include "core/orb/detector.h"
 #include "core/orb/pyramid.h"
-#include "core/orb/teblid_describer.h"
+#include "core/orb/teblid.h"
 #include "core/orb/uniform.h"
 #include "core/util/thread_pool.h"
 #include "ktgp_orb/features.h"
@@ -35,7 +34,7 @@ class OrbPipeline {
     int last_row = 0;
     std::vector<cv::KeyPoint> corners;
     FastScratch fast_scratch;
-    BlurScratch blur_scratch;
+    cv::Mat blurred_rows;  ///< memory of blurRows
   };
   struct Level {
     cv::Mat blurred;
@@ -51,7 +50,6 @@ class OrbPipeline {
   void collectCorners(int level);
   void gather(Features& features);
   void orientAndDescribe(int begin, int end, Features& features);
-  void orient(cv::KeyPoint& keypoint);
   void describe(cv::KeyPoint& keypoint, const cv::Point2f& direction, std::uint8_t* descriptor);
 
   OrbOptions options_;

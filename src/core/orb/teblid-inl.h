@@ -46,8 +46,8 @@ HWY_INLINE void packBits(const std::int32_t* differences, const std::int32_t* bo
   }
 }
 
-void describeInside(const std::uint32_t* integral, const TeblidScale& scale,
-                    const TeblidPlacement& placement, std::uint8_t* descriptor) {
+void describeTeblidInside(const std::uint32_t* integral, const TeblidScale& scale,
+                          const TeblidPlacement& placement, std::uint8_t* descriptor) {
   HWY_ALIGN std::int32_t centres[2 * kTeblidBits];
   HWY_ALIGN std::int32_t differences[kTeblidBits];
   placeCentres(placement, scale.stride, centres);

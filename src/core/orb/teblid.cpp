@@ -1,10 +1,9 @@
 #include "core/orb/teblid.h"
 
 #include <algorithm>
+#include <cmath>
 #include <opencv2/imgproc.hpp>
-
-#include "core/orb/teblid_geometry.h"
-#include "core/orb/teblid_table.h"
+#include <utility>
 
 namespace ktgp_orb::orb {
 namespace {
@@ -52,8 +51,23 @@ cv::Point placed(const TeblidPlacement& p, int u, int v) {
 
 }  // namespace
 
-void integralImage(const cv::Mat& image, cv::Mat& integral) {
-  cv::integral(image, integral, CV_32S);
+TeblidScale::TeblidScale(float size, int row) : keypoint_size(size), stride(row), corners{} {
+  float area[kTeblidRadii + 1] = {};
+  for (int radius = 1; radius <= kTeblidRadii; ++radius) {
+    const int r = static_cast<int>(size / kTeblidPatch * static_cast<float>(radius) + kTeblidHalf);
+    const std::ptrdiff_t above = static_cast<std::ptrdiff_t>(-r) * stride;
+    const std::ptrdiff_t below = static_cast<std::ptrdiff_t>(r + 1) * stride;
+    corners[radius] = {above - r, above + r + 1, below - r, below + r + 1};
+    const auto side = static_cast<float>(2 * r + 1);
+    area[radius] = side * side;
+  }
+  for (int bit = 0; bit < kTeblidBits; ++bit) {
+    // If the image is too small for keypoints on the highest levels, their boxes exceed any image.
+    constexpr float kMost = 1 << 30;
+    const float difference =
+        std::floor(kTeblidTable.threshold[bit] * area[kTeblidTable.radius[bit]]);
+    bound[teblidPlace(bit)] = static_cast<std::int32_t>(std::clamp(difference, -kMost, kMost)) + 1;
+  }
 }
 
 void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
@@ -77,6 +91,31 @@ void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
           meanInImage(integral, first, radius) - meanInImage(integral, second, radius) <= threshold;
     }
     if (bit) descriptor[i / 8] |= static_cast<std::uint8_t>(0x80 >> (i % 8));
+  }
+}
+
+TeblidDescriber::TeblidDescriber(std::vector<float> sizes, const OrbKernels& kernels)
+    : sizes_(std::move(sizes)), kernels_(&kernels) {
+  scales_.reserve(sizes_.size());
+}
+
+void TeblidDescriber::setImage(const cv::Mat& image) {
+  cv::integral(image, integral_, CV_32S);
+  const auto stride = static_cast<int>(integral_.step1());
+  if (!scales_.empty() && scales_.front().stride == stride) return;
+  scales_.clear();
+  for (const float size : sizes_) scales_.emplace_back(size, stride);
+}
+
+void TeblidDescriber::describe(const cv::KeyPoint& keypoint, std::uint8_t* descriptor) const {
+  const auto octave = static_cast<std::size_t>(keypoint.octave);
+  const bool prepared = octave < scales_.size() && scales_[octave].keypoint_size == keypoint.size &&
+                        isFarFromBorder(keypoint, {integral_.cols - 1, integral_.rows - 1});
+  if (prepared) {
+    kernels_->describe_teblid(integral_.ptr<std::uint32_t>(), scales_[octave],
+                              TeblidPlacement(keypoint), descriptor);
+  } else {
+    describeTeblid(integral_, keypoint, descriptor);
   }
 }
 

@@ -2,16 +2,17 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
+#include <vector>
+
+#include "core/orb/kernels.h"
+#include "core/orb/teblid_kernel.h"
 
 namespace ktgp_orb::orb {
 
-/// Sums of the pixels above and left of each corner of a pixel: CV_32S, one row and one column more
-/// than the 8-bit grey `image`, modulo 2^32. The buffer of `integral` is reused.
-void integralImage(const cv::Mat& image, cv::Mat& integral);
-
-/// The TEBLID-256 descriptor (see teblid_table.h) of a keypoint, from the integral image: 32 bytes,
-/// the first bit is the highest of the first byte. The patch of 32 px is scaled to the keypoint's
-/// size and rotated by its angle (degrees; negative: not rotated).
+/// The TEBLID-256 descriptor (see teblid_table.h) of a keypoint, from the integral image
+/// (cv::integral, CV_32S, modulo 2^32): 32 bytes, the first bit is the highest of the first byte.
+/// The patch of 32 px is scaled to the keypoint's size and rotated by its angle (degrees; negative:
+/// not rotated).
 ///
 /// Works for any keypoint: a box that leaves the image is cut at its border, and its mean is over
 /// the rest, or over the nearest pixels if nothing is left. The bits equal those of the authors'
@@ -20,5 +21,24 @@ void integralImage(const cv::Mat& image, cv::Mat& integral);
 /// This is the reference, in plain C++, for TeblidDescriber.
 void describeTeblid(const cv::Mat& integral, const cv::KeyPoint& keypoint,
                     std::uint8_t* descriptor);
+
+/// TEBLID descriptors of the keypoints of many images: equal to describeTeblid, to the last bit,
+/// and fast for keypoints far from the border that have the size of their octave.
+class TeblidDescriber {
+ public:
+  /// `sizes` of keypoints, in px, by octave.
+  TeblidDescriber(std::vector<float> sizes, const OrbKernels& kernels);
+
+  /// `image`: 8-bit grey, not empty. Buffers are kept from image to image.
+  void setImage(const cv::Mat& image);
+  /// 32 bytes. May be called from several threads at a time.
+  void describe(const cv::KeyPoint& keypoint, std::uint8_t* descriptor) const;
+
+ private:
+  std::vector<float> sizes_;
+  const OrbKernels* kernels_;
+  cv::Mat integral_;
+  std::vector<TeblidScale> scales_;  // by octave, for rows as long as those of integral_
+};
 
 }  // namespace ktgp_orb::orb

@@ -1,16 +1,20 @@
 #pragma once
 
+#include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <opencv2/core.hpp>
 
-#include "core/orb/teblid_geometry.h"
 #include "core/orb/teblid_table.h"
 
 namespace ktgp_orb::orb {
 
 /// The radii of the table's boxes are 1 to this value, in px of the patch.
 constexpr int kTeblidRadii = 7;
+
+/// To the nearest pixel, halves up: the authors' program truncates v + 0.5.
+constexpr float kTeblidHalf = 0.5f;
 
 /// TEBLID's bits ordered by the radius of their boxes, so that many consecutive boxes have the same
 /// distances from the centre to the corners.
@@ -48,37 +52,52 @@ constexpr TeblidOrder makeTeblidOrder() {
 constexpr TeblidOrder kTeblidOrder = makeTeblidOrder();
 static_assert(kTeblidOrder.end[kTeblidRadii] == kTeblidBits, "a radius beyond kTeblidRadii");
 
+/// Position of TEBLID's patch in the image: point (u, v) of the patch is at (x_from_u * u +
+/// x_from_v * v + x, y_from_u * u + y_from_v * v + y), in px. The order of the operations, each
+/// rounded to single precision, is part of the descriptor's definition.
+struct TeblidPlacement {
+  explicit TeblidPlacement(const cv::KeyPoint& keypoint) : scale(keypoint.size / kTeblidPatch) {
+    const double radians = keypoint.angle >= 0 ? keypoint.angle * 0.017453292519943295 : 0.0;
+    const auto cosine = static_cast<float>(std::cos(radians));
+    const auto sine = static_cast<float>(std::sin(radians));
+    x_from_u = scale * cosine;
+    x_from_v = -scale * sine;
+    x = (-scale * cosine + scale * sine) * kTeblidPatch * 0.5f + keypoint.pt.x;
+    y_from_u = scale * sine;
+    y_from_v = scale * cosine;
+    y = (-scale * sine - scale * cosine) * kTeblidPatch * 0.5f + keypoint.pt.y;
+  }
+
+  float scale;  ///< px of the image per px of the patch
+  float x_from_u, x_from_v, x;
+  float y_from_u, y_from_v, y;
+};
+
+/// Whether all boxes of a keypoint are inside the image, with a margin: the farthest corner is 0.7
+/// * size from the keypoint, and rounding adds up to 2 px.
+inline bool isFarFromBorder(const cv::KeyPoint& keypoint, const cv::Size& image) {
+  constexpr float kMargin = 1.75f / 2;
+  constexpr float kLeastSize = 16.f;
+  const float margin = keypoint.size * kMargin;
+  return keypoint.size >= kLeastSize &&  //
+         keypoint.pt.x >= margin && keypoint.pt.x + margin < static_cast<float>(image.width) &&
+         keypoint.pt.y >= margin && keypoint.pt.y + margin < static_cast<float>(image.height);
+}
+
 /// The values that the boxes of all keypoints of one size share.
 struct TeblidScale {
   /// `keypoint_size` in px; `stride`: values in a row of the integral image.
   TeblidScale(float keypoint_size, int stride);
 
-  /// Offsets of the sums at the corners of a box from the sum at its centre pixel.
-  struct Corners {
-    std::ptrdiff_t top_left, top_right, bottom_left, bottom_right;
-  };
-
   float keypoint_size;
   int stride;
-  Corners corners[kTeblidRadii + 1];  ///< by radius in the table
+  /// By radius in the table: offsets of the sums at the corners of a box (upper left, upper right,
+  /// lower left, lower right) from the sum at its centre pixel.
+  std::array<std::ptrdiff_t, 4> corners[kTeblidRadii + 1];
   /// A bit is set where the difference of the two sums is less than this; by position in the
   /// descriptor.
   std::int32_t bound[kTeblidBits];
 };
-
-struct TeblidKernel {
-  const char* name;  ///< instruction set, e.g. "AVX2"
-
-  /// The descriptor of a keypoint far from the border (see isFarFromBorder); `integral` points to
-  /// the first value of the integral image.
-  void (*describe)(const std::uint32_t* integral, const TeblidScale& scale,
-                   const TeblidPlacement& placement, std::uint8_t* descriptor);
-};
-
-/// Plain C++, the reference for the other sets.
-const TeblidKernel& portableTeblidKernel();
-/// The fastest set that this machine supports.
-const TeblidKernel& bestTeblidKernel();
 
 /// Differences of the sums of each pair of boxes, by position in the descriptor. `centres`: of the
 /// boxes in kTeblidOrder, as indices of the integral image.
@@ -87,11 +106,11 @@ inline void compareBoxes(const std::uint32_t* integral, const TeblidScale& scale
   int i = 0;
   for (int radius = 1; radius <= kTeblidRadii; ++radius) {
     // One pointer per corner, so that a read is a single instruction: base plus centre.
-    const TeblidScale::Corners at = scale.corners[radius];
-    const std::uint32_t* const top_left = integral + at.top_left;
-    const std::uint32_t* const top_right = integral + at.top_right;
-    const std::uint32_t* const bottom_left = integral + at.bottom_left;
-    const std::uint32_t* const bottom_right = integral + at.bottom_right;
+    const std::array<std::ptrdiff_t, 4> at = scale.corners[radius];
+    const std::uint32_t* const top_left = integral + at[0];
+    const std::uint32_t* const top_right = integral + at[1];
+    const std::uint32_t* const bottom_left = integral + at[2];
+    const std::uint32_t* const bottom_right = integral + at[3];
     const auto sum = [&](std::ptrdiff_t centre) {
       return top_left[centre] - top_right[centre] - bottom_left[centre] + bottom_right[centre];
     };

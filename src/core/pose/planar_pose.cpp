@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "core/homography/transform.h"
-#include "core/util/camera_check.h"
 #include "core/util/constants.h"
+#include "core/util/options_check.h"
 #include "core/util/small_matrix.h"
 
 namespace ktgp_orb {

@@ -6,10 +6,9 @@
 #include <stdexcept>
 #include <utility>
 
-#include "core/sequence/frame_pool.h"
+#include "core/sequence/frames.h"
 #include "core/sequence/motion_predictor.h"
 #include "core/sequence/reference_keeper.h"
-#include "core/sequence/track_numbers.h"
 #include "core/util/milliseconds.h"
 #include "core/util/names.h"
 

@@ -9,7 +9,6 @@
 
 #include "core/homography/transform.h"
 #include "core/two_view/epipolar.h"
-#include "core/util/camera_check.h"
 #include "core/util/constants.h"
 #include "core/util/format.h"
 #include "core/util/options_check.h"

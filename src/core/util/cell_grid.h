@@ -18,7 +18,10 @@ class CellGrid {
   /// would make too many cells.
   template <typename Point>
   void build(std::size_t count, const Point& point, const cv::Size& image, double side) {
-    divide(image, side);
+    constexpr double kMostCells = 1024.0;  // along a side; more would cost more than they save
+    per_side_ = 1.0 / std::max(side, std::max(image.width, image.height) / kMostCells);
+    columns_ = static_cast<int>(image.width * per_side_) + 1;
+    rows_ = static_cast<int>(image.height * per_side_) + 1;
     points_.sort(count, static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_),
                  [&](std::size_t i) {
                    const cv::Point2f p = point(i);
@@ -53,7 +56,6 @@ class CellGrid {
   }
 
  private:
-  void divide(const cv::Size& image, double side);
   int column(double x) const { return clamped(x, columns_); }
   int row(double y) const { return clamped(y, rows_); }
   int clamped(double x, int count) const {

@@ -1,9 +1,13 @@
 #include "ktgp_orb/features.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "core/util/format.h"
 #include "core/util/keypoint_position.h"
+#include "core/util/names.h"
+#include "ktgp_orb/correspondence.h"
+#include "ktgp_orb/status.h"
 
 namespace ktgp_orb {
 
@@ -48,6 +52,22 @@ void util::refuseKeypoint(const Features& features, std::int32_t index, const ch
   throw std::invalid_argument("match has " + std::string(frame) + " keypoint " +
                               std::to_string(index) + "; expected one of the frame's " +
                               std::to_string(features.size()) + ", counted from 0");
+}
+
+double Correspondence::ratio() const {
+  return second_distance > 0 ? static_cast<double>(distance) / second_distance : 1.0;
+}
+
+std::size_t countAtLeast(const std::vector<Correspondence>& correspondences, Level level) {
+  return static_cast<std::size_t>(
+      std::count_if(correspondences.begin(), correspondences.end(),
+                    [level](const Correspondence& c) { return c.level >= level; }));
+}
+
+const char* toString(Status status) {
+  return util::nameOf<Status::model_rejected>(
+      status,
+      {"ok", "no_reference", "too_few_features", "too_few_matches", "no_model", "model_rejected"});
 }
 
 }  // namespace ktgp_orb

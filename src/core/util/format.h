@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdarg>
 #include <cstddef>
 #include <cstdio>
@@ -32,6 +33,11 @@ std::string joined(const Texts& texts, const char* separator) {
 /// "640x480"
 inline std::string text(const cv::Size& size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height);
+}
+
+/// The name of a frame for tf2, whose names have no leading slash.
+inline std::string withoutSlash(const std::string& frame) {
+  return frame.substr(std::min(frame.find_first_not_of('/'), frame.size()));
 }
 
 }  // namespace ktgp_orb::util

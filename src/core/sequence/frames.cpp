@@ -1,0 +1,83 @@
+#include "core/sequence/frames.h"
+
+#include <numeric>
+
+#include "core/util/shared_matrix.h"
+
+namespace ktgp_orb::sequence {
+namespace {
+
+/// A caller may hold a matrix without the frame.
+void releaseIfShared(cv::Mat& matrix) {
+  if (util::isShared(matrix)) matrix.release();
+}
+
+}  // namespace
+
+void FramePool::release(PooledFrame& frame) {
+  frame.image.release();
+  if (!frame.features.images.empty())
+    frame.features.images.front().release();  // shared with the frame
+  frame.source.reset();
+}
+
+std::shared_ptr<FramePool::PooledFrame> FramePool::takeEmpty() {
+  std::shared_ptr<PooledFrame> frame = frames_.take();
+  frame->stamp = 0;
+  frame->encoding.clear();
+  frame->mask.release();
+  frame->lens.reset();
+  frame->camera.reset();
+  frame->camera_lens.reset();
+  frame->features.keypoints.clear();
+  releaseIfShared(frame->features.descriptors);
+  if (!frame->features.descriptors.empty()) frame->features.descriptors.resize(0);
+  frame->features.image_size = {};
+  frame->tracks.clear();
+  frame->orb.reset();
+  frame->extraction_milliseconds = 0.0;
+  return frame;
+}
+
+FramePtr FramePool::take() {
+  return takeEmpty();
+}
+
+FramePtr FramePool::takeCopy(const cv::Mat& image) {
+  const std::shared_ptr<PooledFrame> frame = takeEmpty();
+  releaseIfShared(frame->pixels);
+  image.copyTo(frame->pixels);
+  frame->image = frame->pixels;
+  return frame;
+}
+
+void TrackNumbers::begin(Frame& frame) {
+  // Room as for the keypoints, so that the numbers allocate no more often than these.
+  frame.tracks.reserve(frame.features.keypoints.capacity());
+  frame.tracks.resize(frame.features.size());
+  std::iota(frame.tracks.begin(), frame.tracks.end(), next_);
+  next_ += frame.tracks.size();
+}
+
+void TrackNumbers::choose(const std::vector<Correspondence>& matches) {
+  for (const Correspondence& c : matches) {
+    if (c.level < Level::ktgp) continue;
+    const Correspondence*& best = best_[static_cast<std::size_t>(c.reference_index)];
+    if (best == nullptr || c.distance < best->distance) best = &c;
+  }
+}
+
+void TrackNumbers::continueTracks(const Frame& reference, const MatchResult& result,
+                                  Frame& target) {
+  begin(target);
+  best_.reserve(reference.features.keypoints.capacity());
+  best_.assign(reference.features.size(), nullptr);
+  choose(result.correspondences);
+  choose(result.guided);
+  for (std::size_t i = 0; i < best_.size(); ++i) {
+    if (best_[i] == nullptr) continue;
+    target.tracks[static_cast<std::size_t>(best_[i]->target_index)] = reference.tracks[i];
+  }
+}
+
+}  // namespace ktgp_orb::sequence
