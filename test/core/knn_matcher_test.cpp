@@ -310,7 +310,7 @@ Eigen::Matrix3d turnAndShift() {
   return h;
 }
 
-class KnnKernels : public ::testing::TestWithParam<const NearKernel*> {
+class NearKernels : public ::testing::TestWithParam<const KnnKernel*> {
  protected:
   std::vector<Correspondence> search(const Features& reference, const Features& target,
                                      const Eigen::Matrix3d& prediction, double radius, bool mutual,
