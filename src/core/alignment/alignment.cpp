@@ -27,22 +27,14 @@ using util::requireKeypoint;
 constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
 
-std::size_t& countOf(PatchOutcome outcome, AlignmentResult& result) {
-  switch (outcome) {
-    case PatchOutcome::distorted:
-      return result.distorted;
-    case PatchOutcome::textureless:
-      return result.textureless;
-    case PatchOutcome::unsettled:
-      return result.unsettled;
-    case PatchOutcome::beyond_reach:
-      return result.beyond_reach;
-    case PatchOutcome::uncorrelated:
-      return result.uncorrelated;
-    default:
-      return result.outside;
-  }
-}
+/// The count of each outcome, in the order of PatchOutcome; what is aligned is in `points`.
+constexpr std::size_t AlignmentResult::*kCounts[] = {nullptr,
+                                                     &AlignmentResult::outside,
+                                                     &AlignmentResult::distorted,
+                                                     &AlignmentResult::textureless,
+                                                     &AlignmentResult::unsettled,
+                                                     &AlignmentResult::beyond_reach,
+                                                     &AlignmentResult::uncorrelated};
 
 double rmse(const Eigen::Matrix3d& homography, const std::vector<AlignedPoint>& points) {
   double sum = 0.0;
@@ -154,7 +146,7 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
     const AlignedPatch patch =
         aligner.align(result.answer.homography, reference_points[match], kReach);
     if (patch.outcome != PatchOutcome::aligned) {
-      ++countOf(patch.outcome, result);
+      ++(result.*kCounts[static_cast<std::size_t>(patch.outcome)]);
       continue;
     }
     result.points.push_back({match, matches[match].reference_index, matches[match].target_index,

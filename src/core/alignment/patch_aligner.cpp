@@ -53,10 +53,6 @@ Eigen::Vector2d curvature(const Eigen::Matrix3d& h, double w, const Eigen::Matri
   return -slope.cwiseProduct(side.cwiseAbs2()) / (12.0 * w);
 }
 
-Eigen::Vector2d betweenPixels(const Eigen::Vector2d& x) {
-  return {std::floor(x.x()) + 0.5, std::floor(x.y()) + 0.5};
-}
-
 }  // namespace
 
 bool PatchAligner::setImages(const std::vector<cv::Mat>& reference,
@@ -84,7 +80,7 @@ AlignedPatch PatchAligner::align(const Eigen::Matrix3d& homography, const Eigen:
   const LevelMap in_target(*target_, target_level);
   const LevelMap in_reference(*reference_, reference_level);
 
-  const Eigen::Vector2d centre = betweenPixels(in_reference.down(point));
+  const Eigen::Vector2d centre = in_reference.down(point).array().floor() + 0.5;
   result.reference = in_reference.up(centre);
   const Eigen::Vector3d q = homography * result.reference.homogeneous();
   Eigen::Vector2d position = in_target.down(q.hnormalized());

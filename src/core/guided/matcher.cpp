@@ -13,17 +13,11 @@
 namespace ktgp_orb {
 namespace {
 
-using knn::bestKnnKernel;
 using knn::kNearIndexBits;
 using knn::kNearIndexMask;
-using knn::KnnKernel;
 using knn::kNoNearKey;
 using knn::NearKeys;
-using knn::NearTable;
-using knn::requireCountable;
-using util::imagePoint;
 using util::position;
-using util::requireInRange;
 
 constexpr int kNoDistance = 256;
 
@@ -32,25 +26,24 @@ constexpr int kNoDistance = 256;
 struct GuidedMatcher::Impl {
   void placeReference(const Features& reference, const Eigen::Matrix3d& h);
   void findNearest(const Features& reference, const Features& target);
-
-  GuidedOptions options;
   std::size_t supporters(const Eigen::Matrix3d& homography, double threshold) const;
   bool estimate(const cv::Size& reference_size, double threshold, UncertainHomography& estimate);
 
-  KnnKernel kernel = bestKnnKernel();
+  GuidedOptions options;
+  knn::KnnKernel kernel = knn::bestKnnKernel();
   std::vector<cv::Point2f> places;  // predicted positions of the reference's keypoints
-  NearTable table;                  // their table
+  knn::NearTable table;             // their table
   std::vector<NearKeys> of_target;  // for each target keypoint the nearest two of the reference
-  std::vector<std::int32_t>
-      nearest_target;  // for each column of the table, the key of the nearest target keypoint
+  // For each column of the table, the key of the nearest target keypoint.
+  std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
   std::vector<Eigen::Vector2d> target_points;
 };
 
 GuidedMatcher::GuidedMatcher(const GuidedOptions& options) : impl_(std::make_unique<Impl>()) {
-  requireInRange("guided_radius", options.radius, 0.1, 100.0);
-  requireInRange("guided max_distance", options.max_distance, 0, kNoDistance);
+  util::requireInRange("guided_radius", options.radius, 0.1, 100.0);
+  util::requireInRange("guided max_distance", options.max_distance, 0, kNoDistance);
   impl_->options = options;
 }
 
@@ -66,8 +59,8 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
                           const Eigen::Matrix3d& homography, std::vector<Correspondence>& matches) {
   requireValid(reference, "reference");
   requireValid(target, "target");
-  requireCountable(reference, "reference");
-  requireCountable(target, "target");
+  knn::requireCountable(reference, "reference");
+  knn::requireCountable(target, "target");
   matches.clear();
   Impl& impl = *impl_;
   if (!impl.options.enabled) return;
@@ -107,8 +100,9 @@ void GuidedMatcher::Impl::findNearest(const Features& reference, const Features&
   of_target.resize(target.size());
   for (std::size_t t = 0; t < target.size(); ++t) {
     const auto index = static_cast<std::int32_t>(t);
-    of_target[t] = table.search(kernel, target.descriptors.ptr(index), imagePoint(target, index),
-                                options.radius, index, nearest_target.data());
+    of_target[t] =
+        table.search(kernel, target.descriptors.ptr(index), util::imagePoint(target, index),
+                     options.radius, index, nearest_target.data());
   }
 }
 

@@ -122,6 +122,20 @@ class NormalEquations {
   Lanes gradient_[8];
 };
 
+/// The sum of J^T w J over the first `count` pairs. `weights(i)`: w of the pairs i and i + 1.
+template <typename Weights>
+Matrix8 sumOfSquares(const Points& points, const Eigen::Matrix3d& homography, std::size_t count,
+                     const Weights& weights) {
+  NormalEquations normal;
+  for (std::size_t i = 0; i < count; i += 2) {
+    normal.add(Projection(points, homography, i), weights(i));
+  }
+  Matrix8 jtj;
+  Vector8 unused;
+  normal.store(jtj, unused);
+  return jtj;
+}
+
 Eigen::Matrix3d plus(const Eigen::Matrix3d& h, const Vector8& step) {
   Eigen::Matrix3d sum = h;
   for (int i = 0; i < 8; ++i) sum(i / 3, i % 3) += step[i];
@@ -285,20 +299,12 @@ bool MEstimator::minimise(double min_scale, double& scale, Eigen::Matrix3d& homo
   }
   scale = std::sqrt(scale2_);
   variance_factor_ = varianceFactor();
-  if (by_cell_) by_squares_ = squaredCellWeights(homography);
-  return true;
-}
-
-/// J^T c w J.
-Matrix8 MEstimator::squaredCellWeights(const Eigen::Matrix3d& homography) const {
-  NormalEquations normal;
-  for (std::size_t i = 0; i < selected_.size; i += 2) {
-    normal.add(Projection(selected_, homography, i), load(weight_, i) * load(cell_weight_, i));
+  if (by_cell_) {
+    by_squares_ = sumOfSquares(selected_, homography, selected_.size, [this](std::size_t i) {
+      return Lanes(load(weight_, i) * load(cell_weight_, i));
+    });
   }
-  Matrix8 jtj;
-  Vector8 unused;
-  normal.store(jtj, unused);
-  return jtj;
+  return true;
 }
 
 double MEstimator::freedom() const {
@@ -350,17 +356,13 @@ Matrix8 MEstimator::covariance() const {
 
 Matrix8 MEstimator::covarianceWithout(const Eigen::Matrix3d& homography, std::size_t count,
                                       std::size_t fold, std::size_t folds) const {
-  NormalEquations normal;
-  for (std::size_t i = 0; i < count; i += 2) {
+  const auto weights = [&](std::size_t i) {
     Lanes weight = load(weight_, i);
     if (i % folds == fold) weight[0] = 0.0;
     if ((i + 1) % folds == fold || i + 1 == count) weight[1] = 0.0;
-    normal.add(Projection(selected_, homography, i), weight);
-  }
-  Matrix8 jtj;
-  Vector8 unused;
-  normal.store(jtj, unused);
-  return variance_factor_ * inverse(jtj);
+    return weight;
+  };
+  return variance_factor_ * inverse(sumOfSquares(selected_, homography, count, weights));
 }
 
 }  // namespace ktgp_orb::homography

@@ -73,7 +73,6 @@ class MEstimator {
   void reweight(const Eigen::Matrix3d& homography, Sums& sums);
   double varianceFactor() const;
   void estimateScale(double min_scale);
-  Matrix8 squaredCellWeights(const Eigen::Matrix3d& homography) const;
 
   PointArrays<double> selected_;
   std::vector<double> cell_weight_;    // c

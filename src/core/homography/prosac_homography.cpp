@@ -11,18 +11,6 @@
 #include "core/util/reset_keeping.h"
 
 namespace ktgp_orb {
-namespace {
-
-using util::requireInRange;
-
-void requireValid(const std::optional<Eigen::Matrix3d>& initial) {
-  if (!initial || initial->allFinite()) return;
-  throw std::invalid_argument(
-      "the initial homography has an entry that is not finite; expected nine finite entries");
-}
-
-}  // namespace
-
 /// Search, fit and verdict, with their buffers.
 struct ProsacHomography::Impl {
   ProsacOptions options;
@@ -33,26 +21,10 @@ struct ProsacHomography::Impl {
   homography::HomographyFit fit;
   homography::HomographyVerdict verdict;
 
-  void estimate(const PointPairs& pairs, const cv::Size& reference_size,
-                const std::optional<Eigen::Matrix3d>& initial, ProsacResult& result);
   bool find(const PointPairs& pairs, const std::optional<Eigen::Matrix3d>& initial,
             ProsacResult& result);
   void judge(const PointPairs& pairs, const cv::Size& reference_size, ProsacResult& result);
 };
-
-void ProsacHomography::Impl::estimate(const PointPairs& pairs, const cv::Size& reference_size,
-                                      const std::optional<Eigen::Matrix3d>& initial,
-                                      ProsacResult& result) {
-  homography::requireFinite(pairs);
-  requireValid(initial);
-  util::resetKeeping(&ProsacResult::mask, result);
-  result.mask.assign(pairs.size(), 0);
-  if (pairs.size() < homography::HomographyProblem::kSample) {
-    result.status = Status::too_few_matches;
-    return;
-  }
-  if (find(pairs, initial, result)) judge(pairs, reference_size, result);
-}
 
 /// The search; false where no sample gave a homography.
 bool ProsacHomography::Impl::find(const PointPairs& pairs,
@@ -102,9 +74,9 @@ void ProsacHomography::Impl::judge(const PointPairs& pairs, const cv::Size& refe
 }
 
 ProsacHomography::ProsacHomography(const ProsacOptions& options) : impl_(std::make_unique<Impl>()) {
-  requireInRange("prosac max_error", options.max_error, 1e-6, 1e6);
-  requireInRange("max_iterations", options.max_iterations, 1, 1000000);
-  requireInRange("confidence", options.confidence, 1e-6, 1.0 - 1e-9);
+  util::requireInRange("prosac max_error", options.max_error, 1e-6, 1e6);
+  util::requireInRange("max_iterations", options.max_iterations, 1, 1000000);
+  util::requireInRange("confidence", options.confidence, 1e-6, 1.0 - 1e-9);
   impl_->options = options;
 }
 
@@ -118,13 +90,24 @@ const ProsacOptions& ProsacHomography::options() const {
 
 void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& reference_size,
                                 ProsacResult& result) {
-  impl_->estimate(pairs, reference_size, std::nullopt, result);
+  estimate(pairs, reference_size, std::nullopt, result);
 }
 
 void ProsacHomography::estimate(const PointPairs& pairs, const cv::Size& reference_size,
                                 const std::optional<Eigen::Matrix3d>& initial,
                                 ProsacResult& result) {
-  impl_->estimate(pairs, reference_size, initial, result);
+  homography::requireFinite(pairs);
+  if (initial && !initial->allFinite()) {
+    throw std::invalid_argument(
+        "the initial homography has an entry that is not finite; expected nine finite entries");
+  }
+  util::resetKeeping(&ProsacResult::mask, result);
+  result.mask.assign(pairs.size(), 0);
+  if (pairs.size() < homography::HomographyProblem::kSample) {
+    result.status = Status::too_few_matches;
+    return;
+  }
+  if (impl_->find(pairs, initial, result)) impl_->judge(pairs, reference_size, result);
 }
 
 }  // namespace ktgp_orb

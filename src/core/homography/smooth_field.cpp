@@ -42,12 +42,12 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
   sortIntoCells(scales.image_diagonal / kCellsAlongDiagonal);
   step_ = std::exp(-1.0 / (kCellsAlongDiagonal * kLength));
   smooth();
-  const NearPairs shared = findNear(scales.nearby);
+  PairSums of_pairs = sumPairs();
+  sumNear(scales.nearby, of_pairs);
   const double chosen = static_cast<double>(pairs_.size());
   const double each_of_all = static_cast<double>(pairs.size) / chosen;  // that a pair stands for
-  result.shared_patches = 1.0 + 2.0 * each_of_all * shared.overlap / chosen;
+  result.shared_patches = 1.0 + 2.0 * each_of_all * of_pairs.near_overlap / chosen;
 
-  const PairSums of_pairs = sumPairs();
   const Eigen::LDLT<Matrix8> information(curvature * expanded(of_pairs.first));
   const Matrix8 inverse = information.solve(Matrix8::Identity());
   if (information.info() != Eigen::Success || !inverse.allFinite()) return result;
@@ -75,8 +75,8 @@ FieldFit SmoothField::fit(const PointArrays<double>& pairs, const std::vector<do
                    traceOfProduct(by_noise, expanded(of_cells.fitted));
   // Excluded: a pair with itself, and pairs that share noise. For the fit, two points that are so
   // close count like one.
-  const double left_out = 1.0 + 2.0 * shared.weight / weights2;
-  near.measured -= single.measured + 2.0 * shared.product;
+  const double left_out = 1.0 + 2.0 * of_pairs.near_weight / weights2;
+  near.measured -= single.measured + 2.0 * of_pairs.near_product;
   near.of_field -= left_out * single.of_field;
   near.of_noise -= left_out * single.of_noise - 2.0 * (left_out - 1.0) * weights2;
   near.deviation = 2.0 * std::sqrt(std::max(of_cells.pairs - left_out * weights2, 0.0));
@@ -258,9 +258,8 @@ void SmoothField::smooth() {
   for (std::size_t column = 0; column < columns_; ++column) along(column, columns_, rows_);
 }
 
-SmoothField::NearPairs SmoothField::findNear(double side) {
-  NearPairs sums;
-  if (!(side > 0.0)) return sums;
+/// Sums over the pairs that share noise.
+void SmoothField::sumNear(double side, PairSums& sums) {
   by_x_.clear();
   for (std::size_t i = 0; i < pairs_.size(); ++i) by_x_.emplace_back(pairs_[i].point.x(), i);
   std::sort(by_x_.begin(), by_x_.end());
@@ -271,12 +270,11 @@ SmoothField::NearPairs SmoothField::findNear(double side) {
       const double right = (j->first - i->first) / side;
       const double down = std::abs(b.point.y() - a.point.y()) / side;
       if (down >= 1.0) continue;
-      sums.overlap += (1.0 - right) * (1.0 - down);
-      sums.weight += a.weight * b.weight;
-      sums.product += a.weight * b.weight * a.error.dot(b.error);
+      sums.near_overlap += (1.0 - right) * (1.0 - down);
+      sums.near_weight += a.weight * b.weight;
+      sums.near_product += a.weight * b.weight * a.error.dot(b.error);
     }
   }
-  return sums;
 }
 
 }  // namespace ktgp_orb::homography

@@ -95,13 +95,6 @@ class SmoothField {
     double of_noise = 0.0;
     double deviation = 0.0;  // of `measured`, for sigma² = 1 and no field
   };
-  /// Pairs that share noise.
-  struct NearPairs {
-    double overlap = 0.0;  // sums over them, each once, of the share of a patch that is common,
-    double weight = 0.0;   // w w,
-    double product = 0.0;  // w w r·r
-  };
-
   /// Sums over the pairs of J'J times w, w² and w³; of w² and w² r².
   struct PairSums {
     Matrix8 first = Matrix8::Zero();
@@ -110,6 +103,11 @@ class SmoothField {
     Slope slope = Slope::Zero();  // of w J
     double weights2 = 0.0;
     double squared_error = 0.0;
+    // Over two pairs each that share noise: of the share of a patch that is common, of w w, and of
+    // w w r·r.
+    double near_overlap = 0.0;
+    double near_weight = 0.0;
+    double near_product = 0.0;
   };
   /// Sums over the cells; V: the slopes of a cell and of those that touch it.
   struct CellSums {
@@ -128,7 +126,7 @@ class SmoothField {
   void limitErrors();
   void sortIntoCells(double cell_side);
   void smooth();
-  NearPairs findNear(double side);
+  void sumNear(double side, PairSums& sums);
   PairSums sumPairs() const;
   CellSums sumCells() const;
   Matrix8 spreadOfRounding(double length, double cell_side);

@@ -19,21 +19,17 @@ namespace {
 using util::ceilDivide;
 using util::kPi;
 
-/// Bounds of one coordinate; points beyond are far outliers.
-struct Fences {
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-};
-
-/// From the quartiles of a few points, spread over the input. Infinite where these are equal.
-Fences fencesOf(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis) {
+/// Bounds of one coordinate, from the quartiles of a few points, spread over the input; points
+/// beyond are far outliers. The bounds stay where the quartiles are equal.
+void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
+               Eigen::AlignedBox2d& fences) {
   constexpr std::size_t kEnough = 32;
   constexpr double kFarOut = 3.0;  // interquartile ranges
   std::array<double, kEnough> sample{};
   const std::size_t stride = ceilDivide(points.size(), kEnough);
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); i += stride) sample[count++] = points[i][axis];
-  if (count == 0) return {};
+  if (count == 0) return;
   const auto end = sample.begin() + static_cast<std::ptrdiff_t>(count);
   const auto quartile = [&](std::size_t place) {
     const auto at = sample.begin() + static_cast<std::ptrdiff_t>(place);
@@ -42,9 +38,10 @@ Fences fencesOf(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis) {
   };
   const double lower = quartile(count / 4);
   const double upper = quartile(count - 1 - count / 4);
-  if (!(upper > lower)) return {};
+  if (!(upper > lower)) return;
   const double reach = kFarOut * (upper - lower);
-  return {lower - reach, upper + reach};
+  fences.min()[axis] = lower - reach;
+  fences.max()[axis] = upper + reach;
 }
 
 }  // namespace
@@ -66,12 +63,14 @@ double FalseAlarms::next(double p) {
 }
 
 double coveredArea(const std::vector<Eigen::Vector2d>& points) {
-  const Fences x = fencesOf(points, 0);
-  const Fences y = fencesOf(points, 1);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Eigen::AlignedBox2d fences(Eigen::Vector2d::Constant(-kInfinity),
+                             Eigen::Vector2d::Constant(kInfinity));
+  setFences(points, 0, fences);
+  setFences(points, 1, fences);
   Eigen::AlignedBox2d box;
   for (const Eigen::Vector2d& p : points) {
-    if (p.x() < x.low || p.x() > x.high || p.y() < y.low || p.y() > y.high) continue;
-    box.extend(p);
+    if (fences.contains(p)) box.extend(p);
   }
   return box.isEmpty() ? 0.0 : box.volume();
 }

@@ -20,7 +20,6 @@ namespace {
 
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 using Vector8 = Eigen::Matrix<double, 8, 1>;
-using Matrix86 = Eigen::Matrix<double, 8, 6>;
 
 /// Reference image, px -> target, m.
 Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
@@ -35,14 +34,6 @@ Eigen::Matrix3d targetFromReference(const cv::Size& size, double width) {
 Vector8 entries(const Eigen::Matrix3d& h) {
   const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> rows = h / h(2, 2);
   return Eigen::Map<const Vector8>(rows.data());
-}
-
-/// The pose's homography: reference -> image.
-Eigen::Matrix3d homographyOf(const Eigen::Isometry3d& pose, const Eigen::Matrix3d& camera,
-                             const Eigen::Matrix3d& target_from_reference) {
-  Eigen::Matrix3d plane;
-  plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
-  return camera * plane * target_from_reference;
 }
 
 /// Moves by x, y, z and rotates about the camera's axes, in place.
@@ -100,14 +91,10 @@ std::vector<Eigen::Isometry3d> startsOf(const Eigen::Matrix3d& homography,
 }
 
 /// Finds the pose whose homography is nearest to a given one.
-class PoseFit {
- public:
-  PoseFit(const Eigen::Matrix3d& homography, const util::SmallMatrix& whitening,
-          const Eigen::Matrix3d& camera, const Eigen::Matrix3d& target_from_reference)
-      : wanted_(entries(homography)),
-        whitening_(whitening),
-        camera_(camera),
-        target_from_reference_(target_from_reference) {}
+struct PoseFit {
+  Vector8 wanted;  // entries of the homography
+  util::SmallMatrix whitening;
+  Eigen::Matrix3d camera, target_from_reference;
 
   /// Levenberg-Marquardt from `pose`; empty if it does not converge in front of the camera.
   std::optional<PlanarPose> from(Eigen::Isometry3d pose) const {
@@ -117,11 +104,11 @@ class PoseFit {
     double error = errorOf(pose);
     for (int i = 0; i < kMostSteps; ++i) {
       const util::SmallMatrix rows = jacobianAt(pose);
-      const Vector8 rest = wanted_ - entriesOf(pose);
+      const Vector8 rest = wanted - entriesOf(pose);
       const util::SmallMatrix normal = util::times(rows.transpose(), rows);
       util::SmallMatrix damped = normal;
       damped.diagonal() *= 1.0 + damping;
-      const util::SmallMatrix right = util::times(rows.transpose(), util::times(whitening_, rest));
+      const util::SmallMatrix right = util::times(rows.transpose(), util::times(whitening, rest));
       const Vector6 step = util::times(util::inverseOf(damped), right);
       const Eigen::Isometry3d next = moved(pose, step);
       const double next_error = errorOf(next);
@@ -147,31 +134,29 @@ class PoseFit {
     return std::nullopt;
   }
 
- private:
+  /// Of the pose's homography, reference -> image.
   Vector8 entriesOf(const Eigen::Isometry3d& pose) const {
-    return entries(homographyOf(pose, camera_, target_from_reference_));
+    Eigen::Matrix3d plane;
+    plane << pose.linear().col(0), pose.linear().col(1), pose.translation();
+    return entries(camera * plane * target_from_reference);
   }
 
   double errorOf(const Eigen::Isometry3d& pose) const {
-    const Vector8 rest = wanted_ - entriesOf(pose);
-    return util::times(whitening_, rest).squaredNorm();
+    const Vector8 rest = wanted - entriesOf(pose);
+    return util::times(whitening, rest).squaredNorm();
   }
 
   /// In units of the homography's deviation, by x, y, z and the rotations.
   util::SmallMatrix jacobianAt(const Eigen::Isometry3d& pose) const {
     constexpr double kStep = 1e-6;  // rad, and share of the distance
-    Matrix86 slope;
+    Eigen::Matrix<double, 8, 6> slope;
     for (int i = 0; i < 6; ++i) {
       const double size = i < 3 ? kStep * pose.translation().z() : kStep;
       const Vector6 step = size * Vector6::Unit(i);
       slope.col(i) = (entriesOf(moved(pose, step)) - entriesOf(moved(pose, -step))) / (2.0 * size);
     }
-    return util::times(whitening_, slope);
+    return util::times(whitening, slope);
   }
-
-  Vector8 wanted_;
-  util::SmallMatrix whitening_;
-  Eigen::Matrix3d camera_, target_from_reference_;
 };
 
 /// W with W covariance W' = I. Entries of H differ in size by five orders of magnitude, so each is
@@ -290,7 +275,7 @@ PlanarPoses planarPoses(const Eigen::Matrix3d& homography, const Covariance8& co
     result.problem = "the homography has no covariance, or one that is not positive definite";
     return result;
   }
-  const PoseFit fit(homography, *whitening, camera, scale);
+  const PoseFit fit{entries(homography), *whitening, camera, scale};
   for (const Eigen::Isometry3d& start : starts) {
     if (const auto pose = fit.from(start)) add(*pose, result.poses);
   }

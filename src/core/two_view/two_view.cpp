@@ -34,13 +34,6 @@ using util::requireInRange;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-void reset(std::size_t pairs, TwoView& result) {
-  util::resetKeeping(&TwoView::mask, result);
-  result.mask.assign(pairs, 0);
-  result.pose_covariance.setConstant(kNaN);
-  result.parallax = kNaN;
-}
-
 }  // namespace
 
 const char* toString(Geometry geometry) {
@@ -53,11 +46,9 @@ struct TwoViewEstimator::Impl {
         prosac({given.max_error, std::min(given.max_iterations, kPlaneSamples), given.confidence,
                 given.seed}) {}
 
-  void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
-
- private:
   static constexpr int kPlaneSamples = 250;  // a plane with less support is not what is published
 
+  void estimate(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
   bool findEpipolar(const TwoViewInput& input, TwoView& result);
   bool startElsewhere();
   void judgeHomography(const PointPairs& pairs);
@@ -66,10 +57,7 @@ struct TwoViewEstimator::Impl {
   void setRotation(const PointPairs& pairs, TwoView& result);
   bool setEpipolar(const PointPairs& pairs, const TwoViewInput& input, TwoView& result);
 
- public:
   TwoViewOptions options;
-
- private:
   ProsacHomography prosac;
   ProsacResult plane;
   bool has_plane = false;
@@ -97,8 +85,10 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   constexpr double kMostFalseAlarms = -6.0;  // log10
   homography::requireFinite(pairs);
   cameras = two_view::camerasOf(input);
-  reset(pairs.size(), result);
-  const std::size_t fewest = cameras ? 5 : 7;
+  util::resetKeeping(&TwoView::mask, result);
+  result.mask.assign(pairs.size(), 0);
+  result.pose_covariance.setConstant(kNaN);
+  result.parallax = kNaN;
   if (pairs.size() < 4) {
     result.status = Status::too_few_matches;
     return;
@@ -111,7 +101,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
   support.load(pairs, options.max_error);
   judgeHomography(pairs);
   log_epipolar = 0.0;
-  if (pairs.size() > fewest) {
+  if (pairs.size() > (cameras ? 5U : 7U)) {
     order.sort(pairs.quality);
     normalised.load(pairs, order, kSampsonShare * options.max_error, cameras);
     if (findEpipolar(input, result)) judgeEpipolar(pairs, input);
