@@ -4,6 +4,7 @@
 // Targets: parts of the photographs in KTGP_ORB_DATA, and drawn pictures. Prints the table of
 // doc/targets.md.
 
+#include <Eigen/Core>
 #include <cstdio>
 #include <cstdlib>
 #include <limits>

@@ -29,7 +29,7 @@ namespace {
 constexpr int kPictures = 80;
 const cv::Size kPictureSize(300, 220);
 
-cv::Mat picture(int number) {
+cv::Mat pictureOf(int number) {
   return test::drawnPicture(kPictureSize, static_cast<std::uint64_t>(number));
 }
 
@@ -62,7 +62,7 @@ TargetScene sceneOf(int number, const cv::Size& size) {
     place.middle = {size.width * (i == 0 ? 0.26 : 0.74), size.height * random.uniform(0.4, 0.6)};
     const int shown = i == 0 ? first : second;
     scene.shown.push_back({shown, test::homographyOf(place, kPictureSize)});
-    test::place(picture(shown), scene.shown.back().homography, canvas);
+    test::place(pictureOf(shown), scene.shown.back().homography, canvas);
   }
   canvas.convertTo(scene.image, CV_8U);
   return scene;
@@ -300,7 +300,7 @@ class Soak {
     SetTarget call;
     call.request.id = id;
     for (const int picture : pictures) {
-      call.request.images.push_back(*test::imageMessage(picture(picture), ros::Time(1)));
+      call.request.images.push_back(*test::imageMessage(pictureOf(picture), ros::Time(1)));
     }
     if (random_.uniform(0, 2) == 0) {
       call.request.width = 0.3;
@@ -327,7 +327,7 @@ class Soak {
     ++tally_.refused;
     SetTarget call;
     call.request.id = "bad";
-    call.request.images = {*test::imageMessage(picture(known_.drawFree(random_)), ros::Time(1))};
+    call.request.images = {*test::imageMessage(pictureOf(known_.drawFree(random_)), ros::Time(1))};
     std::string service = "add", words;
     switch (kind % 7) {
       case 0:
@@ -345,7 +345,7 @@ class Soak {
         break;
       case 3:
         call.request.images = {*test::imageMessage(
-            picture(known_.targets().at(known_.drawId(random_)).front()), ros::Time(1))};
+            pictureOf(known_.targets().at(known_.drawId(random_)).front()), ros::Time(1))};
         words = "shows the same as";
         break;
       case 4:
@@ -407,7 +407,7 @@ class Soak {
       EXPECT_EQ(entry.files.size(), pictures.size());
       for (std::size_t i = 0; i < std::min(entry.files.size(), pictures.size()); ++i) {
         const cv::Mat image = cv::imread(entry.files[i], cv::IMREAD_UNCHANGED);
-        EXPECT_EQ(cv::norm(image, picture(pictures[i]), cv::NORM_INF), 0.0) << entry.id;
+        EXPECT_EQ(cv::norm(image, pictureOf(pictures[i]), cv::NORM_INF), 0.0) << entry.id;
       }
       files += pictures.size();
       kept[entry.id] = pictures;
