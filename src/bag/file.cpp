@@ -374,6 +374,7 @@ ChunkContents BagFile::read(const Chunk& chunk) {
     bytes = plainBytes(chunk, contents);
   } catch (const std::exception& error) {  // of rosbag, or no memory
     noteAt(chunk.position, std::string("a chunk cannot be decompressed (") + error.what() + ")");
+    return contents;
   }
   std::size_t position = 0;
   while (position < bytes.size()) {
