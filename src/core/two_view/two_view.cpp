@@ -115,7 +115,7 @@ void TwoViewEstimator::Impl::estimate(const PointPairs& pairs, const TwoViewInpu
     result.status = Status::model_rejected;
   }
   if (!has_plane) return;
-  if (log_rotation <= log_plane && cameras) {
+  if (log_rotation <= log_plane) {
     setRotation(pairs, result);
   } else {
     setPlane(pairs, result);
@@ -169,10 +169,11 @@ bool TwoViewEstimator::Impl::startElsewhere() {
   return is_better;
 }
 
-/// Fills log_plane, and log_rotation with cameras.
+/// Fills log_plane, and log_rotation where the cameras are known and only turned.
 void TwoViewEstimator::Impl::judgeHomography(const PointPairs& pairs) {
   has_plane = options.homography && plane.status == Status::ok;
-  log_plane = log_rotation = 0.0;
+  log_plane = 0.0;
+  log_rotation = std::numeric_limits<double>::infinity();  // there is none
   if (!has_plane) return;
   const auto judge = [&](const Eigen::Matrix3d& h, std::size_t sample) {
     chance.assign(pairs.size(), 2.0);
@@ -215,7 +216,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   if (!has_plane) return;
   // Parallax: of errors from the homography in random directions, how many would be as near to the
   // epipolar line? The homography is given, so that two pairs determine the rest, the epipole.
-  const bool turned = cameras && log_rotation <= log_plane;
+  const bool turned = log_rotation <= log_plane;
   const Eigen::Matrix3d h = turned ? cameras->homographyOf(rotation) : plane.answer.homography;
   // On a near plane many pairs have a little parallax. Wrong pairs are farther away.
   constexpr double kNear = 2.0;  // times the limit
