@@ -263,10 +263,40 @@ TEST(HomographyChecks, SeesTheHorizonAndTheMirror) {
   EXPECT_TRUE(keepsPlaneInView(h, corners));
   h(2, 0) = -1.0 / 700.0;
   EXPECT_TRUE(keepsPlaneInView(h, corners));
-  h(2, 0) = -1.0 / 600.0;
-  EXPECT_FALSE(keepsPlaneInView(h, corners));
+  for (const double x : {639.1, 600.0}) {  // nearly infinite at the border, and infinite in view
+    h(2, 0) = -1.0 / x;
+    EXPECT_FALSE(keepsPlaneInView(h, corners)) << x;
+  }
   h = Eigen::Vector3d(-1.0, 1.0, 1.0).asDiagonal();
   EXPECT_FALSE(keepsPlaneInView(h, corners));
+}
+
+TEST(HomographyChecks, ResizingKeepsTheOutlineOfThePixels) {
+  const Eigen::Matrix3d h = resizing({640, 480}, {320, 120});
+  EXPECT_LT((project(h, {-0.5, -0.5}) - Eigen::Vector2d(-0.5, -0.5)).norm(), 1e-12);
+  EXPECT_LT((project(h, {639.5, 479.5}) - Eigen::Vector2d(319.5, 119.5)).norm(), 1e-12);
+}
+
+// An error along one entry of a factor gives the product the error of the changed product.
+TEST(ChainedHomography, PropagatesTheErrorOfEachEntry) {
+  Numbers numbers(8);
+  for (int i = 0; i < 16; ++i) {
+    UncertainHomography first, second;
+    first.homography = test::randomHomography(kSize, 0.2, numbers);
+    second.homography = test::randomHomography(kSize, 0.2, numbers);
+    UncertainHomography& uncertain = i < 8 ? first : second;
+    const int entry = i % 8;
+    const double step = 1e-4 * std::abs(uncertain.homography(entry / 3, entry % 3));
+    uncertain.covariance(entry, entry) = step * step;
+    const UncertainHomography chain = chained(second, first);
+    uncertain.homography(entry / 3, entry % 3) += step;
+    const Eigen::Matrix3d change = chained(second, first).homography - chain.homography;
+    for (int k = 0; k < 8; ++k) {
+      EXPECT_NEAR(std::sqrt(chain.covariance(k, k)), std::abs(change(k / 3, k % 3)),
+                  0.01 * std::abs(change(k / 3, k % 3)) + 1e-12)
+          << i << ' ' << k;
+    }
+  }
 }
 
 TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain) {

@@ -7,6 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
 #include "core/homography/model.h"
 #include "synthetic_pairs.h"
@@ -98,6 +100,78 @@ TEST(ProsacSearch, StartsWhereItIsTold) {
     if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
   }
   EXPECT_LT(found_alone, 3);
+}
+
+/// Numbers, of which a model is the mean of four; counts the samples.
+struct Mean {
+  using Model = double;
+  static constexpr std::size_t kSample = 4;
+  std::vector<double> values;
+  int samples = 0;
+  int right = 0;  ///< those from the numbers near zero alone
+
+  std::size_t size() const { return values.size(); }
+  template <typename Visit>
+  void solve(const prosac::ProsacSample& sample, Visit visit) {
+    double mean = 0.0;
+    int near = 0;
+    for (const std::size_t i : sample) {
+      mean += values[i] / kSample;
+      near += std::abs(values[i]) < 1.0;
+    }
+    ++samples;
+    right += near == 4;
+    visit(mean);
+  }
+  float cost(double model, float) const {
+    double sum = 0.0;
+    for (const double v : values) sum += std::min((v - model) * (v - model), 1.0);
+    return static_cast<float>(sum);
+  }
+  static bool refine(double, double&) { return false; }
+  void findInliers(double model, std::vector<std::uint8_t>& inlier) const {
+    inlier.clear();
+    for (const double v : values) inlier.push_back(std::abs(v - model) < 1.0);
+  }
+};
+
+TEST(ProsacSearch, AlsoSamplesFromTheInliersAndCountsThat) {
+  Numbers numbers(4);
+  Mean problem;  // the right numbers come last
+  for (int i = 0; i < 75; ++i) problem.values.push_back(1e3 * numbers.normal());
+  for (int i = 0; i < 25; ++i) problem.values.push_back(0.1 * numbers.normal());
+  prosac::ProsacSearch<Mean> search;
+  ProsacRules rules;
+  rules.max_iterations = 5000;
+  rules.confidence = 1.0 - 1e-9;
+  ASSERT_TRUE(search.run(rules, nullptr, problem));
+  EXPECT_NEAR(search.best(), 0.0, 0.1);
+  EXPECT_EQ(search.iterations(), problem.samples);
+  EXPECT_GE(problem.right, 20) << "one in 300 of all samples";
+}
+
+TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
+  Mean problem;
+  problem.values.assign(100, 0.0);
+  prosac::ProsacSearch<Mean> search;
+  ProsacRules rules;
+  for (const int fewest : {0, 40}) {
+    problem.samples = 0;
+    rules.min_iterations = fewest;
+    ASSERT_TRUE(search.run(rules, nullptr, problem));
+    EXPECT_EQ(problem.samples, std::max(fewest, 1));
+  }
+}
+
+TEST(CoveredArea, LeavesOutWhatIsFarFromTheOthers) {
+  std::vector<Eigen::Vector2d> points;
+  for (int i = 0; i < 100; ++i) points.emplace_back(10.0 * (i % 10), 5.0 * (i / 10));
+  EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9);
+  for (const Eigen::Vector2d& far :
+       {Eigen::Vector2d(1e4, 20.0), {-1e4, 20.0}, {40.0, 1e4}, {40.0, -1e4}}) {
+    points.push_back(far);
+    EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9) << far.transpose();
+  }
 }
 
 /// log10 of the binomial coefficient.

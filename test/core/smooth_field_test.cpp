@@ -48,13 +48,14 @@ double median(std::vector<double> values) {
 
 /// `by_cell`: also has two thirds of the points in a ninth of the image.
 Consistency measure(const Errors& errors, std::size_t points, double min_scale,
-                    bool by_cell = false) {
+                    bool by_cell = false, bool of_patches = false) {
   constexpr int kScenes = 300;
   Numbers numbers(1);
   HomographyRefiner refiner;
   EvidenceOptions options;
   options.min_scale = min_scale;
   options.by_cell = by_cell;
+  options.of_patches = of_patches;
   std::vector<double> all, of_noise, deviations;
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
@@ -187,6 +188,64 @@ TEST(SmoothField, TheDeviationFromAPlaneIsThatOfTheScene) {
   }
   EXPECT_GT(measure(lens(2.0, 0.05), 400, 1.0).deviation, 0.1);
   EXPECT_LT(measure(noise(0.5), 400, 1e-4).deviation, 0.1);
+}
+
+TEST(SmoothField, OfPatchesCoversTheErrors) {
+  const Consistency c = measure(noise(0.2), 150, 1e-4, false, true);
+  EXPECT_GT(c.median, 0.5);
+  EXPECT_LT(c.median, 1.8);
+}
+
+/// The error at the corners, squared, of homographies from points that are rounded to whole pixels.
+double ofRounded(double zoom) {
+  Numbers numbers(3);
+  HomographyRefiner refiner;
+  EvidenceOptions options;
+  options.rounding = 1.0 / std::sqrt(12.0);
+  std::vector<double> all;
+  for (int scene = 0; scene < 300; ++scene) {
+    Eigen::Matrix3d truth = Eigen::Vector3d(zoom, zoom, 1.0).asDiagonal();
+    truth(0, 2) = numbers.uniform(0.0, 1.0);
+    truth(1, 2) = numbers.uniform(0.0, 1.0);
+    std::vector<Eigen::Vector2d> reference, target;
+    for (int i = 0; i < 200; ++i) {
+      reference.push_back(numbers.pointIn(kSize).array().round());
+      target.push_back(project(truth, reference.back()).array().round());
+    }
+    UncertainHomography found;
+    found.homography = truth;
+    EXPECT_TRUE(refiner.refine(reference, target, kSize, options, found));
+    for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
+      const Eigen::Vector2d error = project(found.homography, corner) - project(truth, corner);
+      all.push_back(
+          normalised(error, jacobianByEntries(found.homography, corner), found.covariance));
+    }
+  }
+  return median(all);
+}
+
+// Where points move alike they are rounded alike; where they do not, that is noise which the errors
+// show.
+TEST(SmoothField, RoundingCountsAsFarAsItIsAlike) {
+  for (const double zoom : {1.0005, 1.37}) {
+    const double found = ofRounded(zoom);
+    EXPECT_GT(found, 0.5) << zoom;
+    EXPECT_LT(found, 3.0) << zoom;
+  }
+}
+
+TEST(SmoothField, OverlappingPatchesAreFewerIndependentOnes) {
+  PointArrays<double> pairs;
+  pairs.resize(16);
+  Numbers numbers(4);
+  for (int i = 0; i < 16; ++i) {
+    Eigen::Vector2d x(i % 4, i / 4);  // NOLINT(bugprone-integer-division)
+    if (i == 15) x = {2.25, 3.0};     // half of its patch is that of pair 14
+    pairs.set(static_cast<std::size_t>(i), x, x + white(0.01, numbers));
+  }
+  const FieldFit fit = SmoothField().fit(pairs, std::vector<double>(16, 1.0), 1.0,
+                                         Eigen::Matrix3d::Identity(), {5.0, 0.0, 0.5});
+  EXPECT_NEAR(fit.shared_patches, 1.0 + 2.0 * 0.5 / 16.0, 1e-12);
 }
 
 TEST(SmoothField, IsZeroForTooFewPairs) {
