@@ -262,10 +262,40 @@ TEST(HomographyChecks, SeesTheHorizonAndTheMirror) {
   EXPECT_TRUE(keepsPlaneInView(h, corners));
   h(2, 0) = -1.0 / 700.0;
   EXPECT_TRUE(keepsPlaneInView(h, corners));
-  h(2, 0) = -1.0 / 600.0;
-  EXPECT_FALSE(keepsPlaneInView(h, corners));
+  for (const double x : {639.1, 600.0}) {  // nearly infinite at the border, and infinite in view
+    h(2, 0) = -1.0 / x;
+    EXPECT_FALSE(keepsPlaneInView(h, corners)) << x;
+  }
   h = Eigen::Vector3d(-1.0, 1.0, 1.0).asDiagonal();
   EXPECT_FALSE(keepsPlaneInView(h, corners));
+}
+
+TEST(HomographyChecks, ResizingKeepsTheOutlineOfThePixels) {
+  const Eigen::Matrix3d h = resizing({640, 480}, {320, 120});
+  EXPECT_LT((project(h, {-0.5, -0.5}) - Eigen::Vector2d(-0.5, -0.5)).norm(), 1e-12);
+  EXPECT_LT((project(h, {639.5, 479.5}) - Eigen::Vector2d(319.5, 119.5)).norm(), 1e-12);
+}
+
+// An error along one entry of a factor gives the product the error of the changed product.
+TEST(ChainedHomography, PropagatesTheErrorOfEachEntry) {
+  Numbers numbers(8);
+  for (int i = 0; i < 16; ++i) {
+    UncertainHomography first, second;
+    first.homography = test::randomHomography(kSize, 0.2, numbers);
+    second.homography = test::randomHomography(kSize, 0.2, numbers);
+    UncertainHomography& uncertain = i < 8 ? first : second;
+    const int entry = i % 8;
+    const double step = 1e-4 * std::abs(uncertain.homography(entry / 3, entry % 3));
+    uncertain.covariance(entry, entry) = step * step;
+    const UncertainHomography chain = chained(second, first);
+    uncertain.homography(entry / 3, entry % 3) += step;
+    const Eigen::Matrix3d change = chained(second, first).homography - chain.homography;
+    for (int k = 0; k < 8; ++k) {
+      EXPECT_NEAR(std::sqrt(chain.covariance(k, k)), std::abs(change(k / 3, k % 3)),
+                  0.01 * std::abs(change(k / 3, k % 3)) + 1e-12)
+          << i << ' ' << k;
+    }
+  }
 }
 
 TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain) {
@@ -305,13 +335,14 @@ double normalised(const Eigen::Vector2d& error, const Eigen::Matrix<double, 2, 8
 
 /// `by_cell`: also has two thirds of the points in a ninth of the image.
 Consistency measure(const Errors& errors, std::size_t points, double min_scale,
-                    bool by_cell = false) {
+                    bool by_cell = false, bool of_patches = false) {
   constexpr int kScenes = 300;
   Numbers numbers(1);
   HomographyRefiner refiner;
   EvidenceOptions options;
   options.min_scale = min_scale;
   options.by_cell = by_cell;
+  options.of_patches = of_patches;
   std::vector<double> all, of_noise, deviations;
   for (int scene = 0; scene < kScenes; ++scene) {
     const Eigen::Matrix3d truth = test::randomHomography(kSize, 0.1, numbers);
@@ -446,6 +477,64 @@ TEST(SmoothField, TheDeviationFromAPlaneIsThatOfTheScene) {
   EXPECT_LT(measure(noise(0.5), 400, 1e-4).deviation, 0.1);
 }
 
+TEST(SmoothField, OfPatchesCoversTheErrors) {
+  const Consistency c = measure(noise(0.2), 150, 1e-4, false, true);
+  EXPECT_GT(c.median, 0.5);
+  EXPECT_LT(c.median, 1.8);
+}
+
+/// The error at the corners, squared, of homographies from points that are rounded to whole pixels.
+double ofRounded(double zoom) {
+  Numbers numbers(3);
+  HomographyRefiner refiner;
+  EvidenceOptions options;
+  options.rounding = 1.0 / std::sqrt(12.0);
+  std::vector<double> all;
+  for (int scene = 0; scene < 300; ++scene) {
+    Eigen::Matrix3d truth = Eigen::Vector3d(zoom, zoom, 1.0).asDiagonal();
+    truth(0, 2) = numbers.uniform(0.0, 1.0);
+    truth(1, 2) = numbers.uniform(0.0, 1.0);
+    std::vector<Eigen::Vector2d> reference, target;
+    for (int i = 0; i < 200; ++i) {
+      reference.push_back(numbers.pointIn(kSize).array().round());
+      target.push_back(project(truth, reference.back()).array().round());
+    }
+    UncertainHomography found;
+    found.homography = truth;
+    EXPECT_TRUE(refiner.refine(reference, target, kSize, options, found));
+    for (const Eigen::Vector2d& corner : imageCorners(kSize, {})) {
+      const Eigen::Vector2d error = project(found.homography, corner) - project(truth, corner);
+      all.push_back(
+          normalised(error, jacobianByEntries(found.homography, corner), found.covariance));
+    }
+  }
+  return evaluation::median(all);
+}
+
+// Where points move alike they are rounded alike; where they do not, that is noise which the errors
+// show.
+TEST(SmoothField, RoundingCountsAsFarAsItIsAlike) {
+  for (const double zoom : {1.0005, 1.37}) {
+    const double found = ofRounded(zoom);
+    EXPECT_GT(found, 0.5) << zoom;
+    EXPECT_LT(found, 3.0) << zoom;
+  }
+}
+
+TEST(SmoothField, OverlappingPatchesAreFewerIndependentOnes) {
+  PointArrays<double> pairs;
+  pairs.resize(16);
+  Numbers numbers(4);
+  for (int i = 0; i < 16; ++i) {
+    Eigen::Vector2d x(i % 4, i / 4);  // NOLINT(bugprone-integer-division)
+    if (i == 15) x = {2.25, 3.0};     // half of its patch is that of pair 14
+    pairs.set(static_cast<std::size_t>(i), x, x + white(0.01, numbers));
+  }
+  const FieldFit fit = SmoothField().fit(pairs, std::vector<double>(16, 1.0), 1.0,
+                                         Eigen::Matrix3d::Identity(), {5.0, 0.0, 0.5});
+  EXPECT_NEAR(fit.shared_patches, 1.0 + 2.0 * 0.5 / 16.0, 1e-12);
+}
+
 TEST(SmoothField, IsZeroForTooFewPairs) {
   PointArrays<double> pairs;
   pairs.resize(8);
@@ -544,6 +633,78 @@ TEST(ProsacSearch, StartsWhereItIsTold) {
     if (found && cornerError(search, pairs, truth) < 3.0) ++found_alone;
   }
   EXPECT_LT(found_alone, 3);
+}
+
+/// Numbers, of which a model is the mean of four; counts the samples.
+struct Mean {
+  using Model = double;
+  static std::size_t sampleSize() { return 4; }
+  std::vector<double> values;
+  int samples = 0;
+  int right = 0;  ///< those from the numbers near zero alone
+
+  std::size_t size() const { return values.size(); }
+  template <typename Visit>
+  void solve(const prosac::ProsacSample& sample, Visit visit) {
+    double mean = 0.0;
+    int near = 0;
+    for (const std::size_t i : sample) {
+      mean += values[i] / 4.0;
+      near += std::abs(values[i]) < 1.0;
+    }
+    ++samples;
+    right += near == 4;
+    visit(mean);
+  }
+  float cost(double model, float) const {
+    double sum = 0.0;
+    for (const double v : values) sum += std::min((v - model) * (v - model), 1.0);
+    return static_cast<float>(sum);
+  }
+  static bool refine(double, double&) { return false; }
+  void findInliers(double model, std::vector<std::uint8_t>& inlier) const {
+    inlier.clear();
+    for (const double v : values) inlier.push_back(std::abs(v - model) < 1.0);
+  }
+};
+
+TEST(ProsacSearch, AlsoSamplesFromTheInliersAndCountsThat) {
+  Numbers numbers(4);
+  Mean problem;  // the right numbers come last
+  for (int i = 0; i < 75; ++i) problem.values.push_back(1e3 * numbers.normal());
+  for (int i = 0; i < 25; ++i) problem.values.push_back(0.1 * numbers.normal());
+  prosac::ProsacSearch<Mean> search;
+  ProsacRules rules;
+  rules.max_iterations = 5000;
+  rules.confidence = 1.0 - 1e-9;
+  ASSERT_TRUE(search.run(rules, std::nullopt, problem));
+  EXPECT_NEAR(search.best(), 0.0, 0.1);
+  EXPECT_EQ(search.iterations(), problem.samples);
+  EXPECT_GE(problem.right, 20) << "one in 300 of all samples";
+}
+
+TEST(ProsacSearch, DrawsAtLeastAsManySamplesAsItIsTold) {
+  Mean problem;
+  problem.values.assign(100, 0.0);
+  prosac::ProsacSearch<Mean> search;
+  ProsacRules rules;
+  for (const int fewest : {0, 40}) {
+    problem.samples = 0;
+    rules.min_iterations = fewest;
+    ASSERT_TRUE(search.run(rules, std::nullopt, problem));
+    EXPECT_EQ(problem.samples, std::max(fewest, 1));
+  }
+}
+
+TEST(CoveredArea, LeavesOutWhatIsFarFromTheOthers) {
+  std::vector<Eigen::Vector2d> points;
+  for (int i = 0; i < 100; ++i) points.emplace_back(10.0 * (i % 10), 5.0 * (i / 10));
+  EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9);
+  for (const Eigen::Vector2d& far :
+       {Eigen::Vector2d(1e4, 20.0), {-1e4, 20.0}, {40.0, 1e4}, {40.0, -1e4}}) {
+    points.push_back(far);
+    EXPECT_NEAR(coveredArea(points), 90.0 * 45.0, 1e-9) << far.transpose();
+  }
 }
 
 /// log10 of the binomial coefficient.

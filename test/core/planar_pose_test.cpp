@@ -195,6 +195,26 @@ TEST(PlanarPose, AFrontalViewAllowsTwo) {
   EXPECT_EQ(one[0].share, 1.0);
 }
 
+TEST(PlanarPose, IsTheTrueOneOfTwoAsOftenAsItsShareSays) {
+  std::mt19937 random(7);
+  const Eigen::Isometry3d truth = farPose(60.0, 0.3);
+  const Covariance8 covariance = covarianceOf(truth, 0.8, random);
+  double share = 0.0, right = 0.0;
+  constexpr int kTrials = 1000;
+  for (int i = 0; i < kTrials; ++i) {
+    const auto found =
+        planarPoses(fit(truth, 0.8, random), covariance, camera(), kReference, kWidth).poses;
+    if (found.empty()) continue;
+    share += found[0].share / kTrials;
+    const auto off = [&](const PlanarPose& pose) {
+      return difference(pose.target_to_camera, truth).tail<3>().norm();
+    };
+    if (off(found[0]) < off(found.back()) || found.size() == 1) right += 1.0 / kTrials;
+  }
+  std::printf("right: %.3f, as said: %.3f\n", right, share);
+  EXPECT_NEAR(right, share, 0.03);
+}
+
 /// It tells which of the poses are near enough, and how certain they are.
 TEST(PlanarPose, IsNotThereWithoutACovariance) {
   std::mt19937 random(3);
@@ -331,6 +351,28 @@ TEST(PlanarPose, OfATargetThatPassesARollingShutterIsThatOfItsMiddleRow) {
   }
 }
 
+// A point that falls as the rows do is seen later in each image than the time between them says.
+TEST(PlanarPose, KnowsWhenAFallingPointWasSeen) {
+  std::mt19937 random(10);
+  Passing passing;
+  for (const double speed : {1.5, -1.5}) {  // m/s
+    passing.velocity = speed * Eigen::Vector3d::UnitY();
+    const UncertainHomography bent = passing.seen(0.0, 0.0, random);
+    const UncertainHomography before = passing.seen(-kPeriod, 0.0, random);
+    const Eigen::Matrix3d straight =
+        withoutShutter(bent, before, kPeriod, kReadout, kReference, kRows).homography;
+    const auto error = [&](const Eigen::Matrix3d& h, const Eigen::Vector2d& corner) {
+      return ((h * corner.homogeneous()).hnormalized() - project(passing.pose, corner)).norm();
+    };
+    for (const Eigen::Vector2d& corner :
+         {Eigen::Vector2d(0, 0), Eigen::Vector2d(799, 0), Eigen::Vector2d(799, 599)}) {
+      std::printf("%.1f m/s: %.3f px, %.3f px with the shutter\n", speed, error(straight, corner),
+                  error(bent.homography, corner));
+      EXPECT_LT(error(straight, corner), 0.1) << speed;
+    }
+  }
+}
+
 // A camera that moves to the side or turns, and whose readout time nobody has said. As if it had a
 // global shutter, the pose is off by many deviations.
 TEST(PlanarPose, HasATrueCovarianceBeforeAShutterThatIsNotKnown) {
@@ -385,6 +427,24 @@ TEST(PlanarPose, StaysAsItIsWithoutAShutterOrWithoutMotion) {
   EXPECT_THROW(change(moved, kPeriod, std::nan("")), std::invalid_argument);
   EXPECT_THROW(withoutShutter(now, now, kPeriod, kReadout, {}, kRows), std::invalid_argument);
   EXPECT_THROW(withoutShutter(now, now, kPeriod, kReadout, kReference, 0), std::invalid_argument);
+}
+
+// A shift that both homographies share is there without the shutter, too.
+TEST(PlanarPose, LosesNoSharedErrorWithTheShutter) {
+  UncertainHomography now;
+  now.homography << 0.5, 0.0, 120.0, 0.0, 0.5, 90.0, 0.0, 0.0, 1.0;
+  now.shared_covariance(2, 2) = now.shared_covariance(5, 5) = 0.04;
+  now.covariance = now.shared_covariance;
+  UncertainHomography before = now;
+  before.homography(0, 2) -= 40.0;
+  before.homography(1, 2) += 30.0;
+  const auto known = withoutShutter(now, before, kPeriod, kReadout, kReference, kRows);
+  EXPECT_LT((known.shared_covariance - now.shared_covariance).norm(), 1e-6);
+  EXPECT_LT((known.covariance - known.shared_covariance).norm(), 1e-6);
+  const auto unknown = withoutShutter(now, before, kPeriod, -1.0, kReference, kRows);
+  EXPECT_LT((unknown.covariance - unknown.shared_covariance).norm(), 1e-6);
+  // 0.5 rows by a row of the reference, 10 ms by 480 rows, 40 px by 1/30 s.
+  EXPECT_NEAR(std::sqrt(unknown.covariance(1, 1)), 0.5 * 0.01 / 480.0 * 40.0 * 30.0, 1e-3);
 }
 
 TEST(PlanarPose, RefusesACameraOrATargetOfNoSize) {

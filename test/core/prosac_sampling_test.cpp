@@ -5,11 +5,19 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <utility>
 
 #include "core/prosac/prosac.h"
 
 namespace ktgp_orb::prosac {
 namespace {
+
+TEST(QualityOrder, IsThatOfTheNumbersAndOfTheInputWhereTheyAreEqual) {
+  QualityOrder order;
+  order.sort({0.5, -1.0, 0.0, -0.0, 2.0, -3.0, 0.5});
+  const std::size_t expected[] = {5, 1, 2, 3, 0, 6, 4};
+  for (std::size_t i = 0; i < 7; ++i) EXPECT_EQ(order[i], expected[i]) << i;
+}
 
 TEST(ProsacSampler, ReachesEveryPairWithinTheBudget) {
   ProsacSample sample;
@@ -49,14 +57,16 @@ TEST(ProsacSampler, GrowsAsTheFormulaSays) {
     }
     return product;
   };
-  for (std::size_t m : {2, 4, 7}) {
-    const ProsacSampler sampler(m, 100, 1000, 1);
-    const double steady = 1.0;  // a quarter of the budget is more than one sample per pair
-    const double rest = 1000.0 - 1.0 - steady * static_cast<double>(100 - m);
-    for (std::size_t n = m; n <= 100; ++n) {
-      const double expected =
-          1.0 + steady * static_cast<double>(n - m) + rest * choose(n, m) / choose(100, m);
-      EXPECT_NEAR(sampler.samplesUntil(n), expected, 1e-9 * expected) << m << ' ' << n;
+  // A quarter of the budget is more than one sample per pair, and less.
+  for (const auto& [budget, steady] : {std::pair(1000, 1.0), std::pair(200, 0.5)}) {
+    for (std::size_t m : {2, 4, 7}) {
+      const ProsacSampler sampler(m, 100, budget, 1);
+      const double rest = budget - 1.0 - steady * static_cast<double>(100 - m);
+      for (std::size_t n = m; n <= 100; ++n) {
+        const double expected =
+            1.0 + steady * static_cast<double>(n - m) + rest * choose(n, m) / choose(100, m);
+        EXPECT_NEAR(sampler.samplesUntil(n), expected, 1e-9 * expected) << m << ' ' << n;
+      }
     }
   }
 }

@@ -180,12 +180,11 @@ void add(const PlanarPose& pose, std::vector<PlanarPose>& poses) {
     poses.push_back(pose);
     return;
   }
-  PlanarPose& first = poses.front();
-  const Eigen::AngleAxisd between(Eigen::Matrix3d(first.target_to_camera.linear().transpose() *
-                                                  pose.target_to_camera.linear()));
+  const Eigen::AngleAxisd between(Eigen::Matrix3d(
+      poses.front().target_to_camera.linear().transpose() * pose.target_to_camera.linear()));
   if (std::abs(between.angle()) < kSame) return;
   poses.push_back(pose);
-  if (pose.squared_error < first.squared_error) std::swap(poses[0], poses[1]);
+  if (poses[1].squared_error < poses[0].squared_error) std::swap(poses[0], poses[1]);
   poses[0].share = 1.0 / (1.0 + std::exp(-0.5 * (poses[1].squared_error - poses[0].squared_error)));
   poses[1].share = 1.0 - poses[0].share;
   if (poses[1].share >= kLeastShare) return;
