@@ -4,6 +4,8 @@
 #include <chrono>
 #include <cmath>
 #include <optional>
+#include <string_view>
+#include <tuple>
 #include <utility>
 
 #include "core/growth/verdict.h"

@@ -52,7 +52,7 @@ class CheckIncludes(FolderCase):
         self.check(code=1, prints='core/gms -> core/knn -> core/gms')
 
     def test_paths_are_given_from_src(self):
-        self.expect('"frame_pool.h"', 'src/core/sequence/sequence_matcher.cpp', 'no such file')
+        self.expect('"frames.h"', 'src/core/sequence/sequence_matcher.cpp', 'no such file')
 
     def test_an_unknown_folder_is_named(self):
         (self.folder / 'src/elsewhere').mkdir()

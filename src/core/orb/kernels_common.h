@@ -23,7 +23,7 @@ constexpr int kDiscColumns = 32;
 
 /// The disc for vector code, by distance of the row: 255 inside; column c is at x = c -
 /// kOrientationRadius.
-constexpr auto kDisc = [] {
+alignas(64) constexpr auto kDisc = [] {
   std::array<std::array<std::uint8_t, kDiscColumns>, kOrientationRadius + 1> disc{};
   for (std::size_t y = 0; y < disc.size(); ++y) {
     for (int x = -kDiscHalfWidth[y]; x <= kDiscHalfWidth[y]; ++x) {

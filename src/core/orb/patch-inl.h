@@ -76,7 +76,8 @@ std::pair<int, int> moments(const std::uint8_t* pixel, std::ptrdiff_t stride) {
       sum = sum + below + above;
       sum_y = sum_y + (below - above) * hn::Set(d, static_cast<std::int16_t>(y));
     }
-    moment_x += dot(sum, hn::Iota(d, static_cast<std::int16_t>(column - kOrientationRadius)));
+    const auto first = hn::Set(d, static_cast<std::int16_t>(column - kOrientationRadius));
+    moment_x += dot(sum, hn::Iota(d, 0) + first);  // Iota of a variable is slow
     moment_y += dot(sum_y, hn::Set(d, 1));
   }
   return {moment_x, moment_y};
