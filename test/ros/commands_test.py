@@ -50,6 +50,7 @@ OXFORD = ('oxford/leuven oxford/bikes oxford/boat', 'sets/leuven')
 # The estimator of these methods needs OpenCV 4.6.
 PEERS = ',SIFT,AKAZE,FLOW' if tuple(map(int, cv2.__version__.split('.')[:2])) >= (4, 6) else ''
 TARGETS = "echo '- {id: place, image: first.png}' > targets.yaml && "
+BUILT = ' --built out/release'  # the first option of scripts/evaluate
 POSTERS = 'mkdir -p posters && cp first.png posters/ && '
 
 RUN = {
@@ -58,10 +59,11 @@ RUN = {
     'dev/check_includes': AS_WRITTEN,
     'examples/python/match_and_track.py first.png second.png --video my.mp4 --plot inliers.png': AS_WRITTEN,
     'scripts/evaluate':
-        Run(add=' --built out/release --data sets --output report --methods ORB,KTGP --repeat 1 --warp-pairs 1'),
-    'scripts/evaluate --hpatches DIR': Run(('DIR', 'sets'), add=' --built out/release --methods KTGP'),
+        Run(add=BUILT + ' --data sets --output report --methods ORB,KTGP --repeat 1 --warp-pairs 1'),
+    'scripts/evaluate --hpatches DIR': Run(('evaluate', 'evaluate' + BUILT), ('DIR', 'sets'), add=' --methods KTGP'),
     'scripts/evaluate --data DIR':
-        Run(('DIR', 'sets'), add=' --built out/release --methods KTGP --repeat 1 --warp-pairs 0 --output one_method'),
+        Run(('evaluate', 'evaluate' + BUILT), ('DIR', 'sets'),
+            add=' --methods KTGP --repeat 1 --warp-pairs 0 --output one_method'),
     'cmake -DKTGP_ORB_CORE_ONLY=ON': Run(add=' -S . -B build/core_only ${KTGP_ORB_CMAKE_OPTIONS:-}'),
     'roslaunch ktgp_orb matcher.launch namespace:=camera image:=image_raw preset:=video': MATCHER,
     'roslaunch ktgp_orb matcher.launch namespace:=usb_cam image:=image_raw preset:=video':
