@@ -145,7 +145,7 @@ void BagMessages::reject(const std::string& what) {
 }
 
 std::string BagMessages::damage(const std::string& things) const {
-  const std::string what = file_.damage();
+  std::string what = file_.damage();
   std::size_t lost = expected_ - std::min(expected_, read_);
   for (const auto& of : file_.missing()) lost += connections_.count(of.first) > 0 ? of.second : 0;
   if (lost > 0) return std::to_string(lost) + " " + things + " lost; " + what;

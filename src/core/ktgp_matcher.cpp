@@ -110,7 +110,7 @@ class Chain {
   };
   struct Stage {
     const char* name;
-    bool (*isOn)(const MatcherOptions& options);
+    bool (*is_on)(const MatcherOptions& options);
     /// Sets input and output of `stage`. False: this pair has no need of it.
     bool (Chain::*run)(Context& context, StageResult& stage);
   };
@@ -163,7 +163,7 @@ void Chain::nameStages(const MatcherOptions& options, MatchResult& result) {
   auto& stages = result.stages;
   stages.clear();
   for (const Stage& stage : kStages) {
-    if (stage.isOn(options)) stages.push_back({stage.name});
+    if (stage.is_on(options)) stages.push_back({stage.name});
   }
   // Readers know the paper's four by their places, so the two-view geometry comes last.
   const auto two_view = std::find_if(stages.begin(), stages.end(), [](const StageResult& stage) {
@@ -179,7 +179,7 @@ void Chain::run(const Features& reference, const Features& target, const MatchHi
   guided_matches_.clear();
   Context context{reference, target, hints, result};
   for (const Stage& stage : kStages) {
-    if (!stage.isOn(options)) continue;
+    if (!stage.is_on(options)) continue;
     const auto start = std::chrono::steady_clock::now();
     StageResult done{stage.name};
     if ((this->*stage.run)(context, done)) done.milliseconds = util::millisecondsSince(start);

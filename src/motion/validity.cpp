@@ -121,7 +121,7 @@ std::string whyUnusable(const HeightReading& reading) {
   if (!(reading.metres > 0.0) || !std::isfinite(reading.metres)) {
     return "is " + std::to_string(reading.metres) + " m; expected a number above 0";
   }
-  const std::string why = whyUnusable(reading.deviation, "m", reading.age);
+  std::string why = whyUnusable(reading.deviation, "m", reading.age);
   if (!why.empty()) return why;
   if (!reading.beam_origin.allFinite() || !reading.beam_direction.allFinite()) {
     return "has a beam that is not finite";

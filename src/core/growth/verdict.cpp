@@ -162,7 +162,8 @@ void Verdict::findRepeats(const std::vector<Prediction>& predictions,
       if (distance(bits, other) > kMaxDistance) return;
       const int column = std::clamp(static_cast<int>((dx + kReach) / kBin), 0, kSide - 1);
       const int row = std::clamp(static_cast<int>((dy + kReach) / kBin), 0, kSide - 1);
-      const auto bin = static_cast<std::size_t>(row * kSide + column);
+      const int place = row * kSide + column;
+      const auto bin = static_cast<std::size_t>(place);
       ++bin_votes_[bin];
       bin_sums_[bin] += cv::Point2f(dx, dy);
     });

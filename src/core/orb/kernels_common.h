@@ -27,7 +27,8 @@ alignas(64) constexpr auto kDisc = [] {
   std::array<std::array<std::uint8_t, kDiscColumns>, kOrientationRadius + 1> disc{};
   for (std::size_t y = 0; y < disc.size(); ++y) {
     for (int x = -kDiscHalfWidth[y]; x <= kDiscHalfWidth[y]; ++x) {
-      disc[y][static_cast<std::size_t>(x + kOrientationRadius)] = 255;
+      const int column = x + kOrientationRadius;
+      disc[y][static_cast<std::size_t>(column)] = 255;
     }
   }
   return disc;
