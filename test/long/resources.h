@@ -26,8 +26,8 @@
 namespace ktgp_orb::test {
 
 /// The argument --frames of the program; at least `fewest`, 20 000 without.
-inline int soakFrames(int argc, char** argv, int fewest) {
-  return std::max(fewest, static_cast<int>(argument(argc, argv, "frames", 20000)));
+inline int soakFrames(int fewest) {
+  return std::max(fewest, argument("frames", 20000));
 }
 
 /// The resources of the process.

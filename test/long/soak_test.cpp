@@ -17,7 +17,6 @@ namespace {
 
 using test::Held;
 
-int frames = 20000;
 constexpr int kCycle = 1000;  // frames per loading of the nodelet
 // The memory in use hardly varies. The size of the process varies by 3 MB, depending on how its
 // threads share the pages of the allocator; in 100 000 frames it does not grow after the first 10
@@ -86,16 +85,16 @@ class Soak {
     nodelet::Loader loader(false);
     Feeder feeder("/one/camera/", kMatcher + "statistics");
     Feeder other("/two/camera/", "/two/camera/matcher/statistics");
-    int report_every = std::max(kCycle, frames / 20 / kCycle * kCycle);
+    int report_every = std::max(kCycle, frames_ / 20 / kCycle * kCycle);
     auto since = std::chrono::steady_clock::now();
     std::printf("%9s %7s %9s %8s %6s %8s %8s %8s %8s %8s\n", "frames", "Hz", "MB", "heap MB",
                 "files", "threads", "p50 ms", "p99 ms", "max ms", "dropped");
-    for (int done = 0; done < frames; done += kCycle) {
+    for (int done = 0; done < frames_; done += kCycle) {
       if (!load(loader, "one", feeder)) return false;
       if (done % (kStay * kCycle) == 0 && !load(loader, "two", other)) return false;
       ros::service::waitForService(kMatcher + "set_parameters");
       if (!reconfigure(5) || !cycle(feeder, other, done)) return false;
-      const Held& now = course_.add(done + kCycle >= std::min(frames / 4, 20 * kCycle));
+      const Held& now = course_.add(done + kCycle >= std::min(frames_ / 4, 20 * kCycle));
       if ((done + kCycle) % report_every == 0) {
         const auto end = std::chrono::steady_clock::now();
         report(done + kCycle, now, tally_.dropped, feeder.times(),
@@ -114,9 +113,9 @@ class Soak {
         tally_.sizes, tally_.infos, tally_.ok, tally_.thinned);
     course_.judge(kHeapLimit, kGrowthLimit);
     EXPECT_EQ(tally_.dropped, 0U) << "each frame was shown after the answer to the one before";
-    EXPECT_GT(tally_.ok, frames / 2);
-    EXPECT_EQ(tally_.thinned, frames / kThinned);
-    EXPECT_EQ(tally_.infos, frames / kCycle);
+    EXPECT_GT(tally_.ok, frames_ / 2);
+    EXPECT_EQ(tally_.thinned, frames_ / kThinned);
+    EXPECT_EQ(tally_.infos, frames_ / kCycle);
     return true;
   }
 
@@ -203,6 +202,7 @@ class Soak {
 
   const test::View views_[3]{test::View({320, 240}), test::View({400, 240}),
                              test::View({256, 256})};
+  const int frames_ = test::soakFrames(4 * kCycle);
   test::Course course_;
   Tally tally_;
   ros::Publisher info_;
@@ -216,6 +216,5 @@ TEST(Soak, NothingGrows) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::frames = ktgp_orb::test::soakFrames(argc, argv, 4 * ktgp_orb::kCycle);
   return ktgp_orb::test::runTests(argc, argv, "soak_test");
 }

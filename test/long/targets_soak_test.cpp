@@ -111,7 +111,6 @@ class Known {
 namespace fs = std::filesystem;
 using test::Held;
 
-int frames = 20000;
 constexpr int kCycle = 1000;                     // frames; then all targets are removed
 constexpr int kStay = 5;                         // cycles per loading of the nodelet
 constexpr std::size_t kFewest = 10, kMost = 30;  // targets
@@ -152,7 +151,7 @@ class Soak {
     auto since = std::chrono::steady_clock::now();
     std::printf("%8s %6s %8s %8s %6s %8s %8s %8s %8s %8s\n", "frames", "Hz", "MB", "heap MB",
                 "files", "threads", "found", "p50 ms", "p99 ms", "max ms");
-    for (int done = 0; done < frames; done += kCycle) {
+    for (int done = 0; done < frames_; done += kCycle) {
       const int round = done / kCycle;
       if (round % kStay == 0 && !load(loader)) return false;
       if (!cycle(done)) return false;
@@ -160,7 +159,7 @@ class Soak {
       if (round % kStay == kStay / 2 && (!unload(loader) || !load(loader) || !readAgain()))
         return false;
       if (!removeAll()) return false;
-      const Held& held = course_.add(done + kCycle >= frames / 4);
+      const Held& held = course_.add(done + kCycle >= frames_ / 4);
       const auto now = std::chrono::steady_clock::now();
       report(done + kCycle, held, std::chrono::duration<double>(now - since).count());
       since = now;
@@ -186,7 +185,7 @@ class Soak {
     EXPECT_EQ(tally_.wrong, 0);
     EXPECT_GT(share, kLeastFound);
     EXPECT_GT(tally_.poses, tally_.found / 10);
-    EXPECT_GT(tally_.shown, frames / 4);
+    EXPECT_GT(tally_.shown, frames_ / 4);
   }
 
   bool load(nodelet::Loader& loader) {
@@ -461,6 +460,7 @@ class Soak {
   cv::RNG random_{1};
   Known known_;
   Tally tally_;
+  const int frames_ = test::soakFrames(4 * kCycle);
   test::Course course_;
 };
 
@@ -472,6 +472,5 @@ TEST(TargetsSoak, NothingGrowsAndNoTargetIsWrong) {
 }  // namespace ktgp_orb
 
 int main(int argc, char** argv) {
-  ktgp_orb::frames = ktgp_orb::test::soakFrames(argc, argv, 4 * ktgp_orb::kCycle);
   return ktgp_orb::test::runTests(argc, argv, "targets_soak_test");
 }
