@@ -174,9 +174,29 @@ TEST(Growth, TheMatcherTakesItWhereProsacFindsNothing) {
             countAtLeast(result.correspondences, Level::ktgp) + result.guided.size());
   const FramePair easy = drawnPair(500, 400, tilted(), 3);
   options.prosac.max_iterations = 2000;
-  result = matched(easy, options);
-  EXPECT_EQ(result.found_by, FoundBy::prosac);
-  EXPECT_EQ(result.growth.seeds, 0);
+  for (const FramePair& clear : {easy, drawnPair(60, 30, tilted(), 3)}) {  // also few, but most
+    result = matched(clear, options);
+    EXPECT_EQ(result.found_by, FoundBy::prosac);
+    EXPECT_EQ(result.growth.seeds, 0);
+  }
+}
+
+TEST(Growth, LeavesNothingForTheNextPair) {
+  MatcherOptions options = MatcherOptions::robust();
+  options.guided.enabled = options.alignment.enabled = false;
+  options.prosac.max_iterations = 20;
+  KtgpMatcher matcher(options);
+  MatchResult result;
+  const FramePair hard = drawnPair(2000, 40, tilted(), 3, 100);
+  matcher.match(hard.reference, hard.target, result);
+  ASSERT_EQ(result.found_by, FoundBy::growth);
+  // The pairs of the growth are right here, too, but do not match.
+  const FramePair easy = drawnPair(2000, 1000, tilted(), 3);
+  easy.target.descriptors.rowRange(0, 40).setTo(0);
+  matcher.match(easy.reference, easy.target, result);
+  ASSERT_EQ(result.found_by, FoundBy::prosac);
+  EXPECT_TRUE(result.guided.empty());
+  EXPECT_EQ(result.inliers, result.prosac.inliers);
 }
 
 /// 25 of 400 matches lie where one homography puts them, and have the nearest descriptors.
