@@ -49,6 +49,15 @@ TEST(ProsacSampler, DrawsDifferentPairsWithTheNewestAmongThem) {
   }
 }
 
+TEST(ProsacSampler, ReachesTheLastPairWhenSamplesWereDrawnElsewhere) {
+  ProsacSample sample;
+  ProsacSampler sampler(4, 100, 1000, 1);
+  sampler.spend(600);
+  while (sampler.left() > 0) sampler.draw(100, sample);
+  EXPECT_EQ(sampler.drawn(), 400);
+  EXPECT_EQ(sampler.growthSetSize(), 100u);
+}
+
 TEST(ProsacSampler, GrowsAsTheFormulaSays) {
   const auto choose = [](std::size_t n, std::size_t k) {
     double product = 1.0;
