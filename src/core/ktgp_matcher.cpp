@@ -5,7 +5,6 @@
 #include <cmath>
 #include <optional>
 #include <string_view>
-#include <tuple>
 #include <utility>
 
 #include "core/growth/verdict.h"
@@ -379,7 +378,8 @@ bool Chain::adopt(const UncertainHomography& candidate, Context& context) {
 /// Sets the answer and everything that belongs to it: levels, the guided matches that agree,
 /// inliers and RMSE. `found`: the answer, labelled with the pairs that passed GMS.
 void Chain::setAnswer(const ProsacResult& found, Context& context) {
-  const auto& [reference, target] = std::tie(context.reference, context.target);
+  const Features& reference = context.reference;
+  const Features& target = context.target;
   MatchResult& result = context.result;
   result.answer = found.answer;
   taken_.assign(target.size(), 0);

@@ -35,7 +35,7 @@ class GroundFilter {
   /// steps of the pose before (6) and of the pose now (6).
   static constexpr int kFrame = 0, kReadout = 3, kMap = 4, kBefore = 12, kNow = 18, kSize = 24;
 
-  /// What is said of the readout time of the shutter, s; 0: it does not roll, below 0: not known.
+  /// Readout time of the shutter, s; 0: a global shutter, below 0: not known.
   void setReadout(double seconds);
   double readout() const { return readout_; }
   double readoutDeviation() const { return std::sqrt(covariance_(kReadout, kReadout)); }

@@ -64,7 +64,7 @@ PoseRows<3> rowsOf(const DownReading& reading, const CameraPose& pose);
 /// The pose with the given height and normal, and the base where it was: it turns as little as
 /// possible. `lever`: of the base, in the camera's frame.
 CameraPose onGround(const GroundFrame& frame, const CameraPose& pose, const Eigen::Vector3d& lever);
-/// That above the origin, with the base's x axis along x. The frame has a height.
+/// The first pose: above the origin, with the base's x axis along x. `frame` has a height.
 CameraPose firstPose(const GroundFrame& frame, const Pose3& camera_to_base);
 
 /// Of the rotation since the pose `before`.

@@ -106,7 +106,7 @@ bool isUsable(const Covariance8& covariance) {
 
 namespace {
 
-/// What all readings have.
+/// Why a reading with this deviation or age cannot be used.
 std::string whyUnusable(double deviation, const char* unit, double age) {
   if (!(deviation >= 0.0) || !std::isfinite(deviation)) {
     return "has a standard deviation of " + std::to_string(deviation) + " " + unit +

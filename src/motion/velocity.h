@@ -15,7 +15,7 @@ class Velocity {
  public:
   /// The camera may stand still, or begin to move.
   void start(const GroundMotionOptions& options);
-  /// The next one is that from a pose to which this one did not lead.
+  /// Forgets the last velocity: the next pose does not follow from the one it led to.
   void interrupt() { is_measured_ = false; }
   void beginKeyframe() { noise_.beginKeyframe(); }
   /// From the pose before to the pose now. `seconds`: between them; `since_last`: since the last
@@ -36,10 +36,10 @@ class Velocity {
 
   /// Whether the pose now is farther from where the last velocity leads than a vehicle can go.
   bool isJump(const GroundFilter& filter, double seconds, double since_last) const;
-  /// Whether the pose now of the frame at `stamp`, which is a jump, and the refused ones just
-  /// before it, up to that of the frame at `before`, are one motion. Then the velocity before them
-  /// is of no use any more. `is_measured`: the pose before is that of the frame before, too, and
-  /// not that of the last frame which was not refused.
+  /// Whether the pose of the frame at `stamp`, which is a jump, and those of the frames just before
+  /// it, which were refused, are one motion. Then the velocity before them is of no use any more.
+  /// `before`: stamp of the frame before. `is_measured`: the filter has the pose of that frame, so
+  /// it gives the velocity; otherwise it has the pose of the last frame that was not refused.
   bool isBelieved(const GroundFilter& filter, std::int64_t stamp, std::int64_t before,
                   std::int64_t keyframe_stamp, bool is_measured);
 

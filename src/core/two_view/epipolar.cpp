@@ -88,7 +88,7 @@ void EpipolarPairs::load(const PointPairs& pairs, const prosac::QualityOrder& or
 Epipolar EpipolarPairs::fromMotion(const RelativePose& motion) const {
   Epipolar geometry;
   geometry.motion = motion;
-  geometry.matrix = by_motion(crossed(motion.translation) * motion.rotation);
+  geometry.matrix = fundamentalOf(crossed(motion.translation) * motion.rotation);
   return geometry;
 }
 
@@ -117,10 +117,10 @@ EpipolarPairs::Tangent EpipolarPairs::tangent(const Epipolar& g) const {
     const Eigen::Matrix<double, 3, 2> directions = across(g.motion.translation);
     for (int i = 0; i < 3; ++i) {
       columns.col(i) =
-          rowByRow(by_motion(cross * crossed(Eigen::Vector3d::Unit(i)) * g.motion.rotation));
+          rowByRow(fundamentalOf(cross * crossed(Eigen::Vector3d::Unit(i)) * g.motion.rotation));
     }
     for (int i = 0; i < 2; ++i) {
-      columns.col(3 + i) = rowByRow(by_motion(crossed(directions.col(i)) * g.motion.rotation));
+      columns.col(3 + i) = rowByRow(fundamentalOf(crossed(directions.col(i)) * g.motion.rotation));
     }
     return columns;
   }

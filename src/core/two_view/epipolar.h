@@ -33,7 +33,7 @@ class EpipolarPairs : public homography::NormalisedPairs {
             const std::optional<Cameras>& cameras);
 
   bool calibrated() const { return calibrated_; }
-  /// Normalised units a px.
+  /// Normalised units per px.
   double scale() const { return target.scale; }
   /// Focal length of the target camera, normalised units.
   double focal() const { return focal_; }
@@ -61,7 +61,8 @@ class EpipolarPairs : public homography::NormalisedPairs {
   Epipolar moved(const Epipolar& geometry, const Step& step) const;
 
  private:
-  Eigen::Matrix3d by_motion(const Eigen::Matrix3d& essential) const {
+  /// F between normalised coordinates.
+  Eigen::Matrix3d fundamentalOf(const Eigen::Matrix3d& essential) const {
     return target_ray_.transpose() * essential * reference_ray_;
   }
 
@@ -77,9 +78,9 @@ Eigen::Matrix<double, 3, 2> across(const Eigen::Vector3d& direction);
 /// Turns by a small rotation vector.
 Eigen::Matrix3d turned(const Eigen::Vector3d& rotation, const Eigen::Matrix3d& matrix);
 
-/// Epipolar geometry as prosac::ProsacSearch looks for it, and that of maximum likelihood for
-/// Sampson distances with Student's t distribution of four degrees of freedom, as MEstimator finds
-/// it for homographies. Works on the manifold of Epipolar. Keeps its buffers.
+/// Models, cost and steps of an epipolar geometry for prosac::ProsacSearch; and its fit, maximum
+/// likelihood for Sampson distances with Student's t distribution of four degrees of freedom, as
+/// that of MEstimator for homographies. Works on the manifold of Epipolar. Keeps its buffers.
 class EpipolarProblem {
  public:
   using Model = Epipolar;
