@@ -477,6 +477,31 @@ TEST(SmoothField, TheDeviationFromAPlaneIsThatOfTheScene) {
   EXPECT_LT(measure(noise(0.5), 400, 1e-4).deviation, 0.1);
 }
 
+TEST(SmoothField, TheDeviationFromAPlaneIsInPixelsOfTheTarget) {
+  Numbers numbers(3);
+  std::vector<Eigen::Vector2d> reference, target, enlarged;
+  while (reference.size() < 400) reference.push_back(numbers.pointIn(kSize));
+  const std::vector<Eigen::Vector2d> off = hills(0.5, 0.1)(reference, numbers);
+  constexpr double kLarger = 4.0;
+  for (std::size_t i = 0; i < reference.size(); ++i) {
+    target.push_back(reference[i] + off[i]);
+    enlarged.push_back(kLarger * target.back());
+  }
+  EvidenceOptions options;
+  options.min_scale = 1.0;
+  UncertainHomography equal, larger;
+  equal.homography.setIdentity();
+  larger.homography = Eigen::Vector3d(kLarger, kLarger, 1.0).asDiagonal();
+  HomographyRefiner refiner;
+  ASSERT_TRUE(refiner.refine(reference, target, kSize, options, equal));
+  options.min_scale *= kLarger;
+  options.max_error *= kLarger;
+  options.rounding *= kLarger;
+  ASSERT_TRUE(refiner.refine(reference, enlarged, kSize, options, larger));
+  EXPECT_GT(equal.plane_deviation, 0.1);
+  EXPECT_NEAR(larger.plane_deviation / equal.plane_deviation, kLarger, 1e-3);
+}
+
 TEST(SmoothField, OfPatchesCoversTheErrors) {
   const Consistency c = measure(noise(0.2), 150, 1e-4, false, true);
   EXPECT_GT(c.median, 0.5);
@@ -727,6 +752,50 @@ TEST(FalseAlarms, IsTheNumberOfSetsAndSamplesTimesTheirProbability) {
       }
     }
   }
+}
+
+/// The formula of the verdict, for points that are all apart, on the inliers in order of their
+/// error.
+bool chanceExplains(std::vector<double> errors, double area) {
+  std::sort(errors.begin(), errors.end());
+  const double n = static_cast<double>(errors.size());
+  for (double k = 5.0; k <= n; k += 1.0) {
+    const double error = errors[static_cast<std::size_t>(k) - 1];
+    if (error >= 3.0) break;
+    const double p = std::min(M_PI * error * error / area, 1.0);
+    const double log_chance = std::log10(std::max(p, 1.0 / area));
+    if (std::log10(n - 4.0) + logChoose(n, k) + logChoose(k, 4.0) + (k - 4.0) * log_chance < -4.0) {
+      return false;
+    }
+  }
+  return true;
+}
+
+TEST(HomographyVerdict, TrustsWhatTheFormulaSaysForAnyOrderOfTheInliers) {
+  Numbers numbers(5);
+  HomographyVerdict verdict;
+  int trusted = 0;
+  constexpr int kRuns = 2000;
+  for (int run = 0; run < kRuns; ++run) {
+    const double apart = numbers.uniform(10.0, 60.0);   // px
+    const double exponent = numbers.uniform(0.0, 3.0);  // of the errors: many small ones or few
+    const int count = 5 + static_cast<int>(numbers.uniform(0.0, 25.0));
+    PointPairs pairs;
+    std::vector<double> errors;
+    for (int i = 0; i < count; ++i) {
+      const Eigen::Vector2d point(apart * (i % 5), apart * (i / 5));
+      errors.push_back(4.0 * std::pow(numbers.uniform(0.0, 1.0), exponent));
+      pairs.reference.push_back(point);
+      pairs.target.emplace_back(point.x(), point.y() + errors.back());
+      pairs.quality.push_back(0.0);
+    }
+    const double area = coveredArea(pairs.target);
+    const bool trusts = verdict.trusts(Eigen::Matrix3d::Identity(), pairs, kSize, 3.0);
+    EXPECT_EQ(trusts, !chanceExplains(errors, area)) << run;
+    trusted += trusts ? 1 : 0;
+  }
+  EXPECT_GT(trusted, kRuns / 5);
+  EXPECT_LT(trusted, kRuns * 4 / 5);
 }
 
 }  // namespace
