@@ -129,6 +129,26 @@ TEST(HomographyScore, IsTheSumOfTruncatedSquares) {
   }
 }
 
+TEST(NormalisedPairs, TheLimitIsInPixelsOfTheTarget) {
+  Numbers numbers(6);
+  const Eigen::Matrix3d larger = Eigen::Vector3d(4.0, 4.0, 1.0).asDiagonal();
+  PointPairs pairs;
+  std::size_t near = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double error = numbers.uniform(0.0, 6.0);
+    if (error < 3.0) ++near;
+    const Eigen::Vector2d point = numbers.pointIn(kSize);
+    pairs.reference.push_back(point);
+    pairs.target.emplace_back(4.0 * point.x() + error, 4.0 * point.y());
+  }
+  NormalisedPairs normalised;
+  normalised.load(
+      pairs.reference, pairs.target, [](std::size_t i) { return i; }, 3.0);
+  std::vector<std::uint8_t> mask;
+  EXPECT_EQ(findInliers(normalised.scoring, *normalised.fromPixels(larger), normalised.limit, mask),
+            near);
+}
+
 TEST(HomographyRefiner, FindsTheMostLikelyHomographyFromOneNearby) {
   Numbers numbers(4);
   HomographyRefiner refiner;
@@ -296,6 +316,19 @@ TEST(ChainedHomography, PropagatesTheErrorOfEachEntry) {
           << i << ' ' << k;
     }
   }
+}
+
+TEST(ChainedHomography, SharedErrorsMayBeAlikeAndOthersAreIndependent) {
+  const auto shift = [](double noise, double shared) {
+    UncertainHomography answer;
+    answer.homography.setIdentity();
+    answer.shared_covariance(2, 2) = shared * shared;
+    answer.covariance(2, 2) = noise * noise + shared * shared;
+    return answer;
+  };
+  const UncertainHomography chain = chained(shift(5.0, 3.0), shift(12.0, 4.0));
+  EXPECT_NEAR(chain.shared_covariance(2, 2), 7.0 * 7.0, 1e-9);
+  EXPECT_NEAR(chain.covariance(2, 2), 13.0 * 13.0 + 7.0 * 7.0, 1e-9);
 }
 
 TEST(HomographyChecks, CornerDeviationIsThatOfAShiftWhenOnlyTheShiftIsUncertain) {
