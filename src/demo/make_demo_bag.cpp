@@ -9,7 +9,6 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <opencv2/core/utility.hpp>

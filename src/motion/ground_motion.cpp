@@ -1,7 +1,6 @@
 #include "ktgp_orb/ground_motion.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>

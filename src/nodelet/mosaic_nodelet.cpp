@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <deque>
-#include <vector>
 
 #include "core/util/format.h"
 #include "files/output_file.h"

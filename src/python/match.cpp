@@ -1,6 +1,5 @@
 #include "python/match.h"
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <stdexcept>

@@ -1,6 +1,5 @@
 #include "ktgp_orb/orb_extractor.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <tuple>
 

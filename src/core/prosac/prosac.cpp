@@ -1,10 +1,8 @@
 #include "core/prosac/prosac.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <numeric>
 #include <utility>
 

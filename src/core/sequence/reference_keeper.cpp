@@ -1,7 +1,5 @@
 #include "core/sequence/reference_keeper.h"
 
-#include "core/homography/transform.h"
-
 namespace ktgp_orb::sequence {
 namespace {
 

@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
-#include <string>
-#include <utility>
 
 #include "core/homography/smooth_field.h"
 #include "core/homography/transform.h"
