@@ -9,7 +9,6 @@ namespace ktgp_orb {
 namespace {
 
 using util::GreyStretch;
-using util::requireInRange;
 using util::withoutSlash;
 
 GreyStretch stretchFrom(const Parameters& parameters) {
@@ -42,7 +41,7 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
   // The constructor checks the rest; with one thread it starts none.
-  requireInRange("threads", parameters.threads, 0, 256);
+  util::requireInRange("threads", parameters.threads, 0, 256);
   SequenceOptions options = c.sequence;
   options.orb.threads = options.matcher.knn.threads = 1;
   const SequenceMatcher checked(options);

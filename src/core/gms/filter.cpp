@@ -12,7 +12,6 @@
 namespace ktgp_orb {
 namespace {
 
-using util::imagePoint;
 using util::requireInRange;
 
 using gms::Grid;
@@ -33,7 +32,7 @@ int scaled(int cells, double scale) {
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
 /// authors' program: rounding decides the cell of a keypoint on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = imagePoint(features, index);
+  const cv::Point2f& p = util::imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }

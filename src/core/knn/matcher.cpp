@@ -9,13 +9,8 @@
 namespace ktgp_orb {
 namespace {
 
-using knn::bestKnnKernel;
-using knn::KnnSearch;
-using knn::NearSearch;
-using util::requireInRange;
-
 const KnnOptions& valid(const KnnOptions& options) {
-  requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
+  util::requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
   return options;
 }
 
@@ -23,15 +18,15 @@ const KnnOptions& valid(const KnnOptions& options) {
 
 struct KnnMatcher::Impl {
   explicit Impl(const KnnOptions& given)
-      : options(valid(given)), search(bestKnnKernel(), given.threads) {
+      : options(valid(given)), search(knn::bestKnnKernel(), given.threads) {
     if (options.search_radius > 0.0) {
-      near.emplace(bestKnnKernel(), options.search_radius, search.pool());
+      near.emplace(knn::bestKnnKernel(), options.search_radius, search.pool());
     }
   }
 
   const KnnOptions options;
-  KnnSearch search;
-  std::optional<NearSearch> near;  // only with a search radius
+  knn::KnnSearch search;
+  std::optional<knn::NearSearch> near;  // only with a search radius
 };
 
 KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}

@@ -15,11 +15,6 @@
 namespace ktgp_orb {
 namespace {
 
-using sequence::FramePool;
-using sequence::MotionPredictor;
-using sequence::ReferenceKeeper;
-using sequence::TrackNumbers;
-
 void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
@@ -132,10 +127,10 @@ struct SequenceMatcher::Impl {
   SequenceOptions options;
   OrbExtractor extractor;
   KtgpMatcher matcher;
-  ReferenceKeeper keeper;
-  MotionPredictor predictor;
-  TrackNumbers tracks;
-  FramePool pool;
+  sequence::ReferenceKeeper keeper;
+  sequence::MotionPredictor predictor;
+  sequence::TrackNumbers tracks;
+  sequence::FramePool pool;
   ReferenceViews views;
   FramePtr viewed;  // the frame of the views
   SequenceMatch answer;
