@@ -19,12 +19,6 @@ using gms::Grid;
 // The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
 
-/// Cells across and down, so that a cell has as many matches as with 1000 on the paper's grid.
-int cellsFor(std::size_t matches) {
-  constexpr double kMatchesPerCell = 2.5;
-  return std::clamp(cvRound(std::sqrt(static_cast<double>(matches) / kMatchesPerCell)), 5, 20);
-}
-
 int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
 }
@@ -112,12 +106,15 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
   }
 }
 
-/// Where the options leave the grid to the number of matches.
+/// Where the options leave the grid to the number of matches: a cell has as many as with 1000 on
+/// the paper's grid.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
-  const int cells = cellsFor(static_cast<std::size_t>(
+  constexpr double kMatchesPerCell = 2.5;
+  const auto count = static_cast<double>(
       std::count_if(correspondences.begin(), correspondences.end(),
-                    [](const Correspondence& c) { return c.level == Level::kt; })));
+                    [](const Correspondence& c) { return c.level == Level::kt; }));
+  const int cells = std::clamp(cvRound(std::sqrt(count / kMatchesPerCell)), 5, 20);
   setGrid(options.grid_columns != 0 ? options.grid_columns : cells,
           options.grid_rows != 0 ? options.grid_rows : cells);
 }

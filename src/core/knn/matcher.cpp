@@ -7,18 +7,9 @@
 #include "ktgp_orb/knn_matcher.h"
 
 namespace ktgp_orb {
-namespace {
-
-const KnnOptions& valid(const KnnOptions& options) {
-  util::requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
-  return options;
-}
-
-}  // namespace
-
 struct KnnMatcher::Impl {
   explicit Impl(const KnnOptions& given)
-      : options(valid(given)), search(knn::bestKnnKernel(), given.threads) {
+      : options(given), search(knn::bestKnnKernel(), given.threads) {
     if (options.search_radius > 0.0) {
       near.emplace(knn::bestKnnKernel(), options.search_radius, search.pool());
     }
@@ -29,7 +20,10 @@ struct KnnMatcher::Impl {
   std::optional<knn::NearSearch> near;  // only with a search radius
 };
 
-KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+KnnMatcher::KnnMatcher(const KnnOptions& options) {
+  util::requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
+  impl_ = std::make_unique<Impl>(options);
+}
 
 KnnMatcher::~KnnMatcher() = default;
 KnnMatcher::KnnMatcher(KnnMatcher&&) noexcept = default;

@@ -118,8 +118,6 @@ struct SequenceMatcher::Impl {
   FramePtr foundAnew(const FramePtr& frame, const OrbOptions& orb);
   const ReferenceViews* viewsOf(const FramePtr& reference);
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
-  void fallBack(const Frame& reference, const Frame& target, const MatchHints& hints,
-                MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
   void forgetAnswer();
@@ -218,17 +216,11 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
-  if (result.search == Search::near && predictor.isPoor(result)) {
-    hints.prediction.reset();
-    hints.whole_image = true;
-    fallBack(*reference, target, hints, result);
-  }
-}
-
-/// Matches again without a search radius; `result` becomes the better of the two.
-void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
-                                     const MatchHints& hints, MatchResult& result) {
-  matcher.match(reference.features, target.features, hints, whole_result);
+  if (result.search != Search::near || !predictor.isPoor(result)) return;
+  // Again without a search radius; `result` becomes the better of the two.
+  hints.prediction.reset();
+  hints.whole_image = true;
+  matcher.match(reference->features, target.features, hints, whole_result);
   ++answer.fall_backs;
   const bool keep = result.status == Status::ok &&
                     (whole_result.status != Status::ok || whole_result.inliers < result.inliers);
