@@ -13,7 +13,6 @@
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
-#include <vector>
 
 #include "files/input.h"
 
@@ -193,11 +192,6 @@ class Video : public ImageSource {
   bool is_damaged_ = false;
 };
 
-/// "img2" before "img10".
-bool comesBefore(const std::string& a, const std::string& b) {
-  return strverscmp(a.c_str(), b.c_str()) < 0;
-}
-
 std::vector<std::string> filesOf(const std::string& pattern) {
   glob_t found{};
   std::vector<std::string> files;
@@ -205,7 +199,10 @@ std::vector<std::string> filesOf(const std::string& pattern) {
     files.assign(found.gl_pathv, found.gl_pathv + found.gl_pathc);
   }
   globfree(&found);
-  std::sort(files.begin(), files.end(), comesBefore);
+  // "img2" before "img10".
+  std::sort(files.begin(), files.end(), [](const std::string& a, const std::string& b) {
+    return strverscmp(a.c_str(), b.c_str()) < 0;
+  });
   return files;
 }
 

@@ -10,8 +10,6 @@
 namespace ktgp_orb::demo {
 namespace {
 
-using util::ceilDivide;
-
 constexpr int kBandHeight = 256;  // px
 constexpr int kFractionBits = 4;  // of the coordinates passed to OpenCV
 constexpr float kFractionScale = 1 << kFractionBits;
@@ -100,7 +98,7 @@ Polygon shifted(const Polygon& polygon, cv::Point2f by) {
 }
 
 void paint(const std::vector<Shape>& shapes, cv::Mat& image) {
-  const int bands = ceilDivide(image.rows, kBandHeight);
+  const int bands = util::ceilDivide(image.rows, kBandHeight);
   std::vector<std::vector<const Shape*>> shapes_of(static_cast<std::size_t>(bands));
   for (const Shape& shape : shapes) {
     if (shape.corners.empty()) continue;

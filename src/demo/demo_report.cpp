@@ -23,7 +23,6 @@
 #include <set>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 #include "bag/reader.h"
 #include "cli/video_file.h"

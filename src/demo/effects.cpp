@@ -3,8 +3,6 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "demo/flight.h"
-
 namespace ktgp_orb::demo {
 namespace {
 

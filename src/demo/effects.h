@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <opencv2/core.hpp>
-#include <string>
 
 #include "demo/flight.h"
 

@@ -11,9 +11,7 @@
 namespace ktgp_orb::demo {
 namespace {
 
-using util::kPi;
-
-constexpr double kDegree = kPi / 180.0;
+constexpr double kDegree = util::kPi / 180.0;
 
 /// Point of the map below the camera, px: a long loop around the middle of the map.
 Eigen::Vector2d groundTrack(double t) {
@@ -27,7 +25,7 @@ double tremble(double t, int axis) {
   constexpr double kFrequencies[] = {3.1, 5.3, 7.9, 11.7};  // 1/s
   double sum = 0.0;
   for (const double frequency : kFrequencies) {
-    sum += std::sin(2.0 * kPi * (frequency + 0.37 * axis) * t + 1.7 * frequency * (axis + 1));
+    sum += std::sin(2.0 * util::kPi * (frequency + 0.37 * axis) * t + 1.7 * frequency * (axis + 1));
   }
   return sum / std::sqrt(0.5 * 4.0);
 }

@@ -9,7 +9,6 @@
 
 #include <Eigen/LU>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <opencv2/core/utility.hpp>
@@ -134,12 +133,11 @@ int run(int argc, char** argv) {
   CLI::App app(
       "Writes a bag with a camera that flies over a drawn map: /camera/image_raw (640x480, 30 Hz), "
       "/camera/camera_info, the true homography from each frame to the next on "
-      "/camera/ground_truth/homography, and on /camera/segment the difficulty of the frame: "
-      "clean, lighting, blur or noise.\nFor the motion in metres: the true "
-      "pose and velocity on /camera/ground_truth/odometry, the distance of the ground with 1 % "
-      "noise "
-      "on /camera/range, and orientation and angular velocity with 0.5 degrees and 0.2 degrees/s "
-      "noise on /camera/imu.\nThe same seed and length give the same bag.");
+      "/camera/ground_truth/homography, and on /camera/segment the difficulty of the frame: clean, "
+      "lighting, blur or noise.\nFor the motion in metres: the true pose and velocity on "
+      "/camera/ground_truth/odometry, the distance of the ground with 1 % noise on /camera/range, "
+      "and orientation and angular velocity with 0.5 degrees and 0.2 degrees/s noise on "
+      "/camera/imu.\nThe same seed and length give the same bag.");
   app.add_option("bag", path, "file to write")->required();
   app.add_option("--seconds", seconds, "length of the flight")
       ->check(tools::numberIn({0.2, 600.0}))

@@ -12,8 +12,6 @@
 namespace ktgp_orb::demo {
 namespace {
 
-using util::kPi;
-
 constexpr double kLargestBlock = 200000.0;  // px², about 450 × 450
 const cv::Scalar kAsphalt(92, 92, 94);
 const cv::Scalar kPavement(160, 166, 170);
@@ -64,7 +62,7 @@ void settle(const Polygon& land, Dice& dice, Landscape& landscape) {
   }
   const cv::RotatedRect box = cv::minAreaRect(land);
   const float turn = box.size.width > box.size.height ? 0.F : 90.F;
-  const double angle = (box.angle + turn + dice.between(-9.F, 9.F)) * kPi / 180.0;
+  const double angle = (box.angle + turn + dice.between(-9.F, 9.F)) * util::kPi / 180.0;
   const cv::Point2f across(static_cast<float>(std::cos(angle)),
                            static_cast<float>(std::sin(angle)));
   const cv::Point2f along(-across.y, across.x);

@@ -5,7 +5,6 @@
 #include <sensor_msgs/Range.h>
 
 #include <Eigen/Geometry>
-#include <cmath>
 #include <opencv2/core.hpp>
 
 #include "core/util/constants.h"

@@ -164,9 +164,8 @@ void addSubfolders(const fs::path& folder, Dataset& dataset) {
   if (!found) {
     dataset.problems.push_back(
         folder.string() +
-        ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, "
-        "1/NAME.png and h/NAME.txt, or NAMEA.png and NAME.points, in it or "
-        "in its subfolders");
+        ": holds no image set; expected img1.ppm and H1to2p, 1.ppm and H_1_2, 1/NAME.png and "
+        "h/NAME.txt, or NAMEA.png and NAME.points, in it or in its subfolders");
   }
 }
 

@@ -19,8 +19,6 @@
 namespace ktgp_orb::tools {
 namespace {
 
-using util::kPi;
-
 constexpr std::size_t kSampleSize = 4;
 
 std::vector<cv::Point2f> toOpenCv(const std::vector<Eigen::Vector2d>& points) {
@@ -70,7 +68,7 @@ double mlesacCost(const std::vector<double>& squared_errors, double threshold, d
   const double variance = threshold * threshold / 5.99;  // 95 % of a 2-D Gaussian is within
   std::vector<double> inlier(squared_errors.size());
   for (std::size_t i = 0; i < inlier.size(); ++i) {
-    inlier[i] = std::exp(-0.5 * squared_errors[i] / variance) / (2.0 * kPi * variance);
+    inlier[i] = std::exp(-0.5 * squared_errors[i] / variance) / (2.0 * util::kPi * variance);
   }
   double g = 0.5;
   for (int iteration = 0; iteration < 5; ++iteration) {

@@ -9,8 +9,6 @@
 namespace ktgp_orb::tools {
 namespace {
 
-using util::imagePoint;
-
 constexpr int kNoCell = -1;
 
 /// `grid`: columns and rows of cells in an image.
@@ -23,7 +21,7 @@ int neighbour(const cv::Size& grid, int cell, const cv::Point& offset) {
 /// shifted grid are not used.
 int cellOf(const cv::Size& grid, const Features& features, std::int32_t index,
            const cv::Point& shift) {
-  const cv::Point2f& p = imagePoint(features, index);
+  const cv::Point2f& p = util::imagePoint(features, index);
   const float x = p.x / static_cast<float>(features.image_size.width);
   const float y = p.y / static_cast<float>(features.image_size.height);
   const double column = std::floor(x * static_cast<float>(grid.width) + 0.5 * shift.x);

@@ -1,6 +1,5 @@
 #include "evaluation/sequence_evaluation.h"
 
-#include <algorithm>
 #include <chrono>
 #include <limits>
 

@@ -13,10 +13,9 @@
 namespace ktgp_orb::tools {
 namespace {
 
-using util::kPi;
 using util::Random;
 
-constexpr double kDegree = kPi / 180.0;
+constexpr double kDegree = util::kPi / 180.0;
 constexpr double kFocalLength = kWarpWidth;  // of the reference view, px: 53 degrees of width
 constexpr double kShown = 0.85;              // share of the picture in the reference view
 const Eigen::Vector2d kCentre(0.5 * (kWarpWidth - 1), 0.5 * (kWarpHeight - 1));
@@ -49,7 +48,7 @@ Eigen::Matrix3d drawHomography(const WarpLimits& limits, Random& random) {
       std::exp(keptAway(log_zoom, std::log(limits.least_zoom), std::log(limits.zoom)));
   const double any_tilt = uniform(random, -limits.tilt, limits.tilt);
   const double tilt = keptAway(any_tilt, limits.least_tilt, limits.tilt) * kDegree;
-  const double axis = uniform(random, 0.0, kPi);
+  const double axis = uniform(random, 0.0, util::kPi);
   const double shift_x = uniform(random, -limits.shift, limits.shift);
   const double shift_y = uniform(random, -limits.shift, limits.shift);
 

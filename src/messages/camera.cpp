@@ -12,8 +12,6 @@
 namespace ktgp_orb {
 namespace {
 
-using util::text;
-
 LensModel modelFrom(const std::string& name) {
   if (name == "plumb_bob" || name == "rational_polynomial") return LensModel::radial_tangential;
   if (name == "equidistant") return LensModel::equidistant;
@@ -114,9 +112,9 @@ PixelCamera pixelCamera(const sensor_msgs::CameraInfo& info, Pixels pixels,
   const LensConstPtr lens = lensFrom(known);
   const LensCalibration& calibration = lens->calibration();
   if (calibration.image_size != image_size) {
-    throw std::invalid_argument("the camera_info is of " + text(calibration.image_size) +
+    throw std::invalid_argument("the camera_info is of " + util::text(calibration.image_size) +
                                 " images (width and height, roi and binning applied); expected " +
-                                text(image_size) + " like the image");
+                                util::text(image_size) + " like the image");
   }
   PixelCamera found;
   if (pixels == Pixels::raw && isStraight(calibration)) {

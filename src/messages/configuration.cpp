@@ -6,17 +6,6 @@
 #include "core/util/options_check.h"
 
 namespace ktgp_orb {
-namespace {
-
-using util::GreyStretch;
-using util::requireInRange;
-using util::withoutSlash;
-
-GreyStretch stretchFrom(const Parameters& parameters) {
-  return parameters.stretch == "percentile" ? GreyStretch::percentile : GreyStretch::range;
-}
-
-}  // namespace
 
 Parameters parametersFrom(const KtgpConfig& config) {
   Parameters p;
@@ -35,14 +24,15 @@ Configuration configurationFrom(const Parameters& parameters, std::uint32_t numb
   Configuration c;
   c.number = number;
   c.sequence = sequenceOptions(parameters);
-  c.stretch = stretchFrom(parameters);
+  c.stretch =
+      parameters.stretch == "percentile" ? util::GreyStretch::percentile : util::GreyStretch::range;
   c.view.roi = roiFrom(parameters.roi);
   c.rectify = parameters.rectify;
   c.max_rate = parameters.max_rate;
   c.overlay_style = overlayStyleFrom(parameters);
   c.threads = parameters.threads;
   // The constructor checks the rest; with one thread it starts none.
-  requireInRange("threads", parameters.threads, 0, 256);
+  util::requireInRange("threads", parameters.threads, 0, 256);
   SequenceOptions options = c.sequence;
   options.orb.threads = options.matcher.knn.threads = 1;
   const SequenceMatcher checked(options);
@@ -61,7 +51,7 @@ GroundMotionConfig groundMotionDefaults() {
 GroundMotionConfig usable(GroundMotionConfig config) {
   requireReadoutTime(config.readout_time);
   for (std::string* frame : {&config.base_frame, &config.odom_frame, &config.ground_frame}) {
-    *frame = withoutSlash(*frame);
+    *frame = util::withoutSlash(*frame);
   }
   if (config.odom_frame.empty() || config.odom_frame == config.base_frame) {
     throw std::invalid_argument(
@@ -72,7 +62,8 @@ GroundMotionConfig usable(GroundMotionConfig config) {
 }
 
 std::string baseFrame(const std_msgs::Header& image, const GroundMotionConfig& config) {
-  return config.base_frame.empty() ? withoutSlash(image.frame_id) + "_level" : config.base_frame;
+  if (!config.base_frame.empty()) return config.base_frame;
+  return util::withoutSlash(image.frame_id) + "_level";
 }
 
 }  // namespace ktgp_orb

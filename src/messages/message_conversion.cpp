@@ -17,8 +17,6 @@
 namespace ktgp_orb {
 namespace {
 
-using util::imagePoint;
-
 // The constants of the messages and the enumerators of the core have the same numbers.
 static_assert(int(Status::ok) == MatchStatus::STATUS_OK, "");
 static_assert(int(Status::no_reference) == MatchStatus::STATUS_NO_REFERENCE, "");
@@ -51,8 +49,8 @@ static_assert(int(AlignmentStatus::not_better) == MatchStatistics::ALIGNMENT_NOT
 
 void append(const Correspondence& c, const Frame& reference, const Frame& target,
             Correspondences& message) {
-  const cv::Point2f from = imagePoint(reference.features, c.reference_index);
-  const cv::Point2f to = imagePoint(target.features, c.target_index);
+  const cv::Point2f from = util::imagePoint(reference.features, c.reference_index);
+  const cv::Point2f to = util::imagePoint(target.features, c.target_index);
   message.reference_x.push_back(from.x);
   message.reference_y.push_back(from.y);
   message.target_x.push_back(to.x);

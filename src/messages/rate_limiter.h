@@ -3,7 +3,6 @@
 #include <ros/time.h>
 
 #include <cmath>
-#include <cstdint>
 #include <optional>
 
 namespace ktgp_orb {

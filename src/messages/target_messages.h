@@ -6,7 +6,6 @@
 #include <std_msgs/Header.h>
 #include <visualization_msgs/MarkerArray.h>
 
-#include <optional>
 #include <string>
 #include <vector>
 

@@ -10,8 +10,6 @@
 namespace ktgp_orb::evaluation {
 namespace {
 
-using util::kPi;
-
 constexpr double kNormalisedRadius = 30.0;  // px, of the reference region in the target image
 
 /// The points x with (x - centre)^T shape (x - centre) <= 1.
@@ -19,7 +17,7 @@ struct Ellipse {
   Eigen::Vector2d centre;
   Eigen::Matrix2d shape;
 
-  double area() const { return kPi / std::sqrt(shape.determinant()); }
+  double area() const { return util::kPi / std::sqrt(shape.determinant()); }
   double halfHeight() const { return std::sqrt(shape(0, 0) / shape.determinant()); }
 };
 
@@ -54,7 +52,7 @@ double intersectionArea(const Ellipse& a, const Ellipse& b, int rows) {
 /// Scales the regions but not the distance of their centres; otherwise large regions would always
 /// repeat.
 double overlapError(Ellipse a, Ellipse b, int rows) {
-  const double factor = kNormalisedRadius * kNormalisedRadius * kPi / a.area();
+  const double factor = kNormalisedRadius * kNormalisedRadius * util::kPi / a.area();
   a.shape /= factor;
   b.shape /= factor;
   const double intersection = intersectionArea(a, b, rows);

@@ -21,9 +21,7 @@
 namespace ktgp_orb {
 namespace {
 
-using mosaic::Keyframes;
 using mosaic::TileMap;
-using util::requireInRange;
 
 constexpr std::size_t kPathLength = 300;  // frames that may arrive while one is placed
 // Limit for the scale against the first frame; beyond it a plane cannot be shown in one map.
@@ -102,7 +100,7 @@ struct Mosaic::Impl {
   OrbExtractor extractor;
   FramePath path;
   TileMap tiles;
-  Keyframes keyframes;
+  mosaic::Keyframes keyframes;
   cv::Size size;
   cv::Mat grey;
   cv::Mat colour;
@@ -264,7 +262,7 @@ struct Mosaic::Impl {
 };
 
 Mosaic::Mosaic(const MosaicOptions& options) {
-  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
+  util::requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
   impl_ = std::make_unique<Impl>(options);
 }
 
@@ -277,7 +275,7 @@ const MosaicOptions& Mosaic::options() const {
 }
 
 void Mosaic::setOptions(const MosaicOptions& options) {
-  requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
+  util::requireInRange("max_megapixels", options.max_megapixels, 1.0, 1000.0);
   impl_->extractor = OrbExtractor(withImages(options.orb, options.matcher.alignment.enabled));
   impl_->keyframes.setOptions(options.matcher);
   impl_->tiles.setMaxTiles(tilesFor(options));

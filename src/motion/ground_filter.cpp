@@ -2,14 +2,12 @@
 
 #include <Eigen/LU>
 #include <algorithm>
-#include <cmath>
 
 #include "core/util/constants.h"
 
 namespace ktgp_orb::motion {
 
 using util::inverseOf;
-using util::LeastSquares;
 using util::leastSquares;
 using util::propagated;
 using util::times;
@@ -229,7 +227,7 @@ bool GroundFilter::fit(const ImageMotion& motion, double noise) {
   Eigen::Matrix<double, 8, 10> residual_and_slope;
   residual_and_slope << entriesOf(seen) - entriesOf(h), -motion.by_readout, byMap(h);
   const SmallMatrix by_pose = times(*whitening, byPose(h, map_, pose));
-  const LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
+  const util::LeastSquares solved = leastSquares(by_pose, times(*whitening, residual_and_slope));
   constraints_ = solved.rest.col(0);
   constraints_by_state_.middleCols<9>(kReadout) = solved.rest.rightCols(9);
   Eigen::Matrix<double, 6, kSize> slope = Eigen::Matrix<double, 6, kSize>::Zero();

@@ -1,7 +1,6 @@
 #include "ktgp_orb/ground_motion.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <stdexcept>
@@ -23,7 +22,6 @@ using motion::ImageMotion;
 using motion::Innovations;
 using motion::looksDown;
 using motion::Matrix6;
-using motion::Vector6;
 
 constexpr double kHomographyLimit = 10.0;  // deviations
 constexpr int kPatience = 10;              // frames that are refused, one after the other
@@ -171,7 +169,7 @@ GroundStatus GroundMotion::Impl::beginAt(const GroundFrame& frame, const ImageMo
     estimate.height_misfit = std::numeric_limits<double>::infinity();
     return GroundStatus::no_height;
   }
-  Vector6 variances;
+  motion::Vector6 variances;
   const double exact = kOrigin * frame.height->metres;
   variances << exact * exact, exact * exact, 0.0, 0.0, 0.0, kOrigin * kOrigin;
   Matrix6 covariance = variances.asDiagonal();

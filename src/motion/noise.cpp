@@ -1,8 +1,6 @@
 #include "motion/noise.h"
 
 #include <Eigen/Cholesky>
-#include <algorithm>
-#include <cmath>
 
 namespace ktgp_orb::motion {
 namespace {

@@ -1,7 +1,6 @@
 #include "motion/rows.h"
 
 #include <Eigen/LU>
-#include <algorithm>
 #include <cmath>
 #include <limits>
 

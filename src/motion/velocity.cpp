@@ -37,20 +37,15 @@ void Velocity::measure(const GroundFilter& filter, double seconds, double since_
   const Matrix6 noise = propagated(slope, filter.noiseOfBoth());
   noise_.add(twist_, noise, seconds, filter.now().position.z());
   if (is_flat) covariance_ -= noise - noise_.scaled(noise);
-  const bool follows = std::exchange(is_measured_, true);
-  if (follows) followLast(last, last_covariance, filter, acceleration * since_last);
-}
-
-/// A Kalman update by the last velocity, from which this one differs by an unknown acceleration. It
-/// matters where the pictures tell less: near the ground few features are in view, and a rotation
-/// looks like a translation.
-void Velocity::followLast(const Vector6& last, const Matrix6& last_covariance,
-                          const GroundFilter& filter, double deviation) {
+  if (!std::exchange(is_measured_, true)) return;
+  // A Kalman update by the last velocity, from which this one differs by an unknown acceleration.
+  // It matters where the pictures tell less: near the ground few features are in view, and a
+  // rotation looks like a translation.
   const Eigen::Matrix3d to_now = filter.now().axes.transpose() * filter.before().axes;
   const Eigen::Vector3d change = to_now * last.head<3>() - twist_.head<3>();
   Eigen::Matrix3d covariance = covariance_.topLeftCorner<3, 3>();
   covariance += to_now * last_covariance.topLeftCorner<3, 3>() * to_now.transpose();
-  covariance.diagonal().array() += std::pow(deviation, 2);
+  covariance.diagonal().array() += std::pow(acceleration * since_last, 2);
   const Eigen::Matrix<double, 6, 3> gain = covariance_.leftCols<3>() * covariance.inverse();
   twist_ += gain * change;
   covariance_ -= gain * covariance_.topRows<3>();

@@ -45,8 +45,6 @@ class Velocity {
 
  private:
   double largestChange(const GroundFilter& filter, double seconds, double since_last) const;
-  void followLast(const Vector6& last, const Matrix6& last_covariance, const GroundFilter& filter,
-                  double deviation);
 
   Vector6 twist_ = Vector6::Zero();
   Matrix6 covariance_ = Matrix6::Zero();

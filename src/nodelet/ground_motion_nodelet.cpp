@@ -61,7 +61,6 @@ class GroundWork {
 
  private:
   void process(const MatchConstPtr& match);
-  void reportUnused(const GroundEstimate& estimate);
   void report(const GroundEstimate& estimate, double plane_deviation);
   void publish(const GroundEstimate& estimate, const std_msgs::Header& image);
 
@@ -123,7 +122,9 @@ void GroundWork::process(const MatchConstPtr& match) {
     const GroundEstimate estimate = readings_.withPatience(
         motion_.add(readings_.frameOf(match->homography, size, *info_, pixels)));
     problem = readings_.problemOf(estimate);
-    reportUnused(estimate);
+    const std::string not_used = readings_.notUsed(estimate);
+    diagnosis_.setProblem("not used", not_used, false);
+    diagnosis_.setValue("not used", util::printable(not_used, 600));
     if (problem.empty()) publish(estimate, match->header);
     report(estimate, match->homography.plane_deviation);
   } catch (const std::invalid_argument& error) {
@@ -133,12 +134,6 @@ void GroundWork::process(const MatchConstPtr& match) {
   diagnosis_.setProblem("motion", problem.empty() ? "" : "nothing is published: " + problem);
   diagnosis_.count("published", problem.empty() ? 1 : 0);
   diagnosis_.done(match->header.stamp, start);
-}
-
-void GroundWork::reportUnused(const GroundEstimate& estimate) {
-  const std::string not_used = readings_.notUsed(estimate);
-  diagnosis_.setProblem("not used", not_used, false);
-  diagnosis_.setValue("not used", util::printable(not_used, 600));
 }
 
 void GroundWork::report(const GroundEstimate& estimate, double plane_deviation) {

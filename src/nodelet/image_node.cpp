@@ -127,7 +127,8 @@ void NodeBase::failed(const std::exception& error) {
 }
 
 void NodeBase::tick() {
-  const bool stands = clockStands();
+  const ros::Time now = ros::Time::now();
+  const bool stands = ros::Time::isSimTime() && now == std::exchange(last_time_, now);
   watchInputs(stands);
   // Nobody else would say that it has no effect.
   diagnosis_.setFault("old parameter", removedParameter(privateNode(slow_queue_), nodelet()));
@@ -161,11 +162,6 @@ void NodeBase::watchInputs(bool clock_stands) {
     }
   }
   diagnosis_.setInput(silence, mixture);
-}
-
-bool NodeBase::clockStands() {
-  const ros::Time now = ros::Time::now();
-  return ros::Time::isSimTime() && now == std::exchange(last_time_, now);
 }
 
 }  // namespace ktgp_orb

@@ -118,7 +118,6 @@ class NodeBase : public nodelet::Nodelet {
   /// Freed memory, which the allocator would keep.
   static void giveMemoryBack();
   void watchInputs(bool clock_stands);
-  bool clockStands();
 
   std::vector<std::unique_ptr<Input>> inputs_;
   std::vector<ros::ServiceServer> services_;

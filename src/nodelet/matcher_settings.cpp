@@ -2,7 +2,6 @@
 
 #include <stdexcept>
 #include <system_error>
-#include <utility>
 
 #include "messages/camera.h"
 #include "messages/image_conversion.h"

@@ -5,7 +5,6 @@
 
 #include <chrono>
 #include <deque>
-#include <vector>
 
 #include "core/util/format.h"
 #include "files/output_file.h"
@@ -53,7 +52,6 @@ class MosaicWork {
 
  private:
   void place(const HomographyStamped& message, const sensor_msgs::ImageConstPtr& image);
-  void publishPose(const HomographyStamped& message);
   void report();
 
   Diagnosis& diagnosis_;
@@ -99,7 +97,11 @@ void MosaicWork::place(const HomographyStamped& message, const sensor_msgs::Imag
   const auto start = Clock::now();
   diagnosis_.setValue("last frame", toString(mosaic_.place(stampOf(message.header.stamp), colour)));
   last_header_ = message.header;
-  if (poses_.getNumSubscribers() > 0) publishPose(message);
+  if (poses_.getNumSubscribers() > 0) {
+    const auto pose = toHomography(message.header, timeOf(mosaic_.firstStamp()), mosaic_.pose());
+    pose->rectified = message.rectified;
+    poses_.publish(pose);
+  }
   diagnosis_.done(message.header.stamp, start);
   report();
   if (pictures_.getNumSubscribers() > 0 && Clock::now() - last_picture_ >= kPeriod) {
@@ -128,12 +130,6 @@ void MosaicWork::report() {
   diagnosis_.setProblem(
       "full",
       mosaic_.full() ? "the mosaic is full (max_megapixels): it does not grow any more" : "");
-}
-
-void MosaicWork::publishPose(const HomographyStamped& message) {
-  const auto pose = toHomography(message.header, timeOf(mosaic_.firstStamp()), mosaic_.pose());
-  pose->rectified = message.rectified;
-  poses_.publish(pose);
 }
 
 void MosaicWork::publishPicture() {

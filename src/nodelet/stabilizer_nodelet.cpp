@@ -2,7 +2,6 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include <Eigen/Core>
-#include <chrono>
 #include <deque>
 #include <vector>
 

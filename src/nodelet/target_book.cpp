@@ -11,7 +11,6 @@
 #include <regex>
 #include <set>
 #include <stdexcept>
-#include <utility>
 
 #include "core/util/printable.h"
 #include "messages/image_conversion.h"

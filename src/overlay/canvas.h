@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <opencv2/core.hpp>
 #include <string>
 

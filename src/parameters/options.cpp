@@ -47,15 +47,13 @@ SequenceOptions optionsFrom(const Parameters& p) {
   return options;
 }
 
-/// Whether a preset other than video was set. They all set T_w: ktgp and teblid to that of a
-/// descriptor, those for views that differ strongly to 1.
-bool isOfAPreset(const Parameters& p) {
-  return p.T_w == ratioThreshold(DescriptorKind::orb) ||
-         p.T_w == ratioThreshold(DescriptorKind::teblid) || (p.T_w == 1.0 && p.mutual && !p.gms);
-}
-
-bool choosesForFixed(const Parameters& parameters) {
-  return parameters.reference_mode == "fixed" && !isOfAPreset(parameters);
+/// With a fixed reference, unless a preset other than video was set. They all set T_w: ktgp and
+/// teblid to that of a descriptor, those for views that differ strongly to 1.
+bool choosesForFixed(const Parameters& p) {
+  const bool is_of_a_preset = p.T_w == ratioThreshold(DescriptorKind::orb) ||
+                              p.T_w == ratioThreshold(DescriptorKind::teblid) ||
+                              (p.T_w == 1.0 && p.mutual && !p.gms);
+  return p.reference_mode == "fixed" && !is_of_a_preset;
 }
 
 /// What views of a fixed reference need, which differ strongly.

@@ -2,9 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <locale>
-#include <map>
 #include <sstream>
 #include <stdexcept>
 

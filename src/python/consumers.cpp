@@ -135,8 +135,7 @@ void defineMosaic(py::module_& module) {
   const MosaicOptions usual;
   py::class_<SharedMosaic>(
       module, "Mosaic",
-      "A picture of a plane, made of the frames of a camera. Threads may share an "
-      "object.")
+      "A picture of a plane, made of the frames of a camera. Threads may share an object.")
       .def(py::init([](double max_megapixels, bool keyframes, bool gain) {
              MosaicOptions options;
              options.max_megapixels = max_megapixels;
@@ -152,14 +151,12 @@ void defineMosaic(py::module_& module) {
           "\"new_map\" or \"lost\".")
       .def_property_readonly(
           "image", mapOf,
-          "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where "
-          "nothing was seen.")
+          "(height, width, 4) uint8, a copy: blue, green, red, and alpha 0 where nothing was seen.")
       .def_property_readonly("pose", getting(&Mosaic::pose),
                              "(3, 3) float64: map to the last image, px; None where it is lost.")
       .def_property_readonly(
           "plane_deviation", getting(&Mosaic::planeDeviation),
-          "How far points are off the map, px; where it is large, the scene is no "
-          "plane.");
+          "How far points are off the map, px; where it is large, the scene is no plane.");
 }
 
 using SharedStabilizer = Shared<Stabilizer>;
@@ -305,8 +302,7 @@ void defineGroundMotion(py::module_& module) {
           "The next FrameMatch of a Sequence; camera: (3, 3), K in px; height: (m, deviation in m) "
           "above the ground;\ndown: (direction to the ground in the camera's frame, length 1; "
           "deviation in rad); turn: (rotation since the frame before, (3, 3), from the camera now "
-          "to "
-          "the camera then;\ndeviation in rad), of a gyroscope; of_imu: down is measured by an "
+          "to the camera then;\ndeviation in rad), of a gyroscope; of_imu: down is measured by an "
           "Imu. Returns GroundEstimate.\nRaises ValueError.");
 }
 

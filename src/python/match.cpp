@@ -1,6 +1,5 @@
 #include "python/match.h"
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <stdexcept>
@@ -235,10 +234,9 @@ void defineFeatures(py::module_& module) {
            py::arg("keypoints"), py::arg("descriptors"), py::arg("image_size"),
            py::arg("descriptor") = "orb",
            "keypoints: (N, 6) float32 (x, y, size, angle, response, octave) or a list of "
-           "cv2.KeyPoint;\n"
-           "descriptors: (N, 32) uint8; image_size: (width, height); descriptor: \"orb\" or "
-           "\"teblid\".\n"
-           "Without the images there is no sub-pixel alignment. Raises ValueError.")
+           "cv2.KeyPoint;\ndescriptors: (N, 32) uint8; image_size: (width, height); descriptor: "
+           "\"orb\" or \"teblid\".\nWithout the images there is no sub-pixel alignment. Raises "
+           "ValueError.")
       .def_property_readonly(
           "keypoints", keypointArray,
           "(N, 6) float32, a copy: x, y, size (px), angle (degrees), response, octave.")
@@ -370,11 +368,9 @@ void definePairs(py::module_& module) {
                  "ValueError.");
   extractor.def("extract", &Extractor::extract, py::arg("image"), py::arg("mask") = py::none(),
                 "image: (height, width) uint8, grey and not copied where its rows are dense, or "
-                "(height, width, 3 or 4),\n"
-                "blue, green, red, alpha; or uint16; mask: (height, width) uint8, keypoints are "
-                "found where it is not 0. "
-                "Returns "
-                "Features.\nRaises ValueError.");
+                "(height, width, 3 or 4),\nblue, green, red, alpha; or uint16; mask: (height, "
+                "width) uint8, keypoints are found where it is not 0. Returns Features.\nRaises "
+                "ValueError.");
   py::class_<Matcher> matcher(module, "Matcher",
                               "Matches the features of two images. Threads may share an object.");
   defineSettings(matcher, "ktgp",
@@ -383,20 +379,16 @@ void definePairs(py::module_& module) {
   matcher.def("match", &Matcher::match, py::arg("reference"), py::arg("target"),
               py::arg("K") = py::none(), py::arg("target_K") = py::none(),
               "reference, target: Features. K: as in match(). Returns Match. Raises ValueError for "
-              "descriptors of "
-              "two kinds.");
+              "descriptors of two kinds.");
   module.def(
       "match", matchImages, py::arg("reference"), py::arg("target"), py::arg("preset") = "ktgp",
       py::arg("K") = py::none(), py::arg("target_K") = py::none(),
       "Matches two images: (height, width) of uint8 or uint16, or (height, width, 3 or 4) in the "
-      "order blue, green, red, alpha.\n\n"
-      "preset: \"ktgp\", \"photo\", \"robust\", \"slam\", \"teblid\" or \"video\"; keywords are "
-      "the "
-      "parameters of "
-      "doc/parameters.md,\ne.g. T_w=0.8. K: (3, 3), the camera's matrix in px for images without "
-      "distortion; with preset \"slam\" it gives the camera's motion.\ntarget_K: that of the "
-      "target "
-      "where it differs. Returns Match. Raises ValueError.");
+      "order blue, green, red, alpha.\n\npreset: \"ktgp\", \"photo\", \"robust\", \"slam\", "
+      "\"teblid\" or \"video\"; keywords are the parameters of doc/parameters.md,\ne.g. T_w=0.8. "
+      "K: (3, 3), the camera's matrix in px for images without distortion; with preset \"slam\" it "
+      "gives the camera's motion.\ntarget_K: that of the target where it differs. Returns Match. "
+      "Raises ValueError.");
 }
 
 }  // namespace ktgp_orb::python

@@ -7,7 +7,6 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <memory>
 #include <opencv2/core.hpp>
 #include <optional>
 #include <string>

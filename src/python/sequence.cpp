@@ -105,17 +105,13 @@ void defineSequence(py::module_& module) {
   defineSettings(
       sequence, "video",
       "Keywords are the parameters of doc/parameters.md, also reference_mode (\"previous\", "
-      "\"keyframe\",\n"
-      "\"fixed\") and max_reference_age. A fixed reference is seen from anywhere: without a "
-      "preset\n"
-      "of another name than \"video\", what views that differ strongly need is used in place of "
-      "the\n"
-      "defaults (doc/views.md). Raises ValueError.");
+      "\"keyframe\",\n\"fixed\") and max_reference_age. A fixed reference is seen from anywhere: "
+      "without a preset\nof another name than \"video\", what views that differ strongly need is "
+      "used in place of the\ndefaults (doc/views.md). Raises ValueError.");
   sequence
       .def("match", &Sequence::match, py::arg("image"), py::arg("seconds"),
            "The next image, taken at `seconds` since any epoch; as for Extractor.extract. Returns "
-           "FrameMatch.\n"
-           "Raises ValueError.")
+           "FrameMatch.\nRaises ValueError.")
       .def("set_reference", &Sequence::setReference, py::arg("image"),
            "The reference of mode \"fixed\".")
       .def("restart", &Sequence::restart,

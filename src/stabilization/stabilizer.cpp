@@ -4,8 +4,6 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 
 #include "core/homography/transform.h"
 #include "core/util/options_check.h"

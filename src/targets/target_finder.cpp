@@ -55,15 +55,6 @@ void requireUsable(const TargetFinderOptions& options) {
   util::requireInRange("max_instances", options.max_instances, 1, 1000);
 }
 
-/// The same homography for the images as they were given, before they were resized.
-UncertainHomography ofGivenImages(const TargetPicture& picture, const UncertainHomography& found,
-                                  const SearchedFrame& frame) {
-  UncertainHomography given = homography::chained(
-      {frame.toFrame()}, homography::chained(found, {targets::toStored(picture)}));
-  given.plane_deviation = found.plane_deviation / frame.scale();
-  return given;
-}
-
 void setCorners(DetectedTarget& detection) {
   const Eigen::Matrix3d& h = detection.homography.homography;
   const auto corners = homography::imageCorners(detection.image_size, {});
@@ -88,7 +79,10 @@ DetectedTarget detectionOf(const FoundTarget& found, const Track& track, const S
   detection.age = track.age;
   detection.image = found.picture - target.pictures.front();
   detection.image_size = picture.full_size;
-  detection.homography = ofGivenImages(picture, found.estimate, frame);
+  // For the images as they were given, before they were resized.
+  detection.homography = homography::chained(
+      {frame.toFrame()}, homography::chained(found.estimate, {targets::toStored(picture)}));
+  detection.homography.plane_deviation = found.estimate.plane_deviation / frame.scale();
   detection.aligned = found.aligned;
   detection.inliers = found.keypoints.size();
   detection.log_false_alarms = found.log_false_alarms;

@@ -5,16 +5,6 @@
 #include <utility>
 
 namespace ktgp_orb::targets {
-namespace {
-
-/// About as many cells as descriptors.
-int keyBitsFor(std::size_t descriptors) {
-  int bits = 8;
-  while (bits < BitTables::kMaxKeyBits && std::size_t{1} << bits < descriptors) ++bits;
-  return bits;
-}
-
-}  // namespace
 
 void TargetIndex::add(std::uint32_t picture, const std::vector<growth::Bits>& bits) {
   if (pictures_.size() <= picture) {
@@ -69,7 +59,11 @@ void TargetIndex::mergeFrom(std::size_t first) {
       is_used_[i] = pictures_[i] != nullptr ? 1 : 0;
   }
   const std::vector<Entry>& entries = merged.entries;
-  merged.tables.build(entries.size(), keyBitsFor(entries.size()),
+  int key_bits = 8;  // about as many cells as descriptors
+  while (key_bits < BitTables::kMaxKeyBits && std::size_t{1} << key_bits < entries.size()) {
+    ++key_bits;
+  }
+  merged.tables.build(entries.size(), key_bits,
                       [&](std::size_t e) -> const growth::Bits& { return bitsOf(entries[e]); });
   segments_.push_back(std::move(merged));
 }

@@ -3,7 +3,6 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
-#include <opencv2/imgproc.hpp>
 #include <stdexcept>
 #include <utility>
 

@@ -15,14 +15,7 @@
 namespace ktgp_orb {
 namespace {
 
-using alignment::AlignedPatch;
 using alignment::bestAlignmentKernels;
-using alignment::PatchAligner;
-using alignment::PatchOutcome;
-using alignment::PointSpread;
-using util::position;
-using util::requireInRange;
-using util::requireKeypoint;
 
 constexpr std::size_t kFewest = 12;  // fewest aligned points for an estimate
 constexpr double kReach = 4.0;       // px, largest distance from the prediction of H
@@ -80,7 +73,7 @@ struct Alignment::Impl {
   void alignPoints(const std::vector<Correspondence>& matches, AlignmentResult& result);
   void estimate(const cv::Size& reference_size, AlignmentResult& result);
 
-  PatchAligner aligner;
+  alignment::PatchAligner aligner;
   homography::HomographyRefiner refiner;
   double rounding2 = 0.0;                         // sum of that of the aligned patches, px²
   std::vector<Eigen::Vector2d> reference_points;  // of the matches
@@ -88,13 +81,13 @@ struct Alignment::Impl {
   std::vector<std::uint32_t> chosen;
   std::vector<Eigen::Vector2d> aligned_reference;
   std::vector<Eigen::Vector2d> aligned_target;
-  PointSpread spread;
+  alignment::PointSpread spread;
   AlignmentOptions options;
 };
 
 Alignment::Alignment(const AlignmentOptions& options) {
-  requireInRange("alignment max_error", options.max_error, 1e-6, 1e6);
-  requireInRange("alignment_points", options.points, static_cast<int>(kFewest), 100000);
+  util::requireInRange("alignment max_error", options.max_error, 1e-6, 1e6);
+  util::requireInRange("alignment_points", options.points, static_cast<int>(kFewest), 100000);
   impl_ = std::make_unique<Impl>(options);
 }
 
@@ -127,10 +120,10 @@ void Alignment::Impl::choosePoints(const Features& reference, const Features& ta
   reference_points.clear();
   target_points.clear();
   for (const Correspondence& match : matches) {
-    requireKeypoint(reference, match.reference_index, "reference");
-    requireKeypoint(target, match.target_index, "target");
-    reference_points.push_back(position(reference, match.reference_index));
-    target_points.push_back(position(target, match.target_index));
+    util::requireKeypoint(reference, match.reference_index, "reference");
+    util::requireKeypoint(target, match.target_index, "target");
+    reference_points.push_back(util::position(reference, match.reference_index));
+    target_points.push_back(util::position(target, match.target_index));
   }
   spread.choose(reference_points, reference.image_size, static_cast<std::size_t>(options.points),
                 chosen);
@@ -143,9 +136,9 @@ void Alignment::Impl::alignPoints(const std::vector<Correspondence>& matches,
   rounding2 = 0.0;
   result.tried = chosen.size();
   for (const std::uint32_t match : chosen) {
-    const AlignedPatch patch =
+    const alignment::AlignedPatch patch =
         aligner.align(result.answer.homography, reference_points[match], kReach);
-    if (patch.outcome != PatchOutcome::aligned) {
+    if (patch.outcome != alignment::PatchOutcome::aligned) {
       ++(result.*kCounts[static_cast<std::size_t>(patch.outcome)]);
       continue;
     }

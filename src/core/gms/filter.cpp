@@ -12,19 +12,12 @@
 namespace ktgp_orb {
 namespace {
 
-using util::imagePoint;
 using util::requireInRange;
 
 using gms::Grid;
 
 // The order of the authors, which decides for equal numbers.
 const std::array<double, 5> kScales{1.0, 1.0 / 2.0, 1.0 / std::sqrt(2.0), std::sqrt(2.0), 2.0};
-
-/// Cells across and down, so that a cell has as many matches as with 1000 on the paper's grid.
-int cellsFor(std::size_t matches) {
-  constexpr double kMatchesPerCell = 2.5;
-  return std::clamp(cvRound(std::sqrt(static_cast<double>(matches) / kMatchesPerCell)), 5, 20);
-}
 
 int scaled(int cells, double scale) {
   return std::max(1, static_cast<int>(cells * scale));
@@ -33,7 +26,7 @@ int scaled(int cells, double scale) {
 /// The keypoint's position with the image scaled to [0, 1) x [0, 1), in single precision as in the
 /// authors' program: rounding decides the cell of a keypoint on a line of the grid.
 cv::Point2f normalised(const Features& features, std::int32_t index) {
-  const cv::Point2f& p = imagePoint(features, index);
+  const cv::Point2f& p = util::imagePoint(features, index);
   return {p.x / static_cast<float>(features.image_size.width),
           p.y / static_cast<float>(features.image_size.height)};
 }
@@ -113,12 +106,15 @@ void GmsFilter::Impl::setGrid(int columns, int rows) {
   }
 }
 
-/// Where the options leave the grid to the number of matches.
+/// Where the options leave the grid to the number of matches: a cell has as many as with 1000 on
+/// the paper's grid.
 void GmsFilter::Impl::fitGrid(const std::vector<Correspondence>& correspondences) {
   if (options.grid_columns != 0 && options.grid_rows != 0) return;
-  const int cells = cellsFor(static_cast<std::size_t>(
+  constexpr double kMatchesPerCell = 2.5;
+  const auto count = static_cast<double>(
       std::count_if(correspondences.begin(), correspondences.end(),
-                    [](const Correspondence& c) { return c.level == Level::kt; })));
+                    [](const Correspondence& c) { return c.level == Level::kt; }));
+  const int cells = std::clamp(cvRound(std::sqrt(count / kMatchesPerCell)), 5, 20);
   setGrid(options.grid_columns != 0 ? options.grid_columns : cells,
           options.grid_rows != 0 ? options.grid_rows : cells);
 }

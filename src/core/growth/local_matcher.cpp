@@ -1,7 +1,6 @@
 #include "core/growth/local_matcher.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 namespace ktgp_orb::growth {

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 
 #include "core/util/constants.h"
-#include "ktgp_orb/prosac_homography.h"
 
 namespace ktgp_orb::growth {
 namespace {

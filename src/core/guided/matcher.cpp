@@ -13,10 +13,6 @@
 namespace ktgp_orb {
 namespace {
 
-using knn::kNearIndexBits;
-using knn::kNearIndexMask;
-using knn::kNoNearKey;
-using knn::NearKeys;
 using util::position;
 
 constexpr int kNoDistance = 256;
@@ -31,9 +27,9 @@ struct GuidedMatcher::Impl {
 
   GuidedOptions options;
   knn::KnnKernel kernel = knn::bestKnnKernel();
-  std::vector<cv::Point2f> places;  // predicted positions of the reference's keypoints
-  knn::NearTable table;             // their table
-  std::vector<NearKeys> of_target;  // for each target keypoint the nearest two of the reference
+  std::vector<cv::Point2f> places;       // predicted positions of the reference's keypoints
+  knn::NearTable table;                  // their table
+  std::vector<knn::NearKeys> of_target;  // for each target keypoint the nearest two references
   // For each column of the table, the key of the nearest target keypoint.
   std::vector<std::int32_t> nearest_target;
   homography::HomographyRefiner refiner;
@@ -67,14 +63,14 @@ void GuidedMatcher::match(const Features& reference, const Features& target,
   impl.placeReference(reference, homography);
   impl.findNearest(reference, target);
   for (std::size_t t = 0; t < target.size(); ++t) {
-    const NearKeys& keys = impl.of_target[t];
-    const int distance = keys.best >> kNearIndexBits;
-    if (keys.best == kNoNearKey || distance > impl.options.max_distance) continue;
-    const std::int32_t nearest = keys.best & kNearIndexMask;
+    const knn::NearKeys& keys = impl.of_target[t];
+    const int distance = keys.best >> knn::kNearIndexBits;
+    if (keys.best == knn::kNoNearKey || distance > impl.options.max_distance) continue;
+    const std::int32_t nearest = keys.best & knn::kNearIndexMask;
     const auto index = static_cast<std::int32_t>(t);
-    if ((impl.nearest_target[impl.table.column(nearest)] & kNearIndexMask) != index) continue;
+    if ((impl.nearest_target[impl.table.column(nearest)] & knn::kNearIndexMask) != index) continue;
     matches.push_back({nearest, index, distance,
-                       std::min(keys.second >> kNearIndexBits, kNoDistance), Level::guided});
+                       std::min(keys.second >> knn::kNearIndexBits, kNoDistance), Level::guided});
   }
 }
 
@@ -96,7 +92,7 @@ void GuidedMatcher::Impl::placeReference(const Features& reference, const Eigen:
 void GuidedMatcher::Impl::findNearest(const Features& reference, const Features& target) {
   table.build(
       reference, [&](std::size_t i) { return places[i]; }, target.image_size, options.radius);
-  nearest_target.assign(table.columns(), kNoNearKey);
+  nearest_target.assign(table.columns(), knn::kNoNearKey);
   of_target.resize(target.size());
   for (std::size_t t = 0; t < target.size(); ++t) {
     const auto index = static_cast<std::int32_t>(t);

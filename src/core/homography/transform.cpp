@@ -1,6 +1,5 @@
 #include "core/homography/transform.h"
 
-#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>

@@ -16,7 +16,6 @@
 namespace ktgp_orb::homography {
 namespace {
 
-using util::ceilDivide;
 using util::kPi;
 
 /// Bounds of one coordinate, from the quartiles of a few points, spread over the input; points
@@ -26,7 +25,7 @@ void setFences(const std::vector<Eigen::Vector2d>& points, Eigen::Index axis,
   constexpr std::size_t kEnough = 32;
   constexpr double kFarOut = 3.0;  // interquartile ranges
   std::array<double, kEnough> sample{};
-  const std::size_t stride = ceilDivide(points.size(), kEnough);
+  const std::size_t stride = util::ceilDivide(points.size(), kEnough);
   std::size_t count = 0;
   for (std::size_t i = 0; i < points.size(); i += stride) sample[count++] = points[i][axis];
   if (count == 0) return;

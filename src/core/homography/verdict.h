@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <cstdint>
 #include <opencv2/core/types.hpp>
 #include <vector>
 

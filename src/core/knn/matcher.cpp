@@ -7,34 +7,23 @@
 #include "ktgp_orb/knn_matcher.h"
 
 namespace ktgp_orb {
-namespace {
-
-using knn::bestKnnKernel;
-using knn::KnnSearch;
-using knn::NearSearch;
-using util::requireInRange;
-
-const KnnOptions& valid(const KnnOptions& options) {
-  requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
-  return options;
-}
-
-}  // namespace
-
 struct KnnMatcher::Impl {
   explicit Impl(const KnnOptions& given)
-      : options(valid(given)), search(bestKnnKernel(), given.threads) {
+      : options(given), search(knn::bestKnnKernel(), given.threads) {
     if (options.search_radius > 0.0) {
-      near.emplace(bestKnnKernel(), options.search_radius, search.pool());
+      near.emplace(knn::bestKnnKernel(), options.search_radius, search.pool());
     }
   }
 
   const KnnOptions options;
-  KnnSearch search;
-  std::optional<NearSearch> near;  // only with a search radius
+  knn::KnnSearch search;
+  std::optional<knn::NearSearch> near;  // only with a search radius
 };
 
-KnnMatcher::KnnMatcher(const KnnOptions& options) : impl_(std::make_unique<Impl>(options)) {}
+KnnMatcher::KnnMatcher(const KnnOptions& options) {
+  util::requireInRange("search_radius", options.search_radius, 0.0, 10000.0);
+  impl_ = std::make_unique<Impl>(options);
+}
 
 KnnMatcher::~KnnMatcher() = default;
 KnnMatcher::KnnMatcher(KnnMatcher&&) noexcept = default;

@@ -10,8 +10,6 @@
 namespace ktgp_orb::knn {
 namespace {
 
-using util::ceilDivide;
-
 // Queries per task of a thread: enough to read a block from the cache many times, few enough to
 // divide a frame evenly.
 constexpr int kQueriesPerChunk = 64;
@@ -57,7 +55,7 @@ void KnnSearch::match(const cv::Mat& reference, const cv::Mat& target, bool mutu
   if (reference.empty() || target.empty()) return;
   index_.setReference(reference);
   correspondences.resize(static_cast<std::size_t>(target.rows));
-  const int chunks = ceilDivide(target.rows, kQueriesPerChunk);
+  const int chunks = util::ceilDivide(target.rows, kQueriesPerChunk);
   if (!mutual) {
     pool_.parallelFor(
         chunks, [&](int chunk) { searchChunk(target, chunk, correspondences.data(), nullptr); });

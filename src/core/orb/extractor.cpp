@@ -1,6 +1,5 @@
 #include "ktgp_orb/orb_extractor.h"
 
-#include <algorithm>
 #include <stdexcept>
 #include <tuple>
 
@@ -12,8 +11,6 @@
 namespace ktgp_orb {
 namespace {
 
-using orb::bestOrbKernels;
-using orb::OrbPipeline;
 using util::requireInRange;
 
 void requireValid(const OrbOptions& options) {
@@ -56,7 +53,7 @@ bool OrbOptions::operator==(const OrbOptions& other) const {
 
 OrbExtractor::OrbExtractor(const OrbOptions& options) {
   requireValid(options);
-  pipeline_ = std::make_unique<OrbPipeline>(options, bestOrbKernels());
+  pipeline_ = std::make_unique<orb::OrbPipeline>(options, orb::bestOrbKernels());
 }
 
 OrbExtractor::~OrbExtractor() = default;

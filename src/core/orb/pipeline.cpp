@@ -14,7 +14,6 @@ namespace ktgp_orb::orb {
 namespace {
 
 using util::ceilDivide;
-using util::kPi;
 
 // Descriptors do not read the blurred image closer to the border than this, px.
 constexpr int kBlurMargin = kEdgeMargin - kPatternRadius;
@@ -205,7 +204,7 @@ void OrbPipeline::orientAndDescribe(int begin, int end, Features& features) {
     cv::KeyPoint& keypoint = features.keypoints[i];
     keypoint.angle =
         intensityCentroidAngle(pyramid_.levels()[keypoint.octave].image, kernels_, keypoint.pt);
-    const float angle = keypoint.angle * static_cast<float>(kPi / 180.);
+    const float angle = keypoint.angle * static_cast<float>(util::kPi / 180.);
     directions[i - begin] = cv::Point2f(std::cos(angle), std::sin(angle));
   }
   for (int i = begin; i < end; ++i) {

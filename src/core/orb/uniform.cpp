@@ -15,15 +15,6 @@ bool isBetter(const cv::KeyPoint& a, const cv::KeyPoint& b) {
   return a.pt.x < b.pt.x;
 }
 
-using Iterator = std::vector<cv::KeyPoint>::iterator;
-
-// Moves the best `count` of [first, last) to the front, in order.
-void bestFirst(Iterator first, Iterator last, int count, const cv::Mat& image,
-               const OrbKernels& kernels) {
-  for (auto it = first; it != last; ++it) it->response = harrisResponse(image, kernels, it->pt);
-  std::partial_sort(first, first + count, last, isBetter);
-}
-
 }  // namespace
 
 LevelCells::LevelCells(const cv::Size& level, int quota, int keypoints_per_cell)
@@ -99,12 +90,15 @@ void UniformChoice::keepShares(int level_index, const cv::Mat& image, const OrbK
                                std::vector<cv::KeyPoint>& corners) {
   Level& level = levels_[level_index];
   level.sorted.clear();
-  // Of a bucket as many as it has, at most `most`; returns how many.
+  // The best of a bucket, as many as it has, at most `most`; returns how many.
   const auto keep = [&](std::size_t bucket, int most) {
     const auto first = corners.begin() + level.corners.begin(bucket);
     const auto end = corners.begin() + level.corners.end(bucket);
     const int count = std::min(most, static_cast<int>(end - first));
-    if (count > 0) bestFirst(first, end, count, image, kernels);
+    if (count > 0) {
+      for (auto it = first; it != end; ++it) it->response = harrisResponse(image, kernels, it->pt);
+      std::partial_sort(first, first + count, end, isBetter);
+    }
     level.sorted.insert(level.sorted.end(), first, first + count);
     return count;
   };

@@ -1,10 +1,8 @@
 #include "core/prosac/prosac.h"
 
-#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <numeric>
 #include <utility>
 
@@ -39,9 +37,7 @@ void QualityOrder::sort(const std::vector<double>& quality) {
   }
 }
 
-using util::Random;
-
-void drawDistinct(std::size_t end, std::size_t first, Random& random, ProsacSample& sample) {
+void drawDistinct(std::size_t end, std::size_t first, util::Random& random, ProsacSample& sample) {
   for (std::size_t i = first; i < sample.size(); ++i) {
     const auto drawn = sample.begin() + static_cast<std::ptrdiff_t>(i);
     do {

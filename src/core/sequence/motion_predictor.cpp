@@ -13,15 +13,6 @@ double nanoseconds(std::int64_t from, std::int64_t to) {
   return static_cast<double>(to) - static_cast<double>(from);
 }
 
-/// Continues `motion` for `ratio` of its duration, to first order, which is enough between frames.
-Eigen::Matrix3d carriedOn(const Eigen::Matrix3d& motion, double ratio) {
-  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
-  const Eigen::Matrix3d carried = identity + ratio * (motion / motion(2, 2) - identity);
-  // A mirrored or vanishing view cannot be a continuation.
-  const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
-  return usable ? carried : identity;
-}
-
 }  // namespace
 
 std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
@@ -30,8 +21,14 @@ std::optional<Eigen::Matrix3d> MotionPredictor::predict(const Frame& reference,
   if (!last || !motion_) return last;
   constexpr double kLongest = 3.0;  // longest prediction, in durations of the known motion
   const double interval = nanoseconds(stamp_, next.stamp);
-  const double ratio = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
-  return carriedOn(*motion_, std::clamp(ratio, 0.0, kLongest)) * *last;
+  const double known = duration_ > 0 ? interval / static_cast<double>(duration_) : 1.0;
+  const double ratio = std::clamp(known, 0.0, kLongest);
+  // The motion goes on, to first order, which is enough between frames.
+  const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity();
+  const Eigen::Matrix3d carried = identity + ratio * (*motion_ / (*motion_)(2, 2) - identity);
+  // A mirrored or vanishing view cannot be a continuation.
+  const bool usable = carried.allFinite() && carried.determinant() > 1e-3;
+  return (usable ? carried : identity) * *last;
 }
 
 std::optional<Eigen::Matrix3d> MotionPredictor::lastSeenFrom(const Frame& reference) const {

@@ -1,16 +1,6 @@
 #include "core/sequence/reference_keeper.h"
 
-#include "core/homography/transform.h"
-
 namespace ktgp_orb::sequence {
-namespace {
-
-// A caller may create a new lens with the same calibration for every frame.
-bool sameLens(const LensConstPtr& a, const LensConstPtr& b) {
-  return a == b || (a && b && a->calibration() == b->calibration());
-}
-
-}  // namespace
 
 void ReferenceKeeper::setOptions(const ReferenceOptions& options) {
   if (options.mode != options_.mode) forget(NoReference::mode_changed);
@@ -40,7 +30,11 @@ NoReference ReferenceKeeper::whyNotAfterPrevious(const Frame& next) const {
   if (1e-9 * static_cast<double>(gap) > options_.max_age) return NoReference::gap;
   if (next.features.image_size != previous_->features.image_size) return NoReference::size_changed;
   if (next.encoding != previous_->encoding) return NoReference::encoding_changed;
-  if (!sameLens(next.lens, previous_->lens)) return NoReference::lens_changed;
+  // A caller may create a new lens with the same calibration for every frame.
+  const LensConstPtr& lens = previous_->lens;
+  const bool same_lens =
+      next.lens == lens || (next.lens && lens && next.lens->calibration() == lens->calibration());
+  if (!same_lens) return NoReference::lens_changed;
   return NoReference::none;
 }
 

@@ -15,11 +15,6 @@
 namespace ktgp_orb {
 namespace {
 
-using sequence::FramePool;
-using sequence::MotionPredictor;
-using sequence::ReferenceKeeper;
-using sequence::TrackNumbers;
-
 void requireValid(const ReferenceOptions& options) {
   const auto refuse = [](const std::string& name, double value, const std::string& expected) {
     throw std::invalid_argument(name + " is " + std::to_string(value) + "; expected " + expected);
@@ -123,8 +118,6 @@ struct SequenceMatcher::Impl {
   FramePtr foundAnew(const FramePtr& frame, const OrbOptions& orb);
   const ReferenceViews* viewsOf(const FramePtr& reference);
   void matchTo(FramePtr& reference, const Frame& target, MatchResult& result);
-  void fallBack(const Frame& reference, const Frame& target, const MatchHints& hints,
-                MatchResult& result);
   void matchToBest(const Frame& frame, FramePtr& reference, MatchAhead* ahead);
   const SequenceMatch& match(const FramePtr& given, MatchAhead* ahead);
   void forgetAnswer();
@@ -132,10 +125,10 @@ struct SequenceMatcher::Impl {
   SequenceOptions options;
   OrbExtractor extractor;
   KtgpMatcher matcher;
-  ReferenceKeeper keeper;
-  MotionPredictor predictor;
-  TrackNumbers tracks;
-  FramePool pool;
+  sequence::ReferenceKeeper keeper;
+  sequence::MotionPredictor predictor;
+  sequence::TrackNumbers tracks;
+  sequence::FramePool pool;
   ReferenceViews views;
   FramePtr viewed;  // the frame of the views
   SequenceMatch answer;
@@ -223,17 +216,11 @@ void SequenceMatcher::Impl::matchTo(FramePtr& reference, const Frame& target, Ma
   const bool near = options.matcher.knn.search_radius > 0.0;
   if (near) hints.prediction = predictor.predict(*reference, target);
   matcher.match(reference->features, target.features, hints, result);
-  if (result.search == Search::near && predictor.isPoor(result)) {
-    hints.prediction.reset();
-    hints.whole_image = true;
-    fallBack(*reference, target, hints, result);
-  }
-}
-
-/// Matches again without a search radius; `result` becomes the better of the two.
-void SequenceMatcher::Impl::fallBack(const Frame& reference, const Frame& target,
-                                     const MatchHints& hints, MatchResult& result) {
-  matcher.match(reference.features, target.features, hints, whole_result);
+  if (result.search != Search::near || !predictor.isPoor(result)) return;
+  // Again without a search radius; `result` becomes the better of the two.
+  hints.prediction.reset();
+  hints.whole_image = true;
+  matcher.match(reference->features, target.features, hints, whole_result);
   ++answer.fall_backs;
   const bool keep = result.status == Status::ok &&
                     (whole_result.status != Status::ok || whole_result.inliers < result.inliers);

@@ -1,7 +1,5 @@
 #include "core/two_view/cameras.h"
 
-#include <Eigen/Geometry>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>

@@ -12,8 +12,6 @@
 namespace ktgp_orb::two_view {
 namespace {
 
-using homography::PointArrays;
-
 constexpr double kFreedom = 4.0;    // of Student's t, as for homographies
 constexpr double kFarLimits = 2.0;  // of Sampson distances: the limit of reprojection errors
 
@@ -35,7 +33,7 @@ struct Sampson {
         length2(a0 * a0 + a1 * a1 + b0 * b0 + b1 * b1) {}
 };
 
-using Points = PointArrays<float>;
+using Points = homography::PointArrays<float>;
 
 Points::Lanes squaredErrors(const Points& p, const Eigen::Matrix3f& f, std::size_t first) {
   constexpr float kTiny = 1e-30F;  // the length at the epipoles
@@ -377,7 +375,7 @@ bool EpipolarProblem::minimise(Epipolar& geometry) {
 EpipolarProblem::Information EpipolarProblem::covariance(const Epipolar& geometry, double cell,
                                                          double shared) {
   selected_.findCells(cell, cell_);
-  cells_.assign(PointArrays<double>::kCells, Vector9::Zero());
+  cells_.assign(homography::PointArrays<double>::kCells, Vector9::Zero());
   Eigen::Matrix<double, 9, 6> by_shared = Eigen::Matrix<double, 9, 6>::Zero();
   for (std::size_t i = 0; i < selected_.size; ++i) {
     const Eigen::Vector3d x(selected_.x[i], selected_.y[i], 1.0);

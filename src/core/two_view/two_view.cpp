@@ -3,9 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <stdexcept>
-#include <string>
-#include <utility>
 
 #include "core/homography/smooth_field.h"
 #include "core/homography/transform.h"
@@ -23,12 +20,9 @@
 namespace ktgp_orb {
 namespace {
 
-using two_view::Cameras;
-using two_view::distanceToLine;
 using two_view::Epipolar;
 using two_view::EpipolarProblem;
 using two_view::kSampsonShare;
-using two_view::sampson;
 using util::kPi;
 using util::requireInRange;
 
@@ -66,7 +60,7 @@ struct TwoViewEstimator::Impl {
   double log_epipolar = 0.0;
   Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d rotation_covariance = Eigen::Matrix3d::Zero();
-  std::optional<Cameras> cameras;
+  std::optional<two_view::Cameras> cameras;
   prosac::QualityOrder order;
   two_view::EpipolarPairs normalised;
   EpipolarProblem problem;
@@ -204,12 +198,12 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
   const double models = cameras ? 10.0 : 3.0;
   chance.assign(pairs.size(), 2.0);
   for (std::size_t i = 0; i < pairs.size(); ++i) {
-    if (!(sampson(f, pairs.reference[i], pairs.target[i]) < limit)) continue;
+    if (!(two_view::sampson(f, pairs.reference[i], pairs.target[i]) < limit)) continue;
     if (cameras && !cameras->seeInFront(epipolar.motion, pairs.reference[i], pairs.target[i],
                                         options.max_error)) {
       continue;
     }
-    const double distance = distanceToLine(f, pairs.reference[i], pairs.target[i]);
+    const double distance = two_view::distanceToLine(f, pairs.reference[i], pairs.target[i]);
     chance[i] = 2.0 * std::max(distance, kLeastDistance) * diagonal / target_area;
   }
   log_epipolar = support.logFalseAlarms(chance, sample, models);
@@ -225,7 +219,7 @@ void TwoViewEstimator::Impl::judgeEpipolar(const PointPairs& pairs, const TwoVie
     const double error = homography::errorOf(h, pairs.reference[i], pairs.target[i]);
     const bool is_near = error < kNear * options.max_error;
     if (!is_near && chance[i] > 1.0) continue;
-    const double across = distanceToLine(f, pairs.reference[i], pairs.target[i]);
+    const double across = two_view::distanceToLine(f, pairs.reference[i], pairs.target[i]);
     if (is_near) {
       const double least = std::max(across, kLeastDistance);
       displaced[i] = {error * error, least * least};
