@@ -53,13 +53,17 @@ std::string typeName(const ParameterRow& row) {
   return (whole ? "INT in " : "NUMBER in ") + row.limits.text();
 }
 
+std::string textOf(const ParameterInfo& info) {
+  return info.unit.empty() ? info.text : info.text + " [" + info.unit + "]";
+}
+
 /// Values of the command line by the names of the parameters, "preset" and "params".
 using Given = std::map<std::string, std::string>;
 
 void addOption(CLI::App& app, const ParameterRow& row, const Parameters& defaults,
                const std::shared_ptr<Given>& given) {
   const std::string option = "--" + row.name;
-  const std::string text = row.unit.empty() ? row.text : row.text + " [" + row.unit + "]";
+  const std::string text = textOf(row);
   const auto take = [given, &row](const std::string& value) {
     try {
       Parameters checked;
@@ -209,6 +213,14 @@ CLI::Validator numberIn(const Limits& range) {
     return text + " is out of range; expected a number in " + range.text();
   };
   return CLI::Validator(check, "in " + range.text());
+}
+
+CLI::Option* describe(CLI::Option* option, const std::string& nodelet) {
+  const std::string& name = option->get_lnames().front();
+  const ParameterInfo& info = parameterOf(nodelet, name.substr(name.find('_') + 1));
+  if (!info.limits.text().empty()) option->check(numberIn(info.limits));
+  if (!info.choices.empty()) option->check(CLI::IsMember(info.choices));
+  return option->description(textOf(info));
 }
 
 /// The parameters of the stages and of the stream are many, and few need them.

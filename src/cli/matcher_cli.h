@@ -40,6 +40,10 @@ void addCommonOptions(CLI::App& app, bool& force);
 /// For an option: refuses values that are not a number in the range, including NaN.
 CLI::Validator numberIn(const Limits& range);
 
+/// Gives the option "--X_name" the text, unit, range and choices of the nodelet's parameter "name".
+/// Throws std::invalid_argument as parameterOf does.
+CLI::Option* describe(CLI::Option* option, const std::string& nodelet);
+
 /// Parses the command line. Returns the exit code, or empty to continue: 0 after --help or
 /// --version, 2 for anything unusable.
 std::optional<int> parse(CLI::App& app, int argc, char** argv);

@@ -177,11 +177,11 @@ const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet) {
   throw std::invalid_argument("there is no nodelet " + nodelet + " with parameters");
 }
 
-Limits limitsOf(const std::string& nodelet, const std::string& name) {
+const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name) {
   for (const ParameterInfo& info : parametersOf(nodelet)) {
-    if (info.name == name && info.kind != Kind::text) return info.limits;
+    if (info.name == name) return info;
   }
-  throw std::invalid_argument("the nodelet " + nodelet + " has no number " + name);
+  throw std::invalid_argument("the nodelet " + nodelet + " has no parameter " + name);
 }
 
 const Reasons& removedParameters(const std::string& nodelet) {

@@ -59,8 +59,8 @@ struct ParameterInfo {
 /// std::invalid_argument for another name.
 const std::vector<ParameterInfo>& parametersOf(const std::string& nodelet);
 
-/// The range of a number. Throws std::invalid_argument for an unknown nodelet or parameter.
-Limits limitsOf(const std::string& nodelet, const std::string& name);
+/// A row of it. Throws std::invalid_argument for an unknown nodelet or parameter.
+const ParameterInfo& parameterOf(const std::string& nodelet, const std::string& name);
 
 /// The parameters of earlier versions: by name, why it is no more, and what to do instead.
 const std::map<std::string, std::string>& removedParameters(const std::string& nodelet);

@@ -86,29 +86,20 @@ void addMotionArguments(CLI::App& app, MotionFile& motion) {
              "write a table with velocity and odometry of a camera that looks at the ground")
           ->type_name("FILE")
           ->group(group);
-  const auto add = [&](const char* name, auto& value, const char* text) {
+  const auto add = [&](const char* name, auto& value, const char* text = "") {
     return app.add_option(name, value, text)->capture_default_str()->needs(table)->group(group);
   };
   add("--motion_range", motion.range_topic,
       "topic of the range; without it: range beside the images");
   add("--motion_imu", motion.imu_topic, "topic of the Imu; without it: imu beside the images");
-  add("--motion_height_source", config.height_source, "range, tf_height or parameter")
-      ->check(CLI::IsMember({"range", "tf_height", "parameter"}));
-  add("--motion_height", config.height, "height of the camera, for the source parameter [m]")
-      ->check(tools::numberIn(limitsOf("ground_motion", "height")));
-  add("--motion_height_deviation", config.height_deviation,
-      "standard deviation of a height, as a share of it")
-      ->check(tools::numberIn(limitsOf("ground_motion", "height_deviation")));
-  add("--motion_max_age", config.max_age,
-      "a range or an Imu farther from the image than this is not used [s]")
-      ->check(tools::numberIn(limitsOf("ground_motion", "max_age")));
-  add("--motion_readout_time", config.readout_time,
-      "from the first row of an image to the last one; 0: global shutter, -1: not known [s]")
-      ->check(tools::numberIn(limitsOf("ground_motion", "readout_time")));
-  add("--motion_gyro", config.gyro, "take the rotation from the Imu's angular velocity, too");
-  add("--motion_normal_source", config.normal_source, "down, imu, tf_normal or motion")
-      ->check(CLI::IsMember({"down", "imu", "tf_normal", "motion"}));
-  add("--motion_base_frame", config.base_frame, "frame of velocity and pose; empty: the camera's");
+  for (CLI::Option* const parameter :
+       {add("--motion_height_source", config.height_source), add("--motion_height", config.height),
+        add("--motion_height_deviation", config.height_deviation),
+        add("--motion_max_age", config.max_age), add("--motion_readout_time", config.readout_time),
+        add("--motion_gyro", config.gyro), add("--motion_normal_source", config.normal_source),
+        add("--motion_base_frame", config.base_frame)}) {
+    tools::describe(parameter, "ground_motion");
+  }
 }
 
 BagMotion::BagMotion(const MotionFile& options, const std::string& bag,

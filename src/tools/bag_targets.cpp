@@ -38,11 +38,8 @@ void addTargetsArguments(CLI::App& app, TargetsInput& targets) {
                      "topic targets/detections of the output has where they are, and their poses")
           ->type_name("FILE")
           ->group(kGroup);
-  app.add_option(
-         "--targets_readout_time", targets.readout_time,
-         "from the first row of an image to the last one; 0: global shutter; -1: not known [s]")
+  tools::describe(app.add_option("--targets_readout_time", targets.readout_time), "targets")
       ->capture_default_str()
-      ->check(tools::numberIn(limitsOf("targets", "readout_time")))
       ->needs(path)
       ->group(kGroup);
 }

@@ -29,26 +29,19 @@ constexpr double kNoShake = 0.5;    // px, below which nobody sees it
 void addViewOptions(CLI::App& app, ViewOptions& views) {
   const char* const group = "To look at";
   CLI::Option* const video =
-      app.add_option("--stabilize", views.video, "write a steady video (mp4) of the images")
+      app.add_option("--stabilize", views.video,
+                     "write a steady video (mp4) of the images, on the steadiest path over the "
+                     "whole recording; with --stabilizer_lag, on a path found frame by frame, as "
+                     "the node does")
           ->type_name("FILE")
           ->group(group);
-  CLI::Option* const lag =
-      app.add_option(
-             "--stabilizer_lag", views.stabilizer.lag,
-             "smooth the path frame by frame as the node does, with this many later frames; "
-             "without it: the steadiest path over the whole recording")
-          ->check(tools::numberIn(limitsOf("stabilizer", "lag")))
-          ->needs(video)
-          ->group(group);
-  const auto add = [&](CLI::Option* of, const char* name, auto& value, const char* text) {
+  const auto add = [&](CLI::Option* of, const char* name, auto& value, const char* text = "") {
     return app.add_option(name, value, text)->capture_default_str()->needs(of)->group(group);
   };
-  add(lag, "--stabilizer_strength", views.stabilizer.strength,
-      "with --stabilizer_lag: faster motion is shake and is removed [s]")
-      ->check(tools::numberIn(limitsOf("stabilizer", "strength")));
-  add(video, "--stabilizer_max_crop", views.stabilizer.max_crop,
-      "share of width and height to cut off at each border")
-      ->check(tools::numberIn(limitsOf("stabilizer", "max_crop")));
+  CLI::Option* const lag = add(video, "--stabilizer_lag", views.stabilizer.lag)->default_str("");
+  tools::describe(lag, "stabilizer");
+  tools::describe(add(lag, "--stabilizer_strength", views.stabilizer.strength), "stabilizer");
+  tools::describe(add(video, "--stabilizer_max_crop", views.stabilizer.max_crop), "stabilizer");
   add(video, "--stabilizer_warps", views.warps,
       "write a table with the image -> steady image homography of every image; needs --stabilize")
       ->type_name("FILE");
@@ -61,9 +54,7 @@ void addViewOptions(CLI::App& app, ViewOptions& views) {
           ->group(group);
   add(map, "--mosaic_keyframes", views.map.keyframes,
       "place frames by matches to keyframes; false: by the homographies alone");
-  add(map, "--mosaic_max_megapixels", views.map.max_megapixels,
-      "size at which the map stops growing")
-      ->check(tools::numberIn(limitsOf("mosaic", "max_megapixels")));
+  tools::describe(add(map, "--mosaic_max_megapixels", views.map.max_megapixels), "mosaic");
   add(map, "--mosaic_poses", views.mosaic_poses,
       "write a table with the map -> frame homography of every image; needs --mosaic")
       ->type_name("FILE");

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstring>
 
 #include "core/knn/kernel.h"
 #include "core/util/divide.h"
@@ -32,35 +31,11 @@ void layOutHalfGroup(const cv::Mat& reference, int lanes, int h, std::uint8_t* g
 
 }  // namespace
 
-void DescriptorCopy::assign(const cv::Mat& descriptors) {
-  bytes_.resize(static_cast<std::size_t>(descriptors.rows) * kDescriptorBytes);
-  for (int row = 0; row < descriptors.rows; ++row) {
-    std::copy_n(descriptors.ptr(row), kDescriptorBytes,
-                bytes_.data() + std::ptrdiff_t{row} * kDescriptorBytes);
-  }
-}
-
-bool DescriptorCopy::equals(const cv::Mat& descriptors) const {
-  if (bytes_.size() != static_cast<std::size_t>(descriptors.rows) * kDescriptorBytes) return false;
-  for (int row = 0; row < descriptors.rows; ++row) {
-    const std::uint8_t* known = bytes_.data() + std::ptrdiff_t{row} * kDescriptorBytes;
-    if (std::memcmp(known, descriptors.ptr(row), kDescriptorBytes) != 0) return false;
-  }
-  return true;
-}
-
 std::ptrdiff_t KnnIndex::groupBytes() const {
   return std::ptrdiff_t{kRowsPerGroup} * 2 * lanes_;
 }
 
 void KnnIndex::setReference(const cv::Mat& reference) {
-  if (laid_out_.equals(reference)) return;
-  laid_out_.clear();  // in case memory runs out
-  layOut(reference);
-  laid_out_.assign(reference);
-}
-
-void KnnIndex::layOut(const cv::Mat& reference) {
   const std::ptrdiff_t group_bytes = groupBytes();
   candidates_ = reference.rows;
   group_count_ = ceilDivide(candidates_, 2 * lanes_);

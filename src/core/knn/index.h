@@ -36,25 +36,13 @@ class NearestQueries {
   std::vector<std::int32_t> query_;
 };
 
-/// A copy of the descriptors of an index, to detect whether they changed. Comparing takes a
-/// hundredth of the time of building the index.
-class DescriptorCopy {
- public:
-  void assign(const cv::Mat& descriptors);
-  void clear() { bytes_.clear(); }
-  bool equals(const cv::Mat& descriptors) const;
-
- private:
-  std::vector<std::uint8_t> bytes_;
-};
-
-/// A reference in the layout of kernel.h for the search of the whole image. It is rebuilt only when
-/// its content changes, which the index detects itself.
+/// A reference in the layout of kernel.h for the search of the whole image.
 class KnnIndex {
  public:
   /// `lanes` of the kernel.
   explicit KnnIndex(int lanes) : lanes_(lanes) {}
 
+  /// Not empty.
   void setReference(const cv::Mat& reference);
 
   int candidates() const { return candidates_; }
@@ -63,13 +51,10 @@ class KnnIndex {
   const std::uint8_t* group(int i) const { return groups_.front().bytes + i * groupBytes(); }
 
  private:
-  void layOut(const cv::Mat& reference);
-
   int lanes_;
   int candidates_ = 0;  // reference descriptors
   int group_count_ = 0;
   std::vector<CacheLine> groups_;
-  DescriptorCopy laid_out_;
 };
 
 }  // namespace ktgp_orb::knn

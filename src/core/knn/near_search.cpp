@@ -120,7 +120,9 @@ void NearSearch::match(const Features& reference, const Features& target,
   correspondences.clear();
   if (reference.empty() || target.empty()) return;
   placeQueries(target, prediction);
-  setReference(reference);
+  table_.build(
+      reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
+      radius_ / kCellsPerRadius);
   correspondences.resize(target.size());
   const int chunks = ceilDivide(static_cast<int>(target.size()), kQueriesPerChunk);
   if (!mutual) {
@@ -137,24 +139,6 @@ void NearSearch::match(const Features& reference, const Features& target,
     }
   });
   markMutual(correspondences);
-}
-
-void NearSearch::setReference(const Features& reference) {
-  if (holds(reference)) return;
-  laid_out_.clear();  // in case memory runs out
-  table_.build(
-      reference, [&](std::size_t i) { return reference.keypoints[i].pt; }, reference.image_size,
-      radius_ / kCellsPerRadius);
-  image_size_ = reference.image_size;
-  laid_out_.assign(reference.descriptors);
-}
-
-bool NearSearch::holds(const Features& reference) const {
-  if (reference.image_size != image_size_ || !laid_out_.equals(reference.descriptors)) return false;
-  for (std::size_t i = 0; i < reference.size(); ++i) {
-    if (table_.place(static_cast<std::int32_t>(i)) != reference.keypoints[i].pt) return false;
-  }
-  return true;
 }
 
 void NearSearch::placeQueries(const Features& target, const Eigen::Matrix3d& prediction) {

@@ -45,9 +45,6 @@ class NearTable {
   NearKeys search(const KnnKernel& kernel, const std::uint8_t* descriptor, const cv::Point2f& place,
                   double radius, std::int32_t number, std::int32_t* nearest_queries) const;
 
-  /// Position of keypoint `index`.
-  cv::Point2f place(std::int32_t index) const { return {x_[column(index)], y_[column(index)]}; }
-
   std::size_t columns() const { return stride_; }
   /// The column of keypoint `index`.
   std::size_t column(std::int32_t index) const {
@@ -79,9 +76,6 @@ class NearSearch {
              bool mutual, std::vector<Correspondence>& correspondences);
 
  private:
-  /// Lays the reference out, unless it is that of the last call.
-  void setReference(const Features& reference);
-  bool holds(const Features& reference) const;
   void placeQueries(const Features& target, const Eigen::Matrix3d& prediction);
   void searchChunk(const Features& target, int chunk, std::int32_t* nearest_queries,
                    Correspondence* correspondences) const;
@@ -92,8 +86,6 @@ class NearSearch {
   util::ThreadPool& pool_;
   // The reference.
   NearTable table_;
-  cv::Size image_size_;
-  DescriptorCopy laid_out_;
   // The target.
   util::CellGrid query_cells_;
   std::vector<cv::Point2f> places_;  // predicted positions of the keypoints
