@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """A bag through the live matcher, frame by frame: every message is there, consistent and true.
 
 Parameters: ~bag, ~topic, ~truth_topic (homographies from frame to frame; may be empty) and
@@ -10,7 +9,7 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus
-from ktgp_testing import MatcherCase, run_as_node
+from ktgp_testing import MatcherCase
 
 STAGES = ['knn', 'tf', 'gms', 'prosac', 'align']
 
@@ -147,7 +146,3 @@ class BagTest(MatcherCase):
 
     def segment(self, stamp):
         return self.segments.get(stamp, 'clean')
-
-
-if __name__ == '__main__':
-    run_as_node(BagTest)

@@ -1,9 +1,8 @@
-#!/usr/bin/python3
 """Each kind of image encoding is matched; others are refused with a message, and counted."""
 
 import numpy as np
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import MatcherCase, check_each, image_message, run_as_node, view, wait_until
+from ktgp_testing import MatcherCase, check_each, image_message, view, wait_until
 
 # One of each kind; image_conversion_test has all.
 ENCODINGS = {
@@ -96,7 +95,3 @@ class EncodingsTest(MatcherCase):
         said = [m.header.stamp.to_sec() for m in self.log.with_words('is refused')]
         self.assertGreaterEqual(len(said), 1)
         self.assertTrue((np.diff(said) > 4.5).all(), said)
-
-
-if __name__ == '__main__':
-    run_as_node(EncodingsTest)

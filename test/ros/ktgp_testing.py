@@ -13,7 +13,6 @@ import numpy as np
 import rosbag
 import rosgraph
 import rospy
-import rostest
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import Correspondences, HomographyStamped, Match, MatchStatistics, TwoViewGeometry
@@ -73,13 +72,6 @@ def wait_until(condition, what, timeout=TIMEOUT):
         if time.time() > end or rospy.is_shutdown():
             raise AssertionError('timed out waiting until ' + (what() if callable(what) else what))
         time.sleep(0.01)
-
-
-def run_as_node(test):
-    """Runs a test case in a node with the name of its file."""
-    name = os.path.splitext(os.path.basename(sys.argv[0]))[0]
-    rospy.init_node(name)
-    rostest.rosrun('ktgp_orb', name, test, sys.argv)
 
 
 def check_each(cases, check):

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Compares the mosaic with the picture that the camera is moved over."""
 
 import os
@@ -11,7 +10,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import HomographyStamped, MatchStatus
 from ktgp_orb.srv import SaveMosaic
-from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, run_as_node, texture, view, wait_until, warm_up
+from ktgp_testing import TIMEOUT, Camera, Diagnostics, Recorder, texture, view, wait_until, warm_up
 from sensor_msgs.msg import Image
 from std_srvs.srv import Trigger
 
@@ -115,7 +114,3 @@ class MosaicTest(unittest.TestCase):
                    'diagnostics say what is refused')
         client.update_configuration({'max_megapixels': 64.0})
         self.begin()  # and it goes on
-
-
-if __name__ == '__main__':
-    run_as_node(MosaicTest)

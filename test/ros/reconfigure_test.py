@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """T_w changes the number of matches in the right direction, while images arrive."""
 
 import statistics
@@ -7,7 +6,7 @@ import threading
 import rospy
 from ktgp_orb.cfg import KtgpConfig
 from ktgp_orb.msg import MatchStatus
-from ktgp_testing import MatcherCase, run_as_node, wait_until
+from ktgp_testing import MatcherCase, wait_until
 
 
 class ReconfigureTest(MatcherCase):
@@ -65,7 +64,3 @@ class ReconfigureTest(MatcherCase):
     def test_the_thresholds_stand_first(self):
         names = [parameter['name'] for parameter in self.client.get_parameter_descriptions()]
         self.assertEqual(names[:2], ['T_w', 'T_G'])
-
-
-if __name__ == '__main__':
-    run_as_node(ReconfigureTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """ktgp_bag: its output equals the nodelet's; damaged bags and Ctrl-C lose no intact data."""
 
 import glob
@@ -14,7 +13,7 @@ import cv2
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, HomographyStamped, MatchStatistics
-from ktgp_testing import FolderCase, Recorder, image_message, messages_of, run_as_node, wait_until
+from ktgp_testing import FolderCase, Recorder, image_message, messages_of, wait_until
 from sensor_msgs.msg import Image
 
 TOPICS = {'correspondences': Correspondences, 'homography': HomographyStamped,
@@ -239,7 +238,3 @@ class BagTest(FolderCase):
         said = self.match(self.tum)
         self.assertNotIn('\r', said)
         self.assertNotIn('#', said)
-
-
-if __name__ == '__main__':
-    run_as_node(BagTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """multi_camera.launch: each camera of the list has its own matcher, which gets only its images.
 All cameras send at the same time, each with its own picture and motion."""
 
@@ -7,7 +6,7 @@ import unittest
 import numpy as np
 import rospy
 from ktgp_orb.msg import Match, MatchStatus
-from ktgp_testing import Camera, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import Camera, Recorder, image_message, texture, wait_until
 
 FRAMES = 6
 WIDTH, HEIGHT = 320, 240
@@ -62,7 +61,3 @@ class CamerasTest(unittest.TestCase):
             moved = x / w - WIDTH / 2, y / w - HEIGHT / 2
             for measured, true in zip(moved, camera.step):
                 self.assertAlmostEqual(measured, -true, delta=0.3, msg=camera.name)
-
-
-if __name__ == '__main__':
-    run_as_node(CamerasTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Diagnostics: each problem is reported with its level, for the limits set by parameters."""
 
 import subprocess
@@ -7,7 +6,7 @@ import threading
 import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from ktgp_testing import MatcherCase, image_message, of_matcher, run_as_node, view, wait_until
+from ktgp_testing import MatcherCase, image_message, of_matcher, view, wait_until
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -143,7 +142,3 @@ class DiagnosticsTest(MatcherCase):
         self.wait_for('input', OK, 'idle')
         type(self).statistics = of_matcher('statistics')
         self.camera.wait_for_subscriber()
-
-
-if __name__ == '__main__':
-    run_as_node(DiagnosticsTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Growth in the matcher: for a fixed reference and ~match_pair, never for the frame before."""
 
 import cv2
@@ -6,7 +5,7 @@ import numpy as np
 import rospy
 from ktgp_orb.msg import MatchStatistics, MatchStatus
 from ktgp_orb.srv import MatchPair
-from ktgp_testing import MatcherCase, image_message, run_as_node
+from ktgp_testing import MatcherCase, image_message
 
 ROBUST = {'mutual': True, 'T_w': 1.0, 'gms': False, 'growth': True, 'guided': True}
 OK = MatchStatus.STATUS_OK
@@ -90,7 +89,3 @@ class GrowthTest(MatcherCase):
                        image_message(self.target, rospy.Time(6)))
         self.assertTrue(answer.success, answer.message)
         self.check_grown(answer.statistics, answer.homography)
-
-
-if __name__ == '__main__':
-    run_as_node(GrowthTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Settings for the images: mask, region of interest, lens, rate, a reference from a topic; and things
 that must not block the matcher."""
 
@@ -15,7 +14,7 @@ import rospy
 from dynamic_reconfigure.msg import Config, DoubleParameter
 from dynamic_reconfigure.srv import Reconfigure
 from ktgp_orb.msg import MatchStatistics, MatchStatus
-from ktgp_testing import (TIMEOUT, MatcherCase, check_each, image_message, no_delay, run_as_node, texture,
+from ktgp_testing import (TIMEOUT, MatcherCase, check_each, image_message, no_delay, texture,
                           translation, view, wait_until)
 from sensor_msgs.msg import CameraInfo, Image
 from std_srvs.srv import Trigger
@@ -312,7 +311,3 @@ def distorted(x, y):
     columns, rows = ((ideal + start).reshape(HEIGHT, WIDTH).astype(np.float32)
                      for ideal, start in zip(IDEAL, (x, y)))
     return cv2.remap(WORLD, columns, rows, cv2.INTER_LINEAR)
-
-
-if __name__ == '__main__':
-    run_as_node(InputsTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """The pose of a flat target in renderings with every kind of calibration: accurate to 2 mm at 1.3 m,
 or refused with the reason; and the messages when there is no pose."""
 
@@ -11,7 +10,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import SetTarget
-from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Log, Recorder, check_each, image_message, no_delay, run_as_node,
+from ktgp_testing import (TIMEOUT, Camera, Diagnostics, Log, Recorder, check_each, image_message, no_delay,
                           wait_until)
 from poster import (BARREL, BINNED, CHI_SQUARE, FISHEYE, K, POSTER, REFUSED, ROI, SENSOR, WIDE_P, WIDTH,
                     information, pose_errors, rendered)
@@ -130,7 +129,3 @@ class PoseTest(unittest.TestCase):
                    [t for m in transforms.messages() for t in m.transforms
                     if t.child_frame_id == 'poster'], 'the transform is broadcast')
         self.assertEqual(len(self.log.with_words('no camera_info on /poster/camera_info')), 1)
-
-
-if __name__ == '__main__':
-    run_as_node(PoseTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """Flat targets in renderings of a camera: found with the right pose, added, replaced and removed by services, and
 refused with the reason."""
 
@@ -11,7 +10,7 @@ import rospy
 from dynamic_reconfigure.client import Client
 from ktgp_orb.msg import MatchStatus, TargetDetections
 from ktgp_orb.srv import DetectTargets, RemoveTarget, SetTarget
-from ktgp_testing import Camera, Diagnostics, Log, Memory, Recorder, image_message, run_as_node, texture, wait_until
+from ktgp_testing import Camera, Diagnostics, Log, Memory, Recorder, image_message, texture, wait_until
 from poster import (BARREL, CHI_SQUARE, K, POSITION, POSTER, ROTATION, information, pose_errors,
                     rendered)
 from sensor_msgs.msg import CameraInfo, Image
@@ -308,7 +307,3 @@ class TargetsTest(unittest.TestCase):
         self.camera.wait_for_subscriber()
         message = self.send(picture)
         self.assertEqual((message.detections[0].age, message.no_pose), (1, 'no camera_info on /camera/camera_info'))
-
-
-if __name__ == '__main__':
-    run_as_node(TargetsTest)

@@ -1,4 +1,3 @@
-#!/usr/bin/python3
 """A camera that moves past a scene with depth: its motion on ~two_view and the scene on ~points."""
 
 import csv
@@ -11,7 +10,7 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import MatcherCase, image_message, run_as_node, view, wait_until
+from ktgp_testing import MatcherCase, image_message, view, wait_until
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
@@ -143,7 +142,3 @@ class TwoViewTest(MatcherCase):
         self.info.publish(information(k=beside))
         self.diagnostics.wait_for_words('does it belong to another image size?', self.match)
         self.assertFalse(self.two_view.wait_for(self.match()).has_pose)
-
-
-if __name__ == '__main__':
-    run_as_node(TwoViewTest)
