@@ -16,12 +16,6 @@ import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, 'test/ros'))
-
-
-from ports import free_port  # noqa: E402
-
-PORT = free_port()
-os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
 os.environ['ROS_HOME'] = tempfile.mkdtemp()
 
 import rosgraph  # noqa: E402
@@ -32,7 +26,7 @@ from dynamic_reconfigure.srv import Reconfigure  # noqa: E402
 from geometry_msgs.msg import PoseWithCovariance  # noqa: E402
 from ktgp_orb.msg import HomographyStamped, Match, TargetDetections  # noqa: E402
 from ktgp_orb.srv import DetectTargets, MatchPair, RemoveTarget, SaveMosaic, SetPose, SetTarget  # noqa: E402
-from ktgp_testing import Memory, Recorder, image_message, texture, view, wait_until  # noqa: E402
+from ktgp_testing import Memory, Recorder, image_message, own_master, texture, view, wait_until  # noqa: E402
 from nav_msgs.msg import Odometry  # noqa: E402
 from rosgraph_msgs.msg import Log  # noqa: E402
 from sensor_msgs.msg import CameraInfo, Image, Range  # noqa: E402
@@ -50,9 +44,7 @@ STARTED = []
 
 
 def setUpModule():
-    STARTED.append(subprocess.Popen(['rosmaster', '--core', '-p', str(PORT)], stdout=subprocess.DEVNULL,
-                                    stderr=subprocess.DEVNULL))
-    wait_until(rosgraph.is_master_online, 'the master answers')
+    STARTED.append(own_master())
     # Beyond the ranges, clamped values and refusals are logged by the thousand.
     quiet = os.path.join(ROOT, 'test/ros/quiet.config')
     STARTED.append(subprocess.Popen(['rosrun', 'nodelet', 'nodelet', 'manager', '__name:=manager'],

@@ -16,19 +16,13 @@ import xmlrpc.client
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 sys.path.insert(0, os.path.join(ROOT, 'test/ros'))
-
-
-from ports import free_port  # noqa: E402
-
-PORT = free_port()
-os.environ['ROS_MASTER_URI'] = 'http://localhost:%d' % PORT
 os.environ['ROS_HOME'] = tempfile.mkdtemp()
 MASTER = None
 
 import rosgraph  # noqa: E402
 import rospy  # noqa: E402
 from ktgp_orb.msg import MatchStatistics, MatchStatus  # noqa: E402
-from ktgp_testing import Recorder, image_message, view, wait_until  # noqa: E402
+from ktgp_testing import Recorder, image_message, own_master, view, wait_until  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402
 from sensor_msgs.msg import Image  # noqa: E402
 
@@ -38,17 +32,10 @@ STATISTICS = '/camera/matcher/statistics'
 
 def setUpModule():
     global MASTER
-    MASTER = start_master()
+    MASTER = own_master()
     unittest.addModuleCleanup(MASTER.terminate)
     rospy.init_node('robot_faults', disable_signals=True)
     unittest.addModuleCleanup(rospy.signal_shutdown, 'done')
-
-
-def start_master():
-    process = subprocess.Popen(['rosmaster', '--core', '-p', str(PORT)], stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL)
-    wait_until(rosgraph.is_master_online, 'the master answers')
-    return process
 
 
 class Traffic:

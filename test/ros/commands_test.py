@@ -18,8 +18,7 @@ import rosbag
 import rospy
 from sensor_msgs.msg import CameraInfo
 
-from ktgp_testing import TIMEOUT, image_message, view
-from ports import free_port
+from ktgp_testing import TIMEOUT, free_port, image_message, view
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']

@@ -1,6 +1,7 @@
 """Common code of the integration tests: images with a known motion, a camera, a recorder of topics."""
 
 import os
+import random
 import socket
 import subprocess
 import sys
@@ -72,6 +73,31 @@ def wait_until(condition, what, timeout=TIMEOUT):
         if time.time() > end or rospy.is_shutdown():
             raise AssertionError('timed out waiting until ' + (what() if callable(what) else what))
         time.sleep(0.01)
+
+
+def free_port():
+    """A port on which nothing listens. It is below those that the system gives to connections: between
+    this check and the start of the master such a port could be taken by any program beside it."""
+    while True:
+        port = random.randrange(20000, 32000)
+        with socket.socket() as probe:
+            try:
+                probe.bind(('', port))
+                return port
+            except OSError:
+                pass
+
+
+def own_master(environment=os.environ):
+    """The process of a ROS master of the test's own, which the environment names from now on."""
+    process = None
+    while process is None or process.poll() is not None:  # another program has taken the port meanwhile
+        environment['ROS_MASTER_URI'] = 'http://localhost:%d' % free_port()
+        master = rosgraph.Master('/own_master', environment['ROS_MASTER_URI'])
+        process = subprocess.Popen(['rosmaster', '--core', '-p', environment['ROS_MASTER_URI'].rsplit(':', 1)[1]],
+                                   env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_until(lambda: process.poll() is not None or master.is_online(), 'the master answers')
+    return process
 
 
 def check_each(cases, check):
