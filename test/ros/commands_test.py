@@ -133,7 +133,7 @@ NOT_RUN = {
         'dev/mutate{, --refresh, --refresh 15 1, core/gms}', 'scripts/evaluate --{targets FOLDER,motion BAG}',
         'scripts/test -L long{, -R {motion,latency,lost_target,faults,verdict,targets,long_flood,targets_soak}}',
         'KTGP_ORB_SOAK_FRAMES=1000000 scripts/test -L long -R long_soak',
-        'rostest test/ros/robot_overload.test seconds:=120',
+        'rostest test/ros/program.test name:=robot_overload args:=--seconds=120',
         'ktgp_evaluate {homogr evd dogman notredame --longest-side 1200,--warps extreme --warp-pairs 480 IMAGES} '
         '--methods ROBUST-GROWTH\\,ROBUST\\,HARD\\,HARD-VIEWS\\,SIFT\\,AKAZE'],
     'builds the benchmark programs, which takes minutes; then a row takes seconds': [
