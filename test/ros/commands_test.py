@@ -14,11 +14,9 @@ import tempfile
 import unittest
 
 import cv2
-import rosbag
-import rospy
 from sensor_msgs.msg import CameraInfo
 
-from ktgp_testing import TIMEOUT, free_port, image_message, view
+from ktgp_testing import TIMEOUT, free_port, view, views, write_bag
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 BUILD = os.environ['KTGP_ORB_BUILD']
@@ -235,20 +233,14 @@ def copy_build(to, clone):
 def write_inputs(folder):
     def path(*names):
         return os.path.join(folder, *names)
-    with rosbag.Bag(path('my.bag'), 'w') as bag:
-        for i in range(6):
-            stamp = rospy.Time.from_sec(1000 + 0.1 * i)
-            image = image_message(view(100 + 5 * i, 100, 320, 240), stamp)
-            bag.write('/camera/image_raw', image, stamp)
-            info = CameraInfo(header=image.header, width=320, height=240, distortion_model='plumb_bob',
-                              D=[0.0] * 5)
-            info.K = [300, 0, 160, 0, 300, 120, 0, 0, 1]
-            bag.write('/camera/camera_info', info, stamp)
+    info = CameraInfo(width=320, height=240, distortion_model='plumb_bob', D=[0.0] * 5,
+                      K=[300, 0, 160, 0, 300, 120, 0, 0, 1])
+    write_bag(path('my.bag'), views(6), info=info, rate=10.0)
     for name, x in (('first.png', 100), ('second.png', 110), ('poster.png', 100)):
         cv2.imwrite(path(name), view(x, 100, 320, 240))
     video = cv2.VideoWriter(path('my.mp4'), cv2.VideoWriter_fourcc(*'mp4v'), 30.0, (320, 240))
-    for i in range(4):
-        video.write(cv2.cvtColor(view(100 + 5 * i, 100, 320, 240), cv2.COLOR_GRAY2BGR))
+    for picture in views(4):
+        video.write(cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))
     video.release()
     with open(path('list.txt'), 'w') as file:
         file.write('my.bag\n')

@@ -60,6 +60,26 @@ def image_message(pixels, stamp, encoding='mono8', frame_id='camera'):
     return message
 
 
+def views(count, x=100):
+    """Pictures of 320x240 of a camera that moves 5 px to the right per frame."""
+    return [view(x + 5 * i, 100, 320, 240) for i in range(count)]
+
+
+def write_bag(path, pictures, topic='/camera/image_raw', info=None, rate=30.0, stamps=None,
+              convert=lambda image: image, **options):
+    """A recording of pictures from 1000 s on, each as `convert` makes it from its message, with a camera_info for
+    each. stamps: those of the headers, s, if not the time of arrival."""
+    with rosbag.Bag(path, 'w', **options) as bag:
+        for i, picture in enumerate(pictures):
+            arrival = rospy.Time.from_sec(1000 + i / rate)
+            image = image_message(picture, rospy.Time.from_sec(stamps[i]) if stamps else arrival)
+            bag.write(topic, convert(image), arrival)
+            if info:
+                info.header = image.header
+                bag.write(os.path.dirname(topic) + '/camera_info', info, arrival)
+    return path
+
+
 def messages_of(bag, topic):
     """All of a topic, in their order."""
     with rosbag.Bag(bag) as file:

@@ -10,7 +10,7 @@ import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import MatcherCase, image_message, view, wait_until
+from ktgp_testing import MatcherCase, view, wait_until, write_bag
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
@@ -110,12 +110,7 @@ class TwoViewTest(MatcherCase):
     def test_5_a_recording_gives_the_same(self):
         with tempfile.TemporaryDirectory() as folder:
             bag, out, table = (os.path.join(folder, name) for name in ('in.bag', 'out.bag', 'out.csv'))
-            with rosbag.Bag(bag, 'w') as file:
-                for i, picture in enumerate((FIRST, SECOND)):
-                    stamp = rospy.Time(100 + i)
-                    for topic, message in (('camera_info', information()), ('image_raw', image_message(picture, stamp))):
-                        message.header.stamp, message.header.frame_id = stamp, 'camera'
-                        file.write('/camera/' + topic, message, stamp)
+            write_bag(bag, (FIRST, SECOND), info=information(), rate=1.0)
             subprocess.run(['rosrun', 'ktgp_orb', 'ktgp_bag', bag, out, '--preset', 'slam', '--csv', table], check=True)
             with rosbag.Bag(out) as file:
                 topics = {topic.split('/')[-1]: message for topic, message, _ in file.read_messages()}
@@ -123,7 +118,7 @@ class TwoViewTest(MatcherCase):
                 rows = list(csv.DictReader(file))
         found = topics['two_view']
         self.assertEqual(found.geometry, TwoViewGeometry.GEOMETRY_EPIPOLAR)
-        self.assertEqual(topics['points'].header.stamp, rospy.Time(101))
+        self.assertEqual(topics['points'].header.stamp, rospy.Time(1001))
         self.assertGreater(topics['points'].width, 200)
         self.assertEqual([row['geometry'] for row in rows], ['none', 'epipolar'])
         self.assertEqual(rows[0]['x'], '')
