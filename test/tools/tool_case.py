@@ -8,6 +8,9 @@ import subprocess
 import tempfile
 import unittest
 
+import cv2
+import numpy as np
+
 WIDTH, HEIGHT = 320, 240
 TOOLS = pathlib.Path(os.environ.get("KTGP_ORB_TOOLS", ""))
 
@@ -32,6 +35,21 @@ def write_pgm(path, rows, dx=0, dy=0):
 
 def translation(x, y):
     return f"1 0 {x}\n0 1 {y}\n0 0 1\n"
+
+
+def shift(x, y):
+    return np.array([[1.0, 0, x], [0, 1, y], [0, 0, 1]])
+
+
+def mapped(homography, points):
+    """Points under a homography of nine numbers."""
+    return cv2.perspectiveTransform(np.array([points], float), np.array(homography, float).reshape(3, 3))[0]
+
+
+def corners_off(homography, truth, size=(640, 480)):
+    """By how much two homographies place the corners of an image apart, px in x and y of each."""
+    corners = [(x, y) for x in (0, size[0] - 1) for y in (0, size[1] - 1)]
+    return mapped(homography, corners) - mapped(truth, corners)
 
 
 class FolderCase(unittest.TestCase):
