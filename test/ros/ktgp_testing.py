@@ -249,6 +249,29 @@ class Program:
         return said()
 
 
+class Repeated:
+    """Does something again and again, every `period` s of wall time, in a thread of its own until stop()."""
+
+    def __init__(self, period, act):
+        self.period, self.count, self.trouble, self._act = period, 0, None, act
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self):
+        try:
+            while not self._end.wait(self.period):
+                self._act()
+                self.count += 1
+        except Exception as error:
+            self.trouble = error
+            raise
+
+    def stop(self):
+        self._end.set()
+        self._thread.join()
+
+
 class Recorder:
     """Keeps every message of a topic; of a test that is given, until its end."""
 
