@@ -20,7 +20,7 @@ import ktgp_orb_core as ktgp
 import numpy as np
 
 sys.path.append(os.path.join(os.path.dirname(os.path.dirname(os.path.abspath(__file__))), 'tools'))
-from tool_case import corners_off, mapped  # noqa: E402
+from tool_case import corners_off, mapped, two_depths  # noqa: E402
 
 TOOLS = os.environ['KTGP_ORB_TOOLS']
 TURN = np.array([[0.999, 0.03, 4.0], [-0.03, 0.999, 9.0], [1e-5, 0.0, 1.0]])
@@ -62,13 +62,7 @@ class ModuleTest(unittest.TestCase):
         K = np.array([[520.0, 0, 319.5], [0, 520.0, 239.5], [0, 0, 1]])
         rotation = cv2.Rodrigues(np.array([0.005, 0.03, 0.01]))[0]
         direction = np.array([-0.9, 0.1, 0.3]) / np.linalg.norm([-0.9, 0.1, 0.3])
-        target = np.full_like(self.reference, 128)
-        for depth, columns in ((6.0, slice(320, 640)), (2.0, slice(0, 320))):
-            H = K @ (rotation + 0.3 / depth * np.outer(direction, [0, 0, 1])) @ np.linalg.inv(K)
-            part = np.zeros_like(self.reference)
-            part[:, columns] = 255
-            where = cv2.warpPerspective(part, H, (640, 480), flags=cv2.INTER_NEAREST) > 0
-            target[where] = cv2.warpPerspective(self.reference, H, (640, 480), flags=cv2.INTER_CUBIC)[where]
+        target = two_depths(self.reference, K, 0.3, direction, rotation)
         found = ktgp.match(self.reference, target, preset='slam', K=K)
         self.assertEqual(found.geometry, 'epipolar')
         self.assertEqual(found.status, 'model_rejected')

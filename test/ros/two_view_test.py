@@ -5,35 +5,19 @@ import os
 import subprocess
 import tempfile
 
-import cv2
 import numpy as np
 import rosbag
 import rospy
 from ktgp_orb.msg import Correspondences, MatchStatus, TwoViewGeometry
-from ktgp_testing import MatcherCase, view, wait_until, write_bag
+from ktgp_testing import FAR, NEAR, MatcherCase, two_depths, view, wait_until, write_bag
 from poster import K, information
 from sensor_msgs import point_cloud2
 from sensor_msgs.msg import CameraInfo
 
 DIRECTION = np.array([-0.95, 0.1, 0.2]) / np.linalg.norm([-0.95, 0.1, 0.2])
 DISTANCE = 0.3
-NEAR, FAR = 2.0, 6.0
 FIRST = view(100, 100)
-
-
-def second_view():
-    """FIRST, whose left half is NEAR and whose right half is FAR, after the motion."""
-    seen = np.full_like(FIRST, 128)
-    for depth, columns in ((FAR, slice(320, 640)), (NEAR, slice(0, 320))):
-        homography = K @ (np.eye(3) + DISTANCE / depth * np.outer(DIRECTION, [0, 0, 1])) @ np.linalg.inv(K)
-        part = np.zeros_like(FIRST)
-        part[:, columns] = 255
-        where = cv2.warpPerspective(part, homography, (640, 480), flags=cv2.INTER_NEAREST) > 0
-        seen[where] = cv2.warpPerspective(FIRST, homography, (640, 480), flags=cv2.INTER_CUBIC)[where]
-    return seen
-
-
-SECOND = second_view()
+SECOND = two_depths(FIRST, K, DISTANCE, DIRECTION)
 
 
 class TwoViewTest(MatcherCase):
